@@ -24,6 +24,7 @@ from numpy.typing import NDArray  # noqa: E402
 from paper_test import STAND_IN, Known, assumed, fitted  # noqa: E402
 from scipy.stats import binom  # noqa: E402
 
+from identify.base.document import to_dict  # noqa: E402
 from identify.model.model import Model, assemble  # noqa: E402
 from identify.prediction.cycle import CycleMap  # noqa: E402
 from identify.prediction.intervals import OperatingPoint, draw  # noqa: E402
@@ -110,7 +111,7 @@ def asked(
     """Every number of the answers at the drive speeds of the study."""
     points = [OperatingPoint(values, speed, LOAD, covariance) for speed in SPEEDS]
     found: dict[str, Any] = {}
-    for speed, document in zip(SPEEDS, predictions(model, points, names), strict=True):
+    for speed, document in zip(SPEEDS, [to_dict(answer) for answer in predictions(model, points, names)], strict=True):
         found |= numbers(document, f"{1e3 * speed:.3g} mm/s: ")
     return found
 
@@ -135,13 +136,14 @@ def sampled(model: Model, known: Known, factor: float, count: int) -> dict[str, 
 def advised(model: Model, known: Known, factor: float, count: int) -> dict[str, list[bool]]:
     """The same of the limits of every rig quantity, at 15 mm/s."""
     truth = {
-        row["quantity"]: row for row in stabilising_changes(model, OperatingPoint(STAND_IN, SPEEDS[2], LOAD))["changes"]
+        row["quantity"]: row
+        for row in to_dict(stabilising_changes(model, OperatingPoint(STAND_IN, SPEEDS[2], LOAD)))["changes"]
     }
     hits: dict[str, list[bool]] = defaultdict(list)
     for values, covariance in estimates(model, known, factor, count, seed=7):
-        for row in stabilising_changes(model, OperatingPoint(values, SPEEDS[2], LOAD, covariance), known.names)[
-            "changes"
-        ]:
+        for row in to_dict(
+            stabilising_changes(model, OperatingPoint(values, SPEEDS[2], LOAD, covariance), known.names)
+        )["changes"]:
             name, limit = row["quantity"], row["limit"]
             right = truth[name]["limit"]["value"]
             # The set value of mass and damping is off by as much as what they are now is.

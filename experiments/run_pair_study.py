@@ -24,6 +24,7 @@ import brute_force  # noqa: E402
 import machine  # noqa: E402
 from run_orbit_check import DEMO, EFFECTS, SPEEDS, random_pairs  # noqa: E402
 
+from identify.base.document import to_dict  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
 from identify.prediction.closed_forms import AGREES  # noqa: E402
 from identify.prediction.intervals import OperatingPoint  # noqa: E402
@@ -74,7 +75,9 @@ def simulated(
 
 def check(pair: Mapping[str, float], speeds: Sequence[float], tally: Tally, name: str) -> None:
     """Hold the answers for one pair against the simulation."""
-    documents = predictions(assemble(EFFECTS), [OperatingPoint(pair, v, 1.0) for v in speeds], ())
+    documents = [
+        to_dict(answer) for answer in predictions(assemble(EFFECTS), [OperatingPoint(pair, v, 1.0) for v in speeds], ())
+    ]
     rows, end = simulated(brute_force.Pair.of(pair), speeds)
     for v, document, (outcome, found) in zip(speeds, documents, rows, strict=True):
         where = f"{name} at {1e3 * v:.4g} mm/s"

@@ -18,6 +18,7 @@ import time
 from pathlib import Path
 
 from data_io.values import LogError
+from identify.base.result import Result
 from identify.studies.batch_store import RESULT, write_document, write_job
 from identify.studies.job import End, Job
 from identify.studies.making import guarded, serve, with_provenance
@@ -70,7 +71,8 @@ def _result(job: Job) -> dict[str, object]:
     logs = [{"path": log.path, "sha256": log.sha256, "labels": dict(log.labels)} for log in job.logs]
     found = {name: {"value": value, **entry, "reason": ""} for name, value in numbers(job).items()}
     result = {"schema": 1, "status": "converged", "message": "a stub that converged", "parameters": found, "logs": logs}
-    return with_provenance({**result, "provenance": {"scene": dict(job.scene), "seed": 0}}, job)
+    told = Result.from_dict({**result, "provenance": {"scene": dict(job.scene), "seed": 0}})
+    return with_provenance(told, job).to_dict()
 
 
 if __name__ == "__main__":

@@ -17,12 +17,11 @@ from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
-from identify.bench.next_log import advised, next_logs
-from identify.bench.next_log import document as next_log_document
+from identify.bench.next_log import advised, next_log_results, next_logs
 from identify.diagnosis.choice import Choice
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.selection import choose_from_data
-from identify.diagnosis.worth import worth, worth_document
+from identify.diagnosis.worth import compared_models, worth
 from identify.effects import ALL
 from identify.estimation.attempt import Clock
 from identify.estimation.estimator import EstimationTask, Estimator
@@ -34,10 +33,10 @@ from identify.logs.parting import parted
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.scene_records import with_drives, with_records
 from identify.logs.unknowns import from_scene, user_start
-from identify.report.depth_document import FitSeconds, accuracy_document
+from identify.report.depth_document import FitSeconds, accuracy_result
 from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
-from identify.report.result import document
+from identify.report.result import result_of
 from identify.scene import Scene
 from identify.shooting.accuracy import DEFAULT_OPTIONS, FitOptions
 from identify.shooting.vibration import tuned
@@ -110,25 +109,26 @@ def fit(
         findings = findings if advice is None else advised(findings, advice)
     told("stability and amplitude", 0.95)
     curves = _curves(prepared, findings)
-    result = document(scene, prepared, findings, clock, began, seed, choice)
-    result["provenance"]["scene"] = stated.as_document() if stated.effects != "auto" else scene.as_document()
+    result = result_of(scene, prepared, findings, clock, began, seed, choice)
     if findings.status is Status.CONVERGED:
-        processor, taken = time.process_time() - worked, result["timing_s"]["total"]
-        solving = (result["timing_s"]["build"] + result["timing_s"]["solve"]) / max(len(findings.trace.trials), 1)
+        processor, taken = time.process_time() - worked, result.timing_s["total"]
+        solving = (result.timing_s["build"] + result.timing_s["solve"]) / max(len(findings.trace.trials), 1)
         spent = FitSeconds(processor, (Mapped.total - in_functions) / taken, solving / taken * processor)
-        result["accuracy"] = accuracy_document(findings, asked.accuracy, spent)
+        result = replace(result, accuracy=accuracy_result(findings, asked.accuracy, spent))
     if asked.effects_table and findings.status is Status.CONVERGED and findings.attempt is not None:
         told("effects compared", 0.95)
         whole = len(prepared) == len(scene.logs)
         read = records or ([log.record for log in prepared] if whole else with_records(scene, None)[1])
-        result["effects_table"] = worth_document(
-            worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
-        )
-    result["next_logs"] = next_log_document(advice)
-    if drives:
-        result["notes"] = [*drives, *result["notes"]]
-    result["provenance"] |= {"starts": starts, "asked": asked.document()}
-    return Fit(result, curves)
+        rows = worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
+        result = replace(result, effects_table=compared_models(rows))
+    used = (stated if stated.effects != "auto" else scene).as_document()
+    result = replace(
+        result,
+        next_logs=next_log_results(advice),
+        notes=(*drives, *result.notes),
+        provenance={**result.provenance, "scene": used, "starts": starts, "asked": asked.document()},
+    )
+    return Fit(result.to_dict(), curves)
 
 
 def find(

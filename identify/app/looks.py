@@ -20,6 +20,7 @@ from data_io.atomic import atomic_write
 from data_io.record import within
 from identify.app.folder import Folder, read_json
 from identify.app.jobs import same_code
+from identify.base.document import to_document
 from identify.base.wording import speed_text
 from identify.logs.classical import table_of
 from identify.logs.log_regime import look
@@ -168,7 +169,7 @@ def seen_by_a_fit(log: Segmented) -> dict[str, Any]:
         "noise": log.noise,
         "regime": "" if log.verdict.regime is None else log.verdict.regime.value.replace("_", " "),
         "evidence": list(log.verdict.evidence),
-        "table": table,
+        "table": to_document(table),
         "stick_slope": None if slope is None else slope[0],
         "stiffness_of_sticks": None if slope is None else slope[0] / log.speed,
         "changes": [change.text for change in log.corrected.changes],

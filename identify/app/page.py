@@ -194,16 +194,16 @@ class Page:
 
     def see_point(self, asked: Asked) -> dict[str, Any]:
         """The quantities of a map, and the answer at an operating point."""
-        document = None
+        result = None
         if asked.get("fit"):
             path = self.folder.path(asked["fit"]) / "result.json"
-            document = read_result(path)
-            scene = scene_of_result(document, path)
+            result = read_result(path)
+            scene = scene_of_result(result, path)
         else:
             scene = self._scene(asked)
-        site = site_of(scene, document, int(_number(asked, "number", 0)))
+        site = site_of(scene, result, int(_number(asked, "number", 0)))
         changes = {str(key): float(value) for key, value in (asked.get("changes") or {}).items()}
-        return {"axes": axes_of(site), **answer_at(site, document, changes)}
+        return {"axes": axes_of(site), **answer_at(site, result, changes)}
 
     # ---- what several of these need ----------------------------------------------------------------------------------
 

@@ -7,6 +7,8 @@ from typing import Any
 
 from identify.app.folder import PageError
 from identify.app.tries import ONE_AT_A_TIME
+from identify.base.document import to_document
+from identify.base.result import LogResult, Result
 from identify.prediction.map_axes import Site, axis, known_axes, moved_values
 from identify.prediction.predict import predict
 from identify.prediction.sources import Tested, pair_of
@@ -16,7 +18,7 @@ from identify.scene import Scene
 SPEED, LOAD = "drive_speed", "normal_force"
 
 
-def site_of(scene: Scene, document: Mapping[str, Any] | None, number: int) -> Site:
+def site_of(scene: Scene, result: Result | None, number: int) -> Site:
     """The operating point of a log (from 0) of a scene, with the values of a fit where there is one.
 
     Raises:
@@ -25,16 +27,16 @@ def site_of(scene: Scene, document: Mapping[str, Any] | None, number: int) -> Si
     entry = scene.logs[number] if number < len(scene.logs) else None
     values = scene.values(entry)
     rig = scene.rig_for(entry) if entry else scene.rig
-    said: Mapping[str, Any] = {}
-    if document is not None:
-        pair = pair_of(document, scene, min(number, len(document["logs"]) - 1))
+    log = LogResult()
+    if result is not None:
+        log = result.logs[min(number, len(result.logs) - 1)]
+        pair = pair_of(result, scene, min(number, len(result.logs) - 1))
         if pair.untold or not pair.values:
             raise PageError(pair.untold or "this fit has no values; mend the fit first")
         values = values | {name: value for name, value in pair.values.items() if name in values}
-        said = document["logs"][min(number, len(document["logs"]) - 1)]
-    drive = said.get("drive_speed_m_per_s") or rig.drive_speed
+    drive = log.drive_speed_m_per_s or rig.drive_speed
     speeds = [abs(v) for _, v in drive if v] if isinstance(drive, tuple) else [abs(drive)] if drive else []
-    load = said.get("normal_force_N") or rig.normal_force
+    load = log.normal_force_N or rig.normal_force
     if not speeds or not load:
         raise PageError("neither the scene nor the fit tells drive speed and normal force; give them under [rig]")
     area = scene.contact.area_at(load)
@@ -50,7 +52,7 @@ def axes_of(site: Site) -> list[dict[str, Any]]:
     ]
 
 
-def answer_at(site: Site, document: Mapping[str, Any] | None, changes: Mapping[str, float]) -> dict[str, Any]:
+def answer_at(site: Site, result: Result | None, changes: Mapping[str, float]) -> dict[str, Any]:
     """Outcome, numbers and words at a point, what of it no log tested, and the drive speeds [m/s] at which the outcome
     changes.
 
@@ -65,24 +67,18 @@ def answer_at(site: Site, document: Mapping[str, Any] | None, changes: Mapping[s
     speed, load = float(moved.get(SPEED, site.drive_speed)), float(moved.get(LOAD, site.normal_force))
     with ONE_AT_A_TIME:
         found = predict(site.model, values, speed, load)
-    tested = None if document is None else Tested.of_result(document)
+    tested = None if result is None else Tested.of_result(result)
     here = {SPEED: speed, LOAD: load, "stiffness": values["stiffness"]}
     beyond = "" if tested is None else tested.beyond(here)
-    windows = found.get("stability", {}).get("windows", [])
-    numbers = {
-        name: entry
-        for name, entry in found.get("amplitude", {}).items()
-        if isinstance(entry, Mapping) and "unit" in entry
-    }
     return dict(
         plain(
             {
-                "outcome": found.get("stability", {}).get("outcome", "no answer"),
-                "text": found["text"],
+                "outcome": found.stability.outcome,
+                "text": found.text,
                 "beyond": beyond,
                 "tested": {} if tested is None else {name: list(span) for name, span in tested.ranges.items()},
-                "numbers": numbers,
-                "ends": [window["to"] for window in windows[:-1]],
+                "numbers": to_document(found.amplitude.numbers),
+                "ends": [window.high for window in found.stability.windows[:-1]],
             }
         )
     )

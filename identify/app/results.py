@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from identify.app.curves import MOST_POINTS, STRETCHES
 from identify.app.folder import Folder, PageError, read_json
+from identify.base.result import Result
 from identify.report.stored_result import plain
 from identify.report.summary import accuracy_text, tolerances_text
 from identify.report.uneven_words import NOT_FOR, distribution_lines, headline, is_uneven, odd_slips
@@ -33,9 +34,10 @@ def fit_seen(folder: Folder, name: str) -> dict[str, Any]:
     if document is None:
         raise PageError(f"{name} holds no whole result.json; run the fit again")
     seen = {key: document.get(key) for key in SHOWN}
-    seen["tolerances"] = tolerances_text(document.get("tolerances") or {})
-    seen["accuracy_line"] = accuracy_text(document.get("accuracy") or {})
-    seen["uneven"] = _uneven(document) if is_uneven(document) else None
+    result = Result.from_dict(document)
+    seen["tolerances"] = tolerances_text(result.tolerances or {})
+    seen["accuracy_line"] = accuracy_text(result.accuracy)
+    seen["uneven"] = _uneven(result) if is_uneven(result) else None
     seen["effects"] = (document.get("effects") or {}).get("reasons") or []
     seen["logs"] = [
         {
@@ -51,14 +53,15 @@ def fit_seen(folder: Folder, name: str) -> dict[str, Any]:
     return seen
 
 
-def _uneven(document: Mapping[str, Any]) -> dict[str, Any]:
+def _uneven(result: Result) -> dict[str, Any]:
     """Of a pair whose cycles differ: the headline and what it is not for, how peak, drop and period are spread, the odd
     slips, strength over rest (of every stick, and the typical curve with its band)."""
+    document: Mapping[str, Any] = result.more
     return {
-        "headline": headline(document),
+        "headline": headline(result),
         "not_for": NOT_FOR,
-        "spread": list(distribution_lines(document)),
-        "odd": odd_slips(document),
+        "spread": list(distribution_lines(result)),
+        "odd": odd_slips(result),
         "sticks": [{key: cycles[key] for key in ("log", "rest_s", "strength")} for cycles in document["uneven_cycles"]],
         "typical": document["strength_against_rest"],
     }

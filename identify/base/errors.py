@@ -15,3 +15,7 @@ class FitError(IdentifyError):
 
 class SimulationError(IdentifyError):
     """The simulation was asked for something the model refuses; the text names it."""
+
+
+class DocumentError(IdentifyError):
+    """A document (of a result, say) lacks something, or holds something of another kind than expected."""

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,22 +68,3 @@ class LogCurves:
     slip: SlipDetail | None
     raw_force: Array | None = None
     cuts: tuple[tuple[str, float, float], ...] = ()
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Which log of its scene each log of a result is: one that was cut into parts stands there once for each of them.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-def numbers_of(logs: Sequence[Mapping[str, Any]]) -> list[int]:
-    """The number in the scene (from 0) of every log of a result: `logs` of result.json, in the order of the scene."""
-    numbers: list[int] = []
-    for log in logs:
-        part_of = log.get("part_of")
-        numbers.append(part_of - 1 if part_of is not None else numbers[-1] + 1 if numbers else 0)
-    return numbers
-
-
-def places_of(logs: Sequence[Mapping[str, Any]], number: int) -> list[int]:
-    """Where a result has log `number` (from 0) of its scene: one place (from 0), several where it was cut."""
-    return [place for place, found in enumerate(numbers_of(logs)) if found == number]

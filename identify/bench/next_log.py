@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.outcome import Status
+from identify.base.result import NextLogResult
 from identify.base.wording import speed_text, three_figures
 from identify.bench.designs import Knowledge, Rehearsals, choose, dials, driven, told_by
 from identify.bench.rehearsal import LogDesign
@@ -198,20 +198,12 @@ def advised(found: Findings, advice: Advice) -> Findings:
     return replace(found, estimates=[with_log(estimate) for estimate in found.estimates])
 
 
-def document(advice: Advice | None) -> list[dict[str, Any]]:
-    """The logs for result.json, SI; expected: half lengths of 95 % intervals, relative (of mu_s - mu_k0 for
-    delta_mu_k)."""
-    return [
-        {
-            "drive_speed": log.drive_speed,
-            "normal_force": log.normal_force,
-            "duration": _whole(log.duration),
-            "sampling_rate": log.rate,
-            "slips": log.slips,
-            "expected": dict(log.tells),
-        }
+def next_log_results(advice: Advice | None) -> tuple[NextLogResult, ...]:
+    """The logs for the result; expected: half lengths of 95 % intervals, relative (of mu_s - mu_k0 for delta_mu_k)."""
+    return tuple(
+        NextLogResult(log.drive_speed, log.normal_force, _whole(log.duration), log.rate, log.slips, dict(log.tells))
         for log in (() if advice is None else advice.logs)
-    ]
+    )
 
 
 def _remedy(name: str, advice: Advice) -> str:

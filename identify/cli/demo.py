@@ -6,7 +6,7 @@ import json
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, Terminal
 
@@ -48,12 +48,12 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         write_report(joint, folder)
         write_report(slow, folder / SECOND)
     terminal.say("Four simulated example logs, 0.1 mm/min to 5 mm/s, fitted together")
-    terminal.say(summary(joint.result))
+    terminal.say(summary(joint.typed))
     _say_truth(joint, json.loads(examples.TRUTH.read_text(encoding="utf-8"))["parameters"], terminal)
     terminal.say(f"report: {out / 'report.html'}")
     terminal.say()
     terminal.say("The same pair, one speed, sampled at 50 Hz: about four samples in each slip")
-    terminal.say(summary(slow.result))
+    terminal.say(summary(slow.typed))
     terminal.say(f"report: {out / SECOND / 'report.html'}")
     both = joint.converged and slow.converged
     return Answer(DONE if both else NOT_SUCCEEDED, {**joint.result, SECOND: slow.result})
@@ -68,9 +68,9 @@ def _say_truth(fit: Fit, truth: Mapping[str, float], terminal: Terminal) -> None
 
     rows = [["", "truth", "estimate off by", ""]]
     for name, true in truth.items():
-        entry: Mapping[str, Any] = fit.result["parameters"][name]
-        value, error = entry["value"], entry["standard_error"]
+        entry = fit.typed.parameters[name]
+        value, error = entry.value, entry.standard_error
         if value is not None and error:
             off = f"{100 * (value - true) / abs(true):+.2f} %"  # of the size: as the standard errors have it
-            rows.append([name, quantity(true, entry["unit"]), off, f"{(value - true) / error:+.1f} standard errors"])
+            rows.append([name, quantity(true, entry.unit), off, f"{(value - true) / error:+.1f} standard errors"])
     terminal.say(columns(rows))

@@ -198,11 +198,11 @@ def fit_and_report(
     with Progress(terminal.notes, terminal.progress) as progress:
         outcome = fit(scene, progress=progress, starts=starts, asked=asked or DEFAULT_OPTIONS)
         progress("what to change, and how sure that is")
-        outcome = with_counsel(scene_of(outcome.result, out), outcome)  # with the drives that columns told
+        outcome = with_counsel(scene_of(outcome.typed, out), outcome)  # with the drives that columns told
         with result_folder(out) as folder:
             progress("writing the report")
             write_report(outcome, folder)
     keep()  # the next fit of this kind finds its functions compiled
-    terminal.say(summary(outcome.result))
+    terminal.say(summary(outcome.typed))
     terminal.say(f"report: {out / 'report.html'}")
     return outcome

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from data_io import Record, Step
 from data_io.record import WINDOW_START
 from data_io.thresholds import DEFAULTS, Thresholds, percent
+from identify.base.document import to_dict, to_document
+from identify.base.result import ClassicalDirection, ClassicalTable
 from identify.base.wording import columns, programme_text, wrapped
 from identify.cli.common import Terminal
 from identify.cli.scene import only
@@ -52,7 +54,7 @@ class Inspection:
     record: Record
     judgement: Judgement
     steps: tuple[StepSeen, ...]
-    classical: Mapping[str, Any]
+    classical: ClassicalTable
     drive: ToldDrive
     regime: LogRegime
 
@@ -129,8 +131,8 @@ def say(seen: Inspection, terminal: Terminal) -> None:
         terminal.say(wrapped(f"{finding.severity}: {finding.message}", "    "))
     for step in seen.steps:
         _say_step(step, len(seen.steps) > 1, terminal)
-    _say_classical(seen.classical["rows"], terminal)
-    _say_directions(seen.classical["directions"], terminal)
+    _say_classical(seen.classical.rows, terminal)
+    _say_directions(seen.classical.directions, terminal)
     terminal.say()
 
 
@@ -192,14 +194,14 @@ def _say_classical(strokes: Sequence[Mapping[str, Any]], terminal: Terminal) -> 
         terminal.say(f"  … and {len(strokes) - len(shown)} strokes more: see --json")
 
 
-def _say_directions(directions: Sequence[Mapping[str, Any]], terminal: Terminal) -> None:
+def _say_directions(directions: Sequence[ClassicalDirection], terminal: Terminal) -> None:
     """Both directions of strokes to and fro, apart."""
     if not directions:
         return
-    rows = [["all strokes", *("forth" if way["direction"] > 0 else "back" for way in directions)]]
-    rows.append(["strokes", *(str(way["strokes"]) for way in directions)])
-    rows.append(["coefficient", *(_cell(way["coefficient"], way["coefficient_sd"], "") for way in directions)])
-    rows.append(["last against first tenth", *(_cell(way["trend_percent"], None, "%") for way in directions)])
+    rows = [["all strokes", *("forth" if way.direction > 0 else "back" for way in directions)]]
+    rows.append(["strokes", *(str(way.strokes) for way in directions)])
+    rows.append(["coefficient", *(_cell(way.coefficient, way.coefficient_sd, "") for way in directions)])
+    rows.append(["last against first tenth", *(_cell(way.trend_percent, None, "%") for way in directions)])
     terminal.say(columns(rows))
 
 
@@ -227,12 +229,12 @@ def document(seen: Inspection) -> dict[str, Any]:
         **_regime(seen.regime),
         "sampling": asdict(quality.sampling),
         "quality": {
-            **seen.judgement.document(),
+            **to_dict(seen.judgement.result()),
             "load_N": quality.load,
             "load_drift": quality.load_drift,
         },
         "steps": [_step_document(step) for step in seen.steps],
-        "classical": seen.classical,
+        "classical": to_document(seen.classical),
     }
 
 

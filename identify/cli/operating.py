@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
+from identify.base.document import Json, from_document, to_dict
 from identify.base.errors import SimulationError
-from identify.base.outcome import numbers_of
+from identify.base.result import LogResult, Result
 from identify.base.wording import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, picture, quantity
 from identify.cli.points import PairAtPoint, one_pair, operating_points, points_of, tested_range
-from identify.prediction.intervals import OperatingPoint
+from identify.prediction.point_prediction import AmplitudeAnswer, NoAnswer, PointPrediction
 from identify.prediction.predict import predict, predictions
-from identify.prediction.probability import probability_document
+from identify.prediction.probability import PredictionCertainty, prediction_certainty
 from identify.prediction.sources import Tested, groups_of
-from identify.prediction.stabilising import stabilising_changes
+from identify.prediction.stabilising import StabilisingAdvice, stabilising_changes
 from identify.report.finished import Fit
 from identify.scene import Scene
 
@@ -24,7 +24,7 @@ from identify.scene import Scene
 # What the calculators say beyond the outlook where it is asked for: advice, and how sure the answers are.
 # ----------------------------------------------------------------------------------------------------------------------
 
-Further = Callable[[PairAtPoint, Tested | None], dict[str, Any]]
+Further = Callable[[PairAtPoint, Tested | None], dict[str, PredictionCertainty | StabilisingAdvice]]
 MOST_DRAWS = 100_000
 
 
@@ -41,16 +41,12 @@ def asked_further(arguments: Namespace) -> Further:
     if draws is not None and not 1 <= draws <= MOST_DRAWS:
         raise CommandLineError(f"--draws is {draws}; expected 1 to {MOST_DRAWS}: write --draws 400")
 
-    def further(point: PairAtPoint, tested: Tested | None) -> dict[str, Any]:
-        from identify.prediction.probability import probability_document
-        from identify.prediction.stabilising import stabilising_changes
-
-        found: dict[str, Any] = {}
-        at = OperatingPoint(point.values, point.drive_speed, point.normal_force, point.covariance)
+    def further(point: PairAtPoint, tested: Tested | None) -> dict[str, PredictionCertainty | StabilisingAdvice]:
+        found: dict[str, PredictionCertainty | StabilisingAdvice] = {}
         if draws is not None:
-            found["sureness"] = probability_document(point.model, at, point.names, draws)
+            found["sureness"] = prediction_certainty(point.model, point.at, point.names, draws)
         if margin is not None:
-            found["advice"] = stabilising_changes(point.model, at, point.names, tested, margin)
+            found["advice"] = stabilising_changes(point.model, point.at, point.names, tested, margin)
         return found
 
     return further
@@ -72,19 +68,23 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
         raise CommandLineError("--data, --range and --points belong to a map; name its quantities: --map drive_speed")
     shown = one_pair(points, "--plot") if plot else points
     further, tested = asked_further(arguments), tested_range(arguments)
-    documents = _outlooks(points)
-    for point, document in zip(points, documents, strict=True):
+    documents = []
+    for point, prediction in zip(points, _predictions(points), strict=True):
         terminal.say(f"{point.title}:")
-        told = [document[part], document["closed_forms"]] if part in document else [document]  # alone: no answer
-        if part in document:
+        group = {"group": dict(point.groups)} if point.groups else {}
+        document: dict[str, Json] = {"name": point.name, **group, **to_dict(prediction)}
+        texts = [prediction.text]  # alone: no answer
+        if isinstance(prediction, PointPrediction):
             found = further(point, tested)
-            document |= found
-            told += found.values()
+            document |= {name: to_dict(answer) for name, answer in found.items()}
+            own = prediction.stability.text if part == "stability" else prediction.amplitude.text
+            texts = [own, prediction.closed_forms.text, *(answer.text for answer in found.values())]
             if beyond := _beyond(point, tested):
                 document["extrapolated"] = beyond
-                told = [{"text": beyond}, *told]
-        for line in (line for section in told for line in section["text"].splitlines()):
+                texts.insert(0, beyond)
+        for line in (line for text in texts for line in text.splitlines()):
             terminal.say(wrapped(line, "  ", ""))
+        documents.append(document)
     if plot:
         from identify.cli.point_plot import draw
 
@@ -101,26 +101,23 @@ def _beyond(point: PairAtPoint, tested: Tested | None) -> str:
     return tested.beyond(where | {"stiffness": point.values["stiffness"]})
 
 
-def _outlooks(points: Sequence[PairAtPoint]) -> list[dict[str, Any]]:
-    """The answers at each point, as `outlook` gives them; points of one pair share what they have in common.
+def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnswer]:
+    """The answers at each point; points of one pair share what they have in common.
 
     Raises:
         SimulationError: no answer at the only point.
     """
     if len(points) == 1 and not points[0].untold:
         p = points[0]
-        found = {p.groups: [predict(p.model, p.values, p.drive_speed, p.normal_force, p.covariance, p.names)]}
-    else:
-        found = {groups: _of_pair([p for p in points if p.groups == groups]) for groups in {p.groups for p in points}}
-    left = {groups: iter(documents) for groups, documents in found.items()}
-    return [{"name": p.name} | ({"group": dict(p.groups)} if p.groups else {}) | next(left[p.groups]) for p in points]
+        return [predict(p.model, p.values, p.drive_speed, p.normal_force, p.covariance, p.names)]
+    left = {groups: iter(_of_pair([p for p in points if p.groups == groups])) for groups in {p.groups for p in points}}
+    return [next(left[p.groups]) for p in points]
 
 
-def _of_pair(points: Sequence[PairAtPoint]) -> list[dict[str, Any]]:
+def _of_pair(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnswer]:
     if points[0].untold:
-        return [{"text": f"no answer: {points[0].untold}"} for _ in points]
-    at = [OperatingPoint(p.values, p.drive_speed, p.normal_force, p.covariance) for p in points]
-    return predictions(points[0].model, at, points[0].names)
+        return [NoAnswer(f"no answer: {points[0].untold}") for _ in points]
+    return predictions(points[0].model, [p.at for p in points], points[0].names)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -133,33 +130,32 @@ DRAWS = 100  # some milliseconds each
 def with_counsel(scene: Scene, fit: Fit) -> Fit:
     """The fit with "sureness" and "advice" among the derived quantities of the fastest log that sticks and slips (the
     nearest to where stick-slip ends), else of the fastest; as it was where there is no answer."""
-    result, logs = fit.result, list(fit.result["logs"])
-    answered = [i for i, log in enumerate(logs) if "stability" in (log.get("derived") or {})]
+    result, logs = fit.typed, list(fit.typed.logs)
+    answered = [i for i, log in enumerate(logs) if "stability" in log.derived]
     if not fit.converged or not answered:
         return fit
-    chosen = max(answered, key=lambda i: (_sticks(logs[i]["derived"]), abs(logs[i]["drive_speed_m_per_s"] or 0.0)))
+    chosen = max(answered, key=lambda i: (_sticks(logs[i]), abs(logs[i].drive_speed_m_per_s or 0.0)))
     point = _point(scene, result, chosen)
     if point is None:
         return fit
-    at = OperatingPoint(point.values, point.drive_speed, point.normal_force, point.covariance)
     try:
         further = {
-            "sureness": probability_document(point.model, at, point.names, DRAWS),
-            "advice": stabilising_changes(point.model, at, point.names, Tested.of_result(result)),
+            "sureness": to_dict(prediction_certainty(point.model, point.at, point.names, DRAWS)),
+            "advice": to_dict(stabilising_changes(point.model, point.at, point.names, Tested.of_result(result))),
         }
     except SimulationError:
         return fit  # the answers of the logs say why
-    logs[chosen] = {**logs[chosen], "derived": {**logs[chosen]["derived"], **further}}
-    return replace(fit, result={**result, "logs": logs})
+    logs[chosen] = replace(logs[chosen], derived={**logs[chosen].derived, **further})
+    return replace(fit, result=replace(result, logs=tuple(logs)).to_dict())
 
 
-def _sticks(derived: Mapping[str, Any]) -> bool:
-    return bool(derived["amplitude"]["drop"]["value"] is not None)
+def _sticks(log: LogResult) -> bool:
+    return from_document(AmplitudeAnswer, log.derived["amplitude"]).numbers["drop"].value is not None
 
 
-def _point(scene: Scene, result: Mapping[str, Any], place: int) -> PairAtPoint | None:
+def _point(scene: Scene, result: Result, place: int) -> PairAtPoint | None:
     """The operating point of a log of the result (from 0), None where it has none."""
-    number, groups = numbers_of(result["logs"])[place], groups_of(result, place)
-    speed = abs(result["logs"][place]["drive_speed_m_per_s"] or 0.0)
+    number, groups = result.numbers[place], groups_of(result, place)
+    speed = abs(result.logs[place].drive_speed_m_per_s or 0.0)
     here = [p for p in points_of(scene, result) if p.log == number and p.groups == groups and not p.untold]
     return next((p for p in here if abs(p.drive_speed - speed) <= 1e-9 * speed), None)

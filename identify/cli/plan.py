@@ -116,7 +116,6 @@ def _planned(arguments: Namespace, choices: Choices) -> RecordingPlan:
     """
     import numpy as np
 
-    from identify.base.outcome import Status
     from identify.bench.plan import plan
     from identify.logs.prepare import prepare
     from identify.logs.scene_records import with_records
@@ -135,12 +134,12 @@ def _planned(arguments: Namespace, choices: Choices) -> RecordingPlan:
         return plan(scene, [log for log in logs if log.left_out is None], choices)
     result = read_result(Path(arguments.source))
     scene = scene_of(result, arguments.source)
-    if Status(result["status"]) is not Status.CONVERGED:
-        raise CommandLineError(f"{arguments.source} tells no pair ({result['message']}); plan from the scene instead")
+    if not result.converged:
+        raise CommandLineError(f"{arguments.source} tells no pair ({result.message}); plan from the scene instead")
     pair = pair_of(result, scene, 0)
     if pair.untold:
         raise CommandLineError(f"{arguments.source}: {pair.untold}; plan from a scene instead")
-    loads = [log["normal_force_N"] for log in result["logs"] if log.get("normal_force_N")]
+    loads = [log.normal_force_N for log in result.logs if log.normal_force_N]
     if loads and not choices.loads:
         choices = replace(choices, loads=(float(np.median(loads)),))
     return plan(scene, (), choices, pair)

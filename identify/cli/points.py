@@ -6,15 +6,16 @@ from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.outcome import places_of
+from identify.base.result import LogResult, Result
 from identify.cli.common import CommandLineError, quantity
 from identify.diagnosis.selection_numbers import choose_from_numbers
 from identify.prediction.cycle import check_calculable
+from identify.prediction.intervals import OperatingPoint
 from identify.prediction.map_axes import Site
 from identify.prediction.sources import (
     Groups,
@@ -119,6 +120,11 @@ class PairAtPoint:
         return f"{self.name} ({named(self.groups)})" if self.groups else self.name
 
     @property
+    def at(self) -> OperatingPoint:
+        """The point as predictions take it."""
+        return OperatingPoint(self.values, self.drive_speed, self.normal_force, self.covariance)
+
+    @property
     def site(self) -> Site:
         """The point as maps take it; `area` [m^2] is the contact's nominal one under its normal force."""
         return Site(self.model, self.values, self.drive_speed, self.normal_force, self.area, self.area_exponent)
@@ -135,13 +141,13 @@ def operating_points(arguments: Namespace) -> list[PairAtPoint]:
         CommandLineError, SceneError, SimulationError, LogError: one sentence each.
     """
     if arguments.result:
-        document, scene = _fitted([Path(path) for path in arguments.result])
+        result, scene = _fitted([Path(path) for path in arguments.result])
     else:
-        document, scene = None, Scene.from_toml(arguments.scene)
-    scene = without(arguments.without, _settled(scene, document))
+        result, scene = None, Scene.from_toml(arguments.scene)
+    scene = without(arguments.without, _settled(scene, result))
     check_calculable(scene.model)
     changes = at_values(arguments.at, scene)
-    points = of_groups(arguments.group, _points(scene, changes, document))
+    points = of_groups(arguments.group, _points(scene, changes, result))
     if changes:
         for point in points:
             _check_order(point.values)
@@ -153,21 +159,21 @@ def operating_points(arguments: Namespace) -> list[PairAtPoint]:
     return points
 
 
-def _fitted(paths: Sequence[Path]) -> tuple[dict[str, Any], Scene]:
+def _fitted(paths: Sequence[Path]) -> tuple[Result | None, Scene]:
     """The result and its scene; of several results of one pair the values of all, with the scatter between them."""
-    documents = [read_result(path) for path in paths]
-    for path, document in zip(paths, documents, strict=True):
-        if document["status"] != "converged":
-            raise CommandLineError(f"{path}: this fit has no values ({document['status']}); mend the fit first")
-    scene = scene_of(documents[0], paths[0])
-    if len(documents) == 1:
-        return documents[0], scene
-    return pooled_result(documents, _settled(scene, documents[0]).model), scene
+    results = [read_result(path) for path in paths]
+    for path, result in zip(paths, results, strict=True):
+        if not result.converged:
+            raise CommandLineError(f"{path}: this fit has no values ({result.status}); mend the fit first")
+    scene = scene_of(results[0], paths[0])
+    if len(results) == 1:
+        return results[0], scene
+    return pooled_result(results, _settled(scene, results[0]).model), scene
 
 
-def points_of(scene: Scene, document: Mapping[str, Any]) -> list[PairAtPoint]:
+def points_of(scene: Scene, result: Result) -> list[PairAtPoint]:
     """The operating point of every log of a finished fit; several where a log has a programme of speeds."""
-    return _points(_settled(scene, document), {}, document)
+    return _points(_settled(scene, result), {}, result)
 
 
 def tested_range(arguments: Namespace) -> Tested | None:
@@ -184,12 +190,12 @@ def tested_range(arguments: Namespace) -> Tested | None:
     )
 
 
-def _settled(scene: Scene, document: Mapping[str, Any] | None) -> Scene:
+def _settled(scene: Scene, result: Result | None) -> Scene:
     """The scene with the effects that were chosen for a result, else by its numbers, where it left them open."""
-    chosen = (document or {}).get("effects") or {}
     if scene.effects != "auto":
         return scene
-    return scene.with_effects(chosen["names"] if chosen.get("names") else choose_from_numbers(scene).effects)
+    chosen = () if result is None else result.effects.names
+    return scene.with_effects(chosen or choose_from_numbers(scene).effects)
 
 
 def without(names: Sequence[str], scene: Scene) -> Scene:
@@ -253,25 +259,23 @@ def _check_order(values: Mapping[str, float]) -> None:
         )
 
 
-def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, Any] | None) -> list[PairAtPoint]:
-    asked = [
-        (n, entry, place) for n, entry in enumerate(scene.logs or (None,)) for place in _places(document, n, entry)
-    ]
+def _points(scene: Scene, changes: Mapping[str, float], result: Result | None) -> list[PairAtPoint]:
+    asked = [(n, entry, place) for n, entry in enumerate(scene.logs or (None,)) for place in _places(result, n, entry)]
     parameters = {key: value for key, value in changes.items() if key not in POINT_UNITS}
     declared = scene.model.parameter_names
     points = []
     for number, entry, place in asked:
-        said = document["logs"][place] if document and place is not None else {}
-        pair = pair_of(document, scene, place or 0) if document else Pair()
+        log = result.logs[place] if result and place is not None else LogResult()
+        pair = pair_of(result, scene, place or 0) if result else Pair()
         names, covariance = pair.names, pair.covariance
         name = entry.path.name if entry else "the rig of the scene"
         values = (
             scene.values(entry) | {key: value for key, value in pair.values.items() if key in declared} | parameters
         )
-        load = _normal_force(scene, entry, changes, said)
+        load = _normal_force(scene, entry, changes, log)
         for speed in _speeds(scene, entry, changes):
             check_ranges(scene.effects, scene.extrapolate, values, speed, [load])
-            if document is None:
+            if result is None:
                 known = stated(scene, values, speed)
                 names, covariance = with_tied(*known, ties_of(scene)) if known else ((), None)
             kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT_UNITS)]
@@ -294,11 +298,11 @@ def _points(scene: Scene, changes: Mapping[str, float], document: Mapping[str, A
     return points
 
 
-def _places(document: Mapping[str, Any] | None, number: int, entry: LogEntry | None) -> list[int | None]:
+def _places(result: Result | None, number: int, entry: LogEntry | None) -> list[int | None]:
     """Where a result has a log of its scene: once, and once for each group where parts of it are of several."""
-    if document is None or entry is None:
+    if result is None or entry is None:
         return [None]
-    first = {groups_of(document, place): place for place in reversed(places_of(document["logs"], number))}
+    first = {groups_of(result, place): place for place in reversed(result.places(number))}
     return [*sorted(first.values())]
 
 
@@ -314,10 +318,10 @@ def _speeds(scene: Scene, entry: LogEntry | None, changes: Mapping[str, float]) 
     return moving
 
 
-def _normal_force(scene: Scene, entry: LogEntry | None, changes: Mapping[str, float], said: Mapping[str, Any]) -> float:
+def _normal_force(scene: Scene, entry: LogEntry | None, changes: Mapping[str, float], log: LogResult) -> float:
     """The normal force [N] of a log: as asked, as fitted, as the scene says, else the median of the log itself."""
     rig = scene.rig_for(entry) if entry else scene.rig
-    for force in (changes.get("normal_force"), said.get("normal_force_N"), rig.normal_force):
+    for force in (changes.get("normal_force"), log.normal_force_N, rig.normal_force):
         if force is not None:
             return float(force)
     if entry is None:

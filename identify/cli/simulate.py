@@ -62,8 +62,9 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     import numpy as np
 
     from data_io import Record, write_csv, write_hdf5
+    from identify.base.document import to_dict
     from identify.base.wording import wrapped
-    from identify.diagnosis.choice import document_of
+    from identify.diagnosis.choice import effects_result
     from identify.diagnosis.selection_numbers import choose_from_numbers
     from identify.simulation.price import price
     from identify.simulation.simulate import simulate
@@ -103,7 +104,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
             "effects_s": cost.effects,
         }
     if choice is not None:
-        document["effects"] = document_of(choice, auto=True)
+        document["effects"] = to_dict(effects_result(choice, auto=True))
     return Answer(document=document)
 
 
@@ -125,7 +126,7 @@ def _scene_of(arguments: Namespace) -> tuple[Scene, str]:
     for override in arguments.set:
         put(document, override)
     scene = Scene.from_document(document)
-    name, speed = Path(fit.result["logs"][arguments.log - 1]["path"]).name, scene.rig.drive_speed
+    name, speed = fit.typed.logs[arguments.log - 1].name, scene.rig.drive_speed
     drive = speed_text(speed) if isinstance(speed, float) else "the programme of the log"
     return (
         scene,

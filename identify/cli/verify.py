@@ -7,15 +7,15 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
-from identify.base.outcome import places_of
+from identify.base.document import Json
+from identify.base.result import Result
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
 
 NAME = "verify"
 HELP = "run a stored fit again from its recorded inputs and compare"
 ALLOWED = 0.01  # difference in standard errors that other library versions may make
-NO_ENDS = (None, None)
 FIXED = 1e-9  # relative difference of what was not estimated
 END = 0.01  # relative difference of the closed end of an interval of what has no standard error
 
@@ -44,23 +44,22 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     scene = scene_of(stored, path)
     check_unedited(path)
     moved = {digest_of(there(Path(log))): Path(log) for log in arguments.logs}
-    first = [stored["logs"][places_of(stored["logs"], number)[0]] for number in range(len(scene.logs))]
     logs = [
-        replace(entry, path=unchanged(entry.path, log["sha256"], moved))
-        for entry, log in zip(scene.logs, first, strict=True)
+        replace(entry, path=unchanged(entry.path, stored.logs[stored.places(number)[0]].sha256 or "", moved))
+        for number, entry in enumerate(scene.logs)
     ]
-    made = stored["provenance"]
+    made = stored.provenance
     seed, starts = made.get("seed"), made.get("starts")
     with Progress(terminal.notes, terminal.progress) as progress:
         found = fit(
             replace(scene, logs=tuple(logs)),
             progress=progress,
-            starts=starts if starts in get_args(Sources) else None,
+            starts=next((known for known in get_args(Sources) if known == starts), None),
             seed=seed if isinstance(seed, int) else 0,
             asked=FitOptions.again(made.get("asked")),
         )
-    again = found.result
-    for words in other_versions(made, again["provenance"]):
+    again = found.typed
+    for words in other_versions(made, again.provenance):
         terminal.note(words)
     differences = compare(stored, again)
     for words in differences:
@@ -121,35 +120,39 @@ def there(path: Path) -> Path:
     return path
 
 
-def other_versions(before: Mapping[str, Any], now: Mapping[str, Any]) -> Sequence[str]:
+def other_versions(before: Mapping[str, Json], now: Mapping[str, Json]) -> Sequence[str]:
     """What the result was made with, where that was something else, one sentence each."""
-    told = {"stickslip": before.get("version"), **dict(before.get("packages") or {})}
-    here = {"stickslip": now["version"], **now["packages"]}
+    told, here = ({"stickslip": made.get("version"), **_packages(made)} for made in (before, now))
     return [f"made with {n} {told[n]}, compared with {v}" for n, v in here.items() if told.get(n) not in (None, v)]
 
 
-def compare(stored: Mapping[str, Any], again: Mapping[str, Any]) -> list[str]:
+def _packages(made: Mapping[str, Json]) -> Mapping[str, Json]:
+    packages = made.get("packages")
+    return packages if isinstance(packages, Mapping) else {}
+
+
+def compare(stored: Result, again: Result) -> list[str]:
     """What differs, one sentence each."""
-    if stored["status"] != again["status"]:
-        return [f"the status was {stored['status']} and is {again['status']} now: {again['message']}"]
-    sentences = [f"{name} is new" for name in again["parameters"] if name not in stored["parameters"]]
-    for name, before in stored["parameters"].items():
-        now = again["parameters"].get(name, {})
-        value, error = now.get("value"), before["standard_error"]
-        if before["verdict"] != now.get("verdict"):
-            sentences.append(f"{name} was called {before['verdict']} and is called {now.get('verdict')} now")
-        elif before["value"] is None or value is None:
-            if before["value"] is not value:
-                sentences.append(f"{name} was {before['value']} and is {value} now")
-        elif error:
-            off = (value - before["value"]) / error
+    if stored.status != again.status:
+        return [f"the status was {stored.status} and is {again.status} now: {again.message}"]
+    sentences = [f"{name} is new" for name in again.parameters if name not in stored.parameters]
+    for name, before in stored.parameters.items():
+        now = again.parameters.get(name)
+        verdict, value = (None, None) if now is None else (now.verdict, now.value)
+        if before.verdict != verdict:
+            sentences.append(f"{name} was called {before.verdict} and is called {verdict} now")
+        elif before.value is None or value is None:
+            if before.value is not value:
+                sentences.append(f"{name} was {before.value} and is {value} now")
+        elif before.standard_error:
+            off = (value - before.value) / before.standard_error
             if not abs(off) <= ALLOWED:
-                sentences.append(f"{name} was {before['value']:.6g} and is {value:.6g} ({off:+.2g} standard errors)")
-        elif before["verdict"] == "fixed":
-            if abs(value - before["value"]) > FIXED * abs(before["value"]):
-                sentences.append(f"{name} was fixed at {before['value']:.9g} and is fixed at {value:.9g} now")
-        else:
-            sentences += _ends_differ(name, before.get("interval") or NO_ENDS, now["interval"])
+                sentences.append(f"{name} was {before.value:.6g} and is {value:.6g} ({off:+.2g} standard errors)")
+        elif before.verdict == "fixed":
+            if abs(value - before.value) > FIXED * abs(before.value):
+                sentences.append(f"{name} was fixed at {before.value:.9g} and is fixed at {value:.9g} now")
+        elif now is not None:
+            sentences += _ends_differ(name, before.ends, now.ends)
     return sentences
 
 
@@ -170,16 +173,12 @@ def _same_end(old: float | None, new: float | None) -> bool:
     return abs(new - old) <= END * max(abs(old), abs(new))
 
 
-def reproduced(stored: Mapping[str, Any]) -> str:
+def reproduced(stored: Result) -> str:
     """What was compared, in words, where nothing differs."""
-    entries = stored["parameters"].values()
+    entries = [entry for entry in stored.parameters.values() if entry.value is not None]
     compared = []
-    if any(entry["standard_error"] for entry in entries):
+    if any(entry.standard_error for entry in entries):
         compared.append(f"every value that has a standard error within {ALLOWED} of it")
-    if any(_by_its_ends(entry) for entry in entries):
+    if any(not entry.standard_error and entry.verdict != "fixed" for entry in entries):
         compared.append("what has none with the same verdict and the same open and closed ends")
-    return f"reproduced: {stored['status']}; {'; '.join(compared) or 'a result without values to compare'}"
-
-
-def _by_its_ends(entry: Mapping[str, Any]) -> bool:
-    return entry["value"] is not None and not entry["standard_error"] and entry["verdict"] != "fixed"
+    return f"reproduced: {stored.status}; {'; '.join(compared) or 'a result without values to compare'}"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import SceneError
+from identify.base.result import EffectReason, EffectsResult
 from identify.base.wording import three_figures
 from identify.effects import ALL
 from identify.logs.loads import swing
@@ -19,33 +19,12 @@ from identify.model.model import Model, assemble
 
 
 @dataclass(frozen=True)
-class Reason:
-    """Why one effect stays or goes.
-
-    sentence: in lab words; group, value: the dimensionless group that tells, and its value ("" and None without one);
-    error: relative error of the force or the period that leaving it out would make; cost: what it costs, in words;
-    statistic: likelihood-ratio statistic that it gains on the data; held_out: by which factor the error on cycles kept
-    back grows without it. None: not known.
-    """
-
-    effect: str
-    kept: bool
-    sentence: str
-    group: str = ""
-    value: float | None = None
-    error: float | None = None
-    cost: str = ""
-    statistic: float | None = None
-    held_out: float | None = None
-
-
-@dataclass(frozen=True)
 class Choice:
     """The effects of a model, in the order of their table, and a reason per effect that was looked at; unfinished: the
     time was up before the fits had decided all of them."""
 
     effects: tuple[str, ...]
-    reasons: tuple[Reason, ...]
+    reasons: tuple[EffectReason, ...]
     unfinished: bool = False
 
 
@@ -60,18 +39,14 @@ def as_listed(
             told = None if values is None else effect.importance(values, normal_force, drive_speed)
             sentence = effect.says + (f"; {told.sentence}" if told else "")
             reasons.append(
-                Reason(effect.name, True, sentence, told.group if told else "", told.value if told else None)
+                EffectReason(effect.name, True, sentence, told.group if told else "", told.value if told else None)
             )
     return Choice(tuple(reason.effect for reason in reasons), tuple(reasons))
 
 
-def document_of(choice: Choice, *, auto: bool) -> dict[str, Any]:
-    """The effects as they stand in result.json."""
-    return {
-        "names": list(choice.effects),
-        "chosen": "auto" if auto else "listed",
-        "reasons": [asdict(reason) for reason in choice.reasons],
-    }
+def effects_result(choice: Choice, *, auto: bool) -> EffectsResult:
+    """The effects as they stand in the result."""
+    return EffectsResult(choice.effects, "auto" if auto else "listed", choice.reasons)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.outcome import Status
+from identify.base.result import HeldResult
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import Certainty
 from identify.estimation.covariance import Estimate, Information
@@ -85,18 +85,9 @@ def against_data(
     return out
 
 
-def held_document(held: list[Held]) -> dict[str, Any]:
-    """As result.json gives it, by name."""
-    return {
-        h.name: {
-            "stated": h.stated,
-            "from_data": h.said,
-            "standard_error": h.said * h.error,
-            "unit": h.unit,
-            "squared_distance": h.squared,
-        }
-        for h in held
-    }
+def held_results(held: list[Held]) -> dict[str, HeldResult]:
+    """As the result gives it, by name."""
+    return {h.name: HeldResult(h.stated, h.said, h.said * h.error, h.unit, h.squared) for h in held}
 
 
 @dataclass(frozen=True)

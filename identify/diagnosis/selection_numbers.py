@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.base.errors import SceneError, SimulationError
-from identify.diagnosis.choice import Choice, Reason, price
+from identify.diagnosis.choice import Choice, EffectReason, price
 from identify.diagnosis.fitted import Fitted
 from identify.effects import ALL, MAIN
 from identify.effects.quantities import Effect
@@ -57,14 +57,14 @@ def choose_from_numbers(scene: Scene, tolerance: float = TOLERANCE) -> Choice:
     kept, reasons = [], {}
     for effect in ALL:
         if effect.name not in full.model.effects:
-            reasons[effect.name] = Reason(effect.name, False, "the scene gives no number of it")
+            reasons[effect.name] = EffectReason(effect.name, False, "the scene gives no number of it")
             continue
         error, said = _without(full, effect, points, whole)
         stays = error is None or error > tolerance
         told = effect.importance(full.values(), points[0][1], points[0][0])
         sentence = f"{told.sentence}; {said}" if told else said
         kept += [effect.name] if stays else []
-        reasons[effect.name] = Reason(
+        reasons[effect.name] = EffectReason(
             effect.name,
             stays,
             sentence,

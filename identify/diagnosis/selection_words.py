@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.diagnosis.choice import Reason, Screen, price
+from identify.diagnosis.choice import EffectReason, Screen, price
 from identify.effects import ALL
 
 UNASKED = {
@@ -36,26 +36,26 @@ def reasons(
     looks: Sequence[Screen],
     gains: Mapping[str, Gain],
     notes: Mapping[str, str],
-) -> list[Reason]:
+) -> list[EffectReason]:
     """One reason per effect, in the order of their table; notes take the place of what the looks and gains say."""
     by_name = {look.effect: look for look in looks}
     out = []
     for name in (effect.name for effect in ALL):
         stays, cost = name in effects, price(name, effects)
         if name in always:
-            out.append(Reason(name, True, "the equation of motion of a stick-slip record needs it", cost=cost))
+            out.append(EffectReason(name, True, "the equation of motion of a stick-slip record needs it", cost=cost))
         elif name in notes:
-            out.append(Reason(name, stays, notes[name], cost=cost))
+            out.append(EffectReason(name, stays, notes[name], cost=cost))
         elif name in by_name and by_name[name].asked:
             gain = gains.get(name)
             said = f"{by_name[name].sentence}; {_said(gain, stays)}"
             statistic = None if gain is None or not np.isfinite(gain.statistic) else gain.statistic
             held = None if gain is None or not np.isfinite(gain.held_out) else gain.held_out
-            out.append(Reason(name, stays, said, cost=cost, statistic=statistic, held_out=held))
+            out.append(EffectReason(name, stays, said, cost=cost, statistic=statistic, held_out=held))
         elif name in by_name:
-            out.append(Reason(name, stays, by_name[name].sentence, cost=cost))
+            out.append(EffectReason(name, stays, by_name[name].sentence, cost=cost))
         else:
-            out.append(Reason(name, stays, UNASKED.get(name, "a law that nothing calls for"), cost=cost))
+            out.append(EffectReason(name, stays, UNASKED.get(name, "a law that nothing calls for"), cost=cost))
     return out
 
 

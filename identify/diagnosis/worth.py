@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from identify.base.document import finite
 from identify.base.errors import IdentifyError
 from identify.base.progress import Progress
+from identify.base.result import ComparedModel
 from identify.diagnosis.fitted import Fitted, as_it_ended
 from identify.diagnosis.nested import fit_smaller
 from identify.diagnosis.subsets import held_out_error
@@ -132,23 +134,19 @@ def logs_left_out(fitted: Fitted) -> float:
     return total / count if count else float("nan")
 
 
-def worth_document(rows: Sequence[Worth]) -> list[dict[str, object]]:
+def compared_models(rows: Sequence[Worth]) -> tuple[ComparedModel, ...]:
     """`effects_table` of the result."""
-
-    def finite(x: float) -> float | None:
-        return float(x) if math.isfinite(x) else None
-
-    return [
-        {
-            "model": f"without {row.without}" if row.without else "this fit",
-            "without": row.without or None,
-            "parameters": row.parameters,
-            "chi2_per_sample": finite(row.chi2),
-            "delta_aic": finite(row.aic),
-            "delta_bic": finite(row.bic),
-            "left_out_cycles": finite(row.cycles),
-            "left_out_logs": finite(row.logs),
-            "verdict": row.verdict,
-        }
+    return tuple(
+        ComparedModel(
+            f"without {row.without}" if row.without else "this fit",
+            row.without or None,
+            row.parameters,
+            finite(row.chi2),
+            finite(row.aic),
+            finite(row.bic),
+            finite(row.cycles),
+            finite(row.logs),
+            row.verdict,
+        )
         for row in rows
-    ]
+    )

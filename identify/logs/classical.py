@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from data_io import Record
 from data_io.arrays import kept, thinned
 from data_io.signals import mean_and_drift
 from identify.base.quantiles import NORMAL
+from identify.base.result import ClassicalDirection, ClassicalTable
 from identify.logs.log_regime import LogRegime, look
 from identify.logs.regime import Known, Regime, Verdict
 from identify.logs.segment import SLIDING, SLIP, STICK, DetectedCycles, Segmentation
@@ -78,8 +78,8 @@ def classical_table(
     stiffness: float | None = None,
     half_period: float | None = None,
     tare: float = 0.0,
-) -> dict[str, Any]:
-    """The classical figures per step and stroke, SI, JSON-able: floats, or None with a reason; never NaN.
+) -> ClassicalTable:
+    """The classical figures per step and stroke, SI: floats, or None with a reason; never NaN.
 
     Args:
         record: the log; its friction force as in the file.
@@ -90,15 +90,14 @@ def classical_table(
         half_period: pi sqrt(m/k) [s] where the rig is known.
         tare: force to take off the friction force [N].
 
-    Returns: {"rows": one dict per stroke, "reasons": for each row why a figure is None, by its name,
-    "definitions": what each figure is (DEFINITIONS)}.
+    Returns: one row per stroke; for each row why a figure is None, by its name; what each figure is (DEFINITIONS).
     """
     known = Known(stiffness=stiffness or 0.0, half_period=half_period or 0.0)
     seen = look(record, drive_speed, known, tare=tare, found=segmentation)
     return table_of(record, seen, stiffness=stiffness, tare=tare)
 
 
-def table_of(record: Record, seen: LogRegime, *, stiffness: float | None = None, tare: float = 0.0) -> dict[str, Any]:
+def table_of(record: Record, seen: LogRegime, *, stiffness: float | None = None, tare: float = 0.0) -> ClassicalTable:
     """The classical table of a log whose regime is known; see `classical_table`."""
     rows, reasons = [], []
     swung = _swung(record, seen, tare)
@@ -108,12 +107,7 @@ def table_of(record: Record, seen: LogRegime, *, stiffness: float | None = None,
         figures, why = figures | told, dict.fromkeys(told, untold) | why
         rows.append({key: _plain(value) for key, value in figures.items()})
         reasons.append({key: why.get(key, "not a finite number") for key, value in rows[-1].items() if value is None})
-    return {
-        "rows": rows,
-        "directions": _directions(record, seen, tare),
-        "reasons": reasons,
-        "definitions": dict(DEFINITIONS),
-    }
+    return ClassicalTable(tuple(rows), tuple(_directions(record, seen, tare)), tuple(reasons), dict(DEFINITIONS))
 
 
 def _swung(record: Record, seen: LogRegime, tare: float) -> tuple[int, tuple[float, float]] | None:
@@ -146,7 +140,7 @@ def _ringing(
     return told | dict(zip(names[1:], [*masses.tolist(), taken], strict=True)), ""
 
 
-def _directions(record: Record, seen: LogRegime, tare: float) -> list[dict[str, Any]]:
+def _directions(record: Record, seen: LogRegime, tare: float) -> list[ClassicalDirection]:
     """Both directions apart, where there are strokes to and fro: their number, the mean coefficient of sliding of all
     of one direction with its scatter from stroke to stroke, and its last tenth of the strokes against the first."""
     if len({stroke.direction for stroke in seen.strokes}) < 2:
@@ -159,13 +153,13 @@ def _directions(record: Record, seen: LogRegime, tare: float) -> list[dict[str, 
         tenth = max(known.size // 10, 1)
         trend = 100.0 * (known[-tenth:].mean() / known[:tenth].mean() - 1.0) if known.size > 1 and known[0] else None
         made.append(
-            {
-                "direction": direction,
-                "strokes": len(own),
-                "coefficient": float(known.mean()) if known.size else None,
-                "coefficient_sd": float(known.std(ddof=1)) if known.size > 1 else None,
-                "trend_percent": None if trend is None else float(trend),
-            }
+            ClassicalDirection(
+                direction,
+                len(own),
+                float(known.mean()) if known.size else None,
+                float(known.std(ddof=1)) if known.size > 1 else None,
+                None if trend is None else float(trend),
+            )
         )
     return made
 

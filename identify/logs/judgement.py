@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from data_io.arrays import kept, thinned
 from data_io.quality import Quality, Verdict, assess, verdict_of
 from data_io.thresholds import DEFAULTS, Thresholds
 from data_io.values import Finding
+from identify.base.result import QualityFigure, QualityResult
 from identify.logs.segment import Segmentation, segment
 from identify.logs.slip_quality import RecordPart, SlipQuality, look_at_slips
 from identify.logs.spectrum import Spectrum
@@ -151,21 +151,20 @@ class Judgement:
         """Whether the log was stopped before its first slip."""
         return any(part.loading for part in self.slips)
 
-    def document(self) -> dict[str, Any]:
-        """Verdict, findings and figures as plain values, SI."""
+    def result(self) -> QualityResult:
+        """Verdict, findings and figures, SI."""
         lag = next((s.lag for s in self.slips if s.lag is not None), None)
-        figures = {name: {"value": value, "unit": unit} for name, (value, unit) in self.quality.figures.items()}
-        figures["spikes"] = {"value": sum(s.spikes for s in self.slips), "unit": ""}
-        figures["sensor_lag"] = {"value": None if lag is None else lag.lag, "unit": "s"}
+        figures = {name: QualityFigure(value, unit) for name, (value, unit) in self.quality.figures.items()}
+        figures["spikes"] = QualityFigure(sum(s.spikes for s in self.slips))
+        figures["sensor_lag"] = QualityFigure(None if lag is None else lag.lag, "s")
         for name, values in (
             ("stick_slope_error", [s.slope for s in self.slips]),
             ("friction_drift", [s.drift for s in self.slips]),
             ("uneven_cycles", [s.scatter for s in self.slips]),
             ("harmonic", [s.harmonic for s in self.slips]),
         ):
-            figures[name] = {"value": next((value for value in values if value is not None), None), "unit": ""}
-        findings = [asdict(finding) for finding in self.findings]
-        return {"verdict": self.verdict, "findings": findings, "figures": figures}
+            figures[name] = QualityFigure(next((value for value in values if value is not None), None))
+        return QualityResult(self.verdict, self.findings, figures)
 
 
 def judge(

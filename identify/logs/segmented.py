@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,13 +34,6 @@ class Account:
     changes: tuple[Change, ...]
     cuts: tuple[Cut, ...]
     raw: Record
-
-    def document(self) -> Mapping[str, Any]:
-        """As plain values, SI."""
-        return {
-            "corrections": [asdict(change) for change in self.changes],
-            "cuts": [asdict(cut) for cut in self.cuts],
-        }
 
 
 def cut_and_correct(entry: LogEntry, record: Record) -> Corrected:

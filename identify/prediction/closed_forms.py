@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from identify.effects import MAIN
 from identify.prediction import amplitude, stability
 from identify.prediction.groups import Groups, floated, formed, settings, slopes
-from identify.prediction.intervals import AnswerInterval
 from identify.prediction.stability import QUANTITIES, FrictionLike, RigLike
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -269,23 +268,3 @@ def _percent(share: float) -> str:
     if share > 3:
         return f"a factor {share + 1:.0f}"
     return f"{100 * share:.1f} %" if share < 0.0995 else f"{100 * share:.0f} %"
-
-
-def number(value: Any, unit: str, validity: str, interval: AnswerInterval | None = None) -> dict[str, Any]:
-    """One number of an answer as the interface writes it; what is not finite becomes null.
-
-    Ends of an interval that is open are null too, and "reason" says why; "interval_from" is "draws" where the interval
-    is that of draws.
-    """
-    finite = value is not None and bool(np.isfinite(value))
-    out: dict[str, Any] = {
-        "value": float(value) if finite else None,
-        "unit": unit,
-        "interval": [interval.low, interval.high] if finite and interval is not None else None,
-        "validity": validity,
-    }
-    if finite and interval is not None and interval.reason:
-        out["reason"] = f"interval open: {interval.reason}"
-    if finite and interval is not None and interval.drawn:
-        out["interval_from"] = "draws"
-    return out

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identify.base.errors import SimulationError
+from identify.base.result import Number
 from identify.model.model import Model
 from identify.prediction.closed_forms import (
     CYCLE,
@@ -19,13 +19,23 @@ from identify.prediction.closed_forms import (
     closed_forms,
     form_slopes,
     judged,
-    number,
 )
 from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.groups import MEANING
 from identify.prediction.intervals import POINT, AnswerInterval, Drawn, OperatingPoint, Spread, Uncertain, maps, sampled
 from identify.prediction.orbit import patience
 from identify.prediction.path import moved_orbit
+from identify.prediction.point_prediction import (
+    AmplitudeAnswer,
+    ClosedFormsAnswer,
+    NoAnswer,
+    PointPrediction,
+    SlidingAnswer,
+    SpeedWindow,
+    StabilityAnswer,
+    StickSlipRange,
+    number,
+)
 from identify.prediction.probability import answers_of_draws
 from identify.prediction.quantities import QUANTITIES, end_slopes, orbit_slopes, quantities, sliding_slopes
 from identify.prediction.solutions import SolutionSet, solution_sets
@@ -49,50 +59,48 @@ def predict(
     normal_force: float,
     covariance: ArrayLike | None = None,
     names: Sequence[str] | None = None,
-) -> dict[str, Any]:
-    """What follows from a pair and a rig at one drive speed and normal force, as a JSON-able document.
+) -> PointPrediction:
+    """What follows from a pair and a rig at one drive speed and normal force.
 
     Args:
         values, drive_speed, normal_force, covariance: as in `OperatingPoint`.
         names: what the covariance is of: parameters, "drive_speed", "normal_force".
 
     Returns:
-        {"operating_point", "stability", "amplitude", "closed_forms", "groups", "text"}; every number is
-        {"value", "unit", "interval", "validity"}, null where there is none; "text" is plain words, and each of
-        "stability", "amplitude" and "closed_forms" has its own "text". Intervals are 95 %, by linear propagation
-        (of the logarithm where a quantity is positive), null without a covariance; of jumps and of limits of
-        stick-slip that are skew within what is known they are quantiles of draws ("interval_from"); where the
-        parameters are not known well enough for either, both ends are null and "reason" says which.
+        every number with unit, interval and validity, None where there is none, and plain words. Intervals are 95 %, by
+        linear propagation (of the logarithm where a quantity is positive), None without a covariance; of jumps and of
+        limits of stick-slip that are skew within what is known they are quantiles of draws ("interval_from"); where the
+        parameters are not known well enough for either, both ends are None and "reason" says which.
 
     Raises:
         SimulationError: an operating point without meaning, or a motion that cannot be integrated.
     """
-    return _documents(model, [OperatingPoint(values, drive_speed, normal_force, covariance)], names or (), True)[0]
+    return _predictions(model, [OperatingPoint(values, drive_speed, normal_force, covariance)], names or (), True)[0]
 
 
 def predictions(
     model: Model, points: Sequence[OperatingPoint], names: Sequence[str], *, draws: bool = True
-) -> list[dict[str, Any]]:
-    """The predictions of several operating points, sharing what they have in common: see `prediction`.
+) -> list[PointPrediction | NoAnswer]:
+    """The predictions of several operating points, sharing what they have in common: see `predict`.
 
-    A point without an answer gets {"text": why}; the others are not held up by it. Without `draws` intervals are those
+    A point without an answer says why; the others are not held up by it. Without `draws` intervals are those
     of straight lines, however skew the answers are: for many points of one curve.
     """
     try:
         check_calculable(model)
     except SimulationError as error:
-        return [{"text": f"Stability and amplitude: no answer; {error}."} for _ in points]
+        return [NoAnswer(f"Stability and amplitude: no answer; {error}.") for _ in points]
     try:
-        return _documents(model, points, names, draws)
+        return [*_predictions(model, points, names, draws)]
     except SimulationError as error:
         if len(points) == 1:
-            return [{"text": f"no answer for this operating point: {error}"}]
-        return [document for point in points for document in predictions(model, [point], names, draws=draws)]
+            return [NoAnswer(f"no answer for this operating point: {error}")]
+        return [answer for point in points for answer in predictions(model, [point], names, draws=draws)]
 
 
-def _documents(
+def _predictions(
     model: Model, points: Sequence[OperatingPoint], names: Sequence[str], draws: bool
-) -> list[dict[str, Any]]:
+) -> list[PointPrediction]:
     check_calculable(model)
     maps = [_map(model, point) for point in points]
     speeds = [abs(float(point.drive_speed)) for point in points]
@@ -101,7 +109,7 @@ def _documents(
         raise SimulationError(f"the covariance names {unknown[0]!r}; the model has {', '.join(model.parameter_names)}")
     shared: dict[tuple[int, bytes], Array | None] | None = {} if draws else None
     return [
-        _document(map_, answer, _Intervals(map_, answer, point.covariance, tuple(names), shared))
+        _prediction(map_, answer, _Intervals(map_, answer, point.covariance, tuple(names), shared))
         for map_, point, answer in zip(maps, points, solution_sets(maps, speeds), strict=True)
     ]
 
@@ -116,27 +124,30 @@ def _map(model: Model, point: OperatingPoint) -> CycleMap:
     return CycleMap(model, load, np.array([float(point.values[name]) for name in model.parameter_names]))
 
 
-def _document(map_: CycleMap, answer: SolutionSet, spread: _Intervals) -> dict[str, Any]:
+def _prediction(map_: CycleMap, answer: SolutionSet, spread: _Intervals) -> PointPrediction:
     speed, forms = answer.steady.drive_speed, closed_forms(spread.values)
-    document: dict[str, Any] = {
-        "operating_point": {
+    amplitude = _amplitude(map_, answer, spread)
+    made = PointPrediction(
+        operating_point={
             "drive_speed": number(speed, "m/s", ""),
             "normal_force": number(map_.normal_force, "N", ""),
         },
-        "stability": _stability(answer, spread),
-        "amplitude": _amplitude(map_, answer, spread),
-        "groups": {
+        stability=_stability(answer, spread),
+        amplitude=AmplitudeAnswer(amplitude),
+        groups={
             name: number(value, MEANING[name][0], MEANING[name][1], spread.form(name, value))
             for name, value in asdict(forms.groups).items()
         },
-    }
-    ignored = beyond(map_.model.effects)
-    document["closed_forms"] = _closed_forms(forms, answer, document, spread, ignored)
-    document["stability"]["text"] = stability_text(document)
-    document["amplitude"]["text"] = amplitude_text(document)
-    document["closed_forms"]["text"] = closed_form_text(document)
-    document["text"] = "\n".join(document[part]["text"] for part in ("stability", "amplitude", "closed_forms"))
-    return document
+        closed_forms=_closed_forms(forms, answer, amplitude, spread, beyond(map_.model.effects)),
+    )
+    texts = stability_text(made), amplitude_text(made), closed_form_text(made)
+    return replace(
+        made,
+        stability=replace(made.stability, text=texts[0]),
+        amplitude=replace(made.amplitude, text=texts[1]),
+        closed_forms=replace(made.closed_forms, text=texts[2]),
+        text="\n".join(texts),
+    )
 
 
 class _Intervals:
@@ -278,8 +289,8 @@ def _limits_of_draws(limit: StickSlipLimit, slopes: Array, uncertain: Uncertain)
     return np.array([np.nan if end is None else float(end[0]) / limit.speed for end in ends])
 
 
-def _stability(answer: SolutionSet, spread: _Intervals) -> dict[str, Any]:
-    steady, windows = answer.steady, answer.windows
+def _stability(answer: SolutionSet, spread: _Intervals) -> StabilityAnswer:
+    steady, windows, orbit = answer.steady, answer.windows, answer.orbit
     low, high = windows.searched
     if not windows.sticking:
         why = f"no stick-slip was found at any drive speed from {said(low, 'm/s')} to {said(high, 'm/s')}"
@@ -287,34 +298,30 @@ def _stability(answer: SolutionSet, spread: _Intervals) -> dict[str, Any]:
         why = f"stick-slip still exists at {said(high, 'm/s')}, the highest speed tried"
     else:
         why = MODEL
-    return {
-        "outcome": answer.outcome.value,
-        "critical_speed": number(answer.end, "m/s", why, spread.end()),
-        "sliding": {
-            "stable": steady.stable,
-            "growth_rate": number(steady.growth, "1/s", MODEL, spread.growth()),
-            "friction_force": number(steady.force, "N", MODEL, spread.force()),
-            "eigenvalues": [[float(z.real), float(z.imag)] for z in steady.eigenvalues],
-            "worn": steady.worn,
-        },
-        "sliding_unstable_between": [list(pair) for pair in windows.unstable],
-        "searched_between": [low, high],
-        "stick_slip_between": [
-            {
-                "from": None if part.low is None else number(part.low.speed, "m/s", MODEL, spread.limit(part.low)),
-                "to": None if part.high is None else number(part.high.speed, "m/s", MODEL, spread.limit(part.high)),
-            }
-            for part in windows.sticking
-        ],
-        "windows": [
-            {"from": window.low, "to": window.high, "outcome": window.outcome.value} for window in windows.listed()
-        ],
-        "multiplier": None if answer.orbit is None else answer.orbit.multiplier,
-        "multipliers": [[float(z.real), float(z.imag)] for z in answer.orbit.multipliers] if answer.orbit else None,
-    }
+
+    def limit(found: StickSlipLimit | None) -> Number | None:
+        return None if found is None else number(found.speed, "m/s", MODEL, spread.limit(found))
+
+    return StabilityAnswer(
+        outcome=answer.outcome.value,
+        critical_speed=number(answer.end, "m/s", why, spread.end()),
+        sliding=SlidingAnswer(
+            stable=steady.stable,
+            growth_rate=number(steady.growth, "1/s", MODEL, spread.growth()),
+            friction_force=number(steady.force, "N", MODEL, spread.force()),
+            eigenvalues=tuple((float(z.real), float(z.imag)) for z in steady.eigenvalues),
+            worn=steady.worn,
+        ),
+        sliding_unstable_between=tuple(windows.unstable),
+        searched_between=(low, high),
+        stick_slip_between=tuple(StickSlipRange(limit(part.low), limit(part.high)) for part in windows.sticking),
+        windows=tuple(SpeedWindow(window.low, window.high, window.outcome.value) for window in windows.listed()),
+        multiplier=None if orbit is None else orbit.multiplier,
+        multipliers=tuple((float(z.real), float(z.imag)) for z in orbit.multipliers) if orbit else None,
+    )
 
 
-def _amplitude(map_: CycleMap, answer: SolutionSet, spread: _Intervals) -> dict[str, Any]:
+def _amplitude(map_: CycleMap, answer: SolutionSet, spread: _Intervals) -> dict[str, Number]:
     if answer.orbit is None:
         why = (
             "it sticks and slips, but not periodically" if answer.outcome is Outcome.IRREGULAR else "no stick-slip here"
@@ -336,31 +343,37 @@ def _inverse(interval: AnswerInterval | None) -> AnswerInterval | None:
 
 
 def _closed_forms(
-    forms: ClosedForms, answer: SolutionSet, document: dict[str, Any], spread: _Intervals, ignored: tuple[str, ...]
-) -> dict[str, Any]:
-    nonlinear, alpha, told = document["amplitude"], forms.groups.alpha, forms.numbers
-    peak, a = nonlinear["peak_speed"]["value"], forms.groups.v_a / answer.steady.drive_speed
+    forms: ClosedForms,
+    answer: SolutionSet,
+    nonlinear: Mapping[str, Number],
+    spread: _Intervals,
+    ignored: tuple[str, ...],
+) -> ClosedFormsAnswer:
+    alpha, told = forms.groups.alpha, forms.numbers
+    peak, a = nonlinear["peak_speed"].value, forms.groups.v_a / answer.steady.drive_speed
     validity = (None, None) if peak is None else (a * peak, spread.validity(a, peak))
 
     unaware = f"not valid here: knows nothing of {' and '.join(ignored)}" if ignored else ""
 
-    def beside(name: str, unit: str, other: float | None) -> dict[str, Any]:
+    def beside(name: str, unit: str, other: float | None) -> Number:
         why = unaware or judged(told[name], other, forms.status, alpha)
         return number(told[name], unit, why, spread.form(name, told[name]))
 
-    def alone(name: str, why: str, there: bool = True) -> dict[str, Any]:
+    def alone(name: str, why: str, there: bool = True) -> Number:
         return number(told[name] if there else None, "", why, spread.form(name, told[name]))
 
     local = unaware or "exact for small disturbances of steady sliding"
     printed = printed_form(forms.groups.zeta, forms.groups.tau_cr)
-    return {
-        "a_V_max": number(validity[0], "", "the closed forms of a slip need this to be far below 1", validity[1]),
-        "slip": forms.status,
-        "ignores": list(ignored),
-        **{name: beside(name, QUANTITIES[name], nonlinear[name]["value"]) for name in CYCLE},
-        "critical_speed": beside("critical_speed", "m/s", answer.end),
-        "Pi": alone("Pi", local, not forms.worn),
-        "Pi_fc": alone("Pi_fc", local, not forms.worn),
-        "Pi_fc_printed": alone("Pi_fc_printed", printed),
-        "Omega_c": alone("Omega_c", local, not forms.worn),
-    }
+    return ClosedFormsAnswer(
+        a_V_max=number(validity[0], "", "the closed forms of a slip need this to be far below 1", validity[1]),
+        slip=forms.status,
+        ignores=ignored,
+        numbers={
+            **{name: beside(name, QUANTITIES[name], nonlinear[name].value) for name in CYCLE},
+            "critical_speed": beside("critical_speed", "m/s", answer.end),
+            "Pi": alone("Pi", local, not forms.worn),
+            "Pi_fc": alone("Pi_fc", local, not forms.worn),
+            "Pi_fc_printed": alone("Pi_fc_printed", printed),
+            "Omega_c": alone("Omega_c", local, not forms.worn),
+        },
+    )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identify.base.quantiles import LEVEL, beta, normal_below
+from identify.base.result import Interval
 from identify.model.model import Model
 from identify.prediction.cycle import CycleMap
 from identify.prediction.intervals import POINT, AnswerInterval, Drawn, OperatingPoint, Spread, draw, unknown
@@ -175,41 +175,47 @@ def alike(linear: AnswerInterval, sampled: tuple[float, float], draws: int) -> b
     return bool(abs(sampled[0] - linear.low) <= apart and abs(sampled[1] - linear.high) <= apart)
 
 
-def document(
-    found: StickSlipProbability, linear: Mapping[str, AnswerInterval | None], values: Mapping[str, float]
-) -> dict[str, Any]:
-    """The certainty as an answer: probabilities, and every quantity with its linear and its sampled interval."""
+@dataclass(frozen=True)
+class ProbabilityNumber:
+    """A probability as the interface gives it: share of the draws with its interval, and by straight lines."""
 
-    def told(probability: Probability | None) -> dict[str, Any] | None:
-        if probability is None:
-            return None
-        return {
-            "value": probability.sampled,
-            "unit": "",
-            "interval": list(probability.interval),
-            "linear": probability.linear,
-        }
+    value: float
+    unit: str
+    interval: tuple[float, float]
+    linear: float | None
 
-    rows = {}
-    for name, ends in found.sampled.items():
-        line = linear.get(name)
-        same = None if line is None else alike(line, ends, found.draws)
-        rows[name] = {
-            "value": values.get(name),
-            "unit": QUANTITIES[name],
-            "linear": None if line is None or same is False else [line.low, line.high],
-            "interval": list(ends),
-            "alike": same,
-            "validity": "interval from draws",
-        }
-    return {
-        "possible": told(found.possible),
-        "certain": told(found.certain),
-        "quantities": rows,
-        "draws": found.draws,
-        "refused": found.refused,
-        "open": list(found.open),
-    }
+
+@dataclass(frozen=True)
+class ComparedInterval:
+    """A quantity of the jumps with its interval from draws; linear: by straight lines, None where these say something
+    else; alike: whether both say the same, None where that cannot be said."""
+
+    value: float | None
+    unit: str
+    linear: Interval | None
+    interval: tuple[float, float]
+    alike: bool | None
+    validity: str = "interval from draws"
+
+
+@dataclass(frozen=True)
+class PredictionCertainty:
+    """How sure the prediction at an operating point is, as the interface gives it; None where there is nothing to
+    say; open: what the data do not tell, so that nothing could be drawn."""
+
+    possible: ProbabilityNumber | None
+    certain: ProbabilityNumber | None
+    quantities: Mapping[str, ComparedInterval]
+    draws: int
+    refused: int
+    open: tuple[str, ...]
+    text: str
+
+
+def _told(probability: Probability | None) -> ProbabilityNumber | None:
+    if probability is None:
+        return None
+    return ProbabilityNumber(probability.sampled, "", probability.interval, probability.linear)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -217,23 +223,18 @@ def document(
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def probability_document(
+def prediction_certainty(
     model: Model,
     point: OperatingPoint,
     names: Sequence[str],
     draws: int = DRAWS,
     seed: int = 0,
-) -> dict[str, Any]:
+) -> PredictionCertainty:
     """Probability of stick-slip at an operating point and intervals of its jumps, by lines and by draws.
 
     Args:
         names: what the covariance of the point is of: parameters, "drive_speed", "normal_force".
         draws: how many; each takes some milliseconds.
-
-    Returns:
-        {"possible", "certain": {"value", "unit", "interval", "linear"}, "quantities": {name: {"value", "unit",
-        "interval", "linear", "alike", "validity"}}, "draws", "refused", "open", "text"}; null where there is
-        nothing to say.
 
     Raises:
         SimulationError: a motion that cannot be integrated.
@@ -242,8 +243,7 @@ def probability_document(
     where = f"{said(drive_speed, 'm/s')} and {said(normal_force, 'N')}"
     if covariance is None or not names:
         why = "nothing that it depends on has an error: give tolerances, priors, or the result of a fit that tells it"
-        empty = document(StickSlipProbability(None, None, {}, 0, 0), {}, {})
-        return empty | {"text": f"How sure this is at {where} cannot be said: {why}."}
+        return PredictionCertainty(None, None, {}, 0, 0, (), f"How sure this is at {where} cannot be said: {why}.")
     map_ = CycleMap(model, normal_force, np.array([float(point.values[name]) for name in model.parameter_names]))
     answer = solution_set(map_, drive_speed)
     found = stick_slip_probability(map_, answer, names, covariance, draws, seed)
@@ -256,23 +256,31 @@ def probability_document(
         slopes = orbit_slopes(map_, answer.orbit, names)
         now = dict(zip(QUANTITIES, row.tolist(), strict=True))
         lines = {name: spread.positive(now[name], s) for name, s in zip(QUANTITIES, slopes, strict=True)}
-    told = document(found, lines, now)
-    return told | {"text": _text(where, found, told)}
+    rows = {}
+    for name, ends in found.sampled.items():
+        line = lines.get(name)
+        same = None if line is None else alike(line, ends, found.draws)
+        shown = None if line is None or same is False else (line.low, line.high)
+        rows[name] = ComparedInterval(now.get(name), QUANTITIES[name], shown, ends, same)
+    text = _text(where, found, rows)
+    return PredictionCertainty(
+        _told(found.possible), _told(found.certain), rows, found.draws, found.refused, found.open, text
+    )
 
 
-def _text(where: str, found: StickSlipProbability, told: Mapping[str, Any]) -> str:
+def _text(where: str, found: StickSlipProbability, rows: Mapping[str, ComparedInterval]) -> str:
     if found.possible is None or found.certain is None:
         return f"Probability of stick-slip at {where}: open, as these data do not tell {', '.join(found.open)}."
     sentences = [
         f"Probability of stick-slip at {where}: {_probability(found.possible, found.draws)}.",
         f"That it starts by itself from steady sliding: {_probability(found.certain, found.draws)}.",
     ]
-    compared = {name: row for name, row in told["quantities"].items() if row["alike"] is not None}
-    if compared and all(row["alike"] for row in compared.values()):
+    compared = [row.alike for row in rows.values() if row.alike is not None]
+    if compared and all(compared):
         sentences.append("Intervals from draws and from straight lines agree.")
-    for name, row in told["quantities"].items():
-        low, high = (said(end, row["unit"]) for end in row["interval"])
-        if name in compared and not row["alike"]:
+    for name, row in rows.items():
+        if row.alike is False:
+            low, high = (said(end, row.unit) for end in row.interval)
             sentences.append(f"95 % of the draws of the {name.replace('_', ' ')} lie from {low} to {high}.")
     if found.refused:
         sentences.append(f"{found.refused} draws were left out: no pair has such friction.")

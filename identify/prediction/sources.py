@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.document import Json, finite
 from identify.base.errors import SimulationError
-from identify.base.outcome import numbers_of
 from identify.base.quantiles import LEVEL, NORMAL, student
+from identify.base.result import Correlation, ParameterResult, Result, UnevenResult
 from identify.base.wording import three_figures
 from identify.model.model import Model
 from identify.prediction.wording import listed, said
@@ -69,34 +69,34 @@ class Pair:
     untold: str = ""
 
 
-def pair_of(document: Mapping[str, Any], scene: Scene, log: int) -> Pair:
-    """The pair of a log of a result (the document of result.json); `log` counts from 0."""
-    groups = groups_of(document, log)
-    if document.get("estimator") == "uneven":
-        return Pair(groups, untold=_uneven(document))
-    mine = dict(groups)
-    entries = document["parameters"]
-    keys = {_parameter(key, entry): key for key, entry in entries.items() if _holds(entry, mine)}
-    missing = [name for name in dict.fromkeys(_parameter(*item) for item in entries.items()) if name not in keys]
+def pair_of(result: Result, scene: Scene, log: int) -> Pair:
+    """The pair of a log of a result; `log` counts from 0."""
+    groups = groups_of(result, log)
+    if result.estimator == "uneven":
+        return Pair(groups, untold=_uneven(result))
+    mine, entries = dict(groups), result.parameters
+    own = {key: entry.parameter or key for key, entry in entries.items()}
+    keys = {own[key]: key for key, entry in entries.items() if not entry.per or entry.group == mine[entry.per]}
+    missing = [name for name in dict.fromkeys(own.values()) if name not in keys]
     if missing:
-        return Pair(groups, untold=_sentence(document, log, missing[0]))
-    values = {name: float(entries[k]["value"]) for name, k in keys.items() if entries[k]["value"] is not None}
+        told = [entry for key, entry in entries.items() if own[key] == missing[0]]
+        return Pair(groups, untold=_sentence(told, groups, missing[0]))
+    values = {name: value for name, key in keys.items() if (value := entries[key].value) is not None}
     ties = ties_of(scene)
     values |= {name: tie.factor * values[tie.to] + tie.offset for name, tie in ties.items() if tie.to in values}
-    names, covariance = _covariance(document, keys)
+    names, covariance = _covariance(result, keys)
     if covariance is not None:
         names, covariance = with_tied(names, covariance, ties)
     return Pair(groups, values, names, covariance)
 
 
-def _uneven(document: Mapping[str, Any]) -> str:
+def _uneven(result: Result) -> str:
     """What is known of a pair whose cycles differ: how they are spread where they were seen, and nothing elsewhere."""
     told = []
-    for name, entry in (document.get("distributions") or {}).items():
-        if isinstance(entry, Mapping):
-            low, middle, high = (three_figures(entry["quantiles"][q]["value"]) for q in ("5", "50", "95"))
-            unit = f" {entry['unit']}" if entry["unit"] else " of the load"
-            told.append(f"{name.replace('_', ' ')} {middle}{unit} ({low} to {high} in nine of ten cycles)")
+    for name, entry in UnevenResult.of(result).distributions.items():
+        low, middle, high = (three_figures(entry.quantiles[q].value or 0.0) for q in ("5", "50", "95"))
+        unit = f" {entry.unit}" if entry.unit else " of the load"
+        told.append(f"{name.replace('_', ' ')} {middle}{unit} ({low} to {high} in nine of ten cycles)")
     seen = f"at the drive speed, stiffness and load of the record: {', '.join(told)}; " if told else ""
     return (
         f"the cycles of this pair differ, and no one friction pair describes them; {seen}anywhere else: extrapolated, "
@@ -104,11 +104,11 @@ def _uneven(document: Mapping[str, Any]) -> str:
     )
 
 
-def groups_of(document: Mapping[str, Any], log: int) -> Groups:
+def groups_of(result: Result, log: int) -> Groups:
     """Which group a log (from 0) of a result belongs to, by everything that its parameters differ by."""
-    labels = document["logs"][log].get("labels") or {}
-    every = dict.fromkeys(str(entry["per"]) for entry in document["parameters"].values() if entry.get("per"))
-    return tuple((per, f"log {log + 1}" if per == EACH_LOG else str(labels.get(per, ""))) for per in every)
+    labels = result.logs[log].labels
+    every = dict.fromkeys(entry.per for entry in result.parameters.values() if entry.per)
+    return tuple((per, f"log {log + 1}" if per == EACH_LOG else labels.get(per, "")) for per in every)
 
 
 def ties_of(scene: Scene) -> dict[str, Tie]:
@@ -130,44 +130,39 @@ def with_tied(names: Sequence[str], covariance: Array, ties: Mapping[str, Tie]) 
     return (*names, *follow), np.outer(scale, scale) * covariance[np.ix_(source, source)]
 
 
-def _holds(entry: Mapping[str, Any], groups: Mapping[str, str]) -> bool:
-    return not entry.get("per") or str(entry.get("group")) == groups[str(entry["per"])]
-
-
-def _parameter(key: str, entry: Mapping[str, Any]) -> str:
-    return str(entry.get("parameter") or key)
-
-
-def _sentence(document: Mapping[str, Any], log: int, name: str) -> str:
+def _sentence(told: Sequence[ParameterResult], groups: Groups, name: str) -> str:
     """Why a log has no values."""
-    told = [e for key, e in document["parameters"].items() if _parameter(key, e) == name]
-    known = ", ".join(str(entry.get("group")) for entry in told)
-    per, mine = next(((p, v) for p, v in groups_of(document, log) if p == told[0].get("per")), ("", ""))
+    known = ", ".join(entry.group for entry in told)
+    per, mine = next(((p, v) for p, v in groups if p == told[0].per), ("", ""))
     whose = f"{mine} has none" if per == EACH_LOG else f"this log is of {per} {mine}" if mine else f"it has no {per}"
     return f"this fit tells {name} of {known} only, and {whose}; fit it again with a log of this group that takes part"
 
 
-def _covariance(document: Mapping[str, Any], keys: Mapping[str, str]) -> tuple[tuple[str, ...], Array | None]:
+def _covariance(result: Result, keys: Mapping[str, str]) -> tuple[tuple[str, ...], Array | None]:
     """Names and covariance [SI] of what was estimated of a pair; None where there is none.
 
     What the logs do not tell has no standard error: its variance is infinite here, and what depends on it is open. The
     errors are those of the correlation; older results tell those of the parameters only, which a profile may have
     given.
     """
-    told = document.get("correlation") or {}
-    order = list(told.get("names") or ())
-    names = tuple(name for name, key in keys.items() if key in order)
-    open_ = np.array([document["parameters"][keys[name]]["standard_error"] is None for name in names])
-    places = [order.index(keys[name]) for name in names]
-    own = told.get("standard_errors")
-    errors = [own[i] if own else document["parameters"][order[i]]["standard_error"] for i in places]
+    told = result.correlation or Correlation()
+    names = tuple(name for name, key in keys.items() if key in told.names)
     if not names:
         return (), None
-    known = np.array([np.nan if e is None else e for e in errors], dtype=float)
-    matrix = np.outer(known, known) * np.array(told["matrix"], dtype=float)[np.ix_(places, places)]
+    open_ = np.array([result.parameters[keys[name]].standard_error is None for name in names])
+    places = [told.names.index(keys[name]) for name in names]
+    matrix = _errors_squared(result, places) * np.array(told.matrix, dtype=float)[np.ix_(places, places)]
     matrix[open_, :] = matrix[:, open_] = 0.0
     matrix[open_, open_] = np.inf
     return (names, matrix) if not np.any(np.isnan(matrix)) else ((), None)
+
+
+def _errors_squared(result: Result, places: Sequence[int]) -> Array:
+    """Products (f, f) of the standard errors [SI] at these places of the correlation, NaN where there are none."""
+    told = result.correlation or Correlation()
+    errors = told.standard_errors or [result.parameters[name].standard_error for name in told.names]
+    known = np.array([errors[i] for i in places], dtype=float)
+    return np.outer(known, known)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -203,59 +198,52 @@ def pooled(values: Array, covariances: Array) -> PooledRecords:
     return PooledRecords(mean, wider * of_mean, between, wider * (between + of_mean))
 
 
-def pooled_result(documents: Sequence[Mapping[str, Any]], model: Model) -> dict[str, Any]:
-    """The document of the first result with the values of all, and the covariance of one more record of the pair.
+def pooled_result(results: Sequence[Result], model: Model) -> Result:
+    """The first result with the values of all, and the covariance of one more record of the pair.
 
     Raises:
         SimulationError: results that do not estimate the same parameters.
     """
-    first = dict(documents[0])
-    names = [tuple((d.get("correlation") or {}).get("names") or ()) for d in documents]
-    told = [all(d["parameters"][n]["standard_error"] is not None for n in names[0]) for d in documents if names[0]]
-    if len({frozenset(n) for n in names}) != 1 or not told or not all(told):
+    first = results[0]
+    names = first.correlation.names if first.correlation else ()
+    estimated = {frozenset(r.correlation.names if r.correlation else ()) for r in results}
+    if len(estimated) != 1 or not names or any(r.parameters[n].standard_error is None for r in results for n in names):
         raise SimulationError(
             "these results do not tell the same parameters; give results of one pair, fitted with the same scene, "
             "in which every parameter is known"
         )
-    groups = [{n: (e.get("per"), e.get("group")) for n, e in d["parameters"].items()} for d in documents]
+    groups = [{n: (e.per, e.group) for n, e in r.parameters.items()} for r in results]
     if any(other != groups[0] for other in groups):
         raise SimulationError(
             "the parameters of these results differ between other groups of logs; give results of one pair, fitted "
             "with the same scene and labels"
         )
-    logs = np.array([model.parameter(_scatter_parameter(first, name)).scale == "log" for name in names[0]])
-    rows = [_estimates(document, names[0], logs) for document in documents]
+    own = [first.parameters[name].parameter or name for name in names]  # "D (V08)" is one of D
+    logs = np.array([model.parameter(name).scale == "log" for name in own])
+    rows = [_estimates(result, names, logs) for result in results]
     together = pooled(np.array([row for row, _ in rows]), np.array([matrix for _, matrix in rows]))
     values = np.where(logs, np.exp(np.where(logs, together.mean, 0.0)), together.mean)
     scale = np.where(logs, values, 1.0)
     covariance = together.of_next * np.outer(scale, scale)
     sd = np.sqrt(np.diag(covariance))
     entries = {
-        name: {**first["parameters"][name], "value": float(value), "standard_error": float(error)}
-        for name, value, error in zip(names[0], values, sd, strict=True)
+        name: replace(first.parameters[name], value=value, standard_error=error)
+        for name, value, error in zip(names, values.tolist(), sd.tolist(), strict=True)
     }
-    matrix = (covariance / np.outer(sd, sd)).tolist()
-    correlation = {"names": list(names[0]), "matrix": matrix, "standard_errors": sd.tolist()}
-    return first | {"parameters": {**first["parameters"], **entries}, "correlation": correlation}
+    matrix = tuple(map(tuple, (covariance / np.outer(sd, sd)).tolist()))
+    correlation = Correlation(names, matrix, tuple(sd.tolist()))
+    return replace(first, parameters={**first.parameters, **entries}, correlation=correlation)
 
 
-def _scatter_parameter(document: Mapping[str, Any], name: str) -> str:
-    """Which parameter an estimate is of: "D (V08)" is one of D."""
-    return str(document["parameters"][name].get("parameter") or name)
-
-
-def _estimates(document: Mapping[str, Any], names: Sequence[str], logs: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _estimates(result: Result, names: Sequence[str], logs: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Estimates (f,) and covariance (f, f) as they are searched: logarithms where the parameter is."""
-    own = list(document["correlation"]["names"])
-    order = [own.index(name) for name in names]
-    values = np.array([document["parameters"][name]["value"] for name in names], dtype=float)
-    told = document["correlation"].get("standard_errors") or [document["parameters"][n]["standard_error"] for n in own]
-    errors = np.array(told, dtype=float)[order]
+    told = result.correlation or Correlation()
+    order = [told.names.index(name) for name in names]
+    values = np.array([result.parameters[name].value for name in names], dtype=float)
     scale = np.where(logs, values, 1.0)
-    matrix = np.array(document["correlation"]["matrix"], dtype=float)[np.ix_(order, order)]
-    return np.where(logs, np.log(np.where(logs, values, 1.0)), values), matrix * np.outer(
-        errors / scale, errors / scale
-    )
+    matrix = np.array(told.matrix, dtype=float)[np.ix_(order, order)]
+    covariance = matrix * _errors_squared(result, order) / np.outer(scale, scale)
+    return np.where(logs, np.log(np.where(logs, values, 1.0)), values), covariance
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -290,23 +278,20 @@ class Tested:
         return Tested(found)
 
     @staticmethod
-    def of_result(document: Mapping[str, Any]) -> Tested:
-        """The range of the logs that took part in a finished fit (the document of result.json)."""
-        scene = document.get("provenance", {}).get("scene") or {}
-        entries, rig = scene.get("logs") or (), scene.get("rig") or {}
-        logs = document.get("logs", ())
+    def of_result(result: Result) -> Tested:
+        """The range of the logs that took part in a finished fit."""
+        entries, rig = result.scene.get("logs") or (), result.scene.get("rig")
+        assert isinstance(entries, Sequence)
         points = []
-        for number, log in zip(numbers_of(logs), logs, strict=True):
-            if log.get("reason_left_out"):
+        for number, log in zip(result.numbers, result.logs, strict=True):
+            if log.reason_left_out:
                 continue
-            own = entries[number] if number < len(entries) else {}
             said = {
-                "drive_speed": log.get("drive_speed_m_per_s"),
-                "normal_force": log.get("normal_force_N"),
-                "stiffness": own.get("stiffness", rig.get("stiffness")),
+                "drive_speed": log.drive_speed_m_per_s,
+                "normal_force": log.normal_force_N,
+                "stiffness": _stated(entries[number] if number < len(entries) else None) or _stated(rig),
             }
-            plain = {name: v.get("value") if isinstance(v, Mapping) else v for name, v in said.items()}
-            points.append({name: float(v) for name, v in plain.items() if v})
+            points.append({name: value for name, value in said.items() if value})
         return Tested.of(points)
 
     def beyond(self, values: Mapping[str, float]) -> str:
@@ -327,3 +312,9 @@ class Tested:
             return True
         low, high = self.ranges[name]
         return not low / SLACK <= abs(value) <= high * SLACK
+
+
+def _stated(table: Json) -> float | None:
+    """The stiffness [N/m] in a table of a recorded scene."""
+    stiffness = table.get("stiffness") if isinstance(table, Mapping) else None
+    return finite(stiffness.get("value") if isinstance(stiffness, Mapping) else stiffness)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
+from identify.base.result import Number
 from identify.model.model import Model
-from identify.prediction.closed_forms import number
 from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.intervals import POINT, AnswerInterval, OperatingPoint, Spread
 from identify.prediction.map_axes import Site, axis, moved
@@ -19,6 +19,7 @@ from identify.prediction.map_grid import row_at
 from identify.prediction.orbit import long_enough, settle
 from identify.prediction.orbit_search import OrbitSearch, growth_at, losses_of_stability
 from identify.prediction.path import Crossing
+from identify.prediction.point_prediction import number
 from identify.prediction.sources import Tested
 from identify.prediction.wording import said, with_interval
 
@@ -123,14 +124,41 @@ class StabilisingChange:
     reason: str = ""
 
 
+@dataclass(frozen=True)
+class ChangeAdvice:
+    """A change as the interface gives it: the quantity now, its limit and the value advised, which is a least or a most
+    one (at; None without a limit); zeta: of the damping advised."""
+
+    quantity: str
+    label: str
+    now: Number
+    limit: Number
+    advised: Number
+    zeta: float | None
+    at: str | None
+    kind: str | None
+    extrapolated: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class StabilisingAdvice:
+    """What to change, one of these, so that sliding is steady with a margin, or stays so."""
+
+    steady: bool
+    margin: float
+    changes: tuple[ChangeAdvice, ...]
+    text: str
+
+
 def stabilising_changes(
     model: Model,
     point: OperatingPoint,
     names: Sequence[str] = (),
     tested: Tested | None = None,
     margin: float = MARGIN,
-) -> dict[str, Any]:
-    """What to change so that sliding is steady at an operating point, as a JSON-able document.
+) -> StabilisingAdvice:
+    """What to change so that sliding is steady at an operating point.
 
     Args:
         names: what the covariance of the point is of: parameters, "drive_speed", "normal_force".
@@ -138,9 +166,7 @@ def stabilising_changes(
         margin: share by which the quantity is to stay away from its limit.
 
     Returns:
-        {"steady", "margin", "changes": [{"quantity", "now", "limit", "advised", "at", "kind", "extrapolated",
-        "zeta", "reason"}], "text"}. Limits and advised values are {"value", "unit", "interval", "validity"}, null where
-        there is none. All but the one quantity is held; "at" is "least" or "most".
+        one change per quantity, all but that one held; limits and advised values without a value where there is none.
 
     Raises:
         SimulationError: a model or an operating point without an answer.
@@ -159,7 +185,7 @@ def stabilising_changes(
     asked = [name for name in FACTORS if NEEDS.get(name, "stiffness") in model.parameter_names]
     found = {n: nearest_turn(site, n, *_span(site, n)) for n in asked if axis(site, n).value > 0.0}
     changes = [_change(site, n, here, turn, spread, tested, margin) for n, (here, turn) in found.items()]
-    return _document(site, found["drive_speed"][0], changes, margin)
+    return _advice(site, found["drive_speed"][0], changes, margin)
 
 
 def _change(
@@ -218,7 +244,7 @@ def _steady_up_to(site: Site, name: str, limit: float, advised: float) -> bool:
     return True
 
 
-def _document(site: Site, steady: bool, changes: Sequence[StabilisingChange], margin: float) -> dict[str, Any]:
+def _advice(site: Site, steady: bool, changes: Sequence[StabilisingChange], margin: float) -> StabilisingAdvice:
     rows = [_row(change, site.values["stiffness"]) for change in changes]
     where = f"{said(site.drive_speed, 'm/s')} and {said(site.normal_force, 'N')}"
     share = f"a margin of {100 * margin:.3g} %"
@@ -227,11 +253,10 @@ def _document(site: Site, steady: bool, changes: Sequence[StabilisingChange], ma
         if steady
         else f"To make sliding steady at {where} with {share}, one of these, all else held:"
     )
-    text = "\n".join([head, *(_sentence(row, steady) for row in rows)])
-    return {"steady": steady, "margin": margin, "changes": rows, "text": text}
+    return StabilisingAdvice(steady, margin, tuple(rows), "\n".join([head, *(_sentence(row, steady) for row in rows)]))
 
 
-def _row(change: StabilisingChange, stiffness: float) -> dict[str, Any]:
+def _row(change: StabilisingChange, stiffness: float) -> ChangeAdvice:
     words, unit = WORDS[change.quantity]
     turn, advised, interval = change.turn, change.advised, change.interval
     limit = None if turn is None else turn.value
@@ -239,43 +264,36 @@ def _row(change: StabilisingChange, stiffness: float) -> dict[str, Any]:
     if interval is not None and advised is not None and limit and advised != change.now:
         ends = [None if end is None else end * advised / limit for end in (interval.low, interval.high)]
         scaled = AnswerInterval(ends[0], ends[1], interval.reason)
-    return {
-        "quantity": change.quantity,
-        "label": words,
-        "now": number(change.now, unit, ""),
-        "limit": number(limit, unit, "" if turn is None else turn.kind, interval),
-        "advised": number(advised, unit, change.reason, scaled),
-        "zeta": None if change.quantity != "damping" or not advised else advised / (2.0 * stiffness),
-        "at": None if turn is None else "least" if turn.rising else "most",
-        "kind": None if turn is None else turn.kind,
-        "extrapolated": change.extrapolated,
-        "reason": change.reason,
-    }
+    return ChangeAdvice(
+        quantity=change.quantity,
+        label=words,
+        now=number(change.now, unit, ""),
+        limit=number(limit, unit, "" if turn is None else turn.kind, interval),
+        advised=number(advised, unit, change.reason, scaled),
+        zeta=None if change.quantity != "damping" or not advised else advised / (2.0 * stiffness),
+        at=None if turn is None else "least" if turn.rising else "most",
+        kind=None if turn is None else turn.kind,
+        extrapolated=change.extrapolated,
+        reason=change.reason,
+    )
 
 
-def _sentence(row: Mapping[str, Any], steady: bool) -> str:
-    unit, limit, advised = row["now"]["unit"], row["limit"], row["advised"]
-    if limit["value"] is None:
-        return f"- {row['label']}: {'any' if steady else 'cannot be reached'}; {row['reason']}."
-    if advised["value"] is None:
-        return f"- {row['label']}: {row['reason']} ({_limit(limit)})."
-    word = "at least" if row["at"] == "least" else "at most"
-    ratio = f" (ζ = {row['zeta']:.3g})" if row["zeta"] is not None else ""
-    kept = " as it is" if advised["value"] == row["now"]["value"] else f" now {said(row['now']['value'], unit)}"
-    notes = [f"limit {_limit(limit)}, {row['kind']}"]
-    if row["extrapolated"]:
+def _sentence(row: ChangeAdvice, steady: bool) -> str:
+    unit, limit, advised, now, least = row.now.unit, row.limit, row.advised.value, row.now.value, row.at == "least"
+    # each limit stands alone, so each says its own reason why its interval is open
+    reach = f"{said(limit.value, limit.unit)} ({limit.reason})" if limit.reason else with_interval(limit)
+    if limit.value is None:
+        return f"- {row.label}: {'any' if steady else 'cannot be reached'}; {row.reason}."
+    if advised is None:
+        return f"- {row.label}: {row.reason} ({reach})."
+    notes = [f"limit {reach}, {row.kind}"]
+    if row.extrapolated:
         notes.append("extrapolated: outside the tested range")
-    ends = limit["interval"] or (None, None)
-    beyond = ends[1] if row["at"] == "least" else ends[0]
-    if beyond is not None and (beyond > advised["value"] if row["at"] == "least" else beyond < advised["value"]):
+    beyond = limit.ends[1] if least else limit.ends[0]
+    if beyond is not None and (beyond > advised if least else beyond < advised):
         notes.append("the interval of the limit reaches beyond the margin")
-    if advised["value"] == row["now"]["value"]:
-        return f"- {row['label']}:{kept} ({said(advised['value'], unit)}); {'; '.join(notes)}."
-    return f"- {row['label']} {word} {said(advised['value'], unit)}{ratio},{kept} ({'; '.join(notes)})."
-
-
-def _limit(limit: Mapping[str, Any]) -> str:
-    """A limit with its interval, or why that is open: each limit stands alone, so each says its own reason."""
-    if limit.get("reason"):
-        return f"{said(limit['value'], limit['unit'])} ({limit['reason']})"
-    return with_interval(limit)
+    if advised == now:
+        return f"- {row.label}: as it is ({said(advised, unit)}); {'; '.join(notes)}."
+    ratio = f" (ζ = {row.zeta:.3g})" if row.zeta is not None else ""
+    word = "at least" if least else "at most"
+    return f"- {row.label} {word} {said(advised, unit)}{ratio}, now {said(now, unit)} ({'; '.join(notes)})."

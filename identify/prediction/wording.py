@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identify.base.result import Number
 from identify.base.wording import speed_scale
 
-Document = Mapping[str, Any]
+if TYPE_CHECKING:
+    from identify.prediction.point_prediction import PointPrediction, SpeedWindow, StickSlipRange
+
 OPEN = "interval open: "  # how a reason begins
 MOST_PLACES = 8
 LEAST = 0.0999  # of a unit, from which on it is taken
@@ -51,18 +54,17 @@ def _digits(value: float, digits: int) -> str:
     return f"{value:.3g}" if value == 0 else np.format_float_positional(value, digits, fractional=False, trim="-")
 
 
-def with_interval(entry: Mapping[str, Any]) -> str:
+def with_interval(entry: Number) -> str:
     """The number and its interval in one unit, with as many decimals as tell the ends apart."""
-    value, unit = entry["value"], entry["unit"]
-    low, high = entry["interval"] or (None, None)
-    if entry.get("reason"):
-        return f"{said(value, unit)} (interval open)"
-    if low is None or high is None:
-        return said(value, unit)
-    name, factor = _scale(value, unit)
+    value, (low, high) = entry.value, entry.ends
+    if entry.reason:
+        return f"{said(value, entry.unit)} (interval open)"
+    if value is None or low is None or high is None:
+        return said(value, entry.unit)
+    name, factor = _scale(value, entry.unit)
     shown = [v / factor for v in (value, low, high)]
     if not shown[2] > shown[1]:
-        return said(value, unit)
+        return said(value, entry.unit)
     places = max(_places(shown[0]) + 2, _places((shown[2] - shown[1]) / 2))
     middle, first, last = (f"{v:.{min(max(places, 0), MOST_PLACES)}f}" for v in shown)
     return f"{middle} {name} (95 %: {first} to {last})".replace("  ", " ")
@@ -73,22 +75,21 @@ def _places(value: float) -> int:
     return 0 if value == 0 or not np.isfinite(value) else -int(np.floor(np.log10(abs(value))))
 
 
-def _why_open(entries: Iterable[Mapping[str, Any]]) -> str:
+def _why_open(entries: Iterable[Number]) -> str:
     """One sentence for all intervals that are open."""
-    reasons = dict.fromkeys(entry["reason"].removeprefix(OPEN) for entry in entries if entry.get("reason"))
+    reasons = dict.fromkeys(entry.reason.removeprefix(OPEN) for entry in entries if entry.reason)
     return f" Intervals are open where {'; or '.join(reasons)}." if reasons else ""
 
 
-def _how(entries: Iterable[Mapping[str, Any]]) -> str:
+def _how(entries: Iterable[Number]) -> str:
     """One sentence where intervals are those of draws."""
-    drawn = any(entry.get("interval_from") == "draws" for entry in entries)
+    drawn = any(entry.interval_from == "draws" for entry in entries)
     return " Intervals are those of draws, as a straight line does not hold so far." if drawn else ""
 
 
-def _where(document: Document) -> str:
-    point = document["operating_point"]
-    speed, force = point["drive_speed"], point["normal_force"]
-    return f"{said(speed['value'], 'm/s')} and {said(force['value'], 'N')}"
+def _where(prediction: PointPrediction) -> str:
+    point = prediction.operating_point
+    return f"{said(point['drive_speed'].value, 'm/s')} and {said(point['normal_force'].value, 'N')}"
 
 
 OUTCOMES = {
@@ -106,61 +107,57 @@ WINDOWS = {
 }  # what holds over a range of drive speeds
 
 
-def stability_text(document: Document) -> str:
+def stability_text(prediction: PointPrediction) -> str:
     """What the pair does here, and over which drive speeds."""
-    answer = document["stability"]
-    sentence = OUTCOMES[answer["outcome"]]
-    if answer["outcome"] == "sticks irregularly" and answer["sliding"]["stable"]:
+    answer = prediction.stability
+    sentence = OUTCOMES[answer.outcome]
+    if answer.outcome == "sticks irregularly" and answer.sliding.stable:
         sentence += ", and steady sliding goes on too where it has begun"
-    lines = [f"At {_where(document)} {sentence}."]
-    ends = [limit for part in answer["stick_slip_between"] for limit in (part["from"], part["to"]) if limit]
-    if not answer["stick_slip_between"]:
-        lines.append(f"{_capital(answer['critical_speed']['validity'])}.")
-    lines += [_stretch(part, answer["searched_between"]) for part in answer["stick_slip_between"]]
-    lines.append(_windows(answer["windows"]))
+    lines = [f"At {_where(prediction)} {sentence}."]
+    ends = [limit for part in answer.stick_slip_between for limit in (part.low, part.high) if limit]
+    if not answer.stick_slip_between:
+        validity = answer.critical_speed.validity
+        lines.append(f"{validity[:1].upper()}{validity[1:]}.")
+    lines += [_stretch(part, answer.searched_between[1]) for part in answer.stick_slip_between]
+    lines.append(_windows(answer.windows))
     return " ".join(lines) + _why_open(ends) + _how(ends)
 
 
-def _stretch(part: Document, searched: Sequence[float]) -> str:
+def _stretch(part: StickSlipRange, fastest: float) -> str:
     """Between which drive speeds there is stick-slip."""
-    low, high = part["from"], part["to"]
-    if low is not None and high is not None:
-        return f"Stick-slip exists from {with_interval(low)} to {with_interval(high)}."
-    if high is not None:
-        return f"Stick-slip ends above a drive speed of {with_interval(high)}."
-    reach = f"the highest speed tried ({said(searched[1], 'm/s')})"
-    if low is not None:
-        return f"Stick-slip begins above {with_interval(low)} and still exists at {reach}."
+    if part.low is not None and part.high is not None:
+        return f"Stick-slip exists from {with_interval(part.low)} to {with_interval(part.high)}."
+    if part.high is not None:
+        return f"Stick-slip ends above a drive speed of {with_interval(part.high)}."
+    reach = f"the highest speed tried ({said(fastest, 'm/s')})"
+    if part.low is not None:
+        return f"Stick-slip begins above {with_interval(part.low)} and still exists at {reach}."
     return f"Stick-slip exists at every drive speed up to {reach}."
 
 
-def _windows(windows: Sequence[Document]) -> str:
+def _windows(windows: Sequence[SpeedWindow]) -> str:
     """The windows of drive speed in one sentence."""
     if len(windows) == 1:
-        return f"At every drive speed searched: {WINDOWS[windows[0]['outcome']].rstrip(',')}."
+        return f"At every drive speed searched: {WINDOWS[windows[0].outcome].rstrip(',')}."
     parts = []
     for i, window in enumerate(windows):
-        low, high = said(window["from"], "m/s"), said(window["to"], "m/s")
+        low, high = said(window.low, "m/s"), said(window.high, "m/s")
         where = f"up to {high}" if i == 0 else f"above {low}" if i + 1 == len(windows) else f"from {low} to {high}"
-        parts.append(f"{WINDOWS[window['outcome']]} {where}")
+        parts.append(f"{WINDOWS[window.outcome]} {where}")
     return f"By drive speed: {'; '.join(parts)}."
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 SHOWN = ("peak_to_valley", "drop", "period", "peak_speed")  # with their intervals
 
 
-def amplitude_text(document: Document) -> str:
+def amplitude_text(prediction: PointPrediction) -> str:
     """Size and timing of the jumps."""
-    part = document["amplitude"]
-    if part["drop"]["value"] is None:
-        return f"Amplitude at {_where(document)}: none; {part['drop']['validity']}."
-    plain = {name: said(entry["value"], entry["unit"]) for name, entry in part.items() if name != "text"}
+    part = prediction.amplitude.numbers
+    if part["drop"].value is None:
+        return f"Amplitude at {_where(prediction)}: none; {part['drop'].validity}."
+    plain = {name: said(entry.value, entry.unit) for name, entry in part.items()}
     return (
-        f"At {_where(document)} the force falls by {with_interval(part['peak_to_valley'])} from peak to valley, "
+        f"At {_where(prediction)} the force falls by {with_interval(part['peak_to_valley'])} from peak to valley, "
         f"every {with_interval(part['period'])}: "
         f"{plain['stick_duration']} of stick, {plain['slip_duration']} of slip over {plain['slip_distance']}, "
         f"at up to {with_interval(part['peak_speed'])}; "
@@ -171,18 +168,19 @@ def amplitude_text(document: Document) -> str:
     )
 
 
-def closed_form_text(document: Document) -> str:
+def closed_form_text(prediction: PointPrediction) -> str:
     """What the paper's closed forms would have said."""
-    part = document["closed_forms"]
-    if part["ignores"]:
-        return f"The paper's closed forms are not valid here: they know nothing of {' and '.join(part['ignores'])}."
-    reach = part["a_V_max"]["value"]
+    part = prediction.closed_forms
+    if part.ignores:
+        return f"The paper's closed forms are not valid here: they know nothing of {' and '.join(part.ignores)}."
+    reach = part.a_V_max.value
     head = "The paper's closed forms need a V_max far below 1" + (
         "." if reach is None else f"; here it is {reach:.2g}."
     )
-    if part["slip"] == "runaway":
-        return f"{head} They are {part['drop']['validity']}."
-    words = [f"{name} {said(part[key]['value'], part[key]['unit'])} ({part[key]['validity']})" for name, key in ROWS]
+    told = [(name, part.numbers[key]) for name, key in ROWS]
+    if part.slip == "runaway":
+        return f"{head} They are {told[0][1].validity}."
+    words = [f"{name} {said(entry.value, entry.unit)} ({entry.validity})" for name, entry in told]
     return f"{head} They give: {'; '.join(words)}."
 
 

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
+from identify.base.document import Json, finite, to_dict
+from identify.base.result import QualityFigure
 from identify.prediction.wording import WINDOWS
-from identify.report.quantity_text import (
-    DASH,
-    ends_text,
-    finite,
-    number,
-    places_for,
-    quantity,
-    scale_for,
-    speed,
-    split_key,
-)
+from identify.report.quantity_text import DASH, ends_text, number, places_for, quantity, scale_for, speed, split_key
 from identify.report.report_tables import Cell, Row, Table, plain_text
 from identify.report.report_wording import ANSWER_ORDER, ANSWER_WORDS, OUTCOMES, RECORD_WORDS, SLIPS
 
 Path = tuple[str, ...]
-Entry = Mapping[str, Any]
+Entry = Mapping[str, Json]
 Column = Mapping[Path, Entry]
 WORDS = {**OUTCOMES, **SLIPS}
 SHOWN = ("omega_n", "zeta", "tau_cr", "v_cr", "v_acr", "gamma_0", "w")
@@ -30,7 +21,7 @@ NOTHING = 1e-9  # a pure number below this is shown as next to nothing
 SAID_ONCE = ":"  # of a long validity only what stands before this is said again
 
 
-def answer_table(columns: Sequence[tuple[Cell, Mapping[str, Any]]], corner: str) -> Table | None:
+def answer_table(columns: Sequence[tuple[Cell, Mapping[str, Json]]], corner: str) -> Table | None:
     """A table with one column per (head, entries) and one row per quantity; None without any entry.
 
     Nested mappings become parts of the table; plain numbers, texts and truth values are taken too, lists and
@@ -46,7 +37,7 @@ def answer_table(columns: Sequence[tuple[Cell, Mapping[str, Any]]], corner: str)
     return Table(corner, tuple(head for head, _ in columns), tuple(rows)) if rows else None
 
 
-def said_once(entries: Mapping[str, Any], elsewhere: Mapping[str, Any]) -> Mapping[str, Any]:
+def said_once(entries: Entry, elsewhere: Entry) -> Entry:
     """The entries of a log without what stands in another table as well; of the dimensionless groups those that say
     something of the pair and the rig, while result.json holds all that the closed forms are made of."""
     entries = {key: entry for key, entry in entries.items() if key != "advice"}  # has a table of its own
@@ -56,15 +47,15 @@ def said_once(entries: Mapping[str, Any], elsewhere: Mapping[str, Any]) -> Mappi
     return {**entries, "groups": {key: entry for key, entry in groups.items() if key in SHOWN and key not in elsewhere}}
 
 
-def of_record(figures: Mapping[str, Any]) -> Mapping[str, Any]:
+def of_record(figures: Mapping[str, QualityFigure]) -> Entry:
     """Figures of the data quality of one log, named as what the record alone tells."""
     return {
-        key: {"label": RECORD_WORDS[key], **entry} if key in RECORD_WORDS and isinstance(entry, Mapping) else entry
-        for key, entry in figures.items()
+        key: {**({"label": RECORD_WORDS[key]} if key in RECORD_WORDS else {}), **to_dict(figure)}
+        for key, figure in figures.items()
     }
 
 
-def sentences(entries: Mapping[str, Any], several: bool = False) -> tuple[str, ...]:
+def sentences(entries: Entry, several: bool = False) -> tuple[str, ...]:
     """What the entries say in whole sentences (key "text" of their parts, or their own); of several logs not what is
     nearly the same for all of them, and stands in the table: the stability."""
     silent = ("closed_forms", "advice", *(("stability",) if several and "amplitude" in entries else ()))
@@ -73,9 +64,9 @@ def sentences(entries: Mapping[str, Any], several: bool = False) -> tuple[str, .
     return tuple(told or [line for line in str(entries.get("text") or "").splitlines() if line])
 
 
-def interval_text(interval: Any, value: float | None, unit: str) -> str:
+def interval_text(interval: object, value: float | None, unit: str) -> str:
     """ "0.618 to 0.622" in the unit in which the value is shown; open ends as "above" and "below"; "" for none."""
-    if not isinstance(interval, Sequence) or isinstance(interval, str) or len(interval) != 2:
+    if not isinstance(interval, Sequence) or len(interval) != 2:
         return ""
     low, high = finite(interval[0]), finite(interval[1])
     scale = scale_for(value if value is not None else low if low is not None else high, unit)
@@ -90,14 +81,14 @@ def interval_text(interval: Any, value: float | None, unit: str) -> str:
     return f"below {number(high / scale.factor, 3)}" if high is not None else ""
 
 
-def _leaves(entries: Mapping[str, Any], above: Path = ()) -> Iterator[tuple[Path, Entry]]:
+def _leaves(entries: Entry, above: Path = ()) -> Iterator[tuple[Path, Entry]]:
     for key, entry in entries.items():
         if isinstance(entry, Mapping) and "value" not in entry:
             yield from _leaves(entry, (*above, str(key)))
         elif isinstance(entry, Mapping):
             yield (*above, str(key)), entry
         elif key == "sliding_unstable_between" and isinstance(entry, list):
-            spans = [" to ".join(speed(end) for end in span) for span in entry]
+            spans = [" to ".join(speed(finite(end)) for end in span) for span in entry]
             yield (*above, str(key)), {"value": ", ".join(spans) or "nowhere", "unit": ""}
         elif key == "windows" and isinstance(entry, list):
             yield (*above, str(key)), {"value": _windows(entry), "unit": ""}
@@ -105,10 +96,10 @@ def _leaves(entries: Mapping[str, Any], above: Path = ()) -> Iterator[tuple[Path
             yield (*above, str(key)), {"value": entry, "unit": split_key(str(key))[1]}
 
 
-def _windows(windows: Sequence[Mapping[str, Any]]) -> str:
+def _windows(windows: Sequence[Entry]) -> str:
     """What holds over which drive speeds, in rising order."""
     words = [WINDOWS.get(str(window["outcome"]), str(window["outcome"])).split(",")[0] for window in windows]
-    ends = [f" up to {speed(window['to'])}" for window in windows[:-1]]
+    ends = [f" up to {speed(finite(window['to']))}" for window in windows[:-1]]
     return "; ".join(word + end for word, end in zip(words, [*ends, " above" if ends else ""], strict=True))
 
 
@@ -150,7 +141,7 @@ def _row(key: str, entries: Sequence[Entry | None], shared: str, heard: Sequence
     return Row(label, tuple(cells), note=" · ".join(note for note in notes if note))
 
 
-def _validities(entries: Any) -> set[str]:
+def _validities(entries: Iterable[Entry | None]) -> set[str]:
     return {str(entry.get("validity") or "") for entry in entries if entry is not None}
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from identify.base.outcome import LogCurves
+from identify.base.result import StrengthCurve, UnevenCycles, UnevenResult
 from identify.report.quantity_text import number, scale_for
 from identify.report.style import (
     ARREST,
@@ -133,16 +133,15 @@ def _histogram(axes: Axes, values: Sequence[Array], unit: str, name: str) -> Non
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def draw_uneven(result: Mapping[str, Any]) -> Iterator[tuple[int, Drawing]]:
+def draw_uneven(uneven: UnevenResult) -> Iterator[tuple[int, Drawing]]:
     """One figure per log that the estimator of uneven records took, with the number of the log (from 1)."""
-    curve = result.get("strength_against_rest") or {}
-    for table in result.get("uneven_cycles") or ():
-        yield int(table["log"]), _draw(table, curve)
+    for cycles in uneven.uneven_cycles:
+        yield cycles.log, _draw(cycles, uneven.strength_against_rest)
 
 
-def _draw(table: Mapping[str, Any], curve: Mapping[str, Any]) -> Drawing:
+def _draw(cycles: UnevenCycles, curve: StrengthCurve | None) -> Drawing:
     names = ("cycle", "onset_s", "rest_s", "onset", "drop", "strength", "level", "odd")
-    column = {name: np.array([np.nan if v is None else v for v in table[name]], dtype=np.float64) for name in names}
+    column = {name: np.array(getattr(cycles, name), dtype=np.float64) for name in names}
     odd = column["odd"] > 0.9
     figure = Figure(figsize=(WIDE, 3.0))
     grid = figure.add_gridspec(1, 2, width_ratios=(1.9, 1.0), left=0.06, right=0.992, top=0.9, bottom=0.16, wspace=0.18)
@@ -160,24 +159,24 @@ def _draw(table: Mapping[str, Any], curve: Mapping[str, Any]) -> Drawing:
     along.legend(loc="upper left", ncols=4)
     frame(along, "time (s)", "", "friction over load")
     against = figure.add_subplot(grid[0, 1])
-    if "rest_s" in curve:
-        against.fill_between(curve["rest_s"], curve["lower"], curve["upper"], color=SHADE, linewidth=0)
-        against.plot(curve["rest_s"], curve["strength"], color=FITTED, label="usual strength, 95 % band")
+    if curve is not None:
+        against.fill_between(curve.rest_s, curve.lower, curve.upper, color=SHADE, linewidth=0)
+        against.plot(curve.rest_s, curve.strength, color=FITTED, label="usual strength, 95 % band")
         against.legend(loc="upper right")
     against.plot(column["rest_s"], column["strength"], "o", color=ONSET, markersize=3.2)
     _from_zero(against)
     frame(against, "rest before the slip (s)", "", "strength over load")
     return Drawing(
-        name=f"log_{table['log']}_uneven",
+        name=f"log_{cycles.log}_uneven",
         figure=figure,
-        alt=f"Onsets, arrests and slow level of the {time.size} cycles of log {table['log']}, and their strengths "
+        alt=f"Onsets, arrests and slow level of the {time.size} cycles of log {cycles.log}, and their strengths "
         "against the rest before them.",
         caption="Left: friction over the load at onsets and arrests, and the slow level that the cycles follow; odd "
         "slips are numbered: their level changed by more than the wander explains. Right: strength of every stick "
         "(onset above the slow level) against its rest; line and band: the usual strength, within the rests seen. A "
         "stick is long because the spot was strong, so the points rise more steeply than the line.",
         wide=True,
-        tables={f"log_{table['log']}_uneven": column},
+        tables={f"log_{cycles.log}_uneven": column},
     )
 
 

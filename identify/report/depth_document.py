@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.document import finite
 from identify.base.quantiles import LEVEL
+from identify.base.result import (
+    AccuracyLevel,
+    AccuracyResult,
+    BootstrapInterval,
+    BootstrapResult,
+    CombinationsResult,
+    DirectionResult,
+    Interval,
+    LevelCost,
+    NaturalResult,
+    NoiseResult,
+    ProfileCurve,
+    ProfileResult,
+    Result,
+)
 from identify.diagnosis.findings import Findings
 from identify.estimation.certainty import Certainty
 from identify.estimation.covariance import parameter_value
@@ -24,20 +39,20 @@ TELLING = 1.05  # by which factor a memory of the noise must widen an interval t
 BENT = 1.2  # by which factor likely points that were met must, for the same
 
 
-def depth_document(sure: Certainty, unknowns: Unknowns, base: Array) -> dict[str, Any]:
-    """`combinations`, `noise`, and `profile`, `bootstrap`, `accuracy_table` where they were run.
+def with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array) -> Result:
+    """The result with combinations and noise, and with profile, bootstrap and table of accuracies where they were run.
 
     Args:
         base: (n_p,) of the rig the values are given for.
     """
-    out: dict[str, Any] = {"combinations": _combinations(sure), "noise": _noise(sure, unknowns)}
-    if sure.profiles is not None:
-        out["profile"] = _profile(sure, unknowns, base)
-    if sure.bootstrap is not None:
-        out["bootstrap"] = _bootstrap(sure, unknowns, base)
-    if sure.accuracy_table is not None:
-        out["accuracy_table"] = _accuracy(sure, unknowns)
-    return out
+    return replace(
+        result,
+        combinations=_combinations(sure),
+        noise=_noise(sure, unknowns),
+        profile=None if sure.profiles is None else _profile(sure, unknowns, base),
+        bootstrap=None if sure.bootstrap is None else _bootstrap(sure, unknowns, base),
+        accuracy_table=None if sure.accuracy_table is None else _accuracy(sure, unknowns),
+    )
 
 
 def noise_note(sure: Certainty) -> str:
@@ -67,7 +82,7 @@ def ridge_note(sure: Certainty, unknowns: Unknowns) -> str:
     )
 
 
-def profile_ends(sure: Certainty | None, unknowns: Unknowns, base: Array) -> dict[str, list[float | None]]:
+def profile_ends(sure: Certainty | None, unknowns: Unknowns, base: Array) -> dict[str, Interval]:
     """The ends of every profile by name, SI: of a parameter at its bound, one is that bound. Empty without profiles."""
     if sure is None or sure.profiles is None:
         return {}
@@ -75,7 +90,8 @@ def profile_ends(sure: Certainty | None, unknowns: Unknowns, base: Array) -> dic
     for i, name in _names(unknowns):
         sides = sure.profiles.ends.get(name)
         if sides is not None:
-            out[name] = [None if s.end is None else parameter_value(unknowns, i, s.end, base[i]) for s in sides]
+            ends = (None if s.end is None else parameter_value(unknowns, i, s.end, base[i]) for s in sides)
+            out[name] = next(ends), next(ends)
     return out
 
 
@@ -83,32 +99,30 @@ def _names(unknowns: Unknowns) -> list[tuple[int, str]]:
     return [(i, unknowns.names[i]) for i in np.flatnonzero(unknowns.free).tolist()]
 
 
-def _combinations(sure: Certainty) -> dict[str, Any]:
-    natural = [
-        {
-            "name": c.natural.name,
-            "meaning": c.natural.meaning,
-            "value": c.value,
-            "unit": c.natural.unit,
-            "standard_error": c.standard_error,
-            "interval": [_finite(end) for end in c.interval],
-            "sharper": c.sharper,
-        }
+def _combinations(sure: Certainty) -> CombinationsResult:
+    natural = (
+        NaturalResult(
+            c.natural.name,
+            c.natural.meaning,
+            c.value,
+            c.natural.unit,
+            c.standard_error,
+            (finite(c.interval[0]), finite(c.interval[1])),
+            c.sharper,
+        )
         for c in sure.combinations
-    ]
-    told = [{"size": d.size, "moves": dict(d.moves), "text": d.text} for d in sure.directions]
-    return {"natural": natural, "directions": told}
+    )
+    directions = (DirectionResult(d.size, dict(d.moves), d.text) for d in sure.directions)
+    return CombinationsResult(tuple(natural), tuple(directions))
 
 
-def _noise(sure: Certainty, unknowns: Unknowns) -> dict[str, Any]:
+def _noise(sure: Certainty, unknowns: Unknowns) -> NoiseResult:
     ratio = np.sqrt(sure.memory)
-    return {
-        "memory_samples": [_finite(c.memory) for c in sure.colours],
-        "widening": {name: _finite(ratio[k]) for k, (_, name) in enumerate(_names(unknowns))},
-    }
+    widening = {name: finite(float(ratio[k])) for k, (_, name) in enumerate(_names(unknowns))}
+    return NoiseResult(tuple(finite(float(c.memory)) for c in sure.colours), widening)
 
 
-def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> dict[str, Any]:
+def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> ProfileResult:
     assert sure.profiles is not None
     memory, ends = sure.memory, profile_ends(sure, unknowns, base)
     out = {}
@@ -116,63 +130,44 @@ def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> dict[str, Any]
         curve, sides = sure.profiles.curves.get(name), sure.profiles.ends.get(name)
         if curve is None or sides is None:
             continue
-        out[name] = {
-            "values": [parameter_value(unknowns, i, float(t), base[i]) for t in curve.theta],
-            "loss": curve.loss.tolist(),
-            "interval": ends[name],
-            "failed": [side.failed for side in sides],
-            "at_bound": [side.walled for side in sides],
-            "standard_error": math.sqrt(float(memory[k] * sure.white[k, k])),  # of theta, by the curvature
-            "logarithmic": bool(unknowns.logarithmic[i]),
-        }
-    return {"level": LEVEL, "limit": CRITICAL, "parameters": out}
+        out[name] = ProfileCurve(
+            values=tuple(parameter_value(unknowns, i, float(t), base[i]) for t in curve.theta),
+            loss=tuple(curve.loss.tolist()),
+            interval=ends[name],
+            failed=tuple(side.failed for side in sides),
+            at_bound=tuple(side.walled for side in sides),
+            standard_error=math.sqrt(float(memory[k] * sure.white[k, k])),
+            logarithmic=bool(unknowns.logarithmic[i]),
+        )
+    return ProfileResult(LEVEL, CRITICAL, out)
 
 
-def _bootstrap(sure: Certainty, unknowns: Unknowns, base: Array) -> dict[str, Any]:
+def _bootstrap(sure: Certainty, unknowns: Unknowns, base: Array) -> BootstrapResult:
     made = sure.bootstrap
     assert made is not None
     out = {}
     for k, (i, name) in enumerate(_names(unknowns)):
-        ends = [
+        low, high = (
             parameter_value(unknowns, i, float(end), base[i]) if math.isfinite(end) else None
             for end in made.interval[k]
-        ]
+        )
         spread = float(np.std(made.replicates[:, k])) if made.replicates.shape[0] > 1 else math.nan
         size = math.sqrt(float(sure.memory[k] * sure.white[k, k]))
-        out[name] = {
-            "interval": ends,
-            "spread_in_standard_errors": _finite(spread / size),
-            "pieces": _finite(made.freedom[k]),
-        }
-    return {
-        "level": LEVEL,
-        "replicates": int(made.settled.size),
-        "failed": int(np.count_nonzero(~made.settled)),
-        "parameters": out,
-    }
+        out[name] = BootstrapInterval((low, high), finite(spread / size), finite(float(made.freedom[k])))
+    return BootstrapResult(LEVEL, int(made.settled.size), int(np.count_nonzero(~made.settled)), out)
 
 
-def _accuracy(sure: Certainty, unknowns: Unknowns) -> list[dict[str, Any]]:
+def _accuracy(sure: Certainty, unknowns: Unknowns) -> tuple[AccuracyLevel, ...]:
     assert sure.accuracy_table is not None
 
     def by_name(values: Array | None) -> dict[str, float | None] | None:
-        return None if values is None else {name: _finite(values[k]) for k, (_, name) in enumerate(_names(unknowns))}
+        names = _names(unknowns)
+        return None if values is None else {name: finite(float(values[k])) for k, (_, name) in enumerate(names)}
 
-    return [
-        {
-            "accuracy": row.level.name,
-            "seconds": row.seconds,
-            "iterations": row.iterations,
-            "steps": row.steps,
-            "shift_in_standard_errors": by_name(row.shift),
-            "left_in_standard_errors": by_name(row.left),
-        }
+    return tuple(
+        AccuracyLevel(row.level.name, row.seconds, row.iterations, row.steps, by_name(row.shift), by_name(row.left))
         for row in sure.accuracy_table
-    ]
-
-
-def _finite(x: float) -> float | None:
-    return float(x) if math.isfinite(x) else None
+    )
 
 
 @dataclass(frozen=True)
@@ -185,7 +180,7 @@ class FitSeconds:
     solve: float
 
 
-def accuracy_document(found: Findings, taken: Accuracy, seconds: FitSeconds) -> dict[str, Any] | None:
+def accuracy_result(found: Findings, taken: Accuracy, seconds: FitSeconds) -> AccuracyResult | None:
     """What the accuracy of a fit cost and gives, what the other levels would, and what each effect took of the seconds
     (processor time, which no other program lengthens); None without an answer.
 
@@ -201,18 +196,15 @@ def accuracy_document(found: Findings, taken: Accuracy, seconds: FitSeconds) -> 
     steps = found.attempt.solved.grid.steps
     first = FEWEST_STEPS if steps < FEWEST_STEPS else max(steps // 2**halvings, FEWEST_STEPS)
     shares = effect_shares(found.unknowns.model)
-    return {
-        "taken": taken.name,
-        "equations_s": seconds.equations * own,
-        "effects_s": {name: share * seconds.equations * own for name, share in shares.items()},
-        "levels": [
-            {
-                "accuracy": cost.level,
-                "steps": cost.steps,
-                "seconds": max(own + cost.seconds, 0.0),
-                "error_in_standard_errors": cost.error if np.isfinite(cost.error) else None,
-                "estimated": cost.level != taken.name,
-            }
-            for cost in accuracy_costs(found.attempt.solved, size, taken, first, seconds.solve)
-        ],
-    }
+    costs = accuracy_costs(found.attempt.solved, size, taken, first, seconds.solve)
+    return AccuracyResult(
+        taken.name,
+        seconds.equations * own,
+        {name: share * seconds.equations * own for name, share in shares.items()},
+        tuple(
+            LevelCost(
+                cost.level, cost.steps, max(own + cost.seconds, 0.0), finite(cost.error), cost.level != taken.name
+            )
+            for cost in costs
+        ),
+    )

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from identify.base.document import Json, to_dict
 from identify.base.errors import FitError
-from identify.base.outcome import LogCurves, Status, numbers_of
+from identify.base.outcome import LogCurves, Status
+from identify.base.result import Result
 from identify.base.wording import wrapped
 from identify.model.model import RIG_PARAMETERS
+from identify.prediction.point_prediction import PointPrediction
 from identify.prediction.predict import predict
 from identify.prediction.sources import pair_of
 from identify.report.first_screen import first_screen
-from identify.report.stored_result import read_result, scene_of
+from identify.report.stored_result import plain, read_document, scene_of
 from identify.report.summary import summary
 from identify.report.text_tables import classical_rows
 from identify.scene import Scene
@@ -51,12 +55,17 @@ class Fit:
         Raises:
             FitError: no such file, or no result of a fit.
         """
-        return Fit(read_result(Path(path)))
+        return Fit(read_document(Path(path)))
 
     @property
     def status(self) -> Status:
         """How the fit ended."""
         return Status(self.result["status"])
+
+    @cached_property
+    def typed(self) -> Result:
+        """The document as values."""
+        return Result.from_dict(plain(self.result))
 
     @property
     def converged(self) -> bool:
@@ -64,10 +73,10 @@ class Fit:
         return self.status is Status.CONVERGED
 
     def __repr__(self) -> str:
-        return summary(self.result)
+        return summary(self.typed)
 
     def _repr_html_(self) -> str:
-        return first_screen(self.result)
+        return first_screen(self.typed)
 
     @property
     def parameters(self) -> pd.DataFrame:
@@ -78,20 +87,18 @@ class Fit:
         import pandas as pd
 
         rows = {}
-        for name, entry in self.result["parameters"].items():
-            (lower, upper), (least, most) = (
-                (entry.get(key) or (None, None)) for key in ("interval", "interval_with_tolerances")
-            )
+        for name, entry in self.typed.parameters.items():
+            least, most = entry.interval_with_tolerances or (None, None)
             rows[name] = {
-                "value": entry["value"],
-                "standard_error": entry["standard_error"],
-                "lower": lower,
-                "upper": upper,
+                "value": entry.value,
+                "standard_error": entry.standard_error,
+                "lower": entry.ends[0],
+                "upper": entry.ends[1],
                 "lower_with_tolerances": least,
                 "upper_with_tolerances": most,
-                "unit": entry["unit"],
-                "verdict": entry["verdict"],
-                "reason": entry["reason"],
+                "unit": entry.unit,
+                "verdict": entry.verdict,
+                "reason": entry.reason,
             }
         frame = pd.DataFrame.from_dict(rows, orient="index")
         numbers = [column for column in frame.columns if column not in ("unit", "verdict", "reason")]
@@ -102,8 +109,8 @@ class Fit:
         """The classical table of all logs, as classical.csv holds it: SI, units in the column names."""
         import pandas as pd
 
-        logs = self.result.get("logs", ())
-        rows = [{"log": number, "path": logs[number - 1]["path"], **row} for number, row in classical_rows(logs)]
+        logs = self.typed.logs
+        rows = [{"log": number, "path": logs[number - 1].path, **row} for number, row in classical_rows(logs)]
         return pd.DataFrame(rows)
 
     @property
@@ -158,7 +165,7 @@ class Fit:
         load = scene.rig.normal_force if normal_force is None else quantity(normal_force, "N", "normal_force")
         if not isinstance(speed, float) or load is None:
             raise FitError(f"log {log} has no single drive speed or normal force; give drive_speed and normal_force")
-        pair = pair_of(self.result, scene, log - 1)
+        pair = pair_of(self.typed, scene, log - 1)
         return Prediction(predict(scene.model, scene.values(), speed, load, pair.covariance, pair.names))
 
     def simulate(
@@ -180,8 +187,8 @@ class Fit:
         """
         self._check_log(log)
         if not self.converged:
-            raise FitError(f"this fit has no values ({self.result['status']}): {self.result['message']}")
-        return fitted_scene(self.result, log)
+            raise FitError(f"this fit has no values ({self.typed.status}): {self.typed.message}")
+        return fitted_scene(self.typed, log)
 
     def _check_curves(self) -> None:
         if not self.logs:
@@ -190,7 +197,7 @@ class Fit:
             )
 
     def _check_log(self, log: int) -> None:
-        count = len(self.result.get("logs", ()))
+        count = len(self.typed.logs)
         if not 1 <= log <= count:
             raise FitError(f"log {log} was asked for; this fit has {count}, counted from 1: choose one of them")
 
@@ -202,24 +209,25 @@ class Prediction:
     document: as `stickslip stability --json` has it, every number with unit, interval and validity.
     """
 
-    document: Mapping[str, Any]
+    answer: PointPrediction
+
+    @property
+    def document(self) -> Mapping[str, Json]:
+        """The prediction as a document."""
+        return to_dict(self.answer)
 
     def __repr__(self) -> str:
-        return "\n".join(wrapped(line) for line in str(self.document["text"]).splitlines())
+        return "\n".join(wrapped(line) for line in self.answer.text.splitlines())
 
     def to_frame(self) -> pd.DataFrame:
         """The amplitude as a table, SI: value, lower and upper end (95 %), unit; one row per quantity."""
         import pandas as pd
 
-        rows = {}
-        for name, entry in (self.document.get("amplitude") or {}).items():
-            if isinstance(entry, Mapping) and "value" in entry:
-                lower, upper = entry.get("interval") or (None, None)
-                rows[name] = {"value": entry["value"], "lower": lower, "upper": upper, "unit": entry["unit"]}
+        rows = {name: (n.value, *n.ends, n.unit) for name, n in self.answer.amplitude.numbers.items()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "lower", "upper", "unit"])
 
 
-def fitted_scene(result: Mapping[str, Any], log: int) -> Scene:
+def fitted_scene(result: Result, log: int) -> Scene:
     """The scene of a converged result with the estimates that hold for a log (from 1) as values, and its rig.
 
     Raises:
@@ -227,21 +235,21 @@ def fitted_scene(result: Mapping[str, Any], log: int) -> Scene:
     """
     scene = scene_of(result, "the result")
     if scene.effects == "auto":
-        scene = scene.with_effects(result["effects"]["names"])
+        scene = scene.with_effects(result.effects.names)
     pair = pair_of(result, scene, log - 1)
-    missing = [name for name, entry in result["parameters"].items() if entry["value"] is None]
+    missing = [name for name, entry in result.parameters.items() if entry.value is None]
     if pair.untold or (missing and not pair.values):
         raise FitError(
             pair.untold or f"this fit has no value of {', '.join(missing)}; fix it in the scene and fit again"
         )
-    told, entry = result["logs"][log - 1], scene.logs[numbers_of(result["logs"])[log - 1]]
+    told, entry = result.logs[log - 1], scene.logs[result.numbers[log - 1]]
     values = {**scene.values(entry), **pair.values}
     measured: dict[str, Any] = {name: values[name] for name in RIG_PARAMETERS if name in values}
-    rig, speed, load = scene.rig_for(entry), told.get("drive_speed_m_per_s"), told.get("normal_force_N")
+    rig, speed, load = scene.rig_for(entry), told.drive_speed_m_per_s, told.normal_force_N
     rig = replace(
         rig,
-        drive_speed=rig.drive_speed if speed is None else float(speed),
-        normal_force=rig.normal_force if load is None else float(load),
+        drive_speed=rig.drive_speed if speed is None else speed,
+        normal_force=rig.normal_force if load is None else load,
         **measured,
     )
     specs = {p.name: replace(default_spec(p), fixed=values[p.name]) for p in scene.declared if p.kind != "rig"}

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
+from identify.base.document import Json
 from identify.base.outcome import LogCurves, SlipDetail
 from identify.report.stored_result import as_json, plain
 
@@ -71,15 +73,13 @@ def _put_slip(group: h5py.Group, slip: SlipDetail) -> None:
     _array(group, "samples", slip.samples, "1")
 
 
-def _array(group: h5py.Group, name: str, values: np.ndarray[Any, Any], unit: str) -> None:
+def _array(group: h5py.Group, name: str, values: NDArray[np.generic], unit: str) -> None:
     # Small arrays stay unpacked: chunking would cost more than it saves.
-    packed: dict[str, Any] = (
-        {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(values) > 4096 else {}
-    )
-    group.create_dataset(name, data=values, **packed).attrs["units"] = unit
+    packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(values) > 4096 else {}
+    group.create_dataset(name, data=values, **packing).attrs["units"] = unit
 
 
-def _put(parent: h5py.Group, name: str, value: Any) -> None:
+def _put(parent: h5py.Group, name: str, value: Json) -> None:
     """One item of the document below `parent`; a list that is no plain array becomes a group of 1, 2, ..."""
     key = _storable(name).replace("/", "|") or "-"
     if isinstance(value, list) and (array := _as_array(value)) is not None:
@@ -102,12 +102,13 @@ def _storable(text: str) -> str:
     return text.replace("\0", "\N{REPLACEMENT CHARACTER}")
 
 
-def _as_array(value: list[Any]) -> np.ndarray[Any, Any] | None:
+def _as_array(value: list[Json]) -> NDArray[np.float64] | None:
     """Numbers (null as NaN) or rows of them of equal length as an array, else None."""
-    rows = value if value and all(isinstance(row, list) for row in value) else [value]
+    lists = [row for row in value if isinstance(row, list)]
+    rows = lists if value and len(lists) == len(value) else [value]
     flat = [item for row in rows for item in row]
     numeric = all(item is None or (isinstance(item, int | float) and not isinstance(item, bool)) for item in flat)
     if not flat or not numeric or len({len(row) for row in rows}) != 1:
         return None
-    array = np.array([[np.nan if item is None else float(item) for item in row] for row in rows])
-    return array if rows is value else array[0]
+    array = np.array(rows, dtype=np.float64)
+    return array if rows is lists else array[0]

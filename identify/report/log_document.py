@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.record import WINDOW_START, within
+from data_io.values import Finding
+from identify.base.document import Json, to_dict
 from identify.base.outcome import Status
 from identify.base.quantiles import NORMAL
+from identify.base.result import LogResult, Number, QualityFigure, QualityResult
 from identify.diagnosis.findings import Findings
 from identify.logs.classical import classical_table
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.prediction.intervals import OperatingPoint
+from identify.prediction.point_prediction import NoAnswer
 from identify.prediction.predict import predictions
 from identify.prediction.sources import with_tied
 from identify.scene.values import Tie
@@ -28,7 +32,7 @@ from identify.scene.values import Tie
 Array = NDArray[np.float64]
 
 
-def outlooks_of(prepared: list[Prepared], found: Findings) -> list[dict[str, Any]]:
+def outlooks_of(prepared: list[Prepared], found: Findings) -> list[dict[str, Json]]:
     """Stability and amplitude of the fitted pair at every log's speed and load; empty where there is no answer."""
     if found.status is not Status.CONVERGED or found.attempt is None or found.covariance is None:
         return [{} for _ in prepared]
@@ -49,11 +53,13 @@ def outlooks_of(prepared: list[Prepared], found: Findings) -> list[dict[str, Any
         points.append(OperatingPoint(values, log.data.drive_speed, log.mean_load, covariance))
     told = (*names, *ties)
     if found.sure is not None and found.sure.of_groups:  # what points have in common is only shared within a pair
-        return [
-            {"text": point} if isinstance(point, str) else predictions(unknowns.model, [point], told)[0]
+        answers = [
+            NoAnswer(point) if isinstance(point, str) else predictions(unknowns.model, [point], told)[0]
             for point in points
         ]
-    return predictions(unknowns.model, [point for point in points if not isinstance(point, str)], told)
+    else:
+        answers = predictions(unknowns.model, [point for point in points if not isinstance(point, str)], told)
+    return [to_dict(answer) for answer in answers]
 
 
 def _ties(unknowns: Unknowns) -> dict[str, Tie]:
@@ -94,53 +100,44 @@ def of_log(number: int, log: Prepared, found: Findings) -> tuple[Array, Array] |
     return theta, covariance
 
 
-def log_document(
-    index: int, log: Prepared, found: Findings, answer: dict[str, Any], part_of: int | None
-) -> dict[str, Any]:
+def log_result(
+    index: int, log: Prepared, found: Findings, answer: Mapping[str, Json], part_of: int | None
+) -> LogResult:
     """One log in the result.
 
     Args:
-        answer: what the parameters say of its stick-slip, see `log_outlook`.
+        answer: what the parameters say of its stick-slip, see `outlooks_of`.
         part_of: the number (from 1) of the log of the scene that it is a part of; None where it is whole.
     """
-    record = log.record
+    record, verdict, regime = log.record, log.verdict, log.regime
     taken = found.attempt is not None and index in found.attempt.logs
     if found.estimated is not None and found.status is Status.CONVERGED:
         taken = index not in found.left_out
-    table = classical_table(
-        _looked_at(log), log.segmentation, drive_speed=log.data.drive_speed, stiffness=log.rig.stiffness
+    return LogResult(
+        part_of=part_of,
+        path=str(log.entry.path),
+        sha256=str(record.metadata.get("sha256", "")),
+        step=log.entry.step,
+        rows=int(record.time.size),
+        labels=dict(log.entry.labels),
+        noise_N=float(log.rig.noise or log.segmentation.noise),
+        friction_sign=log.sign,
+        regime=None if regime is None else regime.value,
+        confidence=None if verdict is None else verdict.confidence,
+        evidence=() if verdict is None else tuple(verdict.evidence),
+        slip_count=int(log.segmentation.count),
+        normal_force_N=log.mean_load,
+        drive_speed_m_per_s=log.data.drive_speed,
+        window_s=(log.data.begin, log.data.end),
+        reason_left_out=None if taken else found.left_out.get(index, "no fit was made"),
+        classical=classical_table(
+            _looked_at(log), log.segmentation, drive_speed=log.data.drive_speed, stiffness=log.rig.stiffness
+        ),
+        quality=_quality(log),
+        corrections=log.account.changes,
+        cuts=log.account.cuts,
+        derived=answer,
     )
-    load = log.mean_load
-    return {
-        **({} if part_of is None else {"part_of": part_of}),
-        "path": str(log.entry.path),
-        "sha256": str(record.metadata.get("sha256", "")),
-        "step": log.entry.step,
-        "rows": int(record.time.size),
-        "labels": dict(log.entry.labels),
-        "noise_N": float(log.rig.noise or log.segmentation.noise),
-        "friction_sign": log.sign,
-        **_regime(log),
-        "slip_count": int(log.segmentation.count),
-        "normal_force_N": load,
-        "drive_speed_m_per_s": log.data.drive_speed,
-        "window_s": [log.data.begin, log.data.end],
-        "reason_left_out": None if taken else found.left_out.get(index, "no fit was made"),
-        "classical": table,
-        "quality": _quality(log),
-        **log.account.document(),
-        "derived": answer,
-    }
-
-
-def _regime(log: Prepared) -> dict[str, Any]:
-    """What the log shows, as `inspect` says it."""
-    verdict, regime = log.verdict, log.regime
-    return {
-        "regime": None if regime is None else regime.value,
-        "confidence": None if verdict is None else verdict.confidence,
-        "evidence": [] if verdict is None else list(verdict.evidence),
-    }
 
 
 def _looked_at(log: Prepared) -> Record:
@@ -152,29 +149,27 @@ def _looked_at(log: Prepared) -> Record:
     return within(record, (begin + window[0], begin + window[1]))
 
 
-def _quality(log: Prepared) -> dict[str, Any]:
-    seen = log.segmentation
+def _quality(log: Prepared) -> QualityResult:
+    seen, told = log.segmentation, log.judgement.result()
     drop, period, slope = seen.drop, seen.period, seen.stick_slope
     figures = {
-        "noise": {"value": float(seen.noise), "unit": "N"},
-        "samples_per_slip": {"value": seen.samples_per_slip, "unit": ""},
-        "samples_per_cycle": {"value": seen.samples_per_cycle, "unit": ""},
-        "masked_samples": {"value": seen.spike_count, "unit": ""},
-        "drop": {"value": drop[0] if drop else None, "unit": "N"},
-        "drop_scatter": {"value": drop[1] if drop else None, "unit": "N"},
-        "period": {"value": period[0] if period else None, "unit": "s"},
-        "period_scatter": {"value": period[1] if period else None, "unit": "s"},
-        "stick_slope": {"value": slope[0] if slope else None, "unit": "N/s"},
+        "noise": QualityFigure(float(seen.noise), "N"),
+        "samples_per_slip": QualityFigure(seen.samples_per_slip),
+        "samples_per_cycle": QualityFigure(seen.samples_per_cycle),
+        "masked_samples": QualityFigure(seen.spike_count),
+        "drop": QualityFigure(drop[0] if drop else None, "N"),
+        "drop_scatter": QualityFigure(drop[1] if drop else None, "N"),
+        "period": QualityFigure(period[0] if period else None, "s"),
+        "period_scatter": QualityFigure(period[1] if period else None, "s"),
+        "stick_slope": QualityFigure(slope[0] if slope else None, "N/s"),
     }
-    told = log.judgement.document()
-    findings = list(told["findings"])
-    verdict = told["verdict"]
+    findings, verdict = list(told.findings), told.verdict
     if log.hidden_swing:
-        findings.append({"code": "load_varies", "severity": "warning", "message": load_varies(log)})
+        findings.append(Finding("load_varies", "warning", load_varies(log)))
         verdict = "accept with warnings" if verdict == "accept" else verdict
     if log.data.calm or log.data.loose > 0.0:
-        findings.append({"code": "load_trembles", "severity": "info", "message": load_trembles(log)})
-    return {"verdict": verdict, "findings": findings, "figures": {**told["figures"], **figures}}
+        findings.append(Finding("load_trembles", "info", load_trembles(log)))
+    return QualityResult(verdict, tuple(findings), {**told.figures, **figures})
 
 
 def load_varies(log: Prepared) -> str:
@@ -214,13 +209,13 @@ def _untold_tremor(log: Prepared) -> tuple[str, str]:
 VALIDITY = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
 
 
-def creep_velocities(prepared: list[Prepared], found: Findings) -> dict[str, Any]:
+def creep_velocities(prepared: list[Prepared], found: Findings) -> dict[str, Number]:
     """ "v_cr" of the first group and "v_cr (V08)" of the others, as numbers of the result; empty without one."""
     unknowns, names = found.unknowns, found.unknowns.names
     if found.attempt is None or found.covariance is None or not {"D", "t_cr"} <= set(names):
         return {}
     both = [int(unknowns.source[names.index(name)]) for name in ("D", "t_cr")]
-    out: dict[str, Any] = {}
+    out: dict[str, Number] = {}
     seen = set()
     for number in found.attempt.logs:
         groups = prepared[number].data.groups
@@ -232,7 +227,7 @@ def creep_velocities(prepared: list[Prepared], found: Findings) -> dict[str, Any
     return out
 
 
-def _of(number: int, log: Prepared, found: Findings, group: str) -> dict[str, Any]:
+def _of(number: int, log: Prepared, found: Findings, group: str) -> Number:
     unknowns, names = found.unknowns, found.unknowns.names
     known = of_log(number, log, found)
     assert not isinstance(known, str), "a log that took part has values"
@@ -241,13 +236,13 @@ def _of(number: int, log: Prepared, found: Findings, group: str) -> dict[str, An
     value = float(p[names.index("D")] / p[names.index("t_cr")])
     free = np.flatnonzero(unknowns.free)
     d, t = (free == unknowns.source[names.index(name)] for name in ("D", "t_cr"))
-    entry: dict[str, Any] = {"value": value, "unit": "m/s", "validity": VALIDITY} | ({"group": group} if group else {})
     variance = np.diag(covariance)
     open_ = [name for name, at in (("D", d), ("t_cr", t)) if not np.all(np.isfinite(variance[at]))]
     if open_:
         reason = f"interval open: these data do not tell {' and '.join(open_)}"
-        return entry | {"interval": [None, None], "reason": reason}
+        return Number(value, "m/s", (None, None), VALIDITY, reason, group=group)
     slope = d.astype(float) - t.astype(float)
     moved = slope != 0.0
     half = NORMAL * math.sqrt(float(slope[moved] @ covariance[np.ix_(moved, moved)] @ slope[moved]))
-    return entry | {"interval": [value * math.exp(-half), value * math.exp(half) if half < 700.0 else None]}
+    interval = value * math.exp(-half), value * math.exp(half) if half < 700.0 else None
+    return Number(value, "m/s", interval, VALIDITY, group=group)

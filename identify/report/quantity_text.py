@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from scipy.special import ndtri
 
+from identify.base.result import ParameterResult
 from identify.base.wording import speed_scale
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -87,13 +87,6 @@ def scale_for(value: float | None, unit: str) -> Scale:
         if abs(value) >= 0.0999 * factor:
             return Scale(name, factor)
     return Scale(*known[-1])
-
-
-def finite(value: object) -> float | None:
-    """The value as a finite float, else None (null, NaN, text, truth values)."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if math.isfinite(value) else None
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -184,29 +177,26 @@ def _superscript(exponent: int) -> str:
 UNLIKE = 1.5  # times: an interval so much longer or shorter than the error has it is not that of a normal distribution
 
 
-def shown_error(entry: Mapping[str, Any]) -> float | None:
-    """The standard error of a parameter's entry in its unit; None where it is null, and where the interval beside it
-    says otherwise: there the profile was followed to where the misfit does rise, and a reader who sees "0.620 ± 0.008"
+def shown_error(entry: ParameterResult) -> float | None:
+    """The standard error of a parameter in its unit; None where it is null, and where the interval beside it says
+    otherwise: there the profile was followed to where the misfit does rise, and a reader who sees "0.620 ± 0.008"
     beside "0.618 to 0.631" has to guess which of them holds."""
-    error, normal = finite(entry.get("standard_error")), _normal(entry)
+    error, normal = entry.standard_error, _normal(entry)
     if not error or normal is None:
         return error
     return error if error / UNLIKE <= normal <= error * UNLIKE else None
 
 
-def scatter(entry: Mapping[str, Any]) -> float | None:
+def scatter(entry: ParameterResult) -> float | None:
     """What the digits of a value follow, in its unit: the standard error that is shown, else that of a normal
     distribution with so long an interval; None where neither is told."""
     error = shown_error(entry)
     return _normal(entry) if error is None else error
 
 
-def _normal(entry: Mapping[str, Any]) -> float | None:
+def _normal(entry: ParameterResult) -> float | None:
     """The standard error of a normal distribution with an interval as long as the entry's; None where it is open."""
-    interval = entry.get("interval")
-    if not isinstance(interval, Sequence) or isinstance(interval, str) or len(interval) != 2:
-        return None
-    low, high = finite(interval[0]), finite(interval[1])
+    low, high = entry.ends
     if low is None or high is None:
         return None
-    return 0.5 * (high - low) / float(ndtri(0.5 + 0.5 * (finite(entry.get("level")) or 0.95)))
+    return 0.5 * (high - low) / float(ndtri(0.5 + 0.5 * (entry.level or 0.95)))

@@ -6,10 +6,11 @@ import io
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identify.base.result import UnevenResult
 from identify.report.cycle_figures import draw_cycles, draw_measured, draw_uneven
 from identify.report.draw_slip import draw_phase_plane, draw_slip
 from identify.report.force_figure import draw_force
@@ -66,24 +67,17 @@ def _drawings(fit: Fit) -> Iterator[tuple[int | None, Drawing]]:
             yield position, draw_phase_plane(curves, curves.slip, position)
         if len(curves.cycles):
             yield position, draw_cycles(curves, position, fit.converged)
-    yield from draw_uneven(fit.result)
+    result = fit.typed
+    yield from draw_uneven(UnevenResult.of(result))
     if not fit.converged and (measured := draw_measured(fit.logs)) is not None:
         yield None, measured
-    profile = fit.result.get("profile")
-    drawn = draw_profile(profile, fit.result.get("parameters", {})) if isinstance(profile, Mapping) else None
+    drawn = draw_profile(result.profile, result.parameters) if result.profile else None
     if drawn is not None:
         yield None, drawn
-    correlation = fit.result.get("correlation")
-    if isinstance(correlation, Mapping) and len(correlation.get("names", ())) > 1:
-        yield None, draw_correlation(*_named_matrix(correlation, fit.result.get("parameters") or {}))
-
-
-def _named_matrix(
-    correlation: Mapping[str, Any], parameters: Mapping[str, Any]
-) -> tuple[list[str], np.ndarray[Any, np.dtype[np.float64]]]:
-    rows = [[np.nan if value is None else value for value in row] for row in correlation["matrix"]]
-    names = [with_group(name, parameters.get(name) or {}) for name in correlation["names"]]
-    return [plain_symbol(name) for name in names], np.asarray(rows, dtype=np.float64)
+    if result.correlation is not None and len(result.correlation.names) > 1:
+        names = [with_group(name, result.parameters[name].group) for name in result.correlation.names]
+        matrix = np.array(result.correlation.matrix, dtype=np.float64)
+        yield None, draw_correlation([plain_symbol(name) for name in names], matrix)
 
 
 def _render(log: int | None, drawing: Drawing) -> Picture:

@@ -34,8 +34,8 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
 
     drawn = list(pictures(fit))
     page, document = render_page(fit, drawn), as_json(fit.result)
-    table = classical_csv(fit.result.get("logs", ()))
-    latex = latex_table(fit.result.get("parameters", {}))
+    table = classical_csv(fit.typed.logs)
+    latex = latex_table(fit.typed.parameters)
     figures: dict[str, str | bytes] = {"measured_cycles.csv": figure_csv(measured_cycles(fit.logs))}
     for picture in drawn:
         figures[f"{picture.name}.svg"] = picture.svg

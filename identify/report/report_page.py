@@ -6,10 +6,12 @@ import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
+from identify.base.document import Json, to_dict
+from identify.base.result import CombinationsResult, Result
 from identify.report.answers import answer_table, of_record, said_once, sentences
 from identify.report.depth import (
     accuracy_rows,
@@ -20,12 +22,11 @@ from identify.report.depth import (
     interval_table,
 )
 from identify.report.first_screen import first_screen_views, templates
-from identify.report.quantity_text import finite, quantity
+from identify.report.quantity_text import quantity
 from identify.report.report_figures import Picture
 from identify.report.report_tables import Cell, effects_table, held_table, sensitivity_table
 from identify.report.report_views import log_views
 from identify.report.report_wording import EFFECTS_CHOSEN, TIMING_WORDS, with_group
-from identify.report.stored_result import plain
 from identify.report.style import inline_svg
 
 if TYPE_CHECKING:
@@ -50,20 +51,21 @@ class FigureView:
 def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
     """The text of report.html for the fit and its rendered figures; at most 3 MB."""
     environment = templates()
-    result = plain(fit.result)
+    result = fit.typed
     logs = log_views(result)
     heads = [
         (Cell(f"log {view.number}", dict(view.facts).get("drive speed", "")), log)
-        for view, log in zip(logs, result.get("logs", ()), strict=True)
+        for view, log in zip(logs, result.logs, strict=True)
     ]
     figures = inlined(drawn)
     told_of_pair = {
-        key: {"label": with_group(key, entry), **entry} if isinstance(entry, Mapping) and entry.get("group") else entry
-        for key, entry in (result.get("derived") or {}).items()
+        key: {**({"label": with_group(key, entry.group)} if entry.group else {}), **to_dict(entry)}
+        for key, entry in result.derived.items()
     }
+    combinations = result.combinations or CombinationsResult()
     return environment.get_template("page.html.j2").render(
         style=Markup(environment.get_template("style.css").render()),
-        title=_title(result, logs),
+        title=_title(result),
         **first_screen_views(result),
         logs=logs,
         shared_labels=[label for label in logs[0].labels if all(label in log.labels for log in logs)] if logs else [],
@@ -72,37 +74,36 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         measured_figures=[f for p, f in figures if p.name == "measured"],
         depth_figures=[f for p, f in figures if p.name == "profile"],
         intervals=interval_table(result),
-        combinations=combination_table(result),
-        directions=direction_lines(result),
-        accuracy=accuracy_rows(result),
-        compared=comparison_table(result),
+        combinations=combination_table(combinations),
+        directions=direction_lines(combinations),
+        accuracy=accuracy_rows(result.accuracy_table or ()),
+        compared=comparison_table(result.effects_table or ()),
         derived=[
             table
             for table in (
                 answer_table([(Cell("value"), told_of_pair)], "friction pair"),
-                answer_table(
-                    [(head, said_once(log.get("derived") or {}, told_of_pair)) for head, log in heads], "each log"
-                ),
-                *(advice_table(head, log.get("derived") or {}) for head, log in heads),
+                answer_table([(head, said_once(log.derived, told_of_pair)) for head, log in heads], "each log"),
+                *(advice_table(head, log.derived) for head, log in heads),
             )
             if table is not None
         ],
         told=[
             (view, lines)
             for view, (_, log) in zip(logs, heads, strict=True)
-            if (lines := sentences(log.get("derived") or {}, several=len(logs) > 1))
+            if (lines := sentences(log.derived, several=len(logs) > 1))
         ],
-        effects=effects_table(result.get("effects") or {}),
-        chosen=EFFECTS_CHOSEN.get(str((result.get("effects") or {}).get("chosen")), ""),
-        quality=answer_table(
-            [(head, of_record((log.get("quality") or {}).get("figures") or {})) for head, log in heads], ""
-        ),
-        held=held_table(result["rig_against_data"]) if result.get("rig_against_data") else None,
-        sensitivity=sensitivity_table(result["rig_sensitivity"]) if result.get("rig_sensitivity") else None,
+        effects=effects_table(result.effects.reasons),
+        chosen=EFFECTS_CHOSEN.get(result.effects.chosen, ""),
+        quality=answer_table([(head, of_record(log.quality.figures)) for head, log in heads], ""),
+        held=held_table(result.rig_against_data) if result.rig_against_data else None,
+        sensitivity=sensitivity_table(result.rig_sensitivity) if result.rig_sensitivity else None,
         search=_search(result),
-        timings=_timings(result.get("timing_s") or {}),
-        provenance=_provenance(result.get("provenance") or {}),
-        scene=_scene(result.get("provenance") or {}),
+        timings=[
+            (TIMING_WORDS.get(key, key.replace("_", " ")), quantity(seconds, "s", 3))
+            for key, seconds in result.timing_s.items()
+        ],
+        provenance=_provenance(result.provenance),
+        scene=_scene(result.provenance),
     )
 
 
@@ -128,59 +129,45 @@ def _png(picture: Picture) -> str:
     return f'<img alt="" src="data:image/png;base64,{base64.b64encode(picture.png).decode("ascii")}">'
 
 
-def _title(result: Mapping[str, Any], logs: Sequence[Any]) -> str:
-    scene = (result.get("provenance") or {}).get("scene") or {}
+def _title(result: Result) -> str:
+    scene, count = result.provenance.get("scene"), len(result.logs)
     name = scene.get("name") if isinstance(scene, Mapping) else None
-    return str(name) if name else f"{len(logs)} log{'s' * (len(logs) != 1)}"
+    return str(name) if name else f"{count} log{'s' * (count != 1)}"
 
 
-def _search(result: Mapping[str, Any]) -> str:
+def _search(result: Result) -> str:
     """What led to the answer, and what else was tried, in one sentence; "" where nothing was searched."""
-    led = list(dict.fromkeys(result.get("found_by") or ()))
-    tried = list(dict.fromkeys(trial["strategy"] for trial in result.get("search") or ()))
+    led = list(dict.fromkeys(result.found_by))
+    tried = list(dict.fromkeys(trial.strategy for trial in result.search))
     if not tried:
         return ""
     others = [name for name in tried if name not in led]
     found = f"Found by {', then '.join(led)}" if led else "No answer was found"
     rest = f"tried besides: {', '.join(others)}" if others else "nothing else was tried"
-    late = ", ".join(result.get("not_tried") or ())
+    late = ", ".join(result.not_tried)
     return f"{found}; {rest}{f'; there was no time for {late}' if late else ''}."
 
 
-def _timings(timings: Mapping[str, Any]) -> list[tuple[str, str]]:
-    return [
-        (TIMING_WORDS.get(key, key.replace("_", " ")), quantity(finite(value), "s", 3))
-        for key, value in timings.items()
-    ]
-
-
-def _provenance(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _provenance(provenance: Mapping[str, Json]) -> list[tuple[str, str]]:
     rows = []
     for key, value in provenance.items():
         if key == "scene" or value is None or value == {}:
             continue
-        if key == "asked" and isinstance(value, Mapping):
-            value = _asked(value)
-        elif isinstance(value, Mapping):
-            value = ", ".join(f"{name} {item}" for name, item in value.items())
+        if isinstance(value, Mapping):
+            value = _asked(value) if key == "asked" else ", ".join(f"{name} {item}" for name, item in value.items())
         elif isinstance(value, list):
             value = " ".join(str(item) for item in value)
         rows.append((key.replace("_", " "), str(value)))
     return rows
 
 
-def _asked(asked: Mapping[str, Any]) -> str:
+def _asked(asked: Mapping[str, Json]) -> str:
     """What was asked of the fit beyond its values: "accuracy default, profile, bootstrap 200"."""
-    said = []
-    for name, value in asked.items():
-        if value is True:
-            said.append(name.replace("_", " "))
-        elif value:
-            said.append(f"{name.replace('_', ' ')} {value}")
-    return ", ".join(said)
+    words = {name.replace("_", " "): value for name, value in asked.items() if value}
+    return ", ".join(name if value is True else f"{name} {value}" for name, value in words.items())
 
 
-def _scene(provenance: Mapping[str, Any]) -> str:
+def _scene(provenance: Mapping[str, Json]) -> str:
     scene = provenance.get("scene")
     if not scene:
         return ""

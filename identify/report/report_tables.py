@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from identify.report.quantity_text import DASH, finite, number, quantity, scale_for, split_key
+from identify.base.document import finite
+from identify.base.result import EffectReason, HeldResult, LogResult, Shift
+from identify.report.quantity_text import DASH, number, quantity, scale_for, split_key
 from identify.report.report_wording import RECORD_WORDS, plain_symbol
 from identify.report.text_tables import classical_rows, column_names
 
@@ -51,7 +52,7 @@ class Table:
     rows: tuple[Row, ...]
 
 
-def classical_tables(logs: Sequence[Mapping[str, Any]]) -> tuple[Table, ...]:
+def classical_tables(logs: Sequence[LogResult]) -> tuple[Table, ...]:
     """The classical table turned on its side: one column per log, step and stroke, one row per quantity.
 
     Several tables where there are many columns, so that they fit a sheet; at most 60 columns in all
@@ -73,17 +74,17 @@ def classical_tables(logs: Sequence[Mapping[str, Any]]) -> tuple[Table, ...]:
     return tuple(tables)
 
 
-def definitions(logs: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
+def definitions(logs: Sequence[LogResult]) -> list[tuple[str, str]]:
     """What each row of the classical table is, as the document says it: (name, sentence)."""
     said: dict[str, str] = {}
     for log in logs:
-        for name, sentence in ((log.get("classical") or {}).get("definitions") or {}).items():
-            words = split_key(str(name))[0]
-            said.setdefault(RECORD_WORDS.get(words, words), str(sentence))
+        for name, sentence in log.classical.definitions.items():
+            words = split_key(name)[0]
+            said.setdefault(RECORD_WORDS.get(words, words), sentence)
     return list(said.items())
 
 
-def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Any]]) -> Table:
+def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Shift]]) -> Table:
     """What an error of 1 % in a rig quantity (rows) would do to each parameter (columns)."""
     names = list(dict.fromkeys(name for shifts in sensitivity.values() for name in shifts))
     rows = tuple(
@@ -93,54 +94,45 @@ def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Any]]) -> Table:
     return Table("", tuple(Cell(plain_symbol(name)) for name in names), rows)
 
 
-def held_table(held: Mapping[str, Mapping[str, Any]]) -> Table:
+def held_table(held: Mapping[str, HeldResult]) -> Table:
     """Rig quantities (rows) as stated, and where the data would put them."""
     heads = tuple(Cell(head) for head in ("stated", "by the data", "standard error (SE)", "apart"))
     rows = []
     for name, entry in held.items():
-        numbers = [
-            number(entry[key], digits) for key, digits in (("stated", 4), ("from_data", 4), ("standard_error", 2))
-        ]
-        apart = math.sqrt(entry["squared_distance"])
+        numbers = number(entry.stated, 4), number(entry.from_data, 4), number(entry.standard_error, 2)
+        apart = math.sqrt(entry.squared_distance)
         cells = (*(Cell(text) for text in numbers), Cell(f"{apart:.2g} SE", kind="strong" if apart > FAR else ""))
-        rows.append(Row(name, cells, str(entry["unit"])))
+        rows.append(Row(name, cells, entry.unit))
     return Table("", heads, tuple(rows))
 
 
-def effects_table(effects: Mapping[str, Any]) -> Table | None:
+def effects_table(reasons: Sequence[EffectReason]) -> Table | None:
     """Which effects and why: one row per effect that was looked at; columns that nobody fills are left out."""
-    reasons = [reason for reason in effects.get("reasons") or () if isinstance(reason, Mapping)]
     if not reasons:
         return None
-    columns = [(head, key) for head, key in EFFECT_COLUMNS if any(told(reason.get(key)) for reason in reasons)]
+    columns = [(head, key) for head, key in EFFECT_COLUMNS if any(told(getattr(each, key)) for each in reasons)]
     heads = (Cell("kept"), *(Cell(head) for head, _ in columns), Cell("why", kind="words"))
     return Table("effect", heads, tuple(_effect_row(reason, [key for _, key in columns]) for reason in reasons))
 
 
-def _effect_row(reason: Mapping[str, Any], keys: Sequence[str]) -> Row:
-    kept = bool(reason.get("kept"))
-    cells = [Cell("yes" if kept else "no", kind="" if kept else "doubt")]
+def _effect_row(reason: EffectReason, keys: Sequence[str]) -> Row:
+    cells = [Cell("yes" if reason.kept else "no", kind="" if reason.kept else "doubt")]
     for key in keys:
-        value = reason.get(key)
+        value = getattr(reason, key)
         shown = finite(value)
-        text = (
-            plain_text(value)
-            if shown is None
-            else f"{number(100 * shown, 2)} %"
-            if key == "error"
-            else number(shown, 3)
-        )
-        cells.append(Cell(text, str(reason.get("group") or "") if key == "value" else ""))
-    sentence = str(reason.get("sentence") or "")
-    return Row(str(reason.get("effect", "")).replace("_", " "), (*cells, Cell(sentence, kind="words")))
+        text = plain_text(value) if shown is None else number(shown, 3)
+        if key == "error" and shown is not None:
+            text = f"{number(100 * shown, 2)} %"
+        cells.append(Cell(text, reason.group if key == "value" else ""))
+    return Row(reason.effect.replace("_", " "), (*cells, Cell(reason.sentence, kind="words")))
 
 
-def told(value: Any) -> bool:
+def told(value: object) -> bool:
     """Whether a cell has something to say: not None, not empty, not NaN."""
     return value is not None and value != "" and value == value
 
 
-def _classical_row(key: str, values: Sequence[Any]) -> Row:
+def _classical_row(key: str, values: Sequence[object]) -> Row:
     name, unit = split_key(key)
     numbers = [abs(shown) for value in values if (shown := finite(value)) is not None]
     scale = scale_for(sorted(numbers)[len(numbers) // 2] if numbers else None, unit)
@@ -151,18 +143,18 @@ def _classical_row(key: str, values: Sequence[Any]) -> Row:
     return Row(RECORD_WORDS.get(name, name), cells, note=scale.unit)
 
 
-def plain_text(value: Any) -> str:
+def plain_text(value: object) -> str:
     """Anything that is no number as the text of a cell."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     return str(value) if told(value) else DASH
 
 
-def _shift_cell(entry: Mapping[str, Any] | None) -> Cell:
-    if entry is None or (shift := finite(entry.get("shift"))) is None:
+def _shift_cell(entry: Shift | None) -> Cell:
+    if entry is None or entry.shift is None:
         return Cell(DASH)
-    text = quantity(shift, str(entry.get("unit") or ""), 2)
-    errors = finite(entry.get("in_standard_errors"))
+    text = quantity(entry.shift, entry.unit, 2)
+    text, errors = text if entry.shift < 0 else f"+{text}", entry.in_standard_errors
     if errors is None:
-        return Cell(text if shift < 0 else f"+{text}")
-    return Cell(text if shift < 0 else f"+{text}", f"{number(abs(errors), 2)} SE", "strong" if abs(errors) >= 1 else "")
+        return Cell(text)
+    return Cell(text, f"{number(abs(errors), 2)} SE", "strong" if abs(errors) >= 1 else "")

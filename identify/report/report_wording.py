@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from identify.base.outcome import Status
 from identify.effects import ALL
@@ -218,9 +217,8 @@ def plain_symbol(name: str) -> str:
     return DECLARED[name].symbol
 
 
-def with_group(name: str, entry: Mapping[str, Any]) -> str:
+def with_group(name: str, group: str) -> str:
     """The name of a parameter, with its group where it differs from group to group."""
-    group = entry.get("group")
     return name if not group or name.endswith(f"({group})") else f"{name} ({group})"
 
 

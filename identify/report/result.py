@@ -1,4 +1,4 @@
-"""The document of result.json: names, units, verdicts and provenance as the interface promises."""
+"""The result of a fit from what it found: names, units, verdicts and provenance as the interface promises."""
 
 from __future__ import annotations
 
@@ -6,16 +6,30 @@ import importlib.metadata
 import math
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from identify.base.document import finite
 from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, NORMAL
-from identify.diagnosis.choice import Choice, as_listed, document_of
-from identify.diagnosis.findings import Findings, held_document
+from identify.base.result import (
+    Correlation,
+    EffectsResult,
+    FitFigures,
+    GateResult,
+    LastValue,
+    ParameterResult,
+    Result,
+    SearchTrial,
+    Shift,
+    ToleranceResult,
+    WorstCycle,
+)
+from identify.diagnosis.choice import Choice, as_listed, effects_result
+from identify.diagnosis.findings import Findings, held_results
 from identify.estimation.agreement import slowness
 from identify.estimation.attempt import Clock
 from identify.estimation.covariance import Estimate
@@ -27,8 +41,8 @@ from identify.logs.told_drive import DISAGREES
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
 from identify.prediction.wording import listed
-from identify.report.depth_document import depth_document, noise_note, profile_ends, ridge_note
-from identify.report.log_document import creep_velocities, load_varies, log_document, outlooks_of
+from identify.report.depth_document import noise_note, profile_ends, ridge_note, with_depth
+from identify.report.log_document import creep_velocities, load_varies, log_result, outlooks_of
 from identify.scene import Scene
 from identify.scene.values import USUAL_TOLERANCES
 
@@ -123,7 +137,7 @@ MOST_NAMED = 3  # records that a sentence names where all of each is meant
 RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 
 
-def document(
+def result_of(
     scene: Scene,
     prepared: list[Prepared],
     found: Findings,
@@ -131,58 +145,59 @@ def document(
     began: float,
     seed: int,
     choice: Choice | None = None,
-) -> dict[str, Any]:
-    """The whole document; numbers are SI, what is missing is None.
+) -> Result:
+    """What a fit found, in SI, but for what is looked at when it is known.
 
     Args:
         choice: how the effects were chosen, None where the scene lists them.
     """
     converged = found.status is Status.CONVERGED
     parts = parts_of(scene, [log.entry for log in prepared])
-    result: dict[str, Any] = {
-        "schema": 1,
-        "status": found.status.value,
-        "message": _message(prepared, found),
-        "parameters": _parameters(found, converged) or _untold(found.unknowns),
-        "effects": _effects(prepared, found, choice),
-        "estimator": found.estimator,
-        "correlation": _correlation(found) if converged else None,
-        "gate": _gate(found),
-        "fit": _fit(found),
-        "derived": creep_velocities(prepared, found) if converged else {},
-        "logs": [
-            log_document(i, log, found, answer, part)
-            for i, (log, answer, part) in enumerate(zip(prepared, outlooks_of(prepared, found), parts, strict=True))
-        ],
-        "notes": notes_of(scene, prepared, found),
-        "search": [trial.to_dict() for trial in found.trace.trials],
-        "found_by": [] if found.attempt is None else list(found.attempt.found_by),
-        "not_tried": list(found.trace.not_tried),
-    }
+    logs = enumerate(zip(prepared, outlooks_of(prepared, found), parts, strict=True))
+    result = Result(
+        status=found.status.value,
+        message=_message(prepared, found),
+        parameters=_parameters(found, converged) or _untold(found.unknowns),
+        effects=_effects(prepared, found, choice),
+        estimator=found.estimator,
+        correlation=_correlation(found) if converged else None,
+        gate=_gate(found),
+        fit=_fit(found),
+        derived=creep_velocities(prepared, found) if converged else {},
+        logs=tuple(log_result(i, log, found, answer, part) for i, (log, answer, part) in logs),
+        notes=tuple(notes_of(scene, prepared, found)),
+        search=tuple(
+            SearchTrial(t.strategy, t.logs, t.status, t.cost, round(t.seconds, 4)) for t in found.trace.trials
+        ),
+        found_by=() if found.attempt is None else tuple(found.attempt.found_by),
+        not_tried=tuple(found.trace.not_tried),
+        more={} if found.estimated is None else found.estimated.more,
+        rig_against_data=held_results(found.held) or None,
+        timing_s=_timing(clock, began),
+        provenance={
+            "version": _version(DISTRIBUTION),
+            "scene": scene.as_document(),
+            "seed": seed,
+            "packages": {name: _version(name) for name in PACKAGES},
+            "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        },
+    )
+    base = found.unknowns.base(stated_rig(scene))  # (n_p,) of the rig the parameters are given for
     if converged and found.attempt is not None:
-        result["rig_sensitivity"] = _rig_sensitivity(scene, found)
-        result["tolerances"] = tolerances = _tolerances(scene, found)
-        _add_second_intervals(result["parameters"], found, {n: t["relative"] for n, t in tolerances.items()})
-        result |= depth_document(found.sure, found.unknowns, _base(scene, found)) if found.sure else {}
-    elif not converged:
-        iterate: dict[str, Any] = {e.name: {"value": e.value, "unit": e.unit} for e in found.estimates}
-        for name, ends in profile_ends(found.sure, found.unknowns, _base(scene, found)).items():
-            iterate[name]["interval"] = ends  # of a parameter at its bound, one end is that bound
-        untold = {name: {"value": None, "unit": entry["unit"]} for name, entry in result["parameters"].items()}
-        result["last_iterate"] = iterate or untold
-    if found.estimated is not None:
-        result |= found.estimated.more
-    if found.held:
-        result["rig_against_data"] = held_document(found.held)
-    result["timing_s"] = _timing(clock, began)
-    result["provenance"] = {
-        "version": _version(DISTRIBUTION),
-        "scene": scene.as_document(),
-        "seed": seed,
-        "packages": {name: _version(name) for name in PACKAGES},
-        "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-    }
-    return result
+        tolerances = _tolerances(scene, found)
+        result = replace(
+            result,
+            rig_sensitivity=_rig_sensitivity(scene, found),
+            tolerances=tolerances,
+            parameters=_with_second_intervals(result.parameters, found, {n: t.relative for n, t in tolerances.items()}),
+        )
+        return with_depth(result, found.sure, found.unknowns, base) if found.sure else result
+    if converged:
+        return result
+    ends = profile_ends(found.sure, found.unknowns, base)  # of a parameter at its bound, one end is that bound
+    iterate = {e.name: LastValue(e.value, e.unit, ends.get(e.name)) for e in found.estimates}
+    untold = {name: LastValue(None, entry.unit) for name, entry in result.parameters.items()}
+    return replace(result, last_iterate=iterate or untold)
 
 
 @lru_cache
@@ -191,22 +206,17 @@ def _version(name: str) -> str:
     return importlib.metadata.version(name)
 
 
-def _base(scene: Scene, found: Findings) -> Array:
-    """Base values (n_p,) of the rig the parameters are given for."""
-    return found.unknowns.base(stated_rig(scene))
-
-
-def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -> dict[str, Any]:
+def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -> EffectsResult:
     """Which effects and why; of those that are listed, what they amount to at the first log, if there is an answer."""
     if choice is not None:
-        return document_of(choice, auto=True)
+        return effects_result(choice, auto=True)
     log, model = prepared[0].data, found.unknowns.model
     values: dict[str, float] | None = None
     if found.status is Status.CONVERGED and found.attempt is not None:
         with np.errstate(all="ignore"):
             p = found.unknowns.values(found.attempt.solved.theta, log.base)
         values = dict(zip(model.parameter_names, np.where(np.isfinite(p), p, 0.0).tolist(), strict=True))
-    return document_of(as_listed(model.effects, values, log.mean_normal_force, log.drive_speed), auto=False)
+    return effects_result(as_listed(model.effects, values, log.mean_normal_force, log.drive_speed), auto=False)
 
 
 def _timing(clock: Clock, began: float) -> dict[str, float]:
@@ -215,7 +225,7 @@ def _timing(clock: Clock, began: float) -> dict[str, float]:
     return {name: clock.seconds.get(name, 0.0) for name in stages} | {"total": total}
 
 
-def _parameters(found: Findings, converged: bool) -> dict[str, Any]:
+def _parameters(found: Findings, converged: bool) -> dict[str, ParameterResult]:
     """Every parameter by name; of those that differ between groups the first group's stands under the bare name."""
     out = {e.name: _parameter(e, converged) for e in _told(found)}
     if found.sure is None or not found.sure.shares:
@@ -223,10 +233,11 @@ def _parameters(found: Findings, converged: bool) -> dict[str, Any]:
     names, per = found.unknowns.names, found.unknowns.per
     for share in found.sure.shares:
         if share.place < 0:
-            out[names[share.index]] |= {"group": share.group, "per": per[share.source]}
+            name = names[share.index]
+            out[name] = replace(out[name], group=share.group, per=per[share.source] or "")
     for share, estimate in found.sure.of_groups:
-        told = {"group": share.group, "per": per[share.source], "parameter": names[share.index]}
-        out[estimate.name] = _parameter(estimate, converged) | told
+        told = _parameter(estimate, converged)
+        out[estimate.name] = replace(told, group=share.group, per=per[share.source] or "", parameter=names[share.index])
     return out
 
 
@@ -238,7 +249,7 @@ def _told(found: Findings) -> list[Estimate]:
     return [e for e in found.estimates if e.name not in RIG_PARAMETERS or e.name in free]
 
 
-def _untold(unknowns: Unknowns) -> dict[str, Any]:
+def _untold(unknowns: Unknowns) -> dict[str, ParameterResult]:
     """Where nothing was estimated: every parameter by name, without numbers."""
     reason = "nothing was fitted; see the message"
     return {
@@ -248,24 +259,24 @@ def _untold(unknowns: Unknowns) -> dict[str, Any]:
     }
 
 
-def _parameter(estimate: Estimate, converged: bool) -> dict[str, Any]:
+def _parameter(estimate: Estimate, converged: bool) -> ParameterResult:
     numbers = converged or estimate.verdict == "fixed"
-    return {
-        "value": estimate.value if numbers else None,
-        "unit": estimate.unit,
-        "standard_error": estimate.standard_error if converged else None,
-        "interval": [estimate.lower, estimate.upper] if converged else [None, None],
-        "level": LEVEL,
-        "verdict": estimate.verdict if converged or estimate.verdict in ("fixed", "at bound") else "not identifiable",
-        "reason": estimate.reason if numbers else "the fit did not succeed; see the message",
-    }
+    return ParameterResult(
+        value=estimate.value if numbers else None,
+        unit=estimate.unit,
+        standard_error=estimate.standard_error if converged else None,
+        interval=(estimate.lower, estimate.upper) if converged else (None, None),
+        level=LEVEL,
+        verdict=estimate.verdict if converged or estimate.verdict in ("fixed", "at bound") else "not identifiable",
+        reason=estimate.reason if numbers else "the fit did not succeed; see the message",
+    )
 
 
-def _correlation(found: Findings) -> dict[str, Any] | None:
+def _correlation(found: Findings) -> Correlation | None:
     """Correlation of all estimates and the standard errors [SI] that go with it: those of the parameters, and of those
     that have none because the data do not tell them."""
     if found.estimated is not None and len(found.estimated.names):
-        return _correlation_of(list(found.estimated.names), found.estimated.covariance)
+        return _correlation_of(found.estimated.names, found.estimated.covariance)
     if found.covariance is None:
         return None
     free = np.flatnonzero(found.unknowns.free).tolist()
@@ -277,41 +288,34 @@ def _correlation(found: Findings) -> dict[str, Any] | None:
         order = [*range(len(free)), *(len(free) + share.place for share, _ in beyond)]
         told, index = told + [e for _, e in beyond], free + [share.index for share, _ in beyond]
         covariance = found.sure.joint[np.ix_(order, order)]
-    sd = np.sqrt(np.diag(covariance))
     size = np.where(found.unknowns.logarithmic[index], np.array([e.value for e in told], dtype=float), 1.0)
-    return {
-        "names": [e.name for e in told],
-        "matrix": (covariance / np.outer(sd, sd)).tolist(),
-        "standard_errors": [_finite(error) for error in (size * sd).tolist()],
-    }
+    return _correlation_of([e.name for e in told], covariance, size)
 
 
-def _correlation_of(names: list[str], covariance: Array) -> dict[str, Any]:
-    """As `_correlation`, of estimates (f,) whose covariance (f, f) is in SI."""
+def _correlation_of(names: Sequence[str], covariance: Array, size: ArrayLike = 1.0) -> Correlation:
+    """Of estimates (f,) whose covariance (f, f) is in SI, or in parts of a size [SI]."""
     sd = np.sqrt(np.diag(covariance))
-    return {
-        "names": names,
-        "matrix": (covariance / np.outer(sd, sd)).tolist(),
-        "standard_errors": [_finite(error) for error in sd.tolist()],
-    }
+    matrix = (covariance / np.outer(sd, sd)).tolist()
+    errors = tuple(finite(error) for error in (np.asarray(size) * sd).tolist())
+    return Correlation(tuple(names), tuple(tuple(row) for row in matrix), errors)
 
 
-def _gate(found: Findings) -> dict[str, Any] | None:
+def _gate(found: Findings) -> GateResult | None:
     if found.attempt is None:
         return None
     gate = found.attempt.gate
     worst = gate.worst
     log = found.attempt.logs[int(gate.log[worst]) - 1] + 1 if worst >= 0 else None
-    return {
-        "chi2_per_sample": _finite(gate.chi2_per_sample),
-        "worst_cycle": {"log": log, "cycle": int(gate.cycle[worst]), "z": _finite(gate.z[worst])} if log else None,
-        "solver": gate.solver,
-        "event_shift_samples": _finite(gate.event_shift),
-        "strength_scatter": stick_scatter(found.attempt.solved),
-    }
+    return GateResult(
+        finite(float(gate.chi2_per_sample)),
+        WorstCycle(log, int(gate.cycle[worst]), finite(float(gate.z[worst]))) if log else None,
+        gate.solver,
+        finite(float(gate.event_shift)),
+        stick_scatter(found.attempt.solved),
+    )
 
 
-def _fit(found: Findings) -> dict[str, Any] | None:
+def _fit(found: Findings) -> FitFigures | None:
     if found.attempt is None:
         return None
     solved = found.attempt.solved
@@ -320,23 +324,23 @@ def _fit(found: Findings) -> dict[str, Any] | None:
     variance = np.array([1.0 / np.max(log.data.weight) for log in found.attempt.prepared])
     for family, cost in zip(solved.problem.layout.families, solved.problem.block_costs(solved.solution.z), strict=True):
         squares += float(variance[family.log] @ cost)
-    return {
-        "samples": count,
-        "cycles": int(sum(trajectory.arrests for trajectory in solved.trajectories)),
-        "iterations": solved.iterations,
-        "passes": solved.passes,
-        "unknowns": solved.problem.layout.size,
-        "rms_N": math.sqrt(squares / max(count, 1)),
-        "steps": solved.grid.steps,
-        "discretisation": dict(found.discretisation),  # in standard errors
-    }
+    return FitFigures(
+        samples=count,
+        cycles=int(sum(trajectory.arrests for trajectory in solved.trajectories)),
+        iterations=solved.iterations,
+        passes=solved.passes,
+        unknowns=solved.problem.layout.size,
+        rms_N=math.sqrt(squares / max(count, 1)),
+        steps=solved.grid.steps,
+        discretisation=dict(found.discretisation),
+    )
 
 
-def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, Any]:
+def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, dict[str, Shift]]:
     """What an error of 1 % in a rig quantity taken as exact would do to every parameter."""
     assert found.information is not None and found.attempt is not None and found.covariance is not None
     exact = [n for n in (*RIG_PARAMETERS, "drive_speed") if n not in scene.parameters and n not in scene.rig.tolerances]
-    out: dict[str, Any] = {}
+    out = {}
     for quantity in exact:
         if quantity == "drive_speed":
             move = found.information.drive_speed_shift()
@@ -348,19 +352,21 @@ def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, Any]:
     return out
 
 
-def _tolerances(scene: Scene, found: Findings) -> dict[str, Any]:
+def _tolerances(scene: Scene, found: Findings) -> dict[str, ToleranceResult]:
     """What the second intervals allow for: errors that the first ones take as none, one standard deviation each."""
     settled = {*scene.parameters, *scene.rig.tolerances}  # the intervals of the fit hold these
     if "force_sensor" in scene.effects:
         settled.add("friction_force")
     return {
-        name: {"relative": share, "source": "scene" if name in scene.tolerances else "usual"}
+        name: ToleranceResult(share, "scene" if name in scene.tolerances else "usual")
         for name, share in {**USUAL_TOLERANCES, **scene.tolerances}.items()
         if name not in settled and not (name == "damping" and "damping" not in found.unknowns.names)
     }
 
 
-def _add_second_intervals(parameters: dict[str, Any], found: Findings, tolerances: Mapping[str, float]) -> None:
+def _with_second_intervals(
+    parameters: Mapping[str, ParameterResult], found: Findings, tolerances: Mapping[str, float]
+) -> dict[str, ParameterResult]:
     """Beside each interval the one that errors of rig and sensors widen; in the same list, null where that has none."""
     assert found.information is not None and found.attempt is not None
     unknowns, solved = found.unknowns, found.attempt.solved
@@ -369,13 +375,13 @@ def _add_second_intervals(parameters: dict[str, Any], found: Findings, tolerance
     added = added_by_tolerances(found.information, values, tolerances, memory)
     by_name = dict(zip(np.array(unknowns.names)[unknowns.free].tolist(), (NORMAL * added).tolist(), strict=True))
     logarithmic = dict(zip(unknowns.names, unknowns.logarithmic.tolist(), strict=True))
+    out = dict(parameters)
     for name, entry in parameters.items():
-        base = str(entry.get("parameter") or name)
-        if entry["verdict"] == "fixed" or base not in by_name or entry["value"] is None:
-            continue
-        entry["interval_with_tolerances"] = [
-            _farther(entry["value"], end, by_name[base], logarithmic[base]) for end in entry["interval"]
-        ]
+        base = entry.parameter or name
+        if entry.verdict != "fixed" and base in by_name and entry.value is not None:
+            low, high = (_farther(entry.value, end, by_name[base], logarithmic[base]) for end in entry.ends)
+            out[name] = replace(entry, interval_with_tolerances=(low, high))
+    return out
 
 
 def _farther(value: float, end: float | None, by: float, logarithmic: bool) -> float | None:
@@ -387,7 +393,7 @@ def _farther(value: float, end: float | None, by: float, logarithmic: bool) -> f
     return value + math.copysign(math.hypot(end - value, by), end - value)
 
 
-def _shifts(found: Findings, move: Array) -> dict[str, Any]:
+def _shifts(found: Findings, move: Array) -> dict[str, Shift]:
     """A move of the free theta (f,) as shifts of the parameters, in SI and in standard errors."""
     unknowns, estimates = found.unknowns, {e.name: e for e in found.estimates}
     out = {}
@@ -395,13 +401,5 @@ def _shifts(found: Findings, move: Array) -> dict[str, Any]:
         estimate = estimates[unknowns.names[index]]
         size = estimate.value if unknowns.logarithmic[index] and estimate.value is not None else 1.0
         shift, error = float(move[i] * size), estimate.standard_error
-        out[estimate.name] = {
-            "shift": shift,
-            "unit": estimate.unit,
-            "in_standard_errors": shift / error if error else None,
-        }
+        out[estimate.name] = Shift(shift, estimate.unit, shift / error if error else None)
     return out
-
-
-def _finite(x: float) -> float | None:
-    return float(x) if math.isfinite(x) else None

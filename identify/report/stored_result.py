@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import Enum
 from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 
-from identify.base.errors import FitError, SceneError
-from identify.base.outcome import numbers_of
+from identify.base.document import Json
+from identify.base.errors import DocumentError, FitError, SceneError
+from identify.base.result import Result
 from identify.scene import Scene
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -20,7 +21,7 @@ from identify.scene import Scene
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def plain(value: Any) -> Any:
+def plain(value: object) -> Any:
     """The value as JSON knows it: dict, list, str, int, float, bool or None.
 
     NaN and infinities become None (the interface: infinite or missing is null); numpy scalars and
@@ -46,12 +47,12 @@ def plain(value: Any) -> Any:
     raise TypeError(f"a result holds {type(value).__name__}, which JSON does not know; make it numbers or text")
 
 
-def as_json(result: Mapping[str, Any]) -> str:
-    """The text of result.json: strict JSON, no NaN, readable by a person, ending in a newline."""
-    return json.dumps(plain(result), ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+def as_json(document: Mapping[str, object]) -> str:
+    """The text of a document: strict JSON, no NaN, readable by a person, ending in a newline."""
+    return json.dumps(plain(document), ensure_ascii=False, allow_nan=False, indent=1) + "\n"
 
 
-def read_result(path: Path) -> dict[str, Any]:
+def read_document(path: Path) -> dict[str, Json]:
     """The document of a stored result.
 
     Raises:
@@ -70,38 +71,35 @@ def read_result(path: Path) -> dict[str, Any]:
     return dict(document)
 
 
-def scene_of(document: Mapping[str, Any], path: Path | str) -> Scene:
+def read_result(path: Path) -> Result:
+    """A stored result; errors as `read_document`."""
+    return Result.from_dict(read_document(path))
+
+
+def scene_of(result: Result, path: Path | str) -> Scene:
     """The scene that a result was fitted with.
 
     Raises:
         FitError: what is recorded there is no scene any more.
     """
     try:
-        return Scene.from_document(document["provenance"]["scene"])
+        return Scene.from_document(result.scene)
     except SceneError as error:
         raise FitError(f"{path}: the scene recorded there: {error}") from None
 
 
-def _is_result(document: Any) -> bool:
+def _is_result(document: object) -> bool:
     """Whether the parts that commands read are there and of the right kind."""
     if not isinstance(document, Mapping) or not {"status", "parameters", "logs", "provenance"} <= set(document):
         return False
-    parameters, logs, provenance = document["parameters"], document["logs"], document["provenance"]
-    if not isinstance(parameters, Mapping) or not isinstance(logs, list) or not isinstance(provenance, Mapping):
+    try:
+        result = Result.from_dict(document)
+    except DocumentError:
         return False
-    scene = provenance.get("scene")
-    if not isinstance(scene, Mapping) or not all(map(_is_log, logs)):
+    logs, estimated = result.scene.get("logs", ()), () if result.correlation is None else result.correlation.names
+    if not isinstance(result.provenance.get("scene"), Mapping) or not isinstance(logs, Sequence):
         return False
-    if set(numbers_of(logs)) != set(range(len(scene.get("logs", ())))):
+    if set(result.numbers) != set(range(len(logs))):
         return False
-    if not all(map(_is_parameter, parameters.values())):
-        return False
-    return all(name in parameters for name in (document.get("correlation") or {}).get("names") or [])
-
-
-def _is_parameter(parameter: Any) -> bool:
-    return isinstance(parameter, Mapping) and {"value", "standard_error", "verdict"} <= set(parameter)
-
-
-def _is_log(log: Any) -> bool:
-    return isinstance(log, Mapping) and "sha256" in log and isinstance(log.get("part_of", 1), int)
+    told = all(log.sha256 is not None for log in result.logs)
+    return told and all(e.verdict for e in result.parameters.values()) and set(estimated) <= set(result.parameters)

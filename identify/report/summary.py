@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
+from identify.base.result import AccuracyResult, LevelCost, ParameterResult, Result, ToleranceResult
 from identify.base.wording import columns, wrapped
 from identify.report.report_views import parameter_views
 from identify.report.uneven_words import NOT_FOR, distribution_lines, is_uneven, odd_slips
 
 
-def summary(result: Mapping[str, Any]) -> str:
-    """Status, parameters with intervals and verdicts, and the reasons of what is not identified.
-
-    Args:
-        result: the document of result.json.
-    """
+def summary(result: Result) -> str:
+    """Status, parameters with intervals and verdicts, and the reasons of what is not identified."""
     return "\n".join(_lines(result))
 
 
-def _lines(result: Mapping[str, Any]) -> Iterator[str]:
-    yield wrapped(f"{str(result['status']).replace('_', ' ')}: {result['message']}")
-    if result["status"] != "converged":
+def _lines(result: Result) -> Iterator[str]:
+    yield wrapped(f"{result.status.replace('_', ' ')}: {result.message}")
+    if not result.converged:
         return
-    for number, log in enumerate(result.get("logs", ()), 1):
-        if log.get("reason_left_out"):
-            yield wrapped(f"log {number} took no part: {log['reason_left_out']}", "  ")
+    for number, log in enumerate(result.logs, 1):
+        if log.reason_left_out:
+            yield wrapped(f"log {number} took no part: {log.reason_left_out}", "  ")
     yield ""
-    yield parameter_table(result["parameters"])
-    if meaning := tolerances_text(result.get("tolerances") or {}):
+    yield parameter_table(result.parameters)
+    if meaning := tolerances_text(result.tolerances or {}):
         yield wrapped(meaning, "  ")
     yield ""
     if is_uneven(result):
@@ -38,23 +34,22 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str]:
         yield ""
         yield from (wrapped(line, "  ") for line in (odd_slips(result), NOT_FOR) if line)
         yield ""
-    effects = result.get("effects") or {}
-    if effects.get("chosen") == "auto":
-        yield wrapped(f"effects chosen: {', '.join(effects['names'])}", "  ")
-        gone = [str(reason["effect"]) for reason in effects["reasons"] if not reason["kept"]]
+    if result.effects.chosen == "auto":
+        yield wrapped(f"effects chosen: {', '.join(result.effects.names)}", "  ")
+        gone = [reason.effect for reason in result.effects.reasons if not reason.kept]
         yield wrapped(f"left out: {', '.join(gone) or 'none'}; why: see the report", "  ")
         yield ""
-    if cost := accuracy_text(result.get("accuracy") or {}):
+    if cost := accuracy_text(result.accuracy):
         yield wrapped(cost, "  ")
-    tables = {"accuracy_table": "what accuracy costs", "effects_table": "what each effect is worth"}
-    if asked := [words for name, words in tables.items() if result.get(name)]:
+    tables = ((result.accuracy_table, "what accuracy costs"), (result.effects_table, "what each effect is worth"))
+    if asked := [words for table, words in tables if table]:
         yield wrapped(f"{' and '.join(asked)}: see the report", "  ")
-    for view in parameter_views(result["parameters"]):
+    for view in parameter_views(result.parameters):
         if view.verdict not in ("identified", "fixed") and view.reason:
             yield wrapped(f"{view.name}: {view.reason}", "  ")
 
 
-def parameter_table(parameters: Mapping[str, Mapping[str, Any]]) -> str:
+def parameter_table(parameters: Mapping[str, ParameterResult]) -> str:
     """Value, both 95 % intervals and verdict of each parameter, in lab units; where no interval with tolerances is
     known, the standard error stands beside the value."""
     views = parameter_views(parameters)
@@ -69,33 +64,33 @@ def parameter_table(parameters: Mapping[str, Mapping[str, Any]]) -> str:
     return columns(rows)
 
 
-def accuracy_text(accuracy: Mapping[str, Any]) -> str:
+def accuracy_text(accuracy: AccuracyResult | None) -> str:
     """What the accuracy of the fit cost and gives, what the other levels would, and what each effect took of it; ""
     where that is not known."""
-    if not accuracy:
+    if accuracy is None:
         return ""
-    levels = {level["accuracy"]: level for level in accuracy["levels"]}
+    levels = {level.accuracy: level for level in accuracy.levels}
 
-    def said(level: Mapping[str, Any], about: str) -> str:
-        error = level["error_in_standard_errors"]
+    def said(level: LevelCost, about: str) -> str:
+        error = level.error_in_standard_errors
         left = "an unknown error" if error is None else f"{error:.2g} standard errors"
-        return f"{about}{level['seconds']:.2g} s{'' if about else ' of processor time'}, steps leave {left}"
+        return f"{about}{level.seconds:.2g} s{'' if about else ' of processor time'}, steps leave {left}"
 
-    taken = levels.pop(accuracy["taken"])
+    taken = levels.pop(accuracy.taken)
     others = "; ".join(f"{name}: {said(level, 'about ')}" for name, level in levels.items())
-    dearest = sorted(accuracy.get("effects_s", {}).items(), key=lambda item: -item[1])
+    dearest = sorted(accuracy.effects_s.items(), key=lambda item: -item[1])
     effects = f": {', '.join(f'{name} {seconds:.2g} s' for name, seconds in dearest)}" if dearest else ""
-    equations = f". The equations of the model took {accuracy['equations_s']:.2g} s of it{effects}" if effects else ""
-    return f"accuracy {accuracy['taken']}: {said(taken, '')}. Estimated, {others}{equations}"
+    equations = f". The equations of the model took {accuracy.equations_s:.2g} s of it{effects}" if dearest else ""
+    return f"accuracy {accuracy.taken}: {said(taken, '')}. Estimated, {others}{equations}"
 
 
-def tolerances_text(tolerances: Mapping[str, Mapping[str, Any]]) -> str:
+def tolerances_text(tolerances: Mapping[str, ToleranceResult]) -> str:
     """What the two intervals mean: "" where there is one only."""
     if not tolerances:
         return ""
     words = {"friction_force": "gain of the friction force", "normal_force": "gain of the normal force"}
-    listed = [f"{words.get(n, n.replace('_', ' '))} {100 * t['relative']:g} %" for n, t in tolerances.items()]
-    usual = "" if all(t["source"] == "scene" for t in tolerances.values()) else "usual "
+    listed = [f"{words.get(n, n.replace('_', ' '))} {100 * t.relative:g} %" for n, t in tolerances.items()]
+    usual = "" if all(t.source == "scene" for t in tolerances.values()) else "usual "
     return (
         "rig exact: noise alone, to compare runs on this rig. tolerances: with errors of rig and sensors, to compare "
         f"with other rigs ({usual}standard deviations: {', '.join(listed)}; [tolerances] in the scene changes them)"

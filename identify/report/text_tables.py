@@ -5,36 +5,34 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.document import Json
+from identify.base.result import LogResult, ParameterResult
 from identify.report.report_views import ParameterView, parameter_views
 from identify.report.stored_result import plain
 
-Columns = Mapping[str, NDArray[Any]]  # columns of equal length by name
-Row = Mapping[str, Any]
+Columns = Mapping[str, NDArray[np.generic]]  # columns of equal length by name
+Row = Mapping[str, Json]
 
 
-def classical_rows(logs: Sequence[Mapping[str, Any]]) -> list[tuple[int, Row]]:
+def classical_rows(logs: Sequence[LogResult]) -> list[tuple[int, Row]]:
     """The rows of every log's classical table, each with the number of its log (from 1)."""
-    return [
-        (position, row)
-        for position, log in enumerate(logs, start=1)
-        for row in (log.get("classical") or {}).get("rows", ())
-    ]
+    return [(number, row) for number, log in enumerate(logs, start=1) for row in log.classical.rows]
 
 
 def column_names(rows: Sequence[tuple[int, Row]]) -> list[str]:
     """All columns that occur, in the order in which they first occur."""
-    return list(dict.fromkeys(str(name) for _, row in rows for name in row))
+    return list(dict.fromkeys(name for _, row in rows for name in row))
 
 
-def classical_csv(logs: Sequence[Mapping[str, Any]]) -> str:
+def classical_csv(logs: Sequence[LogResult]) -> str:
     """The classical table of all logs (SI, units in the column names); an empty cell where a value is missing."""
     rows = classical_rows(logs)
     columns = column_names(rows)
-    body = ([number, logs[number - 1].get("path", ""), *(row.get(name) for name in columns)] for number, row in rows)
+    body = ([number, logs[number - 1].path, *(row.get(name) for name in columns)] for number, row in rows)
     return _text(["log", "path", *columns], body)
 
 
@@ -43,7 +41,7 @@ def figure_csv(columns: Columns) -> str:
     return _text(list(columns), zip(*(values.tolist() for values in columns.values()), strict=True))
 
 
-def _text(header: Sequence[str], body: Iterator[Sequence[Any]]) -> str:
+def _text(header: Sequence[str], body: Iterator[Sequence[object]]) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(header)
@@ -61,7 +59,7 @@ ESCAPED = str.maketrans(
 )
 
 
-def latex_table(parameters: Mapping[str, Mapping[str, Any]]) -> str:
+def latex_table(parameters: Mapping[str, ParameterResult]) -> str:
     """A `tabular` (needs booktabs), one row per parameter: symbol, meaning, unit, value with its standard error, the
     95 % interval with the rig taken as exact and, where it is known, the one with the tolerances of rig and sensors."""
     views = parameter_views(parameters)

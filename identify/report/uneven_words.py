@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
-from identify.report.quantity_text import finite, number, quantity
+from identify.base.result import DistributionResult, Result, UnevenResult
+from identify.report.quantity_text import number, quantity
 
 NOT_FOR = (
     "Use these numbers for this drive speed, stiffness and load only: whatever is computed from them for another is "
@@ -15,47 +15,46 @@ LABELS = {"static_peak": "static peak", "drop": "drop", "period": "period"}
 BASES = {"static_peak": " of the load", "drop": " of the load", "period": ""}
 
 
-def is_uneven(result: Mapping[str, Any]) -> bool:
+def is_uneven(result: Result) -> bool:
     """Whether the estimator of uneven records gave this result."""
-    return result.get("estimator") == "uneven" and result.get("status") == "converged"
+    return result.estimator == "uneven" and result.converged
 
 
-def headline(result: Mapping[str, Any]) -> str:
+def headline(result: Result) -> str:
     """What the friction of the pair is, how sure that is, and what not to use it for."""
-    parameters = result["parameters"]
-    strength, scatter = parameters["strength"], parameters["strength_scatter"]
-    if strength["value"] is None:
+    strength, scatter = result.parameters["strength"], result.parameters["strength_scatter"]
+    if strength.value is None:
         return "Friction differs from cycle to cycle, and these records do not tell its strength."
-    low, high = (number(finite(end), 2) for end in strength["interval"])
-    spread = f", and scatters by {100 * scatter['value']:.0f} % from stick to stick" if scatter["value"] else ""
-    peak = (result.get("distributions") or {}).get("static_peak", {}).get("quantiles")
+    low, high = (number(end, 2) for end in strength.ends)
+    spread = f", and scatters by {100 * scatter.value:.0f} % from stick to stick" if scatter.value else ""
+    peak = UnevenResult.of(result).distributions.get("static_peak")
     at = f" above a level that wanders (static peaks {_range(peak, '')} in nine of ten cycles)" if peak else ""
     return (
-        f"Friction differs from cycle to cycle: a stick holds {number(strength['value'], 3)} ({low} to {high}) of the "
+        f"Friction differs from cycle to cycle: a stick holds {number(strength.value, 3)} ({low} to {high}) of the "
         f"load{at}{spread}."
     )
 
 
-def distribution_lines(result: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+def distribution_lines(result: Result) -> Iterator[tuple[str, str, str]]:
     """Name, median with the interval, and range from 5 to 95 % of static peak, drop and period."""
-    for name, entry in (result.get("distributions") or {}).items():
+    for name, entry in UnevenResult.of(result).distributions.items():
         if name in LABELS:
-            middle = entry["quantiles"]["50"]
-            low, high = (quantity(finite(end), entry["unit"], 3) for end in middle["interval"])
-            value = f"{quantity(finite(middle['value']), entry['unit'], 3)} ({low} to {high})"
-            yield LABELS[name], value, f"{_range(entry['quantiles'], entry['unit'])}{BASES[name]}"
+            middle = entry.quantiles["50"]
+            low, high = (quantity(end, entry.unit, 3) for end in middle.interval)
+            value = f"{quantity(middle.value, entry.unit, 3)} ({low} to {high})"
+            yield LABELS[name], value, f"{_range(entry, entry.unit)}{BASES[name]}"
 
 
-def _range(quantiles: Mapping[str, Any], unit: str) -> str:
-    low, high = (quantity(finite(quantiles[q]["value"]), unit, 2) for q in ("5", "95"))
+def _range(entry: DistributionResult, unit: str) -> str:
+    low, high = (quantity(entry.quantiles[q].value, unit, 2) for q in ("5", "95"))
     return f"{low} to {high}"
 
 
-def odd_slips(result: Mapping[str, Any]) -> str:
+def odd_slips(result: Result) -> str:
     """The odd slips by number; "" where there is none."""
-    odd = result.get("odd_slips") or ()
+    odd = UnevenResult.of(result).odd_slips
     if not odd:
         return ""
-    many = len({slip["log"] for slip in odd}) > 1
-    named = ", ".join(f"{slip['cycle']} of log {slip['log']}" if many else str(slip["cycle"]) for slip in odd)
+    many = len({slip.log for slip in odd}) > 1
+    named = ", ".join(f"{slip.cycle} of log {slip.log}" if many else str(slip.cycle) for slip in odd)
     return f"Odd slips, whose level changed by more than the wander explains: cycle {named}."

@@ -10,17 +10,7 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from identify.report.quantity_text import (
-    DASH,
-    Scale,
-    decimals,
-    finite,
-    number,
-    places_for,
-    scale_for,
-    scatter,
-    shown_error,
-)
+from identify.report.quantity_text import DASH, Scale, decimals, number, places_for, scale_for, scatter, shown_error
 from identify.report.report_wording import VERDICT_MARK, plain_symbol
 from identify.studies.compare import Comparison
 from identify.studies.comparison_figures import excerpt, thumbnail
@@ -56,7 +46,7 @@ def link(entry: FitEntry, home: Path) -> str:
 def fits(entries: Sequence[FitEntry], home: Path, comparison: Comparison | None) -> PageTable:
     """Every fit with its status, labels and parameters; flagged where it does not belong."""
     labels = _labels(entries, comparison)
-    names = list(dict.fromkeys(str(n) for e in entries for n in e.document.get("parameters", {})))[:MOST_PARAMETERS]
+    names = list(dict.fromkeys(n for e in entries for n in e.result.parameters))[:MOST_PARAMETERS]
     units = {name: _unit(entries, name) for name in names}
     odd = comparison.odd_fits if comparison else frozenset()
     heads = ["fit", "status", *labels, "misfit"]
@@ -66,7 +56,7 @@ def fits(entries: Sequence[FitEntry], home: Path, comparison: Comparison | None)
         flag = "does not belong?" if entry.name in odd else ""
         row = [PageCell(entry.name, flag, link=link(entry, home), sort=entry.name), _status(entry)]
         row += [PageCell(entry.labels.get(label, DASH), sort=entry.labels.get(label)) for label in labels]
-        chi2 = finite((entry.document.get("gate") or {}).get("chi2_per_sample"))
+        chi2 = None if entry.result.gate is None else entry.result.gate.chi2_per_sample
         row.append(PageCell(number(chi2, 3), sort=chi2))
         row += [_parameter(entry, name, units[name].factor) for name in names]
         rows.append(row)
@@ -82,9 +72,9 @@ def _labels(entries: Sequence[FitEntry], comparison: Comparison | None) -> list[
 
 
 def _unit(entries: Sequence[FitEntry], name: str) -> Scale:
-    told = [p for e in entries if isinstance(p := e.document.get("parameters", {}).get(name), dict)]
-    values = sorted(abs(v) for p in told if (v := finite(p.get("value"))) is not None)
-    return scale_for(values[len(values) // 2] if values else None, next((p["unit"] for p in told if p.get("unit")), ""))
+    told = [p for e in entries if (p := e.result.parameters.get(name)) is not None]
+    values = sorted(abs(p.value) for p in told if p.value is not None)
+    return scale_for(values[len(values) // 2] if values else None, next((p.unit for p in told if p.unit), ""))
 
 
 def _status(entry: FitEntry) -> PageCell:
@@ -93,17 +83,15 @@ def _status(entry: FitEntry) -> PageCell:
 
 
 def _parameter(entry: FitEntry, name: str, factor: float) -> PageCell:
-    told = entry.document.get("parameters", {}).get(name)
-    value = finite(told.get("value")) if isinstance(told, dict) else None
-    if not isinstance(told, dict) or value is None:
+    told = entry.result.parameters.get(name)
+    if told is None or told.value is None:
         return PageCell(DASH)
-    error, scattered = shown_error(told), scatter(told)
+    value, error, scattered = told.value, shown_error(told), scatter(told)
     places = places_for(scattered / factor, value / factor) if scattered else places_for(None, value / factor) - 1
-    verdict = str(told.get("verdict"))
-    mark = VERDICT_MARK.get(verdict, "")
-    note = f"± {decimals(error / factor, places)}" if error else str(told.get("verdict") or "")
+    mark = VERDICT_MARK.get(told.verdict, "")
+    note = f"± {decimals(error / factor, places)}" if error else told.verdict
     return PageCell(
-        decimals(value / factor, places) + (f" {mark}" if mark and verdict != PLAIN else ""), note, sort=value
+        decimals(value / factor, places) + (f" {mark}" if mark and told.verdict != PLAIN else ""), note, sort=value
     )
 
 
@@ -142,15 +130,9 @@ def rejected_logs(entries: Sequence[FitEntry]) -> PageTable:
     rows = []
     for entry in entries:
         for log in entry.logs if entry.converged else ():
-            if log.get("reason_left_out"):
-                path = str(log.get("path", "")).replace("\\", "/").rsplit("/", 1)[-1]
-                rows.append(
-                    [
-                        PageCell(path, sort=path),
-                        PageCell(entry.name, sort=entry.name),
-                        PageCell(str(log["reason_left_out"]), most=REASON),
-                    ]
-                )
+            if log.reason_left_out:
+                named, reason = PageCell(log.name, sort=log.name), PageCell(log.reason_left_out, most=REASON)
+                rows.append([named, PageCell(entry.name, sort=entry.name), reason])
     return table("rejected-logs", ["log", "fit", "reason"], rows)
 
 

@@ -9,14 +9,15 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.document import Json
+from identify.base.errors import DocumentError
 from identify.base.quantiles import NORMAL
+from identify.base.result import LogResult, ParameterResult, Result
 from identify.effects import ALL
-from identify.report.quantity_text import finite
 from identify.uneven.answer import SCALES
 
 INDEX, BATCH = "index.csv", "batch.json"
@@ -39,7 +40,7 @@ class FitEntry:
 
     name: its group in the batch, else its folder; folder: where its files are; status, message: as in result.json,
     or "unreadable" with the reason; labels: those that all its logs share; mixed: labels that differ between its
-    logs; document: result.json, empty where there is none. Of a part of a fit (`parts`): fit: the name of the fit;
+    logs; result, and its document: empty where there is none. Of a part of a fit (`parts`): fit: the name of the fit;
     elsewhere: parameters that other parts of it tell.
     """
 
@@ -49,7 +50,8 @@ class FitEntry:
     message: str
     labels: Mapping[str, str] = field(default_factory=dict)
     mixed: tuple[str, ...] = ()
-    document: Mapping[str, Any] = field(default_factory=dict)
+    result: Result = field(default_factory=Result)
+    document: Mapping[str, Json] = field(default_factory=dict)
     fit: str = ""
     elsewhere: frozenset[str] = frozenset()
 
@@ -69,15 +71,14 @@ class FitEntry:
         return self.status == CONVERGED
 
     @property
-    def logs(self) -> Sequence[Mapping[str, Any]]:
-        """The logs of the document that are told in full."""
-        found = self.document.get("logs")
-        return [log for log in found if isinstance(log, Mapping)] if isinstance(found, list) else []
+    def logs(self) -> tuple[LogResult, ...]:
+        """The logs of the fit."""
+        return self.result.logs
 
     @property
-    def taken(self) -> Sequence[Mapping[str, Any]]:
+    def taken(self) -> Sequence[LogResult]:
         """The logs that took part in the fit."""
-        return [log for log in self.logs if not log.get("reason_left_out")]
+        return [log for log in self.logs if not log.reason_left_out]
 
 
 def count(entries: Iterable[FitEntry]) -> int:
@@ -139,7 +140,7 @@ def _unguarded(text: str) -> str:
     return text[1:] if text.startswith("'") and text[1:].lstrip().startswith(GUARDED) else text
 
 
-def _groups(path: Path) -> list[Mapping[str, Any]]:
+def _groups(path: Path) -> list[Mapping[str, Json]]:
     """The groups of a batch as its document tells them: names and labels exactly as they were given."""
     try:
         groups = json.loads(path.read_text(encoding="utf-8"))["groups"]
@@ -148,12 +149,13 @@ def _groups(path: Path) -> list[Mapping[str, Any]]:
     return [g if isinstance(g, Mapping) else {} for g in groups] if isinstance(groups, list) else []
 
 
-def _row(folder: Path, row: Mapping[str, str], group: Mapping[str, Any]) -> FitEntry:
+def _row(folder: Path, row: Mapping[str, str], group: Mapping[str, Json]) -> FitEntry:
     """One row of an index: its result where there is one, else the reason why there is none."""
     name = str(group.get("group") or row.get("group") or "?")
     labels = {key.removeprefix(LABEL): value for key, value in row.items() if key not in NOT_LABELS and value}
-    if isinstance(group.get("labels"), Mapping):
-        labels = {str(key): str(value) for key, value in group["labels"].items() if value}
+    exact = group.get("labels")
+    if isinstance(exact, Mapping):
+        labels = {str(key): str(value) for key, value in exact.items() if value}
     told = row.get("result") or ""
     path = folder / (told or f"{group.get('folder') or row.get('folder') or name}/{RESULT}")
     if path.is_dir():
@@ -169,24 +171,28 @@ def _read(folder: Path, name: str, labels: Mapping[str, str]) -> FitEntry:
         document = json.loads((folder / RESULT).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         return FitEntry(name, folder, UNREADABLE, f"{RESULT} cannot be read: {type(error).__name__}", labels)
-    if not isinstance(document, Mapping) or not isinstance(document.get("parameters"), Mapping):
+    try:
+        result = Result.from_dict(document)
+    except DocumentError:
+        result = Result()
+    if not isinstance(document, Mapping) or not isinstance(document.get("parameters"), Mapping) or not result.status:
         return FitEntry(name, folder, UNREADABLE, f"{RESULT} is no result of a fit", labels)
-    said, mixed = shared_labels([log for log in document.get("logs") or () if isinstance(log, Mapping)])
+    said, mixed = shared_labels(result.logs)
     return FitEntry(
         name=name,
         folder=folder,
-        status=str(document.get("status") or UNREADABLE),
-        message=str(document.get("message") or ""),
+        status=result.status,
+        message=result.message,
         labels={key: value for key, value in labels.items() if key not in mixed} | said,
         mixed=mixed,
+        result=result,
         document=document,
     )
 
 
-def shared_labels(logs: Sequence[Mapping[str, Any]]) -> tuple[dict[str, str], tuple[str, ...]]:
+def shared_labels(logs: Sequence[LogResult]) -> tuple[dict[str, str], tuple[str, ...]]:
     """Labels that all logs which took part share, and the names of those that differ."""
-    told = [log.get("labels") for log in logs if not log.get("reason_left_out")] or [log.get("labels") for log in logs]
-    tables = [{str(k): str(v) for k, v in table.items()} for table in told if isinstance(table, Mapping)]
+    tables = [log.labels for log in logs if not log.reason_left_out] or [log.labels for log in logs]
     names = list(dict.fromkeys(name for table in tables for name in table))
     same = {name: tables[0][name] for name in names if len({table.get(name) for table in tables}) == 1}
     return same, tuple(name for name in names if name not in same)
@@ -228,7 +234,7 @@ class Values:
 
 def values(entries: Sequence[FitEntry]) -> Values:
     """The parameters that these fits estimate, in the order in which they first occur."""
-    names = list(dict.fromkeys(name for e in entries for name, p in e.document["parameters"].items() if _estimated(p)))
+    names = list(dict.fromkeys(name for e in entries for name, p in e.result.parameters.items() if p.verdict in TOLD))
     quantities = tuple(_quantity(name, entries) for name in names)
     n, m = len(entries), len(quantities)
     y, covariance = np.full((n, m), np.nan), np.full((n, m, m), np.nan)
@@ -236,7 +242,7 @@ def values(entries: Sequence[FitEntry]) -> Values:
     for i, entry in enumerate(entries):
         sd = np.full(m, np.nan)
         for k, quantity in enumerate(quantities):
-            parameter = entry.document["parameters"].get(quantity.name)
+            parameter = entry.result.parameters.get(quantity.name)
             y[i, k], sd[k], reason = _told(parameter, quantity)
             if reason and quantity.name not in entry.elsewhere:
                 untold[quantity.name].append((i, reason))
@@ -246,52 +252,41 @@ def values(entries: Sequence[FitEntry]) -> Values:
 
 def tells(entry: FitEntry) -> bool:
     """Whether a fit has a number for any parameter."""
-    return any(_numbered(p) for p in entry.document["parameters"].values())
+    return any(_numbered(p) for p in entry.result.parameters.values())
 
 
 def verdicts(entry: FitEntry) -> str:
     """The verdicts on the parameters of a fit in words: "mu_s, a not identifiable; D at bound"."""
     found: dict[str, list[str]] = {}
-    for name, p in entry.document["parameters"].items():
-        verdict = str(p.get("verdict") or "no value") if isinstance(p, Mapping) else "no value"
-        found.setdefault("no standard error" if verdict in TOLD else verdict, []).append(str(name))
+    for name, p in entry.result.parameters.items():
+        found.setdefault("no standard error" if p.verdict in TOLD else p.verdict or "no value", []).append(name)
     return "; ".join(f"{', '.join(names)} {verdict}" for verdict, names in found.items()) or "it has no parameter"
 
 
-def _estimated(parameter: Any) -> bool:
-    return isinstance(parameter, Mapping) and parameter.get("verdict") in TOLD
-
-
-def _numbered(parameter: Any) -> bool:
+def _numbered(parameter: ParameterResult) -> bool:
     """Whether a parameter was estimated with a standard error."""
-    return (
-        _estimated(parameter)
-        and finite(parameter.get("value")) is not None
-        and bool(finite(parameter.get("standard_error")))
-    )
+    return parameter.verdict in TOLD and parameter.value is not None and bool(parameter.standard_error)
 
 
 def _quantity(name: str, entries: Sequence[FitEntry]) -> Quantity:
-    told = [e.document["parameters"][name] for e in entries if name in e.document["parameters"]]
-    positive = all((finite(p.get("value")) or 0.0) > 0.0 for p in told if _estimated(p))
+    told = [e.result.parameters[name] for e in entries if name in e.result.parameters]
+    positive = all((p.value or 0.0) > 0.0 for p in told if p.verdict in TOLD)
     declared = DECLARED.get(name)
-    unit = next((str(p["unit"]) for p in told if p.get("unit")), "")
+    unit = next((p.unit for p in told if p.unit), "")
     logarithmic = name in SCALES or (declared is not None and declared.scale == "log")
     return Quantity(name, unit, logarithmic and positive)
 
 
-def _told(parameter: Any, quantity: Quantity) -> tuple[float, float, str]:
+def _told(parameter: ParameterResult | None, quantity: Quantity) -> tuple[float, float, str]:
     """Value and standard deviation on the scale of the quantity, or why there is none.
 
     The interval counts where it has two ends: where a profile was run, it is the better of the two.
     """
-    if not isinstance(parameter, Mapping):
+    if parameter is None:
         return np.nan, np.nan, "not in its model"
-    value, error = finite(parameter.get("value")), finite(parameter.get("standard_error"))
+    value, error, (low, high) = parameter.value, parameter.standard_error, parameter.ends
     if value is None or not error or not _numbered(parameter):
-        return np.nan, np.nan, str(parameter.get("verdict") or "no value")
-    ends = parameter.get("interval")
-    low, high = (finite(end) for end in ends) if isinstance(ends, list) and len(ends) == 2 else (None, None)
+        return np.nan, np.nan, parameter.verdict or "no value"
     if quantity.logarithmic:
         width = np.log(high / low) if low is not None and high is not None and 0.0 < low < high else 0.0
         return float(np.log(value)), float(width) / (2.0 * NORMAL) or error / value, ""
@@ -301,20 +296,13 @@ def _told(parameter: Any, quantity: Quantity) -> tuple[float, float, str]:
 
 def _correlation(entry: FitEntry, names: Sequence[str]) -> Array:
     """Correlation of the fit's errors among `names`; none where the fit does not tell it."""
-    out = np.eye(len(names))
-    told = entry.document.get("correlation")
-    if not isinstance(told, Mapping):
+    out, told = np.eye(len(names)), entry.result.correlation
+    if told is None or any(len(row) != len(told.names) for row in told.matrix) or len(told.matrix) != len(told.names):
         return out
-    known = [str(name) for name in told.get("names") or ()]
-    try:
-        matrix = np.array(told.get("matrix"), dtype=float)
-    except (TypeError, ValueError):
-        return out
-    if matrix.shape != (len(known), len(known)):
-        return out
+    matrix = np.array(told.matrix, dtype=float)
     for j, first in enumerate(names):
         for k, second in enumerate(names):
-            if j != k and first in known and second in known:
-                value = matrix[known.index(first), known.index(second)]
+            if j != k and first in told.names and second in told.names:
+                value = matrix[told.names.index(first), told.names.index(second)]
                 out[j, k] = np.clip(value, -1.0, 1.0) if np.isfinite(value) else 0.0
     return out

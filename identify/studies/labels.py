@@ -240,7 +240,7 @@ def _reason(entry: FitEntry, question: ComparisonQuestion) -> str:
     if not entry.converged:
         return f"{entry.status.replace('_', ' ')}: {entry.message}"
     if question.by in entry.mixed:
-        shared = f"what its logs share ({', '.join(entry.document['parameters'])}) is of no one {question.by}"
+        shared = f"what its logs share ({', '.join(entry.result.parameters)}) is of no one {question.by}"
         return shared if entry.shared else f"its logs differ in {question.by}"
     if question.by not in entry.labels:
         return f"it has no label {question.by}"
@@ -309,7 +309,7 @@ def _twice(kept: Sequence[FitEntry]) -> list[str]:
     """Fits that were made from the very same logs and would count twice."""
     made_from: dict[tuple[str, ...], list[str]] = {}
     for entry in kept:
-        key = tuple(sorted(str(log.get("sha256") or "") for log in entry.taken))
+        key = tuple(sorted(log.sha256 or "" for log in entry.taken))
         if key and all(key):
             made_from.setdefault(key, []).append(entry.name)
     return [

@@ -13,15 +13,14 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 from data_io.source import file_sha256
 from data_io.values import LogError, UnitError
 from identify.base.errors import IdentifyError
-from identify.base.outcome import places_of
+from identify.base.result import Result
 from identify.studies.batch_store import is_full, write_job
 from identify.studies.job import CRASHED, DEFECT, FAILED, OUTDATED, UNWRITTEN, End, Job, numerics
 
@@ -65,19 +64,19 @@ def _fitted(job: Job, part: Path) -> End:
 
     began, used = time.perf_counter(), time.process_time()
     outcome = fit(Scene.from_document(job.scene))
-    logs = outcome.result["logs"]
-    changed = _changed(job, [str(logs[places_of(logs, number)[0]]["sha256"]) for number in range(len(job.logs))])
+    result = outcome.typed
+    changed = _changed(job, [result.logs[result.places(number)[0]].sha256 for number in range(len(job.logs))])
     if changed is not None:
         return End(OUTDATED, changed)
     fitted = time.perf_counter()
-    outcome = replace(outcome, result=with_provenance(outcome.result, job))
+    outcome = replace(outcome, result=with_provenance(result, job).to_dict())
     part.mkdir()
     try:
         write_report(outcome, part)
         now = time.perf_counter()
         timing = {"fit": fitted - began, "report": now - fitted, "total": now - began}
         timing["processor"] = time.process_time() - used
-        end = End(str(outcome.result["status"]), str(outcome.result["message"]), None, timing)
+        end = End(result.status, result.message, None, timing)
         write_job(part, job, end)
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
@@ -85,11 +84,11 @@ def _fitted(job: Job, part: Path) -> End:
     return end
 
 
-def with_provenance(result: Mapping[str, Any], job: Job) -> dict[str, Any]:
-    """The document with what ties it to its batch."""
+def with_provenance(result: Result, job: Job) -> Result:
+    """The result with what ties it to its batch."""
     batch = {"group": job.group, "key": job.key, "numerics": job.numerics}
     where = {"host": platform.node(), "python": platform.python_version(), "system": platform.platform()}
-    return {**result, "provenance": {**result["provenance"], "batch": batch, "machine": where}}
+    return replace(result, provenance={**result.provenance, "batch": batch, "machine": where})
 
 
 def _changed(job: Job, found: Sequence[str | None]) -> str | None:

@@ -10,16 +10,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import IdentifyError
 from identify.base.quantiles import LEVEL, NORMAL, student, student_below
+from identify.base.result import Number
 from identify.prediction.intervals import OperatingPoint
+from identify.prediction.point_prediction import NoAnswer, PointPrediction
 from identify.prediction.predict import predictions
-from identify.report.quantity_text import finite
 from identify.scene import Scene
 from identify.simulation.sliding import slidings
 from identify.studies.compare import Comparison
@@ -69,8 +70,8 @@ def common(comparison: Comparison, speeds: Sequence[float] = (), normal_force: f
     tables = [scene.values(scene.logs[0] if scene.logs else None) for scene in scenes]
     columns = {name: np.array([float(t[name]) for t in tables]) for name in tables[0] if _known(tables, name)}
     logs = list({id(log): log for entry in alike for log in entry.taken}.values())
-    load = normal_force or _median([log.get("normal_force_N") for log in logs])
-    chosen = tuple(speeds) or _usual([log.get("drive_speed_m_per_s") for log in logs])
+    load = normal_force or _median([log.normal_force_N for log in logs])
+    chosen = tuple(speeds) or _usual([log.drive_speed_m_per_s for log in logs])
     if load is None or not chosen:
         raise CompareError("the fits tell no normal force or no drive speed; give them: --load and --speeds")
     return Common(
@@ -85,15 +86,13 @@ def common(comparison: Comparison, speeds: Sequence[float] = (), normal_force: f
 
 def effects_of(entry: FitEntry) -> tuple[str, ...]:
     """The effects a fit was made with."""
-    effects = entry.document.get("effects")
-    names = effects.get("names") if isinstance(effects, Mapping) else None
-    return tuple(str(name) for name in names) if isinstance(names, list) else ()
+    return entry.result.effects.names
 
 
 def scene_of(entry: FitEntry, effects: tuple[str, ...]) -> Scene | None:
     """The scene of a fit with its effects settled; None where it cannot be read."""
     try:
-        scene = Scene.from_document(entry.document["provenance"]["scene"])
+        scene = Scene.from_document(entry.result.scene)
         return scene.with_effects(effects) if scene.effects != effects else scene
     except (IdentifyError, KeyError, TypeError, ValueError):
         return None
@@ -107,19 +106,18 @@ def _differ(column: np.ndarray) -> bool:
     return bool(np.ptp(column) > 0.02 * np.max(np.abs(column)))
 
 
-def _median(found: Sequence[object]) -> float | None:
-    numbers = [value for f in found if (value := finite(f)) is not None]
+def _median(found: Sequence[float | None]) -> float | None:
+    numbers = [value for value in found if value is not None]
     return float(np.median(numbers)) if numbers else None
 
 
-def _usual(found: Sequence[object]) -> tuple[float, ...]:
+def _usual(found: Sequence[float | None]) -> tuple[float, ...]:
     """The drive speeds that most logs have, at most four, slowest first."""
-    rounded = [float(f"{abs(v):.{DIGITS}g}") for f in found if (v := finite(f))]
+    rounded = [float(f"{abs(v):.{DIGITS}g}") for v in found if v]
     return tuple(sorted(speed for speed, _ in Counter(rounded).most_common(MOST_SPEEDS)))
 
 
 Array = NDArray[np.float64]
-Document = Mapping[str, Any]
 
 MOST_GROUPS = 12
 LEAST_DF = 1.0
@@ -177,7 +175,7 @@ class GroupAnswer:
     reason: str = ""
 
 
-NOTHING = Figure(None)
+NOTHING, NO_NUMBER = Figure(None), Number(None)
 
 
 def group_answers(comparison: Comparison, ground: Common) -> tuple[GroupAnswer, ...]:
@@ -203,7 +201,7 @@ def _lacking(comparison: Comparison, ground: Common, group: str, names: Sequence
     nobody could pool."""
     missing = [name for name in names if group not in comparison.answered[name].design.groups]
     entries = comparison.taken.entries
-    tried = {name for entry in entries for name in (*entry.document["parameters"], *entry.elsewhere)}
+    tried = {name for entry in entries for name in (*entry.result.parameters, *entry.elsewhere)}
     lost = [n for n in tried if n in ground.values and n not in names and not _is_fixed(comparison, n)]
     lost = [n for n in lost if n in ground.model.parameter_names]
     reasons = {q.quantity.name: q.reason for q in comparison.quantities if q.pooled is None}
@@ -231,8 +229,8 @@ def _told_in(comparison: Comparison, group: str, name: str) -> bool:
 
 
 def _is_fixed(comparison: Comparison, name: str) -> bool:
-    told = [p for e in comparison.taken.entries if (p := e.document["parameters"].get(name)) is not None]
-    return bool(told) and all(isinstance(p, Mapping) and p.get("verdict") == "fixed" for p in told)
+    told = [p for e in comparison.taken.entries if (p := e.result.parameters.get(name)) is not None]
+    return bool(told) and all(p.verdict == "fixed" for p in told)
 
 
 @dataclass(frozen=True)
@@ -272,10 +270,11 @@ def _answer(comparison: Comparison, ground: Common, group: str, names: Sequence[
         ]
         for covariance in (spreads.mean, spreads.people)
     )
-    if "stability" not in mean[0]:
-        reason = str(mean[0].get("text", "no answer"))
-        return GroupAnswer(group, NOTHING, (), _friction(ground, spreads), None, reason)
-    critical = _figure(mean[0]["stability"]["critical_speed"], people[0]["stability"]["critical_speed"])
+    here, ahead = mean[0], people[0]
+    if isinstance(here, NoAnswer):
+        return GroupAnswer(group, NOTHING, (), _friction(ground, spreads), None, here.text)
+    spread = NO_NUMBER if isinstance(ahead, NoAnswer) else ahead.stability.critical_speed
+    critical = _figure(here.stability.critical_speed, spread)
     count = len(ground.speeds)
     at = tuple(
         _at(speed, m, p, spreads.df) for speed, m, p in zip(ground.speeds, mean[:count], people[:count], strict=True)
@@ -286,38 +285,35 @@ def _answer(comparison: Comparison, ground: Common, group: str, names: Sequence[
 
 def _ask(
     ground: Common, spreads: _Spreads, speeds: Sequence[float], covariance: Array, *, draws: bool
-) -> list[dict[str, Any]]:
+) -> list[PointPrediction | NoAnswer]:
     points = [OperatingPoint(spreads.values, speed, ground.normal_force, covariance) for speed in speeds]
     return predictions(ground.model, points, spreads.names, draws=draws)
 
 
-def _pair(entry: Mapping[str, Any]) -> tuple[float, float] | None:
-    ends = entry.get("interval")
-    if not ends or ends[0] is None or ends[1] is None:
-        return None
-    return float(ends[0]), float(ends[1])
+def _pair(entry: Number) -> tuple[float, float] | None:
+    low, high = entry.ends
+    return None if low is None or high is None else (low, high)
 
 
-def _figure(mean: Mapping[str, Any], people: Mapping[str, Any]) -> Figure:
-    reason = str(mean.get("reason") or (mean.get("validity") if mean.get("value") is None else "") or "")
-    return Figure(mean.get("value"), _pair(mean), _pair(people), reason)
+def _figure(mean: Number, people: Number) -> Figure:
+    reason = mean.reason or (mean.validity if mean.value is None else "")
+    return Figure(mean.value, _pair(mean), _pair(people), reason)
 
 
-def _at(speed: float, mean: Mapping[str, Any], people: Mapping[str, Any], df: float) -> AtSpeed:
-    if "stability" not in mean or "stability" not in people:
-        return AtSpeed(speed, str(mean.get("text", "no answer")), NOTHING, NOTHING, None, NOTHING)
-    end = mean["stability"]["critical_speed"]
-    spread = people["stability"]["critical_speed"]
-    limit = end.get("value")
-    margin = NOTHING
+def _at(speed: float, mean: PointPrediction | NoAnswer, people: PointPrediction | NoAnswer, df: float) -> AtSpeed:
+    if isinstance(mean, NoAnswer) or isinstance(people, NoAnswer):
+        return AtSpeed(speed, mean.text if isinstance(mean, NoAnswer) else "no answer", NOTHING, NOTHING, None, NOTHING)
+    end, spread = mean.stability.critical_speed, people.stability.critical_speed
+    limit, margin = end.value, NOTHING
     if limit is not None:
         scaled = [None if pair is None else (pair[0] / speed, pair[1] / speed) for pair in (_pair(end), _pair(spread))]
         margin = Figure(limit / speed, scaled[0], scaled[1])
+    jump, further = mean.amplitude.numbers, people.amplitude.numbers
     return AtSpeed(
         speed,
-        str(mean["stability"]["outcome"]),
-        _figure(mean["amplitude"]["peak_to_valley"], people["amplitude"]["peak_to_valley"]),
-        _figure(mean["amplitude"]["period"], people["amplitude"]["period"]),
+        mean.stability.outcome,
+        _figure(jump["peak_to_valley"], further["peak_to_valley"]),
+        _figure(jump["period"], further["period"]),
         probability(speed, limit, _pair(spread), df),
         margin,
     )
@@ -342,14 +338,16 @@ def _amplitude_speeds(ground: Common) -> tuple[float, ...]:
 
 
 def _amplitude(
-    speeds: Sequence[float], mean: Sequence[Mapping[str, Any]], people: Sequence[Mapping[str, Any]]
+    speeds: Sequence[float],
+    mean: Sequence[PointPrediction | NoAnswer],
+    people: Sequence[PointPrediction | NoAnswer],
 ) -> SpeedCurve:
     rows = []
     for m, p in zip(mean, people, strict=True):
-        if "amplitude" not in m or "amplitude" not in p:
+        if isinstance(m, NoAnswer) or isinstance(p, NoAnswer):
             rows.append([np.nan] * 5)
             continue
-        figure = _figure(m["amplitude"]["peak_to_valley"], p["amplitude"]["peak_to_valley"])
+        figure = _figure(m.amplitude.numbers["peak_to_valley"], p.amplitude.numbers["peak_to_valley"])
         rows.append([figure.value or np.nan, *(figure.interval or [np.nan] * 2), *(figure.people or [np.nan] * 2)])
     return SpeedCurve(np.array(speeds), *np.array(rows, dtype=float).T)
 

@@ -6,10 +6,12 @@ do not tell one, a label of that name in the manifest or the scene does.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from identify.report.quantity_text import finite, quantity
+from identify.base.document import Json, finite
+from identify.base.result import LogResult
+from identify.report.quantity_text import quantity
 from identify.studies.fits import FitEntry, natural
 from identify.studies.labels import visible
 
@@ -79,13 +81,13 @@ def _listed(values: Iterable[str]) -> str:
     return ", ".join(visible(name, 40) for name in names[:MOST_VALUES]) + more
 
 
-def _measured(entries: Sequence[FitEntry], logs: Sequence[object]) -> tuple[Item, ...]:
+def _measured(entries: Sequence[FitEntry], logs: Sequence[LogResult]) -> tuple[Item, ...]:
     """What the logs and fits tell themselves."""
     return (
-        Item("normal force", _span([log.get("normal_force_N") for log in logs if isinstance(log, dict)], "N"), "logs"),
+        Item("normal force", _span([log.normal_force_N for log in logs], "N"), "logs"),
         Item(
             "sliding velocity",
-            _span([log.get("drive_speed_m_per_s") for log in logs if isinstance(log, dict)], "m/s"),
+            _span([log.drive_speed_m_per_s for log in logs], "m/s"),
             "scenes: drive speed",
         ),
         *_coefficients(entries, "static coefficient", "static_peak_coefficient", "logs: force peaks before slips"),
@@ -101,10 +103,10 @@ def _measured(entries: Sequence[FitEntry], logs: Sequence[object]) -> tuple[Item
 
 def _coefficients(entries: Sequence[FitEntry], name: str, key: str, source: str) -> list[Item]:
     """A coefficient of each pair of materials: a median over several is none of any."""
-    pairs: dict[str, list[dict[str, object]]] = {}
+    pairs: dict[str, list[Mapping[str, Json]]] = {}
     for entry in entries:
         pair = " on ".join(visible(entry.labels[label], 40) for label in PAIR if label in entry.labels)
-        rows = [row for log in entry.taken if isinstance(log, dict) for row in _classical(log)]
+        rows = [row for log in entry.taken for row in log.classical.rows]
         pairs.setdefault(pair, []).extend(rows)
     told = {pair: text for pair in sorted(pairs, key=natural) if (text := _coefficient(pairs[pair], key))}
     if len(told) < 2:
@@ -112,14 +114,8 @@ def _coefficients(entries: Sequence[FitEntry], name: str, key: str, source: str)
     return [Item(f"{name}, {pair or 'material not told'}", text, source) for pair, text in told.items()]
 
 
-def _classical(log: dict[str, object]) -> list[dict[str, object]]:
-    table = log.get("classical")
-    rows = table.get("rows") if isinstance(table, dict) else None
-    return [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
-
-
-def _span(found: Sequence[object], unit: str) -> str:
-    numbers = [abs(value) for f in found if (value := finite(f)) is not None]
+def _span(found: Sequence[float | None], unit: str) -> str:
+    numbers = [abs(value) for value in found if value is not None]
     if not numbers:
         return ""
     low, high = min(numbers), max(numbers)
@@ -127,7 +123,7 @@ def _span(found: Sequence[object], unit: str) -> str:
     return ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
 
 
-def _coefficient(rows: Sequence[dict[str, object]], key: str) -> str:
+def _coefficient(rows: Sequence[Mapping[str, Json]], key: str) -> str:
     numbers = sorted(value for row in rows if (value := finite(row.get(key))) is not None)
     if not numbers:
         return ""

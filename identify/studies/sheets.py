@@ -6,7 +6,7 @@ import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from identify.report.quantity_text import finite
+from identify.base.result import ParameterResult
 from identify.studies.compare import Comparison, PooledQuantity
 from identify.studies.fits import FitEntry
 from identify.studies.labels import cell
@@ -15,6 +15,7 @@ from identify.studies.pooled import Mean
 from identify.studies.reporting import Item
 
 Cell = str | float | int | None
+NOTHING = ParameterResult(None)
 
 
 @dataclass(frozen=True)
@@ -30,26 +31,21 @@ class Sheet:
 def fits_sheet(entries: Sequence[FitEntry]) -> Sheet:
     """Every fit that was found: status, labels, parameters with standard errors."""
     labels = list(dict.fromkeys(name for e in entries for name in e.labels))
-    names = list(dict.fromkeys(str(n) for e in entries for n in e.document.get("parameters", {})))
-    units = {n: next((str(u) for e in entries if (u := _parameter(e, n).get("unit"))), "") for n in names}
+    names = list(dict.fromkeys(n for e in entries for n in e.result.parameters))
+    units = {n: next((p.unit for e in entries if (p := e.result.parameters.get(n, NOTHING)).unit), "") for n in names}
     heads = ["fit", "status", "message", *labels, "logs", "misfit chi2 per sample"]
     for name in names:
         heads += [_with_unit(name, units[name]), _with_unit(f"{name} standard error", units[name]), f"{name} verdict"]
     rows = []
     for entry in entries:
-        gate = entry.document.get("gate") or {}
+        gate = entry.result.gate
         row: list[Cell] = [entry.name, entry.status, entry.message, *(entry.labels.get(label) for label in labels)]
-        row += [len(entry.logs), finite(gate.get("chi2_per_sample"))]
+        row += [len(entry.logs), None if gate is None else gate.chi2_per_sample]
         for name in names:
-            told = _parameter(entry, name)
-            row += [finite(told.get("value")), finite(told.get("standard_error")), str(told.get("verdict") or "")]
+            told = entry.result.parameters.get(name, NOTHING)
+            row += [told.value, told.standard_error, told.verdict]
         rows.append(tuple(row))
     return Sheet("fits", "Fits", tuple(heads), tuple(rows))
-
-
-def _parameter(entry: FitEntry, name: str) -> dict[str, object]:
-    told = entry.document.get("parameters", {}).get(name)
-    return told if isinstance(told, dict) else {}
 
 
 def _with_unit(name: str, unit: str) -> str:

@@ -146,11 +146,11 @@ def test_thresholds_rig_and_window_of_the_command_line(tmp_path, capsys):
 
 def test_the_gate_of_the_report_and_that_of_inspect_are_one():
     record, _ = log_with_everything()
-    document = inspection("a.csv", record, StatedRig(500.0, 1e-3)).judgement.document()
-    assert document["figures"]["residual_force"]["value"] == pytest.approx(0.05, abs=1e-3)
-    assert document["figures"]["force_after_stop"]["value"] == pytest.approx(0.33, abs=1e-3)
-    assert document["figures"]["missing_rows"]["value"] == 20 and document["figures"]["spikes"]["value"] == 3
-    assert document["figures"]["stick_slope_error"]["value"] == pytest.approx(0.2 / 0.36 / 0.5 - 1, abs=0.02)
+    told = inspection("a.csv", record, StatedRig(500.0, 1e-3)).judgement.result()
+    assert told.figures["residual_force"].value == pytest.approx(0.05, abs=1e-3)
+    assert told.figures["force_after_stop"].value == pytest.approx(0.33, abs=1e-3)
+    assert told.figures["missing_rows"].value == 20 and told.figures["spikes"].value == 3
+    assert told.figures["stick_slope_error"].value == pytest.approx(0.2 / 0.36 / 0.5 - 1, abs=0.02)
 
 
 def test_a_long_log_shows_its_progress_and_a_short_one_does_not(tmp_path, capsys, monkeypatch):

@@ -7,12 +7,13 @@ import pytest
 
 from data_io import read_log
 from identify import Scene
+from identify.base.document import to_dict
 from identify.cli.inspection import StatedRig, document, inspection
 from identify.effects import MAIN
 from identify.examples import FOLDER, SCENE
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
-from identify.report.log_document import log_document
+from identify.report.log_document import log_result
 
 MEASURED = Path(__file__).resolve().parents[3] / "shared" / "data" / "paper_on_paper"
 UNFITTED = SimpleNamespace(attempt=None, estimated=None, status=None, left_out={})
@@ -41,7 +42,7 @@ def test_every_place_says_the_same_of_a_log(path, which):
     scene, entry = _scene(path, which)
     record, rig = read_log(path, step=entry.step), scene.rig_for(entry)
     seen = document(inspection(str(path), record, StatedRig(rig.stiffness, rig.drive_speed, rig.mass)))
-    fitted = log_document(0, prepare(scene, entry, record, from_scene(scene)), UNFITTED, {}, None)
+    fitted = to_dict(log_result(0, prepare(scene, entry, record, from_scene(scene)), UNFITTED, {}, None))
     (row,), (step,) = seen["classical"]["rows"], seen["steps"]
     assert fitted["classical"]["rows"] == [row]
     assert seen["quality"]["load_N"] == fitted["normal_force_N"] == pytest.approx(row["normal_force_N"])

@@ -7,6 +7,7 @@ import pytest
 
 from identify import examples, identification
 from identify.base.outcome import Status
+from identify.base.result import Result
 from identify.cli import main as cli
 from identify.cli import verify
 from identify.diagnosis.findings import Findings
@@ -34,7 +35,7 @@ def _compared(**changed):
     again = copy.deepcopy(STORED)
     for name, entry in changed.items():
         again["parameters"][name] |= entry
-    return verify.compare(STORED, again)
+    return verify.compare(Result.from_dict(STORED), Result.from_dict(again))
 
 
 @pytest.mark.parametrize(
@@ -65,13 +66,14 @@ def test_between_its_ends_a_value_that_nothing_tells_may_lie_anywhere():
     ],
 )
 def test_what_was_compared_is_said(names, said):
-    assert verify.reproduced(STORED | {"parameters": {name: STORED["parameters"][name] for name in names}}) == said
+    stored = STORED | {"parameters": {name: STORED["parameters"][name] for name in names}}
+    assert verify.reproduced(Result.from_dict(stored)) == said
 
 
 def test_a_result_that_failed_has_no_values_to_compare():
     fit = fake_fit()
-    assert "every value" in verify.reproduced(fit.result)
-    assert "every value" not in verify.reproduced(failed(fit, "model_misfit", "").result)
+    assert "every value" in verify.reproduced(fit.typed)
+    assert "every value" not in verify.reproduced(failed(fit, "model_misfit", "").typed)
 
 
 @pytest.mark.parametrize(("asked", "recorded"), [("data", "data"), ("user", "user"), (None, "data")])
@@ -84,7 +86,7 @@ def test_starts_are_recorded(monkeypatch, asked, recorded):
         return [], Findings(Status.NO_CYCLES, "", task.unknowns, None, None, None, [], {}, {})
 
     monkeypatch.setattr(identification, "plain_or_uneven", plain)
-    monkeypatch.setattr(identification, "document", lambda *_: {"provenance": {}})
+    monkeypatch.setattr(identification, "result_of", lambda *_: Result())
     result = identification.fit(Scene.from_toml(examples.SCENE_AT_50_HZ), starts=asked).result
     assert (result["provenance"]["starts"], searched) == (recorded, [recorded])
 
@@ -93,16 +95,16 @@ def test_starts_are_recorded(monkeypatch, asked, recorded):
 def test_verify_searches_from_the_recorded_starts(monkeypatch, recorded, taken):
     scene, asked = Scene.from_toml(examples.SCENE_AT_50_HZ), []
     provenance = {"version": "0", "packages": {}, "scene": {}, "seed": 7, "starts": recorded}
-    result = dict(fake_fit().result) | {"provenance": provenance}
+    result = Result.from_dict(dict(fake_fit().result) | {"provenance": provenance})
 
     def fit(_scene, *, starts, seed, **_):
         asked.append((starts, seed))
-        return SimpleNamespace(result=result)
+        return SimpleNamespace(typed=result)
 
     monkeypatch.setattr(identification, "fit", fit)
     monkeypatch.setattr(stored_result, "read_result", lambda _: result)
     monkeypatch.setattr(stored_result, "scene_of", lambda *_: scene)
     monkeypatch.setattr(verify, "unchanged", lambda path, *_: path)
-    monkeypatch.setattr(verify, "places_of", lambda *_: [0])
+    monkeypatch.setattr(Result, "places", lambda *_: [0])
     assert cli.main(["verify", "result.json"]) == 0
     assert asked == [(taken, 7)]

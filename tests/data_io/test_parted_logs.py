@@ -10,11 +10,12 @@ from test_cli import folder, refused, stickslip  # noqa: F401
 from data_io import Record, write_csv
 from experiments.study_problem import DEMO
 from identify import Scene, examples, identification, report
-from identify.base.outcome import numbers_of, places_of
+from identify.base.result import Result
 from identify.cli import operating as counsel
 from identify.logs.parting import parted, parts_of
 from identify.logs.scene_records import with_records
 from identify.prediction import sources as tested
+from identify.prediction.point_prediction import NoAnswer
 from identify.report.finished import Fit
 from identify.studies.batch_store import RESULT, write_document
 from identify.studies.making import make
@@ -107,14 +108,15 @@ def test_a_log_that_changed_while_it_was_fitted_is_seen_behind_its_parts(tmp_pat
 def test_what_was_tested_goes_by_the_log_of_the_scene():
     logs = [{"part_of": 1}, {"part_of": 1}, {"reason_left_out": "it slides"}]
     scene = {"rig": {"stiffness": 1000.0}, "logs": [{}, {"stiffness": 2000.0}]}
-    found = tested.Tested.of_result({"logs": logs, "provenance": {"scene": scene}})
+    found = tested.Tested.of_result(Result.from_dict({"logs": logs, "provenance": {"scene": scene}}))
     assert found.ranges == {"stiffness": (1000.0, 1000.0)}
 
 
 def test_parts_stand_under_the_number_of_their_log():
     logs = [{}, {"part_of": 2}, {"part_of": 2}, {}, {"part_of": 4}, {}]
-    assert numbers_of(logs) == [0, 1, 1, 2, 3, 4] and numbers_of([]) == []
-    assert [places_of(logs, number) for number in range(6)] == [[0], [1, 2], [3], [4], [5], []]
+    result = Result.from_dict({"logs": logs})
+    assert result.numbers == [0, 1, 1, 2, 3, 4] and Result().numbers == []
+    assert [result.places(number) for number in range(6)] == [[0], [1, 2], [3], [4], [5], []]
 
 
 def test_parts_of_the_second_run_of_a_file_are_not_taken_for_the_first():
@@ -129,15 +131,17 @@ def test_parts_of_the_second_run_of_a_file_are_not_taken_for_the_first():
 def counselled(monkeypatch, logs, told, parameters=None):
     """The operating point at which `with_counsel` asks, as (values, drive speed), of a scene and a result with these
     logs."""
-    monkeypatch.setattr(counsel, "probability_document", lambda *at: at)
-    monkeypatch.setattr(counsel, "stabilising_changes", lambda *at: at)
+    asked = []
+    monkeypatch.setattr(counsel, "prediction_certainty", lambda *at: asked.append(at) or NoAnswer("asked"))
+    monkeypatch.setattr(counsel, "stabilising_changes", lambda *_: NoAnswer("asked"))
     scene = Scene.from_document(Scene.from_toml(examples.SCENE).as_document() | {"logs": logs}, Path())
     known = {"unit": "", "standard_error": 1e-3, "verdict": "identified"}
     found = {name: {"value": value, **known} for name, value in DEMO.items()} | (parameters or {})
     result = {"status": "converged", "parameters": found, "logs": told, "provenance": {"scene": scene.as_document()}}
     after = counsel.with_counsel(scene, Fit(result, ())).result["logs"]
-    (at,) = [log["derived"]["sureness"] for log in after if "sureness" in log["derived"]]
-    return at[1].values, at[1].drive_speed
+    assert len([log for log in after if "sureness" in log["derived"]]) == 1
+    ((_, at, *_),) = asked
+    return at.values, at.drive_speed
 
 
 def told(path, drop, **more):

@@ -8,6 +8,7 @@ from test_segment import HALF_PERIOD, NOISE, PAIR
 
 from data_io import Record
 from data_io.record import Step
+from identify.base.document import to_document
 from identify.logs.classical import DEFINITIONS, classical_table
 from identify.logs.segment import segment
 from identify.logs.strokes import strokes
@@ -25,8 +26,8 @@ def saw_tooth(cycles=12, per_stick=400, low=0.4, high=0.6, noise=0.002, load=2.0
 
 
 def only_row(table):
-    json.dumps(table, allow_nan=False)
-    (row,) = table["rows"]
+    json.dumps(to_document(table), allow_nan=False)
+    (row,) = table.rows
     return row
 
 
@@ -63,9 +64,9 @@ def test_every_figure_is_defined_and_every_gap_has_a_reason():
     for record in records:
         for speed in (None, 0.0, 1e-3):
             table = classical_table(record, drive_speed=speed, stiffness=1000.0)
-            json.dumps(table, allow_nan=False)
-            assert set(DEFINITIONS) <= set(table["rows"][0])
-            for row, reasons in zip(table["rows"], table["reasons"], strict=True):
+            json.dumps(to_document(table), allow_nan=False)
+            assert set(DEFINITIONS) <= set(table.rows[0])
+            for row, reasons in zip(table.rows, table.reasons, strict=True):
                 assert {key for key, value in row.items() if value is None} == set(reasons)
                 assert not [text for text in reasons.values() if text == "not a finite number"]
 
@@ -108,7 +109,7 @@ def test_strokes_of_a_reciprocating_log():
     time, force = oracle.noisy_log(run, 9.0, 1000, NOISE, seed=0)
     record = Record(time, np.ones(time.size), force)
     for drive in (programme, np.where((time < 3) | (time >= 6), 1e-3, -1e-3), None):
-        rows = classical_table(record, drive_speed=drive, half_period=HALF_PERIOD)["rows"]
+        rows = classical_table(record, drive_speed=drive, half_period=HALF_PERIOD).rows
         assert [row["direction"] for row in rows] == [1, -1, 1]
         assert [row["stroke"] for row in rows] == [1, 2, 3]
         assert sum(row["cycles"] for row in rows) == run.onsets.size
@@ -117,7 +118,7 @@ def test_strokes_of_a_reciprocating_log():
         if drive is not None:
             stiffness = [row["stick_stiffness_N_per_m"] for row in rows]
             np.testing.assert_allclose(stiffness, 1470.0, rtol=0.02)
-    one = classical_table(Record(time, np.ones(time.size), np.abs(force)), drive_speed=None)["rows"]
+    one = classical_table(Record(time, np.ones(time.size), np.abs(force)), drive_speed=None).rows
     assert len(one) == 1  # without the sign there is nothing to tell strokes by
 
 
@@ -126,7 +127,7 @@ def test_steps_and_speeds_have_rows_of_their_own():
     n = record.time.size
     steps = (Step(1, 1, 0, n // 2), Step(1, 2, n // 2, n))
     split = Record(record.time, record.normal_force, record.friction_force, steps=steps)
-    rows = classical_table(split, drive_speed=1e-3)["rows"]
+    rows = classical_table(split, drive_speed=1e-3).rows
     assert [(row["step"], row["stroke"]) for row in rows] == [(1, 1), (2, 1)]
     assert rows[0]["cycles"] + rows[1]["cycles"] in (12, 13)
     assert rows[1]["first_breakaway_coefficient"] is None

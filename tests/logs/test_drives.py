@@ -10,6 +10,7 @@ from data_io import Record
 from identify import Scene, identification
 from identify.base.errors import FitError
 from identify.base.outcome import Status
+from identify.base.result import Result
 from identify.cli.common import Terminal
 from identify.cli.fit import fit_and_report
 from identify.diagnosis.findings import Findings
@@ -129,12 +130,11 @@ def test_a_fit_says_what_it_took_and_the_scene_of_its_result_holds_it(monkeypatc
     found = Findings(Status.NO_CYCLES, "", None, None, None, None, [], {}, {})
     monkeypatch.setattr(identification, "plain_or_uneven", lambda *_arguments: ([], found))
     monkeypatch.setattr(identification, "_curves", lambda *_arguments: ())
-    made = {"notes": ["another"], "provenance": {}}
-    monkeypatch.setattr(identification, "document", lambda scene, *_rest: made | {"scene": scene.as_document()})
+    monkeypatch.setattr(identification, "result_of", lambda *_: Result(notes=("another",)))
     result = identification.fit(scene_of(), [record_of(STEPS)]).result
     took = "a.csv: the drive speed was taken from the drive speed of the log: 1 mm/s, from 4 s 2 mm/s, from 8 s 1 mm/s."
     assert result["notes"] == [took, "another"]
-    (entry,) = Scene.from_document(result["scene"]).logs
+    (entry,) = Scene.from_document(result["provenance"]["scene"]).logs
     assert entry.drive_speed == STEPS, "verify and the calculators take the same"
 
 

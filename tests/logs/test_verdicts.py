@@ -89,8 +89,8 @@ def test_a_rejection_has_its_reason_in_front():
     record, parts = made(normal=np.zeros(4000))
     judged = judge(record, parts)
     assert judged.reason.startswith("the normal force is zero") and judged.findings[0].severity == "reject"
-    document = judged.document()
-    assert document["verdict"] == "reject" and document["findings"][0]["code"] == "no_load"
+    told = judged.result()
+    assert told.verdict == "reject" and told.findings[0].code == "no_load"
 
 
 @pytest.mark.parametrize("share", [0.1, 0.2, 0.4])

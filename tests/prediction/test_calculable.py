@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from identify.base.document import to_dict
 from identify.base.errors import SimulationError
 from identify.effects import ALL, MAIN
 from identify.model.model import assemble
@@ -132,10 +133,15 @@ def test_models_that_never_repeat_are_refused_by_name(names, words):
     effects = (*MAIN, *names)
     model, values = assemble(effects), values_of(effects, {})
     with pytest.raises(SimulationError) as caught:
-        predict(model, values, SPEED, LOAD)
+        to_dict(predict(model, values, SPEED, LOAD))
     text = str(caught.value)
     assert all(word in text for word in words) and "\n" not in text
-    several = predictions(model, [OperatingPoint(values, SPEED, LOAD), OperatingPoint(values, 2 * SPEED, LOAD)], ())
+    several = [
+        to_dict(answer)
+        for answer in predictions(
+            model, [OperatingPoint(values, SPEED, LOAD), OperatingPoint(values, 2 * SPEED, LOAD)], ()
+        )
+    ]
     assert [text in document["text"] for document in several] == [True, True]
 
 
@@ -145,28 +151,28 @@ def test_every_other_effect_has_an_answer():
         rivals = [e.name for e in ALL if e.role and e.role == effect.role]
         effects = (*(n for n in (*MAIN, *effect.needs) if n not in rivals), effect.name)
         if effect.name not in refused:
-            document = predict(assemble(effects), values_of(effects, {}), 2e-3, LOAD)
+            document = to_dict(predict(assemble(effects), values_of(effects, {}), 2e-3, LOAD))
             assert document["stability"]["outcome"] in ("always sticks", "never sticks", "bistable")
 
 
 def test_closed_forms_know_four_effects():
     assert beyond((*MAIN, "varying_normal_force", "driven_damping", "linear_weakening")) == ()
     effects = (*MAIN, "skin_compliance")
-    document = predict(assemble(effects), values_of(effects, {}), SPEED, LOAD)
+    document = to_dict(predict(assemble(effects), values_of(effects, {}), SPEED, LOAD))
     forms = document["closed_forms"]
     assert forms["ignores"] == ["skin_compliance"]
     for name in ("drop", "period", "critical_speed", "Pi", "Pi_fc", "Omega_c"):
         assert forms[name]["validity"] == "not valid here: knows nothing of skin_compliance"
     assert forms["text"] == "The paper's closed forms are not valid here: they know nothing of skin_compliance."
-    plain = predict(assemble(MAIN), values_of(MAIN, {}), SPEED, LOAD)["closed_forms"]
+    plain = to_dict(predict(assemble(MAIN), values_of(MAIN, {}), SPEED, LOAD))["closed_forms"]
     assert plain["ignores"] == [] and "know nothing" not in plain["text"]
 
 
 def test_closed_forms_of_a_damper_at_the_natural_frequency_are_those_of_hysteresis():
     natural = np.sqrt(1470.0 / 0.2) / (2 * np.pi)
     effects = CASES["driven damping"][0]
-    driven = predict(assemble(effects), values_of(effects, {"damping_frequency": natural}), SPEED, LOAD)
-    plain = predict(assemble(MAIN), values_of(MAIN, {}), SPEED, LOAD)
+    driven = to_dict(predict(assemble(effects), values_of(effects, {"damping_frequency": natural}), SPEED, LOAD))
+    plain = to_dict(predict(assemble(MAIN), values_of(MAIN, {}), SPEED, LOAD))
     for part in ("drop", "period", "critical_speed", "Pi"):
         own, other = driven["closed_forms"][part], plain["closed_forms"][part]
         assert own["validity"] == other["validity"]
@@ -178,7 +184,7 @@ def test_closed_forms_of_a_damper_at_the_natural_frequency_are_those_of_hysteres
 def test_closed_forms_of_linear_weakening_hold_where_the_contact_is_saturated():
     """Without ageing they are the exact slip (eq. 13): no a V_max limits them, and the nonlinear model agrees."""
     effects = ("inertia", "hysteresis_damping", "linear_weakening")
-    document = predict(assemble(effects), values_of(effects, {"slope": -1.0}), 1e-4, LOAD)
+    document = to_dict(predict(assemble(effects), values_of(effects, {"slope": -1.0}), 1e-4, LOAD))
     for part in ("drop", "period", "slip_duration", "peak_speed"):
         own, other = document["closed_forms"][part], document["amplitude"][part]
         assert own["value"] == pytest.approx(other["value"], rel=1e-3)

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from identify import Scene, examples
+from identify.base.document import to_dict
+from identify.base.result import Result
 from identify.cli.main import main
 from identify.prediction.predict import predict
 from identify.prediction.sources import pair_of
@@ -71,7 +73,7 @@ def drop_at(group, speed, changed=None):
     scene = Scene.from_toml(examples.SCENE)
     values = scene.values() | dict(zip(names, moved.tolist(), strict=True))
     values["mu_k0"] = values["mu_s"] + OFFSET
-    return predict(scene.model, values, speed, 1.0)["amplitude"]["drop"]["value"]
+    return to_dict(predict(scene.model, values, speed, 1.0))["amplitude"]["drop"]["value"]
 
 
 def spread_of_drop(group, speed):
@@ -166,9 +168,9 @@ def test_a_parameter_of_every_log_goes_by_the_number_of_the_log():
         if entry.get("per"):
             entry |= {"per": "log", "group": "log 3" if key.endswith("(B)") else "log 1"}
     scene = Scene.from_document(told["provenance"]["scene"])
-    assert pair_of(told, scene, 2).values["D"] == 60e-6
-    assert pair_of(told, scene, 0).values["mu_k0"] == pytest.approx(0.43)
-    assert "log 2 has none" in pair_of(told, scene, 1).untold
+    assert pair_of(Result.from_dict(told), scene, 2).values["D"] == 60e-6
+    assert pair_of(Result.from_dict(told), scene, 0).values["mu_k0"] == pytest.approx(0.43)
+    assert "log 2 has none" in pair_of(Result.from_dict(told), scene, 1).untold
 
 
 def test_results_are_pooled_group_by_group(path, capsys, tmp_path):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from identify import stability
+from identify.base.document import to_dict
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction.closed_forms import closed_forms
@@ -97,9 +98,9 @@ def test_without_weakening_and_ageing_the_closed_forms_are_exact() -> None:
 
 def test_ageing_and_weakening_matter() -> None:
     """Negative control: the same closed forms are far off, or have no answer, for the full model."""
-    document = predict(assemble(ALL), {**DEMO, "delta_mu_k": -0.08}, 1e-3, 1.0)
+    document = to_dict(predict(assemble(ALL), {**DEMO, "delta_mu_k": -0.08}, 1e-3, 1.0))
     assert document["closed_forms"]["drop"]["validity"].startswith("not valid here")
-    document = predict(assemble(ALL), DEMO, 1e-3, 1.0)
+    document = to_dict(predict(assemble(ALL), DEMO, 1e-3, 1.0))
     assert document["closed_forms"]["drop"]["value"] is None
     assert "runs away" in document["closed_forms"]["text"]
     plain = map_of(("inertia", "hysteresis_damping"))
@@ -132,7 +133,7 @@ def test_slopes_agree_with_orbits_solved_again() -> None:
 def test_outlook_is_a_document_with_intervals() -> None:
     names = ["mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr"]
     sd = np.array([0.002, 0.002, 0.002, 5.0, 1e-6, 0.02])
-    document = predict(assemble(ALL), DEMO, -1e-4, 1.0, np.diag(sd**2), names)
+    document = to_dict(predict(assemble(ALL), DEMO, -1e-4, 1.0, np.diag(sd**2), names))
     assert json.loads(json.dumps(document)) == document
     assert document["stability"]["outcome"] == "always sticks"
     for entry in (
@@ -149,7 +150,7 @@ def test_outlook_is_a_document_with_intervals() -> None:
         "it sticks and slips, however the motion starts" in document["text"]
         and "By drive speed: stick-slip up to 10.4 mm/s; " in document["text"]
     )
-    assert predict(assemble(ALL), DEMO, 1e-4, 1.0)["amplitude"]["drop"]["interval"] is None
+    assert to_dict(predict(assemble(ALL), DEMO, 1e-4, 1.0))["amplitude"]["drop"]["interval"] is None
 
 
 NAMES = ["mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr"]
@@ -164,9 +165,12 @@ def intervals(document: dict[str, Any]) -> list[dict[str, Any]]:
 
 def test_logs_that_share_a_branch_get_the_answers_they_get_alone() -> None:
     model = assemble(ALL)
-    together = predictions(model, [OperatingPoint(DEMO, v, load, KNOWN) for v, load in LOGS], NAMES)
+    together = [
+        to_dict(answer)
+        for answer in predictions(model, [OperatingPoint(DEMO, v, load, KNOWN) for v, load in LOGS], NAMES)
+    ]
     for (speed, load), document in zip(LOGS, together, strict=True):
-        alone = predict(model, DEMO, speed, load, KNOWN, NAMES)
+        alone = to_dict(predict(model, DEMO, speed, load, KNOWN, NAMES))
         for ours, theirs in zip(intervals(document), intervals(alone), strict=True):
             assert ours["value"] == pytest.approx(theirs["value"], rel=1e-4)
             assert ours["interval"] == pytest.approx(theirs["interval"], rel=1e-3)
@@ -177,7 +181,7 @@ def test_logs_that_share_a_branch_get_the_answers_they_get_alone() -> None:
 
 def test_a_log_without_an_answer_does_not_hold_up_the_others() -> None:
     bad, good = OperatingPoint(DEMO, 0.0, 1.0), OperatingPoint(DEMO, 1e-3, 1.0)
-    documents = predictions(assemble(ALL), [bad, good], [])
+    documents = [to_dict(answer) for answer in predictions(assemble(ALL), [bad, good], [])]
     assert "not zero" in documents[0]["text"]
     assert documents[1]["stability"]["outcome"] == "always sticks"
 
@@ -187,7 +191,7 @@ def test_what_follows_from_an_unknown_parameter_is_open_and_says_why(variance: f
     unknown = KNOWN.copy()
     unknown[4, 4] = variance
     # Worn sliding at 1 mm/s knows no D: its growth rate keeps its interval.
-    document = predict(assemble(ALL), DEMO, 1e-3, 1.0, unknown, NAMES)
+    document = to_dict(predict(assemble(ALL), DEMO, 1e-3, 1.0, unknown, NAMES))
     assert json.loads(json.dumps(document, allow_nan=False)) == document
     end, growth, *amplitude = intervals(document)
     for entry in (end, *amplitude):
@@ -208,7 +212,7 @@ def test_a_ridge_between_parameters_opens_what_lies_along_it_only() -> None:
 
 
 def test_outcomes_along_the_drive_speed() -> None:
-    answers = [predict(assemble(ALL), DEMO, v, 1.0)["stability"] for v in (5e-3, 15e-3, 25e-3)]
+    answers = [to_dict(predict(assemble(ALL), DEMO, v, 1.0))["stability"] for v in (5e-3, 15e-3, 25e-3)]
     assert [a["outcome"] for a in answers] == ["always sticks", "bistable", "never sticks"]
     ends = [a["critical_speed"]["value"] for a in answers]
     assert max(ends) / min(ends) < 1.001
@@ -216,12 +220,12 @@ def test_outcomes_along_the_drive_speed() -> None:
 
 def test_what_has_no_meaning_is_refused_in_one_sentence() -> None:
     with pytest.raises(SimulationError, match="not zero"):
-        predict(assemble(ALL), DEMO, 0.0, 1.0)
+        to_dict(predict(assemble(ALL), DEMO, 0.0, 1.0))
     with pytest.raises(SimulationError, match="'mass_of_moon'"):
-        predict(assemble(ALL), DEMO, 1e-3, 1.0, np.eye(1), ["mass_of_moon"])
+        to_dict(predict(assemble(ALL), DEMO, 1e-3, 1.0, np.eye(1), ["mass_of_moon"]))
 
 
 def test_a_contact_without_static_excess_never_sticks() -> None:
-    document = predict(assemble(ALL), {**DEMO, "mu_s": 0.43, "delta_mu_k": 0.05}, 1e-3, 1.0)
+    document = to_dict(predict(assemble(ALL), {**DEMO, "mu_s": 0.43, "delta_mu_k": 0.05}, 1e-3, 1.0))
     assert document["stability"]["outcome"] == "never sticks"
     assert document["amplitude"]["drop"]["value"] is None and document["stability"]["critical_speed"]["value"] is None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from test_orbit import ALL, DEMO, map_of
 
+from identify.base.document import to_dict
 from identify.model.model import assemble
 from identify.prediction.orbit import settle
 from identify.prediction.predict import predict
@@ -62,6 +63,6 @@ def test_its_slopes_are_those_of_orbits_solved_again(speed: float) -> None:
 
 
 def test_the_answer_leads_with_it() -> None:
-    document = predict(assemble(ALL), DEMO, 0.02, 1.0)
+    document = to_dict(predict(assemble(ALL), DEMO, 0.02, 1.0))
     assert document["amplitude"]["peak_to_valley"]["value"] == pytest.approx(0.71845, rel=1e-4)
     assert "falls by 0.718 N from peak to valley" in document["amplitude"]["text"]

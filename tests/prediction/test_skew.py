@@ -13,11 +13,13 @@ sys.path.append(str(Path(__file__).parents[2] / "experiments"))
 import run_skew_study as study
 from brute_force_lanes import Lanes
 
+from identify.base.document import from_document, to_dict
 from identify.model.model import assemble
 from identify.prediction.cycle import CycleMap
 from identify.prediction.intervals import LEAST_DRAWS, OperatingPoint, sampled
+from identify.prediction.point_prediction import PointPrediction
 from identify.prediction.predict import predict, predictions
-from identify.prediction.probability import probability_document
+from identify.prediction.probability import prediction_certainty
 from identify.prediction.windows import speed_windows
 from identify.prediction.wording import amplitude_text
 
@@ -45,13 +47,13 @@ def known_to(pair, share):
 def case(pair, speed, share):
     """The answer at a drive speed [m/s] where everything is known to a share."""
     covariance = known_to(pair, share)
-    document = predict(MODEL, pair, speed, pair["normal_force"], covariance, study.NAMES)
+    document = to_dict(predict(MODEL, pair, speed, pair["normal_force"], covariance, study.NAMES))
     return study.Case(pair, speed, covariance, document)
 
 
 def just_below_the_end(pair):
     """Where the drop follows what is left to the end like its root."""
-    return 0.97 * predict(MODEL, pair, 1e-3, pair["normal_force"])["stability"]["critical_speed"]["value"]
+    return 0.97 * to_dict(predict(MODEL, pair, 1e-3, pair["normal_force"]))["stability"]["critical_speed"]["value"]
 
 
 def point_of(scene):
@@ -86,13 +88,15 @@ def test_skew_intervals_are_those_of_an_independent_monte_carlo(names):
             # 130 draws tell a share of 95 % to 2 %; the ends are quantiles of 200.
             assert 0.88 <= np.mean((simulated >= low) & (simulated <= high)) <= 0.998
         # Negative control: the straight line has other ends.
-        (line,) = predictions(MODEL, [point_of(scene)], study.NAMES, draws=False)
+        (line,) = [to_dict(answer) for answer in predictions(MODEL, [point_of(scene)], study.NAMES, draws=False)]
         assert line["amplitude"]["drop"]["interval"][1] > 1.15 * scene.interval("drop")[1][1]
 
 
 def test_the_straight_line_is_not_shown_where_draws_are(skew):
-    assert "Intervals are those of draws" in amplitude_text(skew.document)
-    found = probability_document(MODEL, OperatingPoint(PAIR, skew.speed, 1.0, skew.covariance), study.NAMES, draws=120)
+    assert "Intervals are those of draws" in amplitude_text(from_document(PointPrediction, skew.document))
+    found = to_dict(
+        prediction_certainty(MODEL, OperatingPoint(PAIR, skew.speed, 1.0, skew.covariance), study.NAMES, draws=120)
+    )
     assert found["quantities"]["drop"]["alike"] is False and found["quantities"]["drop"]["linear"] is None
     assert "95 % of the draws of the drop lie from" in found["text"] and "take the draws" not in found["text"]
 

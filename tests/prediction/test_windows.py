@@ -15,6 +15,7 @@ import brute_force
 import run_window_study as study
 from brute_force_lanes import Lanes, simulate
 
+from identify.base.document import to_dict
 from identify.cli.main import main
 from identify.model.model import assemble
 from identify.prediction.cycle import CycleMap
@@ -35,7 +36,7 @@ def pair_of(name: str) -> dict[str, float]:
 
 def ask(pair: dict[str, float], speed: float) -> dict:
     """The answer at a drive speed [m/s]."""
-    return predict(assemble(study.EFFECTS), pair, speed, pair["normal_force"])
+    return to_dict(predict(assemble(study.EFFECTS), pair, speed, pair["normal_force"]))
 
 
 WINDOW, FLIP = pair_of("window_of_stickslip.toml"), pair_of("flip_end_of_stickslip.toml")
@@ -110,9 +111,9 @@ def test_without_stick_slip_the_range_that_was_searched_is_said():
 def test_points_of_one_pair_share_their_windows_and_close_loads_carry_them():
     model, force = assemble(study.EFFECTS), WINDOW["normal_force"]
     points = [OperatingPoint(WINDOW, speed, force * share) for speed, share in ((3e-4, 1.0), (9e-4, 1.0), (9e-4, 1.02))]
-    first, second, third = predictions(model, points, ())
+    first, second, third = [to_dict(answer) for answer in predictions(model, points, ())]
     assert first["stability"]["windows"] == second["stability"]["windows"]
-    own = predict(model, WINDOW, 9e-4, 1.02 * force)
+    own = to_dict(predict(model, WINDOW, 9e-4, 1.02 * force))
     (carried,), (exact,) = (document["stability"]["stick_slip_between"] for document in (third, own))
     for side in ("from", "to"):
         assert carried[side]["value"] == pytest.approx(exact[side]["value"], rel=5e-3)

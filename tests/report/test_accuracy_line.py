@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from identify import Asked, Scene, examples, fit
+from identify.base.result import Result
 from identify.report.first_screen import first_screen
 from identify.report.summary import accuracy_text, summary
 
@@ -31,11 +32,12 @@ def test_the_error_that_other_levels_would_leave_is_what_they_leave(result):
 
 
 def test_it_stands_in_the_summary_and_on_the_first_screen(result):
-    line = accuracy_text(result["accuracy"])
+    told = Result.from_dict(result)
+    line = accuracy_text(told.accuracy)
     assert line.startswith("accuracy default: ") and "Estimated, coarse: about " in line and "tight: about " in line
-    assert " ".join(line.split()) in " ".join(summary(result).split())
-    assert line in first_screen(result)
+    assert " ".join(line.split()) in " ".join(summary(told).split())
+    assert line in first_screen(told)
     effects = result["accuracy"]["effects_s"]
     assert max(effects, key=effects.get) == "contact_ageing" and "contact_ageing " in line
     assert 0.0 < sum(effects.values()) < result["accuracy"]["equations_s"] < result["accuracy"]["levels"][1]["seconds"]
-    assert accuracy_text({}) == ""
+    assert accuracy_text(None) == ""

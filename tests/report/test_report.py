@@ -14,8 +14,10 @@ import h5py
 import numpy as np
 import pytest
 
+from identify.base.document import to_dict
 from identify.base.outcome import Status
-from identify.diagnosis.choice import Choice, Reason, document_of
+from identify.base.result import EffectReason, ParameterResult
+from identify.diagnosis.choice import Choice, effects_result
 from identify.effects import ALL
 from identify.report import write_report
 from identify.report.finished import Fit
@@ -210,11 +212,11 @@ def test_a_document_with_the_least_in_it_renders() -> None:
 
 
 def test_the_choice_of_effects_stands_in_the_page(fit: Fit, drawn: list[Picture]) -> None:
-    kept = Reason(
+    kept = EffectReason(
         "contact_ageing", True, "sticks regain 34 % of <their> strength", "D k/F", 0.39, 0.21, "1 state", 812.0
     )
-    gone = Reason("sensor_lag", False, "the lag is a thousandth of a slip")
-    effects = document_of(Choice(("inertia", "contact_ageing"), (kept, gone)), auto=True)
+    gone = EffectReason("sensor_lag", False, "the lag is a thousandth of a slip")
+    effects = to_dict(effects_result(Choice(("inertia", "contact_ageing"), (kept, gone)), auto=True))
     page = render_page(Fit({**fit.result, "effects": effects}, fit.logs), drawn)
     check_page(page)
     section = page[page.index("Effects: which and why") :]
@@ -245,7 +247,7 @@ def test_why_there_is_no_stability_is_told_where_nothing_else_is(fit: Fit, drawn
 def test_every_parameter_has_a_symbol_and_a_meaning() -> None:
     for effect in ALL:
         for p in effect.parameters:
-            view = parameter_views({p.name: {"value": p.default, "unit": p.unit, "verdict": "fixed"}})[0]
+            view = parameter_views({p.name: ParameterResult(p.default, p.unit, verdict="fixed")})[0]
             assert view.meaning and view.symbol and "_" not in view.symbol, p.name
             assert plain_symbol(p.name) in (p.symbol, PLAIN_SYMBOLS.get(p.name))
 
@@ -366,5 +368,5 @@ def test_figures_of_a_log_that_is_gone_are_removed(fit: Fit, tmp_path: Path) -> 
 
 @pytest.mark.parametrize(("verdict", "shown"), [("fixed", DASH), ("not identifiable", "open")])
 def test_only_what_was_estimated_has_an_open_interval(verdict: str, shown: str) -> None:
-    entry = {"value": 2e-3, "unit": "s", "interval": [None, None], "verdict": verdict}
+    entry = ParameterResult(2e-3, "s", interval=(None, None), verdict=verdict)
     assert parameter_views({"skin_retardation": entry})[0].interval == shown

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from identify.base.document import from_document
+from identify.base.result import ParameterResult, ProfileResult
 from identify.report.force_figure import draw_force
 from identify.report.report_page import render_page
 from identify.report.uncertainty_figures import draw_profile
@@ -69,7 +71,7 @@ def test_the_last_label_of_a_profile_is_not_cut():
         "logarithmic": False,
     }
     document = {"level": 0.95, "limit": 3.84, "parameters": dict.fromkeys(("x", "y", "delta_mu_k"), curve)}
-    drawing = draw_profile(document, {"delta_mu_k": {"value": -0.2, "unit": ""}})
+    drawing = draw_profile(from_document(ProfileResult, document), {"delta_mu_k": ParameterResult(-0.2)})
     assert drawing is not None
     for axes in drawing.figure.axes:
         axes.set_xlim(-0.2 - half, -0.2 + half)

@@ -58,7 +58,7 @@ def test_the_caption_of_the_correlation_is_true_of_what_is_drawn():
 
 def test_the_parameters_are_a_latex_table():
     fit = with_verdicts(fake_fit(samples=2000))
-    text = latex_table(fit.result["parameters"])
+    text = latex_table(fit.typed.parameters)
     rows = [line for line in text.splitlines() if line.startswith("$")]
     assert len(rows) == 6 and all(row.count("&") == 4 and row.endswith(r"\\") for row in rows)
     assert rows[0].startswith(r"$\mu_{\mathrm{s}}$ & static coefficient & 1 & 0.6200 $\pm$ 0.0011 & 0.6178 to 0.6222")

@@ -1,10 +1,13 @@
 """The interval with the tolerances of rig and sensors: from the information at the answer, checked against what is
 known exactly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from identify import Scene, SceneError, examples
+from identify.base.result import ToleranceResult
 from identify.estimation.attempt import Clock
 from identify.estimation.tolerances import _directions, added_by_tolerances
 from identify.identification import find
@@ -72,15 +75,13 @@ def test_an_end_moves_out_and_an_open_one_stays_open():
 
 def test_the_summary_says_which_interval_is_which():
     parameters = {
-        name: {**entry, "interval_with_tolerances": [0.97 * entry["value"], 1.03 * entry["value"]]}
-        for name, entry in fake_fit().result["parameters"].items()
+        name: replace(entry, interval_with_tolerances=(0.97 * entry.value, 1.03 * entry.value))
+        for name, entry in fake_fit().typed.parameters.items()
     }
     table = parameter_table(parameters)
     assert "95 %, rig exact" in table and "95 %, tolerances" in table and "0.601 to 0.639" in table
     assert max(map(len, table.splitlines())) <= 80 and "±" not in table
-    said = tolerances_text(
-        {"stiffness": {"relative": 0.05, "source": "scene"}, "mass": {"relative": 0.02, "source": "usual"}}
-    )
+    said = tolerances_text({"stiffness": ToleranceResult(0.05, "scene"), "mass": ToleranceResult(0.02, "usual")})
     assert "usual standard deviations: stiffness 5 %, mass 2 %" in said
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from identify.base.result import ParameterResult
 from identify.report.quantity_text import scatter, shown_error
 from identify.report.report_views import parameter_views
 
@@ -13,11 +14,11 @@ NORMAL = 1.959963984540054  # Abramowitz & Stegun, table 26.5
 NORMAL_90 = 1.6448536269514722
 
 
-def entry(value: float, error: float | None, interval: list[float | None], level: float = 0.95) -> dict[str, Any]:
-    return {
-        "value": value, "unit": "", "standard_error": error, "interval": interval, "level": level,
-        "verdict": "identified", "reason": "",
-    }  # fmt: skip
+def entry(
+    value: float, error: float | None, interval: list[float | None] | None, level: float = 0.95
+) -> ParameterResult:
+    ends = None if interval is None else (interval[0], interval[1])
+    return ParameterResult(value, "", error, ends, level, "identified")
 
 
 @pytest.mark.parametrize(("level", "normal"), [(0.95, NORMAL), (0.9, NORMAL_90)])
@@ -34,7 +35,7 @@ def test_an_error_that_the_interval_denies_is_not_shown(error: float, shown: boo
     assert scatter(told) == (error if shown else pytest.approx(0.0065 / NORMAL))
 
 
-@pytest.mark.parametrize("interval", [[None, 0.613], [0.5, None], [None, None], None, "0.5 to 0.6"])
+@pytest.mark.parametrize("interval", [[None, 0.613], [0.5, None], [None, None], None])
 def test_nothing_is_denied_by_an_interval_with_an_open_end(interval: Any) -> None:
     assert shown_error(entry(0.586, None, interval)) is None
     assert scatter(entry(0.586, None, interval)) is None

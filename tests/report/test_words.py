@@ -5,8 +5,11 @@ from dataclasses import replace
 
 import pytest
 
+from identify.base.document import from_document
+from identify.base.result import ClassicalTable, LogResult, Result
 from identify.base.wording import three_figures, told_apart
 from identify.cli import main as cli
+from identify.prediction.point_prediction import PointPrediction
 from identify.prediction.wording import amplitude_text, said, stability_text
 from identify.report.answers import answer_table, said_once
 from identify.report.quantity_text import quantity
@@ -29,7 +32,15 @@ def document(outcome="always sticks", drop=0.889, low=0.88871, high=0.88929):
             "critical_speed": entry(0.02112, "m/s", [0.021079, 0.021163]),
             "sliding_unstable_between": [],
             "searched_between": [1e-6, 1.0],
-            "sliding": {"stable": outcome == "bistable"},
+            "sliding": {
+                "stable": outcome == "bistable",
+                "growth_rate": entry(-1.0, "1/s"),
+                "friction_force": entry(0.4, "N"),
+                "eigenvalues": [],
+                "worn": False,
+            },
+            "multiplier": None,
+            "multipliers": None,
             "stick_slip_between": [{"from": None, "to": entry(0.02112, "m/s", [0.021079, 0.021163])}],
             "windows": [
                 {"from": 1e-6, "to": 0.02112, "outcome": outcome},
@@ -47,13 +58,19 @@ def document(outcome="always sticks", drop=0.889, low=0.88871, high=0.88929):
             "onset_force": entry(0.9, "N"),
             "arrest_force": entry(0.011, "N"),
         },
+        "groups": {},
+        "closed_forms": {"a_V_max": entry(None, ""), "slip": "restick", "ignores": []},
     }
+
+
+def prediction(*arguments, **options):
+    return from_document(PointPrediction, document(*arguments, **options))
 
 
 @pytest.mark.parametrize("spread", [0.3, 0.03, 3e-3, 3e-4, 3e-5, 3e-6])
 @pytest.mark.parametrize("drop", [0.889, 0.0889, 1.0, 123.4])
 def test_ends_of_an_interval_differ_and_hold_the_value(drop, spread):
-    text = amplitude_text(document(drop=drop, low=drop * (1 - spread), high=drop * (1 + spread)))
+    text = amplitude_text(prediction(drop=drop, low=drop * (1 - spread), high=drop * (1 + spread)))
     found = re.search(r"falls by ([\d.]+) (m?N) \(95 %: ([\d.]+) to ([\d.]+)\) from peak to valley", text)
     assert found, text
     value, low, high = (float(found[i]) * (1e-3 if found[2] == "mN" else 1.0) for i in (1, 3, 4))
@@ -62,13 +79,16 @@ def test_ends_of_an_interval_differ_and_hold_the_value(drop, spread):
 
 
 def test_amplitude_says_where_and_everything_in_the_units_of_the_rest():
-    text = amplitude_text(document())
+    text = amplitude_text(prediction())
     assert text.startswith("At 0.1 mm/min and 0.943 N the force falls by 0.889")
     assert "µm/s" not in text and "943 mN" not in text
     none = document()
     none["amplitude"]["drop"] = entry(None, "N", validity="no stick-slip here")
     none["amplitude"]["drop"]["validity"] = "no stick-slip here"
-    assert amplitude_text(none) == "Amplitude at 0.1 mm/min and 0.943 N: none; no stick-slip here."
+    assert (
+        amplitude_text(from_document(PointPrediction, none))
+        == "Amplitude at 0.1 mm/min and 0.943 N: none; no stick-slip here."
+    )
 
 
 @pytest.mark.parametrize("value", [0.02112, 1e-3, 7.46e-5, 1.2e-5, 9e-6, 1.6e-6, 1.3])
@@ -78,10 +98,10 @@ def test_speeds_have_one_unit_in_sentences_and_tables(value):
 
 
 def test_what_it_does_is_said_once():
-    text = stability_text(document())
+    text = stability_text(prediction())
     assert text.startswith("At 0.1 mm/min and 0.943 N it sticks and slips, however the motion starts. Stick-slip ends")
     assert "always sticks" not in text
-    assert "depends on the start" in stability_text(document("bistable"))
+    assert "depends on the start" in stability_text(prediction("bistable"))
 
 
 def test_rows_without_a_number_become_one():
@@ -117,7 +137,7 @@ def test_the_fall_of_a_record_is_not_called_the_drop_of_the_model():
     quality = page[page.index('<section id="quality">') :]
     assert "fall of the force (peak to valley)" in quality and "drop of the force (onset to rest)" not in quality
     assert "drop of the force (onset to rest)" in page[: page.index('<section id="quality">')]
-    (table,) = classical_tables([{"classical": {"rows": [{"drop_N": 0.9241}]}}])
+    (table,) = classical_tables([LogResult(classical=ClassicalTable(({"drop_N": 0.9241},)))])
     assert [row.head for row in table.rows] == ["fall of the force (peak to valley)"]
 
 
@@ -154,7 +174,7 @@ def test_logs_that_took_no_part_are_named_in_the_terminal(capsys):
     fit = fake_fit()
     logs = [{**log, "reason_left_out": None} for log in fit.result["logs"]]
     logs[1]["reason_left_out"] = "fast.csv shows no complete stick-slip cycle"
-    out = summary({**fit.result, "logs": logs})
+    out = summary(Result.from_dict({**fit.result, "logs": logs}))
     assert "log 2 took no part: fast.csv shows no complete stick-slip cycle" in out and "log 1 took" not in out
 
 

@@ -15,8 +15,10 @@ import numpy as np
 import pytest
 
 from experiments.pooling_draws import Plan, draw
+from identify.base.document import to_dict
 from identify.cli.folder import COMPARISON, check_replaceable
 from identify.cli.main import main
+from identify.prediction.point_prediction import NoAnswer
 from identify.studies import operating_points
 from identify.studies.compare import compare
 from identify.studies.comparison_files import write_comparison
@@ -181,7 +183,7 @@ def test_the_nonlinear_model_answers_at_common_points(study):
         q.name: q.shown(found.answered[q.name].means[0].value) for q in found.values.quantities
     }
     assert found.answered["mu_s"].means[0].group == "M1"
-    alone = predict(assemble(ground.model.effects), values, 1e-3, 1.0)
+    alone = to_dict(predict(assemble(ground.model.effects), values, 1e-3, 1.0))
     assert answers[0].at[0].fall.value == pytest.approx(alone["amplitude"]["peak_to_valley"]["value"], rel=1e-6)
     assert answers[0].critical_speed.value == pytest.approx(alone["stability"]["critical_speed"]["value"], rel=1e-3)
     low, high = answers[0].critical_speed.interval
@@ -200,7 +202,7 @@ def test_draws_answer_at_the_common_speeds_and_straight_lines_along_the_curve(st
 
     def told(model, points, names, *, draws):
         asked.append((len(points), draws))
-        return [{"text": "no answer"} for _ in points]
+        return [NoAnswer("no answer") for _ in points]
 
     monkeypatch.setattr(operating_points, "predictions", told)
     found = compare(read_fits([study[0]]), ComparisonQuestion("material"))

@@ -111,12 +111,11 @@ def test_a_part_has_its_own_labels_logs_and_correlations(tmp_path):
     assert [p.name for p in told] == ["PE1", *(f"PE1, volunteer {v}" for v in PEOPLE)]
     second = told[2]
     assert second.labels == {"material": "PE", "volunteer": "V08"} and second.mixed == ()
-    assert [log["path"] for log in second.logs] == ["2.csv", "3.csv"]
-    assert second.document["parameters"]["D"] == entry.document["parameters"]["D (V08)"]
-    names = second.document["correlation"]["names"]
-    known = entry.document["correlation"]["names"]
+    assert [log.path for log in second.logs] == ["2.csv", "3.csv"]
+    assert second.result.parameters["D"] == entry.result.parameters["D (V08)"]
+    names, known = second.result.correlation.names, entry.result.correlation.names
     assert names.index("D") == known.index("D (V08)") and names.count("D") == 1
-    assert set(told[0].document["parameters"]) == set(NAMES) - set(OWN)
+    assert set(told[0].result.parameters) == set(NAMES) - set(OWN)
 
 
 def test_a_fit_of_one_person_stays_whole(tmp_path):

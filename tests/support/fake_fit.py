@@ -151,7 +151,7 @@ def with_verdicts(fit: Fit) -> Fit:
 
 def failed(fit: Fit, status: str, message: str) -> Fit:
     """The same logs with a status other than converged: null parameters, the last iterate apart."""
-    last = {name: entry["value"] for name, entry in fit.result["parameters"].items()}
+    last = {name: {"value": entry["value"], "unit": entry["unit"]} for name, entry in fit.result["parameters"].items()}
     null = {
         name: {**entry, "value": None, "standard_error": None, "interval": None}
         for name, entry in fit.result["parameters"].items()
@@ -181,7 +181,7 @@ def without_cycles(fit: Fit) -> Fit:
     )
     message = "No log holds three complete stick-slip cycles; drive slower, or press harder, and record again."
     ended = failed(Fit(fit.result, bare), "no_cycles", message)
-    return replace(ended, result={**ended.result, "gate": {}, "fit": {}, "derived": {}, "last_iterate": {}})
+    return replace(ended, result={**ended.result, "gate": None, "fit": None, "derived": {}, "last_iterate": {}})
 
 
 def _force(time: Array, onset: Array, slip: dict[str, Array], speed: float) -> Array:

@@ -1,0 +1,540 @@
+"""The result of a fit: what result.json holds, as values. Numbers are SI; what is infinite or missing is None.
+
+`Result.to_dict` is the document, key by key in this order; `Result.from_dict` reads it, whichever version wrote it:
+what an older one did not write has the default that stands here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from data_io.correct import Change, Cut
+from data_io.values import Finding
+from identify.base.document import FURTHER, OMITTED, Json, from_document, to_dict
+from identify.base.outcome import Status
+
+Interval = tuple[float | None, float | None]  # an end that is open is None
+
+
+@dataclass(frozen=True)
+class Number:
+    """One number of an answer; validity: where it holds, in words; interval: 95 %, None without one; reason: why an end
+    is open; interval_from: "draws" where it is no straight line's; group: of the logs it is told of."""
+
+    value: float | None
+    unit: str = ""
+    interval: Interval | None = None
+    validity: str = ""
+    reason: str = field(default="", metadata=OMITTED)
+    interval_from: str = field(default="", metadata=OMITTED)
+    group: str = field(default="", metadata=OMITTED)
+
+    @property
+    def ends(self) -> Interval:
+        """Both ends of the interval, open ones None."""
+        return self.interval or (None, None)
+
+
+@dataclass(frozen=True)
+class ParameterResult:
+    """One parameter. Of one that differs between groups of logs: group, the label they are told apart by (per), and
+    its own name (parameter) where it stands under another key."""
+
+    value: float | None = None
+    unit: str = ""
+    standard_error: float | None = None
+    interval: Interval | None = None
+    level: float | None = None
+    verdict: str = ""
+    reason: str = ""
+    group: str = field(default="", metadata=OMITTED)
+    per: str = field(default="", metadata=OMITTED)
+    parameter: str = field(default="", metadata=OMITTED)
+    interval_with_tolerances: Interval | None = field(default=None, metadata=OMITTED)
+
+    @property
+    def ends(self) -> Interval:
+        """Both ends of the interval, open ones None."""
+        return self.interval or (None, None)
+
+
+@dataclass(frozen=True)
+class EffectReason:
+    """Why one effect stays or goes.
+
+    sentence: in lab words; group, value: the dimensionless group that tells, and its value ("" and None without one);
+    error: relative error of the force or the period that leaving it out would make; cost: what it costs, in words;
+    statistic: likelihood-ratio statistic that it gains on the data; held_out: by which factor the error on cycles kept
+    back grows without it. None: not known.
+    """
+
+    effect: str
+    kept: bool
+    sentence: str
+    group: str = ""
+    value: float | None = None
+    error: float | None = None
+    cost: str = ""
+    statistic: float | None = None
+    held_out: float | None = None
+
+
+@dataclass(frozen=True)
+class EffectsResult:
+    """The effects of the model; chosen: "listed" by the scene or "auto"; one reason per effect that was looked at."""
+
+    names: tuple[str, ...] = ()
+    chosen: str = ""
+    reasons: tuple[EffectReason, ...] = ()
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Correlation (f, f) of the estimates `names`, and the standard errors [SI] that go with it."""
+
+    names: tuple[str, ...] = ()
+    matrix: tuple[tuple[float | None, ...], ...] = ()
+    standard_errors: tuple[float | None, ...] = ()
+
+
+@dataclass(frozen=True)
+class WorstCycle:
+    """The cycle (from 1) of a log (from 1) that fits worst, in standard deviations."""
+
+    log: int
+    cycle: int
+    z: float | None = None
+
+
+@dataclass(frozen=True)
+class GateResult:
+    """What the goodness of fit was judged by."""
+
+    chi2_per_sample: float | None = None
+    worst_cycle: WorstCycle | None = None
+    solver: str | None = None
+    event_shift_samples: float | None = None
+    strength_scatter: float | None = None
+
+
+@dataclass(frozen=True)
+class FitFigures:
+    """How large the fit is and how it went; discretisation: error of the steps by parameter, in standard errors."""
+
+    samples: int | None = None
+    cycles: int | None = None
+    iterations: int | None = None
+    passes: int | None = None
+    unknowns: int | None = None
+    rms_N: float | None = None
+    steps: int | None = None
+    discretisation: Mapping[str, float | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class QualityFigure:
+    """A number that the quality of a log was judged by."""
+
+    value: float | None = None
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class QualityResult:
+    """What the quality gate says of a log: accept, accept with warnings, reject."""
+
+    verdict: str = ""
+    findings: tuple[Finding, ...] = ()
+    figures: Mapping[str, QualityFigure] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ClassicalDirection:
+    """All strokes of one direction (1 forth, -1 back): their number, the mean coefficient of sliding with its scatter
+    from stroke to stroke, and by how much the last tenth of them differs from the first."""
+
+    direction: int
+    strokes: int
+    coefficient: float | None
+    coefficient_sd: float | None
+    trend_percent: float | None
+
+
+@dataclass(frozen=True)
+class ClassicalTable:
+    """Figures of the record alone: per step and stroke a row by name (SI, units in the names); of strokes to and fro
+    the directions apart; per row why a figure is None; what each figure is."""
+
+    rows: tuple[Mapping[str, Json], ...] = ()
+    directions: tuple[ClassicalDirection, ...] = ()
+    reasons: tuple[Mapping[str, str], ...] = ()
+    definitions: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LogResult:
+    """One log; part_of: the number (from 1) of the log of the scene that it is a part of, None where it is whole;
+    regime, confidence and evidence: what it shows; derived: what the pair does at its speed and load."""
+
+    part_of: int | None = field(default=None, metadata=OMITTED)
+    path: str = ""
+    sha256: str | None = None
+    step: int | None = None
+    rows: int | None = None
+    labels: Mapping[str, str] = field(default_factory=dict)
+    noise_N: float | None = None
+    friction_sign: int = 1
+    regime: str | None = None
+    confidence: float | None = None
+    evidence: tuple[str, ...] = ()
+    slip_count: int | None = None
+    normal_force_N: float | None = None
+    drive_speed_m_per_s: float | None = None
+    window_s: tuple[float, float] | None = None
+    reason_left_out: str | None = None
+    classical: ClassicalTable = field(default_factory=ClassicalTable)
+    quality: QualityResult = field(default_factory=QualityResult)
+    corrections: tuple[Change, ...] = ()
+    cuts: tuple[Cut, ...] = ()
+    derived: Mapping[str, Json] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The name of its file."""
+        return self.path.replace("\\", "/").rsplit("/", 1)[-1]
+
+
+@dataclass(frozen=True)
+class SearchTrial:
+    """One try of the search; logs it took part with (from 1); 2 x cost per sample, None where there is none."""
+
+    strategy: str
+    logs: tuple[int, ...] = ()
+    status: str = ""
+    cost: float | None = None
+    seconds: float | None = None
+
+
+@dataclass(frozen=True)
+class Shift:
+    """What an error of 1 % in a rig quantity would do to a parameter [SI]."""
+
+    shift: float | None
+    unit: str = ""
+    in_standard_errors: float | None = None
+
+
+@dataclass(frozen=True)
+class ToleranceResult:
+    """An error of rig or sensors that the second intervals hold: one standard deviation as a share; source: "scene" or
+    "usual"."""
+
+    relative: float
+    source: str = "usual"
+
+
+@dataclass(frozen=True)
+class NaturalResult:
+    """A combination of parameters that is known better than its loosest part, by the factor `sharper`."""
+
+    name: str
+    meaning: str
+    value: float | None
+    unit: str
+    standard_error: float | None
+    interval: Interval
+    sharper: float | None
+
+
+@dataclass(frozen=True)
+class DirectionResult:
+    """A direction in which the parameters are known together: its size, what moves by how much, in words."""
+
+    size: float | None
+    moves: Mapping[str, float]
+    text: str
+
+
+@dataclass(frozen=True)
+class CombinationsResult:
+    """What is known better together than alone, and the directions from best to worst known."""
+
+    natural: tuple[NaturalResult, ...] = ()
+    directions: tuple[DirectionResult, ...] = ()
+
+
+@dataclass(frozen=True)
+class NoiseResult:
+    """For how many samples the noise of each log remembers, and by how much that widens each parameter's error."""
+
+    memory_samples: tuple[float | None, ...] = ()
+    widening: Mapping[str, float | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ProfileCurve:
+    """The profile of one parameter: values [SI], loss of the data in units of chi^2, the ends of its interval, whether
+    the walk to an end failed or met a bound; standard_error of theta, by the curvature."""
+
+    values: tuple[float | None, ...]
+    loss: tuple[float | None, ...]
+    interval: Interval
+    failed: tuple[bool, ...] = ()
+    at_bound: tuple[bool, ...] = ()
+    standard_error: float | None = None
+    logarithmic: bool = False
+
+
+@dataclass(frozen=True)
+class ProfileResult:
+    """Profiles by parameter; limit: the loss that the interval ends at."""
+
+    level: float
+    limit: float
+    parameters: Mapping[str, ProfileCurve]
+
+
+@dataclass(frozen=True)
+class BootstrapInterval:
+    """The interval of one parameter among replicates, and their spread over the standard error."""
+
+    interval: Interval
+    spread_in_standard_errors: float | None = None
+    pieces: float | None = None
+
+
+@dataclass(frozen=True)
+class BootstrapResult:
+    """Intervals by parameter; replicates, and how many of them did not settle."""
+
+    level: float
+    replicates: int
+    failed: int
+    parameters: Mapping[str, BootstrapInterval]
+
+
+@dataclass(frozen=True)
+class AccuracyLevel:
+    """One solve of the table of accuracies; shifts against the finest and errors left, by parameter, in standard
+    errors, None where it did not solve."""
+
+    accuracy: str
+    seconds: float | None = None
+    iterations: int | None = None
+    steps: int | None = None
+    shift_in_standard_errors: Mapping[str, float | None] | None = None
+    left_in_standard_errors: Mapping[str, float | None] | None = None
+
+
+@dataclass(frozen=True)
+class LevelCost:
+    """What one level of accuracy costs: steps, seconds of processor time, the error of its steps in standard errors."""
+
+    accuracy: str
+    steps: int | None
+    seconds: float
+    error_in_standard_errors: float | None
+    estimated: bool
+
+
+@dataclass(frozen=True)
+class AccuracyResult:
+    """The level taken, and what all of them cost; seconds of processor time in the equations, and by effect."""
+
+    taken: str
+    equations_s: float
+    effects_s: Mapping[str, float]
+    levels: tuple[LevelCost, ...]
+
+
+@dataclass(frozen=True)
+class ComparedModel:
+    """The fit (without: None), or the fit without one effect: information criteria against the fit, and mean square
+    errors, in noise variances, on cycles and logs that were left out."""
+
+    model: str
+    without: str | None = None
+    parameters: int | None = None
+    chi2_per_sample: float | None = None
+    delta_aic: float | None = None
+    delta_bic: float | None = None
+    left_out_cycles: float | None = None
+    left_out_logs: float | None = None
+    verdict: str = ""
+
+
+@dataclass(frozen=True)
+class NextLogResult:
+    """A log that would tell more; expected: half lengths of 95 % intervals, relative, by parameter."""
+
+    drive_speed: float
+    normal_force: float
+    duration: float
+    sampling_rate: float
+    slips: int
+    expected: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class LastValue:
+    """Where the search stood when it ended without success."""
+
+    value: float | None
+    unit: str = ""
+    interval: Interval | None = field(default=None, metadata=OMITTED)
+
+
+@dataclass(frozen=True)
+class HeldResult:
+    """A rig quantity as stated, and where the data would put it; distance in squared standard errors."""
+
+    stated: float
+    from_data: float
+    standard_error: float
+    unit: str
+    squared_distance: float
+
+
+@dataclass(frozen=True)
+class Quantile:
+    """A quantile of a distribution over the cycles of an uneven record, with its interval."""
+
+    value: float | None
+    interval: Interval
+
+
+@dataclass(frozen=True)
+class DistributionResult:
+    """How static peak, drop or period are spread; quantiles by percent."""
+
+    unit: str
+    quantiles: Mapping[str, Quantile]
+
+
+@dataclass(frozen=True)
+class OddSlip:
+    """A slip (from 1) of a log (from 1) whose level changed by more than its wander explains."""
+
+    log: int
+    cycle: int
+
+
+@dataclass(frozen=True)
+class UnevenCycles:
+    """What is known of every cycle of a log (from 1), one value each: onset and rest before it [s], force at the onset
+    and its drop [N], strength and level over the load, probability that it is odd."""
+
+    log: int
+    cycle: tuple[int, ...]
+    onset_s: tuple[float, ...]
+    rest_s: tuple[float | None, ...]
+    onset: tuple[float, ...]
+    drop: tuple[float, ...]
+    strength: tuple[float | None, ...]
+    level: tuple[float | None, ...]
+    odd: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class StrengthCurve:
+    """Usual strength over the load after rests [s], with its 95 % band."""
+
+    rest_s: tuple[float, ...]
+    strength: tuple[float, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class UnevenResult:
+    """What the estimator of uneven records adds to a result."""
+
+    distributions: Mapping[str, DistributionResult] = field(default_factory=dict)
+    strength_against_rest: StrengthCurve | None = None
+    odd_slips: tuple[OddSlip, ...] = ()
+    uneven_cycles: tuple[UnevenCycles, ...] = ()
+
+    @staticmethod
+    def of(result: Result) -> UnevenResult:
+        """Of a result; what it only gives a reason for has its default."""
+        told = {key: part for key, part in result.more.items() if not isinstance(part, Mapping) or "reason" not in part}
+        return from_document(UnevenResult, told)
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished fit, whatever its status; `more`: what an estimator other than the plain one adds.
+
+    Without success the parameters have no values, and `last_iterate` says where the search stood.
+    """
+
+    schema: int = 1
+    status: str = ""
+    message: str = ""
+    parameters: Mapping[str, ParameterResult] = field(default_factory=dict)
+    effects: EffectsResult = field(default_factory=EffectsResult)
+    estimator: str = "plain"
+    correlation: Correlation | None = None
+    gate: GateResult | None = None
+    fit: FitFigures | None = None
+    derived: Mapping[str, Number] = field(default_factory=dict)
+    logs: tuple[LogResult, ...] = ()
+    notes: tuple[str, ...] = ()
+    search: tuple[SearchTrial, ...] = ()
+    found_by: tuple[str, ...] = ()
+    not_tried: tuple[str, ...] = ()
+    rig_sensitivity: Mapping[str, Mapping[str, Shift]] | None = field(default=None, metadata=OMITTED)
+    tolerances: Mapping[str, ToleranceResult] | None = field(default=None, metadata=OMITTED)
+    combinations: CombinationsResult | None = field(default=None, metadata=OMITTED)
+    noise: NoiseResult | None = field(default=None, metadata=OMITTED)
+    profile: ProfileResult | None = field(default=None, metadata=OMITTED)
+    bootstrap: BootstrapResult | None = field(default=None, metadata=OMITTED)
+    accuracy_table: tuple[AccuracyLevel, ...] | None = field(default=None, metadata=OMITTED)
+    last_iterate: Mapping[str, LastValue] | None = field(default=None, metadata=OMITTED)
+    more: Mapping[str, Json] = field(default_factory=dict, metadata=FURTHER)
+    rig_against_data: Mapping[str, HeldResult] | None = field(default=None, metadata=OMITTED)
+    timing_s: Mapping[str, float] = field(default_factory=dict)
+    provenance: Mapping[str, Json] = field(default_factory=dict)
+    accuracy: AccuracyResult | None = field(default=None, metadata=OMITTED)
+    effects_table: tuple[ComparedModel, ...] | None = field(default=None, metadata=OMITTED)
+    next_logs: tuple[NextLogResult, ...] = ()
+
+    @staticmethod
+    def from_dict(document: object, where: str = "the result") -> Result:
+        """The result of a document; what stands beside the schema is in `more`.
+
+        Raises:
+            DocumentError: it is no such document.
+        """
+        return from_document(Result, document, where)
+
+    def to_dict(self) -> dict[str, Json]:
+        """The document, as JSON knows it but for numbers that are not finite."""
+        document = to_dict(self)
+        if self.converged and self.accuracy is None:
+            document["accuracy"] = None
+        return document
+
+    @property
+    def converged(self) -> bool:
+        """Whether the fit passed its gate."""
+        return self.status == Status.CONVERGED.value
+
+    @property
+    def scene(self) -> Mapping[str, Json]:
+        """The document of the scene it was fitted with; empty where none is recorded."""
+        scene = self.provenance.get("scene")
+        return scene if isinstance(scene, Mapping) else {}
+
+    @property
+    def numbers(self) -> list[int]:
+        """The number in the scene (from 0) of every log: one that was cut into parts stands once for each of them."""
+        numbers: list[int] = []
+        for log in self.logs:
+            numbers.append(log.part_of - 1 if log.part_of is not None else numbers[-1] + 1 if numbers else 0)
+        return numbers
+
+    def places(self, number: int) -> list[int]:
+        """Where log `number` (from 0) of the scene stands: one place (from 0), several where it was cut."""
+        return [place for place, found in enumerate(self.numbers) if found == number]
