@@ -1,28 +1,100 @@
 """How fast the page is: first picture, pan and zoom of ten million samples, and the try sliders, in headless Chromium.
 
-Prints a table. Needs the extra `app` and Chromium. python experiments/run_app_speed.py [samples]
+The server runs on one core and the browser on the others. Prints a table. Needs the extra `app`, Chromium and Linux.
+python experiments/run_app_speed.py [samples]
 """
 
-import resource
+import json
+import os
+import subprocess
 import sys
 import tempfile
 import time
+import urllib.request
+from collections.abc import Iterable
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record, write_hdf5
-from identify.app.folder import Folder
-from identify.app.server import Serving
+from identify.app.jobs import same_code
 from tests.app.browser import PageBrowser
 from tests.support.browser import CHROMIUM
 
 TURNS = 50
 RATE = 2000.0  # [Hz]
 STARTED = 4.0  # seconds after which a fit is at work
+
+
+class PinnedServer:
+    """`stickslip app` of a folder as a process of its own on the first core; what asks it, the browser too, is on the
+    others where there are any."""
+
+    def __init__(self, root: Path) -> None:
+        cores = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, set(cores[:1]))
+        words = [sys.executable, "-P", "-m", "identify", "app", str(root), "--no-browser"]
+        environment = same_code() | {"PYTHONUNBUFFERED": "1"}
+        self.process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=environment)
+        os.sched_setaffinity(0, set(cores[1:] or cores))
+        assert self.process.stdout is not None
+        self.address = self.process.stdout.readline().strip()
+
+    def ask(self, name: str, body: dict[str, Any] | None = None) -> dict[str, Any]:
+        """An answer of the server; body: what is posted."""
+        data = None if body is None else json.dumps(body).encode()
+        with urllib.request.urlopen(f"{self.address}api/{name}", data) as response:
+            return dict(json.loads(response.read()))
+
+    @property
+    def peak(self) -> float:
+        """The most memory it has taken [MB]."""
+        return memory(self.process.pid, "VmHWM")
+
+    def stop(self) -> None:
+        """End it."""
+        self.process.terminate()
+        self.process.wait(10)
+
+
+def memory(process: int, what: str = "VmRSS") -> float:
+    """Resident memory of a process [MB], now or at most."""
+    lines = Path(f"/proc/{process}/status").read_text().splitlines()
+    return next(float(line.split()[1]) / 1024 for line in lines if line.startswith(what))
+
+
+def renderers(browser: PageBrowser) -> list[int]:
+    """The processes that draw the pages of a browser."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (place / "cmdline").read_bytes()
+        except OSError:
+            continue
+        if browser._profile.name.encode() in words and b"--type=renderer" in words:
+            found.append(int(place.name))
+    return found
+
+
+def spent(processes: Iterable[int]) -> float:
+    """Processor seconds that processes have used."""
+    fields = [Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split() for process in processes]
+    return sum(int(f[11]) + int(f[12]) for f in fields) / float(os.sysconf("SC_CLK_TCK"))
+
+
+def waits(browser: PageBrowser, serving: PinnedServer, counter: str, acts: Iterable[str]) -> str:
+    """How long acts take until what they show is drawn, in words: the median, and their processor time, which other
+    work on the machine does not lengthen."""
+    groups = {"server": [serving.process.pid], "page": renderers(browser)}
+    before = {name: spent(processes) for name, processes in groups.items()}
+    taken = [waited(browser, counter, act) for act in acts]
+    own = {name: 1e3 * (spent(processes) - before[name]) / len(taken) for name, processes in groups.items()}
+    processor = ", ".join(f"{name} {each:.0f}" for name, each in own.items())
+    return f"{median(taken):6.1f} ms, longest {max(taken):.0f}; processor each: {processor} ms"
 
 
 def long_log(path: Path, samples: int) -> None:
@@ -44,56 +116,46 @@ def waited(browser: PageBrowser, counter: str, act: str) -> float:
     )
 
 
-def curves_of(browser: PageBrowser, serving: Serving, name: str, turns: int) -> None:
+def curves_of(browser: PageBrowser, serving: PinnedServer, name: str, turns: int) -> None:
     """First picture, pan and zoom of one log."""
-    opened = serving.page.logs.opened(name)
     began = time.perf_counter()
-    while opened.record is None and not opened.error:
+    while not (about := serving.ask(f"log?path={name}"))["ready"]:
         time.sleep(0.01)
-    print(f"reading {len(opened.record or ()):,} samples  {time.perf_counter() - began:8.2f} s")
+    print(f"reading {about['rows']:,} samples  {time.perf_counter() - began:8.2f} s")
     began = time.perf_counter()
     browser.visit(f"{serving.address}#log?path={name}&alone=1")
     browser.wait("Number(document.querySelector('#plots').dataset.drawn) > 0")
     print(f"first picture after reading  {time.perf_counter() - began:8.2f} s (the page opened anew)")
     drawn, view = "document.querySelector('#plots').dataset.drawn", "document.querySelector('#view').timeView"
     browser.wait(f"{view}")
-    zooms, pans = [], []
-    for turn in range(turns):
-        share = 0.9 ** (turn % 25)
-        zooms.append(waited(browser, drawn, f"{view}.go({view}.begin, {view}.begin + {view}.whole[1] * {share})"))
-        step = f"0.1 * ({view}.end - {view}.begin)"
-        pans.append(waited(browser, drawn, f"{view}.go({view}.begin + {step}, {view}.end + {step})"))
-    longest = max(zooms + pans)
-    print(f"median of {turns}: zoom  {median(zooms):8.1f} ms;  pan {median(pans):8.1f} ms (longest {longest:.0f} ms)")
+    shares = [0.9 ** (turn % 25) for turn in range(turns)]
+    zooms = (f"{view}.go({view}.begin, {view}.begin + {view}.whole[1] * {share})" for share in shares)
+    print(f"zoom, median of {turns}  {waits(browser, serving, drawn, zooms)}")
+    step = f"0.1 * ({view}.end - {view}.begin)"
+    pans = [f"{view}.go({view}.begin + {step}, {view}.end + {step})"] * turns
+    print(f"pan, median of {turns}  {waits(browser, serving, drawn, pans)}")
     points = browser.ask(f"{view}.rows[0].length")
-    heap = browser.call("Runtime.getHeapUsage")["usedSize"]
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"points a curve {points};  page {heap / 1e6:.0f} MB of JavaScript")
-    print(f"server at most {peak:.0f} MB, the writing of the log included")
+    heap, page = browser.call("Runtime.getHeapUsage")["usedSize"], sum(map(memory, renderers(browser)))
+    print(f"points a curve {points};  page {heap / 1e6:.0f} MB of JavaScript, its processes {page:.0f} MB")
+    print(f"server {memory(serving.process.pid):.0f} MB, at most {serving.peak:.0f} MB")
 
 
-def sliders_of(browser: PageBrowser, serving: Serving, turns: int) -> None:
+def sliders_of(browser: PageBrowser, serving: PinnedServer, turns: int) -> None:
     """From a slider to the curve, for the demo's log at 1 mm/s."""
     browser.visit(f"{serving.address}#try?scene=pair.toml&number=2")
     browser.wait("document.querySelector('#view').dataset.tried")
     slider = "document.querySelector('[data-parameter=mu_s]')"
-    tries = [
-        waited(
-            browser,
-            "document.querySelector('#view').dataset.tried",
-            f"{slider}.value = {200 + turn % 9}; {slider}.dispatchEvent(new Event('input'))",
-        )
-        for turn in range(turns)
-    ]
-    print(f"slider to curve, median of {turns}  {median(tries):8.1f} ms (longest {max(tries):.0f} ms)")
+    tries = (f"{slider}.value = {200 + turn % 9}; {slider}.dispatchEvent(new Event('input'))" for turn in range(turns))
+    counter = "document.querySelector('#view').dataset.tried"
+    print(f"slider to curve, median of {turns}  {waits(browser, serving, counter, tries)}")
 
 
-def cancel_of(serving: Serving) -> None:
+def cancel_of(serving: PinnedServer) -> None:
     """From the cancel of a fit at work until none of its processes is left."""
-    job = serving.page.start_job({"command": "fit", "scene": "pair.toml", "out": "cancelled"})
+    job = serving.ask("start", {"command": "fit", "scene": "pair.toml", "out": "cancelled"})
     time.sleep(STARTED)
     began = time.perf_counter()
-    ended = serving.page.cancel_job({"id": job["id"]})
+    ended = serving.ask("cancel", {"id": job["id"]})
     print(f"cancel to idle  {time.perf_counter() - began:8.2f} s (the fit is {ended['state']})")
 
 
@@ -105,9 +167,8 @@ def main(fast: bool = False, samples: int = 10_000_000) -> None:
     with tempfile.TemporaryDirectory() as place:
         root = Path(place)
         long_log(root / "long.h5", 100_000 if fast else samples)
-        serving = Serving(Folder.at(root))
-        serving.page.put_examples({})
-        serving.start()
+        serving = PinnedServer(root)
+        serving.ask("examples", {})
         turns = 5 if fast else TURNS
         try:
             with PageBrowser() as browser:

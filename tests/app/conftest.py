@@ -2,16 +2,22 @@
 
 import json
 import shutil
+import time
+import tomllib
 import urllib.error
 import urllib.request
 
+import numpy as np
 import pytest
 
 pytest.importorskip("starlette", reason="the extra `app` is not installed")
 
-from identify import examples
+from data_io import Record, write_csv
 from identify.app.folder import Folder
+from identify.app.looks import Looks
 from identify.app.server import Serving
+from identify.scene import Scene
+from identify.simulation.simulate import simulate
 from tests.app.browser import PageBrowser
 from tests.support.browser import CHROMIUM
 
@@ -44,15 +50,46 @@ class Client:
         return status, json.loads(body)
 
 
-@pytest.fixture
-def root(tmp_path):
-    """A folder with the example logs and their scene, two of them named like trouble."""
-    place = tmp_path / "logs of the lab"
-    place.mkdir()
-    for item in examples.FOLDER.iterdir():
-        if item.name.endswith((".txt.gz", "pair.toml")):
-            shutil.copyfile(item, place / item.name)
+RIG = """
+[rig]
+mass = "0.2 kg" # weighed
+stiffness = "1470 N/m"
+damping = "147 N/m" # h of eq. 1
+"""
+HELD = "\n[parameters]\nslope = { fixed = -0.5 }\n"  # the truth, as that of a quick fit is
+SIMULATED = f'normal_force = "1 N"\n{HELD}mu_s = {{ fixed = 0.5 }}\nmu_k0 = {{ fixed = 0.4 }}\n'
+MADE_OF = 'effects = ["inertia", "hysteresis_damping", "linear_weakening"]\n'
+LOGS = {"1_mm_per_s.csv": ("1 mm/s", 1.8, 1000.0), "5_mm_per_s.csv": ("5 mm/s", 0.8, 2000.0)}  # seconds, hertz
+NOISE = 0.005  # N
+
+
+def write_log(path, speed, duration, rate):
+    """A simulated log of the pair under 1 N, which tells its drive speed."""
+    scene = Scene.from_document(tomllib.loads(MADE_OF + RIG + f'drive_speed = "{speed}"\n' + SIMULATED))
+    times = np.arange(int(duration * rate) + 1) / rate
+    force = simulate(scene, duration).sample(times)["force"] + np.random.default_rng(1).normal(0.0, NOISE, times.size)
+    write_csv(Record(times, np.ones_like(times), force, drive_speed=scene.rig.drive_speed), path)
+
+
+@pytest.fixture(scope="session")
+def looked_at(tmp_path_factory):
+    """Two short logs, a scene of them with two parameters to find, and what the page has seen in them."""
+    place = tmp_path_factory.mktemp("looked_at")
+    for name, (speed, duration, rate) in LOGS.items():
+        write_log(place / name, speed, duration, rate)
+    listed = "".join(f'\n[[logs]]\npath = "{name}"\n' for name in LOGS)
+    (place / "pair.toml").write_text(MADE_OF + RIG + HELD + listed)
+    looks = Looks(Folder.at(place))
+    while any(looks.of(name) is None for name in LOGS):
+        time.sleep(0.05)
+    looks.close()
     return place
+
+
+@pytest.fixture
+def root(tmp_path, looked_at):
+    """A folder of its own with these logs and their scene; they are as old, so that nothing is looked at again."""
+    return shutil.copytree(looked_at, tmp_path / "logs of the lab")
 
 
 @pytest.fixture

@@ -94,6 +94,12 @@ export function newestWins(work) {
   };
 }
 
+/** One question after the other, none left out. */
+export function inOrder(work) {
+  let last = Promise.resolve();
+  return (...given) => { last = last.then(() => guarded(work)(...given)); return last; };
+}
+
 /** Wait until nothing has come for so long [ms]. */
 export function settled(work, pause = 350) {
   let timer;

@@ -1,5 +1,5 @@
 // The scene: a form with units as typed, effects as switches, and the text beside it; what one side says the other shows.
-import { button, command, element, get, link, newestWins, plain, post, put, quantity, refill, say, settled, table } from "./base.js";
+import { button, command, element, get, inOrder, link, plain, post, put, quantity, refill, say, settled, table } from "./base.js";
 
 const LOG_COLUMNS = [["path", "file"], ["drive_speed", "drive speed"], ["step", "step"], ["window", "window"], ["exclude", "left out"], ["skip_cycles", "skip"], ["tare", "zero"], ["labels", "labels"]];
 const EXAMPLES = { mass: "200 g", stiffness: "1.5 N/mm", zeta: "0.05", damping: "147 N/m", drive_speed: "0.1 mm/s", normal_force: "2 N", noise: "2 mN" };
@@ -19,7 +19,7 @@ export async function sceneView(host, asked, session) {
   }
   const path = session.scene, first = await get("scene", { path }), form = element("div", {}), state = element("div", { class: "bar" }), error = element("p", { class: "error", role: "alert" });
   const text = element("textarea", { "aria-label": "the scene as TOML", spellcheck: "false", oninput: () => { state.dataset.saved = "no"; typed(); } });
-  const send = newestWins(async (asked, fromText) => show(await post("edit", { path, ...asked }), fromText));
+  const send = inOrder(async (asked, fromText) => show(await post("edit", { path, ...asked }), fromText));
   const typed = settled(() => send({ text: text.value }, true));
   const change = (keys, value) => send({ changes: [{ keys, value }] });
   const input = (keys, value, attributes = {}) => {
@@ -37,7 +37,7 @@ export async function sceneView(host, asked, session) {
   function effects(seen, on) {
     return seen.effects.filter((effect) => effect.on === on).map((effect) => {
       const box = element("input", { type: "checkbox", checked: effect.on, onchange: () => {
-        let on = seen.effects.filter((one) => one.on && one.name !== effect.name).map((one) => one.name);
+        let on = [...form.querySelectorAll("[data-effect]")].filter((one) => one.querySelector("input").checked).map((one) => one.dataset.effect).filter((name) => name !== effect.name);
         if (box.checked) on = [...on.filter((name) => !effect.role || seen.effects.find((one) => one.name === name).role !== effect.role), ...effect.needs.filter((name) => !on.includes(name)), effect.name];
         change(["effects"], on);
       } });
@@ -79,7 +79,7 @@ export async function sceneView(host, asked, session) {
 
   function show(seen, fromText = false) {
     if (!fromText && text.value !== seen.text) text.value = seen.text;
-    const focus = document.activeElement?.dataset?.place;
+    const active = form.contains(document.activeElement) ? document.activeElement : null, focus = active?.dataset?.place, typing = active?.value;
     error.textContent = seen.error;
     state.dataset.saved = seen.saved ? "yes" : "no";
     refill(state, button("save", async () => { show(await post("save", { path })); say(""); }, { class: "main", disabled: seen.saved }),
@@ -100,7 +100,7 @@ export async function sceneView(host, asked, session) {
     for (const field of form.querySelectorAll("[data-place]")) {
       const wrong = "open" in field.dataset || Boolean(seen.place) && (field.dataset.place === seen.place || field.dataset.place.startsWith(`${seen.place}.`) || seen.place.startsWith(`${field.dataset.place}.`));
       field.setAttribute("aria-invalid", String(wrong));
-      if (field.dataset.place === focus) field.focus();
+      if (field.dataset.place === focus) { field.focus(); field.value = typing; }
     }
     host.dataset.shown = String(Number(host.dataset.shown ?? 0) + 1);
   }
