@@ -56,9 +56,15 @@ mass = "0.2 kg" # weighed
 stiffness = "1470 N/m"
 damping = "147 N/m" # h of eq. 1
 """
-HELD = "\n[parameters]\nslope = { fixed = -0.5 }\n"  # the truth, as that of a quick fit is
+HELD = """
+[parameters]
+delta_mu_k = { fixed = -0.13 }
+a = { fixed = 300.0 }
+D = { fixed = "37.4 um" }
+t_cr = { fixed = "0.5 s" }
+"""
 SIMULATED = f'normal_force = "1 N"\n{HELD}mu_s = {{ fixed = 0.5 }}\nmu_k0 = {{ fixed = 0.4 }}\n'
-MADE_OF = 'effects = ["inertia", "hysteresis_damping", "linear_weakening"]\n'
+MADE_OF = 'effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]\n'
 LOGS = {"1_mm_per_s.csv": ("1 mm/s", 1.8, 1000.0), "5_mm_per_s.csv": ("5 mm/s", 0.8, 2000.0)}  # seconds, hertz
 NOISE = 0.005  # N
 
