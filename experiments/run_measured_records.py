@@ -96,7 +96,7 @@ def main(fast: bool = False, folder: Path = RECORDS) -> dict[tuple[str, ...], st
                     "" if value is None else f"{value:.4g} {entry['unit']}, sd of its logarithm {error / value:.3f}, "
                 )
                 print(f"  {name:18}{told}{ends} {entry['verdict']}")
-        if len(names) == 1 and result["parameters"].get("strength", {}).get("value") is not None:
+        if not fast and len(names) == 1 and result["parameters"].get("strength", {}).get("value") is not None:
             sticks = sticks_in(names[0], folder)
             began = time.process_time()
             maximise([sticks])

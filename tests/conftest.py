@@ -21,6 +21,7 @@ from identify import identification
 from identify.base import budget, native
 from identify.estimation import starts
 from identify.estimation.strategies import Strategy, tracing
+from identify.simulation.price import SimulationPrice
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -67,6 +68,12 @@ def machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pa
 def no_further_logs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fits do not look for the log that would tell more, which takes longer than a quick fit: tests/bench asks that."""
     monkeypatch.setattr(identification, "next_logs", lambda _found: None)
+
+
+@pytest.fixture
+def no_price(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`simulate` does not tell what each effect costs, by simulations without it: tests/simulation/test_price.py."""
+    monkeypatch.setattr("identify.simulation.price.price", lambda *_: SimulationPrice(1e-5, {1e-5: 0.0}, {}))
 
 
 @pytest.fixture

@@ -11,6 +11,8 @@ from identify import examples
 from identify.effects import ALL, MAIN, NAMES
 from identify.scene import Scene
 
+pytestmark = pytest.mark.usefixtures("no_price")
+
 RIG = """
 [rig]
 mass = "0.2 kg"

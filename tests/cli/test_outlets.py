@@ -5,6 +5,7 @@ import os
 import pty
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,12 @@ ROOT = Path(__file__).parents[2]
 PLAIN, STROKES = (ROOT / "tests/cases" / name for name in ("plain.csv", "strokes_300_without_position.csv.gz"))
 AS_STROKES = (str(STROKES), "--columns", "friction_force=Ft", "--normal-force", "5 N")
 MISSING = "no_such_log.csv"
+
+
+@cache
+def inspected():
+    """What `stickslip inspect` says of a log, run once."""
+    return command("inspect", str(PLAIN))
 
 
 def command(*words, shell="", encoding=None, **settings):
@@ -30,7 +37,7 @@ def command(*words, shell="", encoding=None, **settings):
 
 @pytest.mark.parametrize("encoding", ["cp1252", "ascii", "latin-1", "cp437"])
 def test_minus_signs_survive_a_console_that_has_none(encoding):
-    plain, there = command("inspect", str(PLAIN)), command("inspect", str(PLAIN), encoding=encoding)
+    plain, there = inspected(), command("inspect", str(PLAIN), encoding=encoding)
     assert plain.returncode == there.returncode == 0
     (line,) = (text for text in plain.stdout.decode().split("\n") if "normal force drift" in text)
     assert "−" in line

@@ -28,6 +28,8 @@ from identify.shooting.starts import candidates, fit_features
 from identify.simulation.simulate import run
 from tests.support.document_check import check_document
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
 ALONE = (3,)  # where one log is enough
 

@@ -20,6 +20,8 @@ from identify.logs.parting import PART, name_of_recording, recordings
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
 MISFITS = (1.0, 1.0)
 WRONG = 1.05

@@ -21,6 +21,8 @@ from identify.estimation.search import search
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
 
 

@@ -14,6 +14,8 @@ from identify.estimation.known_early import wrong_unit
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.unknowns import from_scene
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 KILOGRAM = 9.80665  # N
 
 

@@ -18,7 +18,6 @@ from identify.effects import ALL
 from identify.effects.quantities import Effect, Parameter, Situation, Terms
 from identify.model.model import BASE_PARAMETERS, SPEED, TIME, Model, assemble
 from identify.scene import Scene
-from identify.simulation.price import SimulationPrice
 from identify.simulation.simulate import simulate
 from tests.support import effects_case as case
 
@@ -281,10 +280,8 @@ def test_scene_survives_its_document(effect):
     assert {name: again.values()[name] for name in numbers} == numbers
 
 
-def test_simulated_log_is_read_back(tmp_path, monkeypatch):
+def test_simulated_log_is_read_back(tmp_path, no_price):
     """Many effects together: what the simulation shows is what the log says, in both formats."""
-    free = SimulationPrice(1e-5, {1e-5: 0.0}, {})  # what each effect costs is told by simulations without it
-    monkeypatch.setattr("identify.simulation.price.price", lambda *_: free)
     names = tuple(n for n in ALL_TOGETHER if n != "friction_heterogeneity")  # slow to set up
     numbers, model = case.numbers(names), assemble(names)
     rig = {q.name: numbers[q.name] for q in model.parameters if q.kind == "rig"}

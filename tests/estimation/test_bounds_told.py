@@ -16,6 +16,8 @@ from identify.identification import fit
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 RIG = {"mass": {"value": 0.2, "tolerance": 0.02}, "stiffness": 1470.0, "damping": 147.0}
 
 

@@ -19,6 +19,8 @@ from identify.shooting.accuracy import accuracy_of
 from tests.support.fake_fit import fake_fit
 from tests.support.sentences import advising
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 DRIVE = 'rig.drive_speed="1 mm/s"'
 
 

@@ -12,6 +12,8 @@ from identify.estimation.preview import preview
 from identify.examples import FOLDER
 from identify.logs.scene_records import with_drives, with_records
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 
 class _SearchBeganError(Exception):
     """The search has begun."""

@@ -22,6 +22,8 @@ from identify.scene import Scene
 from identify.shooting.layout import kept_parameters
 from tests.support import shooting_case as case
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 OTHER = case.PAIR | {"D": 60e-6, "mu_s": 0.66}
 SPEEDS = ((1e-4, 10.0, 250.0), (1e-3, 1.6, 1000.0))
 GROUPS = {"A": case.PAIR, "B": OTHER}

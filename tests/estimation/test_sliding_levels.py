@@ -14,6 +14,8 @@ from identify.logs.log_data import LogData, ShootingTrajectory, Stretch
 from identify.simulation.drive import Drive, NormalForce
 from tests.support import shooting_case as case
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 NONE = np.empty(0)
 RATE, LOAD, NOISE = 500.0, 2.0, 5e-3
 

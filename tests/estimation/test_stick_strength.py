@@ -18,6 +18,8 @@ from identify.estimation.stick_strength import _likeliest
 from identify.estimation.strained import odd_stick
 from identify.estimation.strategies import Strategy, tracing
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 TRUTH = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
 SPEEDS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))
 SCATTER = 0.01

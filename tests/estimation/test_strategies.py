@@ -21,6 +21,8 @@ from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.scene.toml import read_toml
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 
 def test_every_row_has_a_title_of_its_own_and_says_when_it_applies() -> None:
     assert len({row.title for row in STRATEGIES}) == len(STRATEGIES)

@@ -10,6 +10,8 @@ from identify.base.quantiles import NORMAL
 from identify.estimation import examined as worth_a_walk
 from identify.estimation.covariance import ENOUGH, widened, widened_on_both_scales
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 LIMIT = 3.84
 
 

@@ -18,6 +18,8 @@ from identify.logs.judgement import judge
 from identify.logs.scene_records import with_records
 from identify.logs.told_drive import drive_position, speed_of, told_drive
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 CASES = Path(__file__).resolve().parents[1] / "cases"
 
 

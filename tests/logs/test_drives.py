@@ -20,6 +20,8 @@ from identify.studies.job import BatchError
 from identify.studies.planning import plan
 from tests.support.batch_case import SCENE
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 TIME = np.arange(6000) / 500.0
 STEPS = ((0.0, 1e-3), (4.0, 2e-3), (8.0, 1e-3))
 HOLD = ((0.0, 1e-3), (4.0, 0.0), (5.0, 1e-3))

@@ -9,6 +9,8 @@ from identify.report.cycle_figures import draw_cycles, draw_measured, measured_c
 from identify.report.report_files import write_report
 from tests.support.fake_fit import failed, fake_fit, without_cycles
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 
 def test_the_numbers_are_those_of_the_cycles():
     """Strength over the load at the onset, hold time from the arrest before."""

@@ -11,6 +11,8 @@ from data_io.contents import digest_of, log_is_at
 from identify.cli.main import main
 from identify.examples import FOLDER
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 SCENE = """
 name = "series"
 effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force"]

@@ -29,6 +29,8 @@ from identify.studies.operating_points import NOTHING, GroupAnswer, common, grou
 from identify.studies.reporting import items
 from tests.support.comparing_case import document, write_fit, write_study
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 SMALL = Plan("small", volunteers=4, runs=2, gap=4.0)
 HOSTILE = (
     "<script>alert(1)</script>",

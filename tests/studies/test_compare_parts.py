@@ -18,6 +18,8 @@ from identify.studies.operating_points import NOTHING, common, group_answers
 from identify.studies.pooled import DIFFERENT, NOT_TOLD_APART
 from tests.support.comparing_case import NAMES, document, write_fit
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 OWN = ("mu_s", "D")
 SD = np.array([2e-3, 1e-3, 1e-3, 0.01, 0.015, 0.02])
 CENTRE = np.array([0.62, 0.45, -0.12, np.log(300.0), np.log(4e-5), np.log(0.5)])

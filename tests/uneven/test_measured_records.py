@@ -23,7 +23,10 @@ def test_a_measured_record_ends_with_numbers_and_the_reason(capsys):
 
 
 @measured
-@pytest.mark.parametrize(("name", "strength", "mass"), [("k168_v42", 0.020, 0.52), ("k1002_v42", 0.050, 0.80)])
+@pytest.mark.parametrize(
+    ("name", "strength", "mass"),
+    [pytest.param("k168_v42", 0.020, 0.52, marks=pytest.mark.slow), ("k1002_v42", 0.050, 0.80)],
+)
 def test_the_estimate_is_near_that_of_another_implementation(name, strength, mass):
     """Of the same likelihood, in another language; mass as a share of the nominal 30.7 g, deviations below 0.15."""
     sticks = sticks_in(name, RECORDS)
@@ -36,11 +39,13 @@ def test_the_estimate_is_near_that_of_another_implementation(name, strength, mas
 
 
 @measured
+@pytest.mark.slow
 def test_halves_of_a_measured_record_agree():
     assert halves(sticks_in("k1002_v42", RECORDS))[1] > 0.05
 
 
 @measured
+@pytest.mark.slow
 def test_a_record_that_hides_the_weakening_still_tells_the_mass():
     """Ringing of the same rig: 17 to 22.4 g (experiments/run_rig_study.py)."""
     sticks = sticks_in("k1002_v4300", RECORDS).part(np.arange(48))

@@ -22,6 +22,8 @@ from identify.uneven.slip_functions import LAW, MET, PARAMETERS, slip_functions
 from identify.uneven.transfer import agreement
 from tests.support.document_check import validator
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 TOLD = [PARAMETERS.index(name) for name in ("strength", "weakening_rate", "mass")]
 
 

@@ -17,6 +17,8 @@ from identify.uneven.answer import UnevenEstimator
 from identify.uneven.estimator import maximise
 from identify.uneven.events import sticks_of
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 
 @pytest.fixture(scope="module")
 def track():
