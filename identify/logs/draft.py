@@ -8,7 +8,6 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +82,7 @@ class Draft:
     left_out: tuple[str, ...]
 
 
-def draft(pieces: Sequence[Piece], folder: Path, said: Mapping[str, Any]) -> Draft:
+def draft(pieces: Sequence[Piece], folder: Path, said: Mapping[str, object]) -> Draft:
     """A first scene file of some logs.
 
     Args:
@@ -174,7 +173,7 @@ def _rig_lines(told: Sequence[Told]) -> list[str]:
     ]
 
 
-def _log_lines(told: Told, folder: Path, said: Mapping[str, Any]) -> list[str]:
+def _log_lines(told: Told, folder: Path, said: Mapping[str, object]) -> list[str]:
     piece, record = told.piece, told.piece.record
     path = os.path.relpath(piece.path.absolute(), folder.absolute()).replace(os.sep, "/")
     lines = [f"# {_facts(told)}", "[[logs]]", f"path = {json.dumps(path, ensure_ascii=False)}"]
@@ -222,7 +221,7 @@ def _left_out(told: Told) -> str:
     return f"# left out: {_name(told)} ({_facts(told)}): {told.left_out}"
 
 
-def _toml(value: Any) -> str:
+def _toml(value: object) -> str:
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{json.dumps(key)} = {_toml(item)}" for key, item in value.items()) + " }"
     return json.dumps(value, ensure_ascii=False)

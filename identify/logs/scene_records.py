@@ -118,7 +118,7 @@ def read_partly(entry: LogEntry, refused: LogTooLargeError, read: Callable[[Span
 def _later(entry: LogEntry, begin: float) -> LogEntry:
     """An entry whose times count from `begin` [s] on."""
 
-    def shifted(span: Any) -> Any:
+    def shifted(span: object) -> Any:
         return (span[0] - begin, span[1] - begin) if isinstance(span, tuple) else span
 
     return replace(

@@ -115,7 +115,7 @@ def jump(rig: RigLike, friction: FrictionLike, drive_speed: ArrayLike, normal_fo
         return Jump(status, **{name: floated(column) for name, column in columns.items()})
 
 
-def _cycle(q: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
+def _cycle(q: Mapping[str, object]) -> tuple[Any, dict[str, Any]]:
     """Status, and the columns of UNITS of `settings`."""
     g = formed(q)
     share = saturations(g["alpha"], g["loading"], g["tau_cr"])

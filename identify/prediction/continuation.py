@@ -220,7 +220,7 @@ def _write_rows(path: Path, head: Sequence[str], rows: Any) -> None:
         writer.writerows([[_cell(value) for value in row] for row in rows])
 
 
-def _cell(value: Any) -> Any:
+def _cell(value: object) -> Any:
     """A number with all its digits; nothing where there is none."""
     if isinstance(value, float):
         return repr(value) if np.isfinite(value) else ""

@@ -153,7 +153,7 @@ def check_axes(site: Site, names: tuple[str, ...]) -> None:
         )
 
 
-def moved(site: Site, changes: Mapping[str, Any]) -> NDArray[Any]:
+def moved(site: Site, changes: Mapping[str, object]) -> NDArray[Any]:
     """The setting w (n_w,) of a point with some quantities moved; complex values give complex settings."""
     return np.array(list(moved_values(site, changes).values()))
 
@@ -180,7 +180,7 @@ def moved_values(site: Site, changes: Mapping[str, Any]) -> dict[str, Any]:
     return out | {"normal_force": load, "drive_speed": changes.get("drive_speed", site.drive_speed)}
 
 
-def _load_and_area(site: Site, changes: Mapping[str, Any]) -> tuple[Any, Any]:
+def _load_and_area(site: Site, changes: Mapping[str, object]) -> tuple[Any, Any]:
     """Normal force, and the nominal area where it is no longer that of the law at the point."""
     load: Any = changes.get("normal_force")
     area: Any = changes.get("area")

@@ -29,7 +29,7 @@ def declared_by(effects: Sequence[str] | Literal["auto"]) -> tuple[Parameter, ..
 
 
 def read_parameters(
-    value: Any, declared: Sequence[Parameter], elsewhere: Mapping[str, tuple[str, float]]
+    value: object, declared: Sequence[Parameter], elsewhere: Mapping[str, tuple[str, float]]
 ) -> dict[str, ParameterSpec]:
     """What the scene says of every friction parameter, and of the rig quantities it names.
 
@@ -68,7 +68,7 @@ def default_spec(p: Parameter) -> ParameterSpec:
     return ParameterSpec(p.name, None, p.lower, p.upper, fixed=p.default if p.kind == "given" else None)
 
 
-def _opened(value: Any, p: Parameter) -> Any:
+def _opened(value: object, p: Parameter) -> Any:
     """The table of one parameter; a bare value of one that is taken as given holds it there."""
     if p.kind != "given":
         return value
@@ -93,7 +93,7 @@ def _given_elsewhere(said: ParameterSpec, p: Parameter, where: str, number: floa
     return replace(said, fixed=number, stated=True)
 
 
-def _parameter(value: Any, p: Parameter) -> ParameterSpec:
+def _parameter(value: object, p: Parameter) -> ParameterSpec:
     example = (
         f'{p.name} = {{ start = "{p.default:g} {p.unit}" }}' if p.unit else f"{p.name} = {{ start = {p.default} }}"
     )

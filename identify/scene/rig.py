@@ -43,7 +43,7 @@ class StatedDamping:
         return None if self.ratio is None else self.ratio * stiffness
 
 
-def question_bare_numbers(document: Mapping[str, Any]) -> None:
+def question_bare_numbers(document: Mapping[str, object]) -> None:
     """Refuse a number without a unit that no tribometer has in SI: its unit was forgotten.
 
     Raises:
@@ -62,22 +62,22 @@ def question_bare_numbers(document: Mapping[str, Any]) -> None:
                     )
 
 
-def _bare_numbers(value: Any) -> list[float]:
+def _bare_numbers(value: object) -> list[float]:
     """A number, or the speeds of a programme; none of text."""
     if isinstance(value, (list, tuple)):
         return [speed for pair in value if isinstance(pair, (list, tuple)) for speed in _bare_numbers_of(pair[1:2])]
     return _bare_numbers_of([value])
 
 
-def _bare_numbers_of(values: Sequence[Any]) -> list[float]:
+def _bare_numbers_of(values: Sequence[object]) -> list[float]:
     return [v for v in values if isinstance(v, (int, float)) and not isinstance(v, bool) and abs(v) < LARGEST]
 
 
-def _list(value: Any) -> list[Any]:
+def _list(value: object) -> list[Any]:
     return value if isinstance(value, list) else []
 
 
-def with_listed(rig: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
+def with_listed(rig: Mapping[str, object], parameters: object) -> dict[str, Any]:
     """The [rig] table with a value for each quantity that it leaves out and [parameters] has searched: its start, the
     mean of its prior, or the middle of its bounds.
 
@@ -126,7 +126,7 @@ def _with_tolerance(table: TomlTable, key: str, unit: str) -> tuple[Any, float |
     return value["value"], inner.quantity("tolerance", "")
 
 
-def speed_or_quantity(value: Any, unit: str, where: str) -> DriveSpeed:
+def speed_or_quantity(value: object, unit: str, where: str) -> DriveSpeed:
     """A quantity in SI; a speed may be a programme, pairs of start [s] and speed [m/s].
 
     Raises:
@@ -210,7 +210,7 @@ def _damping_ratio(stated: Mapping[str, float | None]) -> float | None:
 LOG = tuple(field.name for field in fields(LogEntry))  # the keys are the fields
 
 
-def read_log_entry(value: Any, number: int, folder: Path, rig: Rig, damped: StatedDamping) -> LogEntry:
+def read_log_entry(value: object, number: int, folder: Path, rig: Rig, damped: StatedDamping) -> LogEntry:
     """One log of the scene.
 
     Args:

@@ -88,7 +88,7 @@ class Scene:
             raise SceneError(f"{path}: {error}") from None
 
     @staticmethod
-    def from_document(document: Mapping[str, Any], folder: str | Path = ".") -> Scene:
+    def from_document(document: Mapping[str, object], folder: str | Path = ".") -> Scene:
         """Build a scene from the tables of a scene file, or from what `as_document` gave.
 
         Args:
@@ -221,7 +221,7 @@ class Scene:
         return same
 
 
-def _build(document: Mapping[str, Any], folder: Path, name: str, source: Path | None) -> Scene:
+def _build(document: Mapping[str, object], folder: Path, name: str, source: Path | None) -> Scene:
     parts = read_parts(with_rig_file(document, folder), folder)
     return Scene(
         name=parts.name or name,

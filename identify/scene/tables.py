@@ -26,7 +26,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     return max(known, key=lambda name: difflib.SequenceMatcher(None, said, name.lower()).ratio())
 
 
-def quantity(value: Any, unit: str, where: str) -> float:
+def quantity(value: object, unit: str, where: str) -> float:
     """A number in SI from "text with a unit" or a bare SI number.
 
     Args:
@@ -50,7 +50,7 @@ def quantity(value: Any, unit: str, where: str) -> float:
     return number
 
 
-def stated(value: Any, unit: str, where: str) -> float:
+def stated(value: object, unit: str, where: str) -> float:
     """As `quantity`, of a scene file: quotes around a bare number mean that its unit was forgotten.
 
     Raises:
@@ -74,7 +74,7 @@ def is_number(text: str) -> bool:
     return True
 
 
-def share(value: Any, where: str) -> float | None:
+def share(value: object, where: str) -> float | None:
     """ "2 %" as 0.02; None for anything that is no percentage.
 
     Raises:
@@ -93,7 +93,7 @@ class TomlTable:
     where: str
 
     @staticmethod
-    def of(value: Any, where: str, known: Iterable[str] | None, example: str) -> TomlTable:
+    def of(value: object, where: str, known: Iterable[str] | None, example: str) -> TomlTable:
         """The value as a table with none but the known keys (None: any).
 
         Raises:
@@ -156,7 +156,7 @@ class TomlTable:
         return span(self.data[key], self.place(key)) if key in self.data else None
 
 
-def span(value: Any, where: str) -> tuple[float, float]:
+def span(value: object, where: str) -> tuple[float, float]:
     """A pair [start, stop] of times [s].
 
     Raises:

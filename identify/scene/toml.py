@@ -80,7 +80,7 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     return document
 
 
-def with_rig_file(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def with_rig_file(document: Mapping[str, object], folder: Path) -> dict[str, Any]:
     """The tables with `rig = "RIG.toml"` replaced by what that file holds; its path is relative to the folder.
 
     Raises:
@@ -102,7 +102,7 @@ def with_rig_file(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     return {**document, "rig": rig}
 
 
-def _refuse_long_integers(value: Any) -> None:
+def _refuse_long_integers(value: object) -> None:
     """Refuse whole numbers that Python does not write out: hexadecimal ones are read whatever their length.
 
     Raises:
@@ -163,7 +163,7 @@ def _value(text: str) -> Any:
     return document["value"] if len(document) == 1 else text
 
 
-def to_fill_in(value: Any, where: str = "") -> Iterator[str]:
+def to_fill_in(value: object, where: str = "") -> Iterator[str]:
     """The dotted keys whose text still holds TODO, as a draft leaves them; logs are counted from 1."""
     if isinstance(value, Mapping):
         for key, item in value.items():
@@ -175,7 +175,7 @@ def to_fill_in(value: Any, where: str = "") -> Iterator[str]:
         yield where
 
 
-def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
+def read_parts(document: Mapping[str, object], folder: Path) -> Parts:
     """The frozen values behind the tables of a scene file.
 
     Args:
@@ -220,7 +220,7 @@ def read_parts(document: Mapping[str, Any], folder: Path) -> Parts:
     )
 
 
-def _tolerances(value: Any) -> dict[str, float]:
+def _tolerances(value: object) -> dict[str, float]:
     """What the second intervals allow for, relative: "2 %" or 0.02; 0 takes that quantity as exact."""
     table = TomlTable.of(value, "[tolerances]", USUAL_TOLERANCES, '[tolerances] stiffness = "2 %"')
     found = {}
@@ -232,7 +232,7 @@ def _tolerances(value: Any) -> dict[str, float]:
     return found
 
 
-def _time_limit(value: Any) -> float:
+def _time_limit(value: object) -> float:
     """How long a fit may take [s]."""
     table = TomlTable.of(value, "[fit]", ("time_limit",), '[fit] time_limit = "60 s"')
     limit = table.quantity("time_limit", "s")
@@ -241,7 +241,7 @@ def _time_limit(value: Any) -> float:
     return DEFAULT_TIME_LIMIT if limit is None else limit
 
 
-def _thresholds(value: Any) -> Thresholds:
+def _thresholds(value: object) -> Thresholds:
     """The user's own thresholds of the quality gate: pure numbers, or shares in percent."""
     table = TomlTable.of(value, "[quality]", None, "[quality] jitter = 0.1")
     numbers = {}
@@ -269,7 +269,7 @@ def known_effects(value: Sequence[str], where: str = "effects") -> tuple[str, ..
     return tuple(name for name in NAMES if name in value)
 
 
-def _effects(value: Any) -> tuple[str, ...] | Literal["auto"]:
+def _effects(value: object) -> tuple[str, ...] | Literal["auto"]:
     if value == "auto":
         return "auto"
     if not isinstance(value, (list, tuple)) or not all(isinstance(name, str) for name in value):
@@ -282,7 +282,7 @@ def _effects(value: Any) -> tuple[str, ...] | Literal["auto"]:
     return known_effects(value)
 
 
-def _extrapolate(value: Any, effects: tuple[str, ...] | Literal["auto"]) -> tuple[str, ...]:
+def _extrapolate(value: object, effects: tuple[str, ...] | Literal["auto"]) -> tuple[str, ...]:
     if not isinstance(value, (list, tuple)) or not all(isinstance(name, str) for name in value):
         raise SceneError(f'extrapolate is {value!r}; expected a list of effects: extrapolate = ["power_law"]')
     names = known_effects(value, "extrapolate")
@@ -304,13 +304,13 @@ def _damping_frequency(rig: TomlTable, effects: tuple[str, ...] | Literal["auto"
     return {"damping_frequency": (rig.place("damping_frequency"), value)}
 
 
-def _initial(value: Any) -> Initial:
+def _initial(value: object) -> Initial:
     units = {"elongation": "m", "sliding_speed": "m/s", "gamma": ""}
     table = TomlTable.of(value, "[initial]", units, '[initial] elongation = "0 mm"')
     return Initial(**{name: table.quantity(name, unit) or 0.0 for name, unit in units.items()})
 
 
-def _contact(value: Any) -> Contact:
+def _contact(value: object) -> Contact:
     table = TomlTable.of(value, "[contact]", ("area", "area_law"), '[contact] area = "0.8 cm^2"')
     example = "{ coefficient = …, exponent = … }"
     law = TomlTable.of(table.data.get("area_law", {}), "[contact] area_law", ("coefficient", "exponent"), example)

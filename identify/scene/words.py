@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 NEUTRAL = (("factor", 1.0), ("offset", 0.0))
 
 
-def _said(table: Mapping[str, Any]) -> dict[str, Any]:
+def _said(table: Mapping[str, object]) -> dict[str, Any]:
     """The table without what it does not say; tuples become lists, as in JSON."""
     kept = {key: value for key, value in table.items() if value is not None and value != () and value != {}}
     return {key: _plain(value) for key, value in kept.items()}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     return dict(value) if isinstance(value, Mapping) else value

@@ -148,7 +148,7 @@ def write_job(folder: Path, job: Job, end: End) -> Document:
     return document
 
 
-def write_document(path: Path, document: Mapping[str, Any]) -> None:
+def write_document(path: Path, document: Mapping[str, object]) -> None:
     """One JSON file, whole or not at all."""
     with atomic_write(path) as handle:
         handle.write(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1) + "\n")
@@ -273,7 +273,7 @@ class Ended:
         return Ended(document["status"], document["message"], document.get("result_sha256") is not None, seconds)
 
 
-def batch_document(plan: BatchPlan, ended: Mapping[str, Ended], run: Mapping[str, Any]) -> dict[str, Any]:
+def batch_document(plan: BatchPlan, ended: Mapping[str, Ended], run: Mapping[str, object]) -> dict[str, Any]:
     """The document of batch.json.
 
     Args:

@@ -26,7 +26,7 @@ _mine = threading.local()
 _grips: list[Grip] = []
 
 
-def fit_on_worker(document: Mapping[str, Any], folder: str, limit: float, module: str | None) -> tuple[Any, str]:
+def fit_on_worker(document: Mapping[str, object], folder: str, limit: float, module: str | None) -> tuple[Any, str]:
     """Runs on a Dask worker: fit in a process of its own, one per thread of the worker, which can be timed out."""
     grip: Grip | None = getattr(_mine, "grip", None)
     if grip is None or grip.closed:  # the batch before this one closed it

@@ -372,7 +372,7 @@ def _refuse_no_drive(scene: Scene) -> None:
             )
 
 
-def _place(log: Mapping[str, Any], scene: Path) -> Path | None:
+def _place(log: Mapping[str, object], scene: Path) -> Path | None:
     """Where the file of a [[logs]] table of the scene lies."""
     path = log.get("path")
     return located(scene.parent, path).resolve() if isinstance(path, str) and "\0" not in path else None
