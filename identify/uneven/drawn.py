@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.uneven.events import Rig
+from identify.uneven.events import RigConstants
 from identify.uneven.likelihood import ODD_WANDER
 from identify.uneven.slip_functions import LAW, MET, ODD, ROUGHNESS_LENGTH, slip_functions
 
@@ -64,7 +64,7 @@ class Begin:
 
 
 def drawn_distributions(
-    rig: Rig, begin: Begin, theta: Array, covariance: Array, seed: int
+    rig: RigConstants, begin: Begin, theta: Array, covariance: Array, seed: int
 ) -> tuple[Distribution, Distribution, Distribution]:
     """Static peak [1], drop [1] and period [s] of the fitted pair on a rig.
 
@@ -96,7 +96,7 @@ def drawn_distributions(
 class _Chains:
     """Cycles after one another, in many chains side by side; every array (n,)."""
 
-    def __init__(self, rig: Rig, begin: Begin, theta: Array, random: np.random.Generator) -> None:
+    def __init__(self, rig: RigConstants, begin: Begin, theta: Array, random: np.random.Generator) -> None:
         self.rig, self.begin, self.random = rig, begin, random
         size = theta.shape[1]
         self.theta, self.functions = np.ascontiguousarray(theta.T), slip_functions(LAW)

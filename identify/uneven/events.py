@@ -25,7 +25,7 @@ LOST = 3.0  # times the typical stick: a longer one hides a cycle that was not s
 
 
 @dataclass(frozen=True)
-class Rig:
+class RigConstants:
     """The rig over the load: stiffness [1/m], damping [s/m], mass as stated [s^2/m]; rate of the sticks [1/s]."""
 
     stiffness: float
@@ -71,7 +71,7 @@ class Sticks:
     counts: NDArray[np.bool_]
     samples: NDArray[np.int64]
     noise: float
-    rig: Rig
+    rig: RigConstants
 
     @property
     def count(self) -> int:
@@ -111,7 +111,7 @@ def sticks_of(log: Prepared) -> Sticks:
     load = data.normal_force.at(data.time)
     slope = log.segmentation.stick_slope
     rate = (slope[0] if slope is not None else log.rig.stiffness * data.drive_speed) / mean
-    rig = Rig(
+    rig = RigConstants(
         log.rig.stiffness / mean,
         log.rig.damping * float(np.sqrt(log.rig.mass / log.rig.stiffness)) / mean,
         log.rig.mass / mean,
@@ -154,7 +154,7 @@ class _Trace:
     force: Array
     counts: NDArray[np.bool_]
     noise: float
-    rig: Rig
+    rig: RigConstants
 
     def row(self, number: int, before: float | None, slip: tuple[float, float, float], after: float) -> _Row | None:
         """Lines and ends of one cycle; before, slip, after: arrest before it, its onset, fall and arrest, and the
@@ -246,7 +246,7 @@ class _Line:
         return np.asarray(self.level + self.slope * (np.asarray(time) - self.at))
 
 
-def _assembled(rows: list[_Row], noise: float, rig: Rig) -> Sticks:
+def _assembled(rows: list[_Row], noise: float, rig: RigConstants) -> Sticks:
     """Rows side by side; samples much denser than the motion are averaged."""
     thin = [_averaged(row.time, row.force, FINEST * np.sqrt(rig.mass / rig.stiffness)) for row in rows]
     longest = max((time.size for time, _, _ in thin), default=0)

@@ -16,7 +16,7 @@ from identify.report.stored_result import plain
 from identify.studies.fits import FitEntry, values
 from identify.uneven.answer import UnevenEstimator
 from identify.uneven.estimator import maximise
-from identify.uneven.events import Rig, sticks_of
+from identify.uneven.events import RigConstants, sticks_of
 from identify.uneven.likelihood import Likelihood, Nodes
 from identify.uneven.slip_functions import LAW, MET, PARAMETERS, slip_functions
 from identify.uneven.transfer import agreement
@@ -89,7 +89,7 @@ def test_late_anchors_lose_the_strength(maxima):
 
 
 def test_the_onset_grows_as_the_equation_of_motion_says():
-    rig, slid = Rig(stiffness=3300.0, damping=0.5, mass=0.06, rate=0.14), 2e-6
+    rig, slid = RigConstants(stiffness=3300.0, damping=0.5, mass=0.06, rate=0.14), 2e-6
     for weakening, mass in ((7000.0, 0.06), (4500.0, 0.05)):
         theta = np.log([0.05, weakening, 0.1, mass, 1.0, 0.2, 0.01])
         stick = np.array([[slid, 0.3, 1.0, 1.0, 1.0]])
