@@ -53,21 +53,21 @@ class Jump:
     saturation of the contact at the onset; validity: a V_max, to be far below 1.
     """
 
-    status: Any
-    drop: Any
-    period: Any
-    stick_duration: Any
-    slip_duration: Any
-    slip_distance: Any
-    peak_speed: Any
-    frequency: Any
-    share_in_slip: Any
-    amplitude: Any
-    largest_force: Any
-    onset_force: Any
-    arrest_force: Any
-    saturation: Any
-    validity: Any
+    status: str | NDArray[np.str_]
+    drop: float | NDArray[np.float64]
+    period: float | NDArray[np.float64]
+    stick_duration: float | NDArray[np.float64]
+    slip_duration: float | NDArray[np.float64]
+    slip_distance: float | NDArray[np.float64]
+    peak_speed: float | NDArray[np.float64]
+    frequency: float | NDArray[np.float64]
+    share_in_slip: float | NDArray[np.float64]
+    amplitude: float | NDArray[np.float64]
+    largest_force: float | NDArray[np.float64]
+    onset_force: float | NDArray[np.float64]
+    arrest_force: float | NDArray[np.float64]
+    saturation: float | NDArray[np.float64]
+    validity: float | NDArray[np.float64]
 
 
 def saturations(alpha: ArrayLike, loading: ArrayLike, tau_cr: ArrayLike) -> Any:

@@ -38,22 +38,22 @@ class Groups:
     Floats, arrays where the arguments were arrays.
     """
 
-    omega_n: Any
-    zeta: Any
-    w: Any
-    tau_cr: Any
-    v_cr: Any
-    v_acr: Any
-    gamma_0: Any
-    v_a: Any
-    alpha: Any
-    xi_o: Any
-    xi_p: Any
-    xi_p_printed: Any
-    overshoot: Any
-    loading: Any
-    z: Any
-    Pi: Any
+    omega_n: float | NDArray[np.float64]
+    zeta: float | NDArray[np.float64]
+    w: float | NDArray[np.float64]
+    tau_cr: float | NDArray[np.float64]
+    v_cr: float | NDArray[np.float64]
+    v_acr: float | NDArray[np.float64]
+    gamma_0: float | NDArray[np.float64]
+    v_a: float | NDArray[np.float64]
+    alpha: float | NDArray[np.float64]
+    xi_o: float | NDArray[np.float64]
+    xi_p: float | NDArray[np.float64]
+    xi_p_printed: float | NDArray[np.float64]
+    overshoot: float | NDArray[np.float64]
+    loading: float | NDArray[np.float64]
+    z: float | NDArray[np.float64]
+    Pi: float | NDArray[np.float64]
 
     def sentences(self) -> tuple[str, ...]:
         """One plain sentence per group, of one operating point."""

@@ -349,8 +349,8 @@ def _closed_forms(
     spread: _Intervals,
     ignored: tuple[str, ...],
 ) -> ClosedFormsAnswer:
-    alpha, told = forms.groups.alpha, forms.numbers
-    peak, a = nonlinear["peak_speed"].value, forms.groups.v_a / answer.steady.drive_speed
+    alpha, told = float(forms.groups.alpha), forms.numbers
+    peak, a = nonlinear["peak_speed"].value, float(forms.groups.v_a) / answer.steady.drive_speed
     validity = (None, None) if peak is None else (a * peak, spread.validity(a, peak))
 
     unaware = f"not valid here: knows nothing of {' and '.join(ignored)}" if ignored else ""
@@ -363,7 +363,7 @@ def _closed_forms(
         return number(told[name] if there else None, "", why, spread.form(name, told[name]))
 
     local = unaware or "exact for small disturbances of steady sliding"
-    printed = printed_form(forms.groups.zeta, forms.groups.tau_cr)
+    printed = printed_form(float(forms.groups.zeta), float(forms.groups.tau_cr))
     return ClosedFormsAnswer(
         a_V_max=number(validity[0], "", "the closed forms of a slip need this to be far below 1", validity[1]),
         slip=forms.status,
