@@ -39,6 +39,7 @@ LEAP = 3.0  # standard intervals: where an end is looked for past a stretch on w
 LEAST = 0.002  # of what a step is measured by: the first one of what is known very well
 CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
 AIM = 1.03  # of a standard interval: where the first step goes
+BEYOND = 0.1  # of a side: farther past its end than the interpolation can be off
 PAST = 1.7  # of a side: where one more point shows how the ridge bends
 
 
@@ -264,13 +265,28 @@ def _walks(
     steps: int,
     progress: Progress,
 ) -> dict[tuple[int, float], Walk]:
-    """Both sides of every parameter, by its index, from the best point."""
+    """Both sides of every parameter, by its index, from the best point; on from a point beyond an end, where the data
+    object to neither: behind a rise of the likelihood lies another optimum, and the side ends behind that."""
     walks: dict[tuple[int, float], Walk] = {}
     for index, size in sizes.items():
         progress(f"profile of {line.unknowns.names[index]}", None)
         for sign in (-1.0, 1.0):
             walks[index, sign] = walk_one_way(line, index, sign, size, line.best, wait[index], steps)
+    for (index, sign), walk in walks.items():
+        beyond = _beyond(line, index, sign, walk.side, wait[index])
+        if beyond is not None:
+            walks[index, sign] = walk_one_way(line, index, sign, sizes[index], beyond, wait[index])
     return walks
+
+
+def _beyond(line: ProfileLine, index: int, sign: float, side: Side, wait: float) -> ProfilePoint | None:
+    """The farthest point met that the data do not object to, where it lies clearly past this end."""
+    if side.end is None or side.walled:
+        return None
+    likely = [point for point in line.seen if line.loss_root(point) ** 2 < CRITICAL * wait]
+    farthest = max(likely, key=lambda point: sign * point.theta[index], default=line.best)
+    past = BEYOND * abs(side.end - line.best.theta[index])
+    return farthest if sign * (farthest.theta[index] - side.end) > past else None
 
 
 def _curve(line: ProfileLine, index: int, wait: float) -> Curve:
