@@ -17,12 +17,11 @@ from identify.estimation.sequence import (
     followed,
     is_clear,
     is_near_grazing,
-    near_grazing,
     resimulated,
     resimulated_whole,
 )
 from identify.logs.log_data import ShootingTrajectory
-from identify.logs.prepare import Prepared, cut_in_last_stick
+from identify.logs.prepare import Prepared, beginning, cut_in_last_stick
 from identify.logs.unknowns import Unknowns
 from identify.shooting.following import glide
 from identify.shooting.passes import COARSE, Solved, solve_in_passes
@@ -35,6 +34,7 @@ PlacedLog = tuple[
 
 CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
 OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver stalled
+HORIZONS = (0.125, 0.25, 0.5, 1.0)  # of a course, until it slides steadily: in beginnings so long it is met
 BETTER = 2.0  # squares in noise variances by which another motion must fit better to be taken
 TIGHTNESSES = (3.0, 8.0)  # tried in turn: tightness of the priors that hold what the data do not tell
 PRIOR_SCHEDULE = (
@@ -124,8 +124,7 @@ def solve_placed(
     cost_cutoff: float = np.inf,
 ) -> Attempt:
     """Solve from a start that is placed on some of the logs, one at least; where slips rest by a hair, again with the
-    motion that follows from the answer, or with the sequences that are nearly that of the answer, and the best of
-    all."""
+    motion that follows from the answer, and where courses are not met, by way of their beginnings."""
     attempt = _solved(prepared, placed, unknowns, clock, tightness, cost_cutoff)
     if attempt.solved.solution.cost > cost_cutoff or not np.all(np.isfinite(attempt.solved.theta)) or time_is_up():
         return attempt
@@ -136,17 +135,29 @@ def solve_placed(
     if anew is not None:
         other = _solved(prepared, _placed(attempt, anew), at_answer, clock, tightness, cost_cutoff)
         return other if other.excess < attempt.excess - BETTER else attempt
-    if not np.isfinite(attempt.excess):
+    if attempt.gate.status is Status.CONVERGED or not any(log.manner.name == "course" for log in attempt.prepared):
         return attempt
-    for _ in range(TRIES):
-        at_answer = replace(unknowns, start=attempt.solved.theta)
-        ways = near_grazing(whole, attempt.prepared, attempt.solved.trajectories, at_answer)
-        others = [_solved(prepared, _placed(attempt, w), at_answer, clock, tightness, cost_cutoff) for w in ways]
-        better = [other for other in others if _fits_better(other.solved, attempt.solved)]
-        if not better or time_is_up():
-            break
-        attempt = min(better, key=lambda other: other.excess)
-    return attempt
+    other = _by_horizons(prepared, attempt.logs, unknowns, clock, tightness)
+    return other if other is not None and other.excess < attempt.excess - BETTER else attempt
+
+
+def _by_horizons(
+    prepared: list[Prepared], numbers: Sequence[int], unknowns: Unknowns, clock: Clock, tightness: float
+) -> Attempt | None:
+    """Solve with short beginnings of the courses, then with longer ones, each from the answer before; None where a
+    beginning is not met. Parameters that are off make another sequence of sticks and slips in the long run, which no
+    solve leaves again; over a few of them it is that of the data."""
+    found: Attempt | None = None
+    for share in HORIZONS:
+        logs = [beginning(log, share) if log.manner.name == "course" else log for log in prepared]
+        placed = place_on(logs, list(numbers), unknowns)
+        if len(placed) < len(numbers) or time_is_up():
+            return None
+        found = _solved(logs, placed, unknowns, clock, tightness, np.inf)
+        if not abs(found.gate.chi2_per_sample - 1.0) < CREEPING:
+            return None
+        unknowns = replace(unknowns, start=found.solved.theta)
+    return found
 
 
 def _placed(attempt: Attempt, way: tuple[list[Prepared], list[ShootingTrajectory]]) -> list[PlacedLog]:

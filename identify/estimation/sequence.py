@@ -17,7 +17,6 @@ from identify.logs.unknowns import Unknowns
 from identify.shooting.following import follow
 
 HAIR = 0.1  # of half a period: rests that are shorter are hardly any
-OFF = (3e-4, 1e-3, 3e-3, 1e-2)  # of mu_s - mu_k0: how far off friction is taken to meet another sequence
 TRIES = 3  # how often a course is followed anew
 
 
@@ -68,35 +67,6 @@ def resimulated_whole(
         for uncut, log, trajectory in zip(whole, logs, trajectories, strict=True)
     ]
     return _put_in(found, logs, trajectories)
-
-
-def near_grazing(
-    whole: Sequence[Prepared], logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory], unknowns: Unknowns
-) -> list[tuple[list[Prepared], list[ShootingTrajectory]]]:
-    """As `resimulated`, with the courses that hardly differ from another sequence in that other one: in the first that
-    is met with a little more friction while sliding, and with a little less. A sequence may agree with its own answer,
-    and the data with another."""
-    near = [
-        log.manner.name == "course" and hardly(log, trajectory)
-        for log, trajectory in zip(logs, trajectories, strict=True)
-    ]
-    if not any(near):
-        return []
-    kinetic = unknowns.names.index("mu_k0")
-    out = []
-    for sign in (1.0, -1.0):
-        found: list[tuple[Prepared, ShootingTrajectory] | None] = [None] * len(logs)
-        for share in OFF:
-            start = unknowns.start.copy()
-            start[kinetic] += sign * share * abs(start[unknowns.names.index("mu_s")] - start[kinetic])
-            there = replace(unknowns, start=start)
-            for i, (uncut, log, trajectory) in enumerate(zip(whole, logs, trajectories, strict=True)):
-                if near[i] and found[i] is None:
-                    new = _at_answer(replace(uncut, manner=log.manner), trajectory, there)
-                    found[i] = new if new is not None and modes_of(new[1]) != modes_of(trajectory) else None
-        made = _put_in(found, logs, trajectories)
-        out += [] if made is None else [made]
-    return out
 
 
 def is_clear(log: Prepared, trajectory: ShootingTrajectory, other: ShootingTrajectory) -> bool:

@@ -40,11 +40,11 @@ PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
 MANY, BRIEF = 200, 8  # slips among which one holds Gauss-Newton back for all, and iterations until then
 ENOUGH, FOLLOWS = 3, 1e-2  # iterations until then from a good start, and the largest row of a motion that comes of it
 LOST_MISFIT = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
-OVERTIME = 80  # iterations more where a load trembles and
+OVERTIME = 80  # iterations more where a motion hangs together and
 ALMOST = 1.5  # times the noise variance is what is left
 HANGS = 1e-5  # largest row of a motion that hangs together
 AGAIN = 3  # how often slips that begin too late, or too early, are put where they begin
-NEAR = 0.5  # largest row from which the exact Hessian is tried
+NEAR = 0.1  # largest row from which the exact Hessian is tried: of 70 solves from farther away none came to an end
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,6 @@ def _in_passes(
     """As `solve_in_passes`; the coarse passes with the loads of `calm`."""
     grid, tolerance, mu_init = COARSE, 1e-3, 1e-4
     iterations, transcription_seconds = 0, 0.0
-    trembling = any(calmed(log) is not log for log in logs)
     solved: Solved | None = None
     bent = False
     been, finest = list[Array](), min(log.interval for log in logs)  # events after each fine pass
@@ -176,7 +175,7 @@ def _in_passes(
         pattern = None if solved is None else solved.problem.pattern
         problem = transcribe(calm if coarse else logs, trajectories, unknowns, grid, pattern=pattern)
         transcription_seconds += time.perf_counter() - since
-        tried = _tried(problem, tolerance, mu_init, bent, trembling)
+        tried = _tried(problem, tolerance, mu_init, bent)
         solution, bent = tried.solution, tried.bent
         iterations += tried.iterations
         theta = unknowns.start.copy()
@@ -243,12 +242,11 @@ class _PassResult:
     bent: bool
 
 
-def _tried(problem: Problem, tolerance: float, mu_init: float, bent: bool, trembling: bool) -> _PassResult:
+def _tried(problem: Problem, tolerance: float, mu_init: float, bent: bool) -> _PassResult:
     """Solve one pass with Gauss-Newton, where that creeps or wanders with the exact Hessian.
 
     Args:
         bent: the pass before took the exact Hessian: its answer is near, and Gauss-Newton would leave it again.
-        trembling: the load of some log trembles.
     """
     iterations = 0
     if bent:
@@ -276,10 +274,6 @@ def _tried(problem: Problem, tolerance: float, mu_init: float, bent: bool, tremb
         # The motion hangs together and is near: what is left is the way along a valley.
         solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, exact=True, start=solution.z)
         iterations += solution.iterations
-    if trembling and near and not solution.success:
-        # So near the noise it is no wrong start: a load that trembles bends the rows more than others do.
-        solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, start=stalled.z)
-        return _PassResult(solution, iterations + solution.iterations, False)
     return _PassResult(solution, iterations, solution.success)
 
 
