@@ -56,7 +56,7 @@ def _same(first: Any, *given: Any, **named: Any) -> Any:
 MENDINGS: Mapping[str, Mending] = {
     "resimulated": Mending(attempt, "resimulated", _nothing),
     "resimulated_whole": Mending(attempt, "resimulated_whole", _nothing),
-    "near_grazing": Mending(attempt, "near_grazing", lambda *_: [], lambda result, _: bool(result)),
+    "by_horizons": Mending(attempt, "_by_horizons", _nothing),
     "first_onsets": Mending(passes, "with_first_onsets", _nothing),
     "last_onsets": Mending(passes, "with_last_onsets", _nothing),
     "calm_passes": Mending(

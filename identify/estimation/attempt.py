@@ -137,8 +137,8 @@ def solve_placed(
         return other if other.excess < attempt.excess - BETTER else attempt
     if attempt.gate.status is Status.CONVERGED or not any(log.manner.name == "course" for log in attempt.prepared):
         return attempt
-    other = _by_horizons(prepared, attempt.logs, unknowns, clock, tightness)
-    return other if other is not None and other.excess < attempt.excess - BETTER else attempt
+    met = _by_horizons(prepared, attempt.logs, unknowns, clock, tightness)
+    return met if met is not None and met.excess < attempt.excess - BETTER else attempt
 
 
 def _by_horizons(
