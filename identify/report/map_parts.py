@@ -221,8 +221,7 @@ def _without_scraps(path: Path) -> Path:
     points = np.asarray(path.vertices)
     codes = np.full(len(points), Path.LINETO) if path.codes is None else np.asarray(path.codes)
     starts = np.flatnonzero(codes == Path.MOVETO)
-    ends = [*starts[1:], len(points)]
-    kept = [np.arange(first, end) for first, end in zip(starts, ends, strict=True) if end - first > SCRAP]
+    kept = [rows for rows in np.split(np.arange(len(points)), starts[1:]) if rows.size > SCRAP]
     rows = np.concatenate(kept) if kept else np.empty(0, dtype=int)
     return Path(points[rows].reshape(-1, 2), codes[rows])
 

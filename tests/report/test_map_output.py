@@ -175,3 +175,15 @@ def test_an_operating_point_beyond_the_map_is_said_to_be(speed_and_stiffness, sp
     assert within is (speed == 1.0)
     assert legend[0].get_label() == ("operating point" if within else "operating point: beyond this map")
     assert any(line.get_marker() == "*" for line in axes.lines) is within
+
+
+def test_a_contour_that_crosses_no_cell_is_drawn_as_nothing():
+    """A pair without ageing has one fall of the force over much of a map, and levels that no cell crosses."""
+    from matplotlib.path import Path as Contour
+
+    from identify.report.map_parts import SCRAP, _without_scraps
+
+    assert len(_without_scraps(Contour(np.empty((0, 2)))).vertices) == 0
+    scrap, line = np.zeros((SCRAP, 2)), np.ones((SCRAP + 1, 2))
+    codes = [Contour.MOVETO, *[Contour.LINETO] * (SCRAP - 1), Contour.MOVETO, *[Contour.LINETO] * SCRAP]
+    assert np.array_equal(_without_scraps(Contour(np.concatenate([scrap, line]), codes)).vertices, line)
