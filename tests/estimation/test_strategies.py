@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -134,9 +135,11 @@ def test_a_limit_is_kept_in_the_document() -> None:
 def test_the_report_says_in_one_sentence_what_led_to_the_answer() -> None:
     from identify.report.report_page import _search
 
-    trial = {"logs": [1], "status": "converged", "cost": 1.0, "seconds": 0.1}
-    alone = {"search": [trial | {"strategy": "feature start"}], "found_by": ["feature start"], "not_tried": []}
-    assert _search(alone) == "Found by feature start; nothing else was tried."
-    more = alone | {"search": [*alone["search"], trial | {"strategy": "logs joined"}], "not_tried": ["hypotheses"]}
-    assert _search(more).endswith("tried besides: logs joined; there was no time for hypotheses.")
-    assert _search({}) == ""
+    def told(tried: tuple[str, ...], not_tried: tuple[str, ...] = ()) -> str:
+        trials = [SimpleNamespace(strategy=name) for name in tried]
+        return _search(SimpleNamespace(search=trials, found_by=list(tried[:1]), not_tried=list(not_tried)))
+
+    assert told(("feature start",)) == "Found by feature start; nothing else was tried."
+    late = told(("feature start", "logs joined"), ("hypotheses",))
+    assert late.endswith("tried besides: logs joined; there was no time for hypotheses.")
+    assert told(()) == ""
