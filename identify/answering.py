@@ -98,8 +98,10 @@ def _answered(task: Task, sources: Sources, clock: Clock, progress: Progress) ->
             clock.add("solve", since)
     since = time.perf_counter()
     progress("intervals", 0.9)
-    for _ in range(ANSWERS):
+    for looked in range(ANSWERS + 1):
         findings = _findings(task, prepared, attempt, left_out, progress)
+        if looked == ANSWERS:  # the last better answer is one to report, too
+            break
         findings, better = looked_into(findings, task.scene, task.read, prepared, progress)
         if better is None:
             break

@@ -93,3 +93,21 @@ def test_what_the_data_lead_to_counts_only_if_it_is_better(made, monkeypatch) ->
 
     answer, _ = found(made, monkeypatch, of_one_log, refused)
     assert answer.status is Status.CONVERGED and answer.attempt.logs == (0,), "a refusal of all is no answer of all"
+
+
+def test_the_last_better_answer_is_the_one_that_is_reported(made, monkeypatch) -> None:
+    """Each look finds another answer: the numbers reported are those of the last, whether it is looked into or not."""
+    scene, records = made
+    looks: list[Attempt] = []
+
+    def always_better(findings: Findings, *_: Any) -> tuple[Findings, Attempt]:
+        looks.append(replace(findings.attempt, found_by=(f"look {len(looks) + 1}",)))
+        return findings, looks[-1]
+
+    monkeypatch.setattr(answering, "_findings", as_it_ended)
+    monkeypatch.setattr(answering, "looked_into", always_better)
+    seen = []
+    monkeypatch.setattr(answering, "rejected_as_incomplete", lambda better, *_: seen.append(better) or better)
+    answer = find(scene, records, clock=Clock(), progress=to_nobody)[1]
+    assert len(looks) == answering.ANSWERS
+    assert answer.attempt is seen[-1]
