@@ -1,7 +1,7 @@
 """The log that would tell: a rehearsal knows what a fit of the log knows, and a log that is asked for tells what it is
 to tell."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -185,11 +185,11 @@ def test_reasons_and_the_result_name_the_log(unseen, advice, monkeypatch):
     reason = estimate(words.advised(unseen, advice), "a").reason
     assert reason.startswith("slips hold at most 7 samples, so their shape is not seen: add a log of 2.2 s at 1 mm/s")
     assert "and 1 N, sampled at 1000 Hz, which is expected to tell it to 6 %" in reason
-    (entry,) = words.document(advice)
+    (entry,) = map(asdict, words.next_log_results(advice))
     assert set(entry) == {"drive_speed", "normal_force", "duration", "sampling_rate", "slips", "expected"}
     result = fit(scene(pair, free, [log[0]]), [recorded(pair, *log, 1)]).result
     assert result["next_logs"] == [entry] and result["parameters"]["a"]["reason"] == reason
-    assert words.document(None) == []
+    assert words.next_log_results(None) == ()
 
 
 def test_what_no_log_would_tell_is_said(unseen):
