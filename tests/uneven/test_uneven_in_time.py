@@ -57,11 +57,12 @@ def test_a_search_that_was_cut_says_so_and_its_answer_is_not_taken(track):
 
 def test_a_stop_signal_ends_the_estimate():
     code = """
-import sys
+import signal
 from experiments.run_uneven_study import prepared
 from experiments.uneven_records import STIFF, simulated
 from identify.uneven.estimator import maximise
 from identify.uneven.events import sticks_of
+signal.signal(signal.SIGINT, signal.default_int_handler)  # what a shell starts in the background ignores it
 many = [sticks_of(prepared(STIFF, track.record)) for track in simulated(STIFF, 24, [1, 2])]
 print("begun", flush=True)
 while True:
@@ -72,5 +73,8 @@ while True:
         time.sleep(0.5)
         began = time.perf_counter()
         process.send_signal(signal.SIGINT)
-        process.wait(timeout=10.0)
+        try:
+            process.wait(timeout=10.0)
+        finally:
+            process.kill()
         assert time.perf_counter() - began < 2.0
