@@ -71,7 +71,8 @@ def test_a_profile_hands_back_the_lowest_point_from_which_it_began(pair):
         solved, noise = attempt.solved, noise_of(attempt)
         found[name] = profile(attempt.prepared, solved, unknowns, covariance, lambda *_: None, noise, only=d)
     assert found["right"].better is None
-    gain = 2.0 * (early.solved.solution.cost - right.solved.solution.cost)
+    lowest = min(point.cost for point in found["right"].met)  # the solver stops where what is left tells nothing
+    gain = 2.0 * (early.solved.solution.cost - lowest)
     assert gain == pytest.approx(25.0, rel=0.2), "five standard errors"
     assert found["early"].gain == pytest.approx(gain, rel=0.02)
     sizes = np.sqrt(np.diag(covariance))

@@ -235,7 +235,7 @@ def test_a_log_says_that_its_tremor_counts_as_unknown_at_onsets(speed, told):
     scene = Scene.from_document(document, Path())
     made = prepare(scene, scene.logs[0], Record(times, load, force), from_scene(scene))
     assert made.typical >= 2 and (made.data.loose > 0.0) == told
-    findings = [f["message"] for f in _quality(made)["findings"] if f["code"] == "load_trembles"]
+    findings = [f.message for f in _quality(made).findings if f.code == "load_trembles"]
     assert len(findings) == told and all(
         "mN" in m and "onset of a slip it is counted as unknown" in m for m in findings
     )

@@ -184,7 +184,7 @@ def test_records_that_share_nothing_are_told_apart(maxima):
 
 
 def test_compare_pools_what_uneven_pairs_have(tracks):
-    document = fit(scene_of(STIFF), [tracks[0].record], estimator=UnevenEstimator()).result
-    told = values([FitEntry(name, Path(), "converged", "", document=document) for name in ("first", "second")])
+    result = fit(scene_of(STIFF), [tracks[0].record], estimator=UnevenEstimator()).typed
+    told = values([FitEntry(name, Path(), "converged", "", result=result) for name in ("first", "second")])
     pooled = {q.name: q for q in told.quantities}
     assert pooled["strength"].logarithmic and "weakening_length" in pooled and "mu_s" not in pooled
