@@ -61,9 +61,12 @@ def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unk
             found = solve_again(scattering, replace(unknowns, start=found.solved.theta))
         if found is None or not found.solved.solution.success:
             return None
-        likeliest = _likeliest(*_spread(found.solved), sd)
-        if likeliest > CARRIED * unknowns.strength(found.solved.theta):
+        # The weak priors of a solve pull all sticks towards where it began: only what a solve with the largest scatter
+        # still asks for is too much.
+        likeliest, most = _likeliest(*_spread(found.solved), sd), CARRIED * unknowns.strength(found.solved.theta)
+        if likeliest > most and sd > (1.0 - STEADY) * most:
             return None
+        likeliest = min(likeliest, most)
         if abs(likeliest - sd) < STEADY * sd:
             return found
         sd = likeliest
