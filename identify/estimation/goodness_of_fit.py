@@ -409,8 +409,8 @@ def _judge(
             )
             return Status.WRONG_EVENT_COUNT, (
                 f"{where} misfits by {z[worst]:.0f} standard deviations {beside}: as where a slip was missed "
-                f"or invented, or the force was cut off or disturbed; look at it in the report and exclude that "
-                f"stretch{or_else}"
+                "or invented, the force was cut off or disturbed, or one stick was stronger or weaker than the others; "
+                f"look at it in the report and exclude that stretch{or_else}"
             )
         failing = int(np.count_nonzero(np.abs(z) > PER_CYCLE))
         if chi2 < 1.0 and not np.any(z > PER_CYCLE) and solution.success:
