@@ -126,6 +126,20 @@ def test_nobody_imports_the_command_line():
             assert not [module for module in runtime_imports(path) if module.startswith("identify.cli")], path
 
 
+def doubled_classes(*folders: Path) -> set[str]:
+    """Names of public classes that stand in more than one file: one noun, one meaning."""
+    files = [path for folder in folders for path in folder.rglob("*.py")]
+    names = [name for path in files for name in set(re.findall(r"^class ([A-Z]\w*)", path.read_text("utf-8"), re.M))]
+    return {name for name in names if names.count(name) > 1}
+
+
+def test_every_class_name_means_one_thing(tmp_path):
+    assert doubled_classes(ROOT / "identify", ROOT / "data_io") == set()
+    for name in ("hen.py", "yard.py"):
+        (tmp_path / name).write_text("class Egg:\n    pass\n\n\nclass _Shell:\n    pass\n")
+    assert doubled_classes(tmp_path) == {"Egg"}
+
+
 def test_an_import_that_points_down_is_seen(tmp_path):
     (tmp_path / "effects.py").write_text("def f():\n    from identify.scene import Scene\n")
     (tmp_path / "scene.py").write_text("from identify.base.errors import SceneError\n")

@@ -13,7 +13,7 @@ from identify.base.errors import IdentifyError
 from identify.base.quantiles import NORMAL, student
 from identify.base.wording import speed_text, three_figures
 from identify.bench.ringdown import FEWEST_SAMPLES, FEWEST_SWINGS, RingDown, ring_downs
-from identify.logs.draft import Piece, look
+from identify.logs.draft import DraftLog, look
 from identify.logs.log_regime import LogRegime
 from identify.logs.regime import Regime
 from identify.logs.slip_frequency import slip_frequency
@@ -79,7 +79,7 @@ def sticks(record: Record, path: Path, speed: float | None, on_skin: bool = Fals
     Raises:
         IdentifyError: no drive speed, or no straight rise.
     """
-    seen = look(Piece(path, None, record)).seen
+    seen = look(DraftLog(path, None, record)).seen
     swung = [] if on_skin else _slips(record, path.name, seen)
     harmonic = seen.regime is Regime.NEAR_HARMONIC  # the mass slides nearly all the time: its rises are no sticks
     if harmonic and swung:

@@ -11,7 +11,7 @@ from identify.cli.common import Answer, Terminal, add_log_options, log_options, 
 
 if TYPE_CHECKING:
     from data_io import Record, Step
-    from identify.logs.draft import Piece
+    from identify.logs.draft import DraftLog
 
 NAME = "scene"
 HELP = "write a first, commented scene file from your logs"
@@ -49,20 +49,22 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     return Answer(document={"status": "done", "out": str(out), "to_fill_in": missing, "left_out": made.left_out})
 
 
-def pieces(log: str, said: Mapping[str, Any]) -> list[Piece]:
+def pieces(log: str, said: Mapping[str, Any]) -> list[DraftLog]:
     """The log, or its steps one by one where it has several and none was chosen.
 
     Raises:
         LogError: one sentence.
     """
     from data_io import read_log
-    from identify.logs.draft import Piece
+    from identify.logs.draft import DraftLog
 
     record = read_log(log, **said)
     if len(record.steps) < 2:
-        return [Piece(Path(log), None, record)]
-    alone = [Piece(Path(log), step.number, part) for step in record.steps if (part := only(record, step)) is not None]
-    return alone or [Piece(Path(log), None, record)]
+        return [DraftLog(Path(log), None, record)]
+    alone = [
+        DraftLog(Path(log), step.number, part) for step in record.steps if (part := only(record, step)) is not None
+    ]
+    return alone or [DraftLog(Path(log), None, record)]
 
 
 def only(record: Record, step: Step) -> Record | None:

@@ -30,7 +30,7 @@ NORMAL_FORCE = 1.0  # [N], where neither rig nor logs say one
 
 
 @dataclass(frozen=True)
-class Motion:
+class CycleNumbers:
     """What a motion settles to: drop [N] and period [s] of its cycles (0 without any), mean force [N]."""
 
     drop: float
@@ -110,7 +110,7 @@ def _points(scene: Scene) -> list[tuple[float, float]]:
     return list(dict.fromkeys(out))
 
 
-def _settled(scene: Scene, drive_speed: float, normal_force: float) -> Motion:
+def _settled(scene: Scene, drive_speed: float, normal_force: float) -> CycleNumbers:
     """What the motion of a scene settles to at an operating point."""
     model, values = scene.model, scene.values()
     p = np.array([values[name] for name in model.parameter_names])
@@ -126,14 +126,14 @@ def _settled(scene: Scene, drive_speed: float, normal_force: float) -> Motion:
     arrests = arrests[arrests > half]
     onsets = onsets[(onsets > half) & (onsets < (arrests[-1] if arrests.size else 0.0))]
     if onsets.size < 2:
-        return Motion(0.0, 0.0, level)
+        return CycleNumbers(0.0, 0.0, level)
     arrests = np.array([arrests[arrests > t][0] for t in onsets])
     drops = motion.sample(onsets)["force"] - motion.sample(arrests)["force"]
-    return Motion(float(np.mean(drops)), float((onsets[-1] - onsets[0]) / (onsets.size - 1)), level)
+    return CycleNumbers(float(np.mean(drops)), float((onsets[-1] - onsets[0]) / (onsets.size - 1)), level)
 
 
 def _without(
-    scene: Scene, effect: Effect, points: Sequence[tuple[float, float]], whole: Sequence[Motion]
+    scene: Scene, effect: Effect, points: Sequence[tuple[float, float]], whole: Sequence[CycleNumbers]
 ) -> tuple[float | None, str]:
     """Largest relative change without an effect (None: it cannot be left out), and a sentence."""
     dependent = [e.name for e in ALL if effect.name in e.needs and e.name in scene.model.effects]
@@ -153,7 +153,7 @@ def _without(
     return error, f"without it the {what} changes by {100 * error:.2g} %{at}"
 
 
-def _change(whole: Motion, left: Motion) -> tuple[float, str]:
+def _change(whole: CycleNumbers, left: CycleNumbers) -> tuple[float, str]:
     """Largest relative change, and of what."""
     if (whole.drop > 0.0) != (left.drop > 0.0):
         return 1.0, SLIDES if whole.drop > 0.0 else STICKS

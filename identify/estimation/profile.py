@@ -54,7 +54,7 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Walk:
+class ProfileBranch:
     """One side of a profile, and the last point before its end."""
 
     side: Side
@@ -63,7 +63,7 @@ class Walk:
 
 def walk_one_way(
     line: ProfileLine, index: int, sign: float, first: float, begin: ProfilePoint, wait: float, steps: int = 1
-) -> Walk:
+) -> ProfileBranch:
     """Walk one way from `begin` until the data object; the end by interpolation of the root of what they lose."""
     centre = float(line.best.theta[index])
     reach, walled = _room(line, index, sign)
@@ -76,7 +76,7 @@ def walk_one_way(
     longest = length if steps > 1 else np.inf
     tight = 0.02 * length
     if reach <= 0.0:
-        return Walk(Side(centre if walled else None, False, walled), here)
+        return ProfileBranch(Side(centre if walled else None, False, walled), here)
     for _ in range(POINTS + steps):
         target = min(done + length, reach)
         point = line.point(here, index, centre + sign * target)
@@ -90,12 +90,12 @@ def walk_one_way(
         root = line.loss_root(point)
         if root >= limit:
             if root < CLOSE * limit or target - done < tight:
-                return Walk(Side(centre + sign * _crossing(done, done_root, target, root, limit), False), here)
+                return ProfileBranch(Side(centre + sign * _crossing(done, done_root, target, root, limit), False), here)
             length = (target - done) * max(0.3, (limit - done_root) / (root - done_root))
             objects = min(objects, target)
             continue
         if target >= reach:
-            return Walk(Side(centre + sign * reach if walled else None, False, walled), point)
+            return ProfileBranch(Side(centre + sign * reach if walled else None, False, walled), point)
         slope = (root - done_root) / (target - done)
         length = float(np.clip(1.1 * (limit - root) / max(slope, 1e-9), 0.05 * length, min(2.5 * length, longest)))
         done, done_root, here = target, root, point
@@ -105,11 +105,11 @@ def walk_one_way(
         point = line.point(here, index, centre + sign * target)
         objects = target if point is not None and line.loss_root(point) >= limit else objects
     if np.isfinite(objects):
-        return Walk(Side(centre + sign * objects, False), here)
-    return Walk(Side(None, True), here)
+        return ProfileBranch(Side(centre + sign * objects, False), here)
+    return ProfileBranch(Side(None, True), here)
 
 
-def mark_past(line: ProfileLine, index: int, sign: float, walk: Walk) -> None:
+def mark_past(line: ProfileLine, index: int, sign: float, walk: ProfileBranch) -> None:
     """One more point of the ridge, past the end of a side: where it bends, the covariance is to hold that too."""
     if walk.side.end is not None and not walk.side.walled:
         centre = float(line.best.theta[index])
@@ -264,10 +264,10 @@ def _walks(
     wait: Mapping[int, float],
     steps: int,
     progress: Progress,
-) -> dict[tuple[int, float], Walk]:
+) -> dict[tuple[int, float], ProfileBranch]:
     """Both sides of every parameter, by its index, from the best point; on from a point beyond an end, where the data
     object to neither: behind a rise of the likelihood lies another optimum, and the side ends behind that."""
-    walks: dict[tuple[int, float], Walk] = {}
+    walks: dict[tuple[int, float], ProfileBranch] = {}
     for index, size in sizes.items():
         progress(f"profile of {line.unknowns.names[index]}", None)
         for sign in (-1.0, 1.0):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
-from identify.estimation.residual_autocorrelation import UNCHANGED, Change, Remembering
+from identify.estimation.residual_autocorrelation import UNCHANGED, CurveChange, Remembering
 from identify.logs.log_data import Grid, LogData, ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
@@ -60,7 +60,7 @@ class ProfilePoint:
     trajectories: list[ShootingTrajectory]
     cost: float
     held: int
-    change: Change = UNCHANGED
+    change: CurveChange = UNCHANGED
     home: weakref.ReferenceType[Home] | None = None
     z: Array | None = None
     multipliers: Array | None = None

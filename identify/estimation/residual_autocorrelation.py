@@ -122,7 +122,7 @@ LEAST = 1e-9  # of a memory: noise that undoes itself at once is still noise
 
 
 @dataclass(frozen=True)
-class Change:
+class CurveChange:
     """How far the curves of two places are apart in standard deviations: the sum of squares of it (moved), and the
     variance of the noise along it, times that (remembered)."""
 
@@ -140,7 +140,7 @@ class Change:
         return loss / self.memory(loss)
 
 
-UNCHANGED = Change()
+UNCHANGED = CurveChange()
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ class Remembering:
         """Whether no noise has a memory."""
         return all(colour.white for colour in self.colours)
 
-    def change(self, here: Sequence[Array], there: Sequence[Array]) -> Change:
+    def change(self, here: Sequence[Array], there: Sequence[Array]) -> CurveChange:
         """How far the curves of two places are apart: per log (n,) [N], NaN where there is none."""
         if self.white:
             return UNCHANGED
@@ -168,7 +168,7 @@ class Remembering:
             squares = float(apart @ apart)
             moved += squares
             remembered += self.levels[log] * (squares if self.colours[log].white else self._along(log, apart))
-        return Change(moved, remembered)
+        return CurveChange(moved, remembered)
 
     def objection(self, here: Sequence[Array], there: Sequence[Array], loss: float) -> float:
         """What the data object to the curves of another place that costs them `loss` more, as a loss in white noise."""

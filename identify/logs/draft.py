@@ -32,7 +32,7 @@ FEWEST_ROWS = 20  # of a stretch of one speed in which sticks are looked for
 
 
 @dataclass(frozen=True)
-class Piece:
+class DraftLog:
     """One log, or one step of a log that has several (`step` None: all of it)."""
 
     path: Path
@@ -46,7 +46,7 @@ class Told:
     holds in it, empty where the speed is not told; slope [N/s]: of a typical stick, None without one; slides: nearly
     throughout; rejected: why the quality gate rejects it, "" where it does not."""
 
-    piece: Piece
+    piece: DraftLog
     drive: ToldDrive
     seen: LogRegime
     cycles: int
@@ -82,7 +82,7 @@ class Draft:
     left_out: tuple[str, ...]
 
 
-def draft(pieces: Sequence[Piece], folder: Path, said: Mapping[str, object]) -> Draft:
+def draft(pieces: Sequence[DraftLog], folder: Path, said: Mapping[str, object]) -> Draft:
     """A first scene file of some logs.
 
     Args:
@@ -112,7 +112,7 @@ def draft(pieces: Sequence[Piece], folder: Path, said: Mapping[str, object]) -> 
     return Draft(text, tuple(to_fill_in(tomllib.loads(text))), left_out)
 
 
-def look(piece: Piece) -> Told:
+def look(piece: DraftLog) -> Told:
     """Drive, regime, stick slopes and noise of one piece."""
     record, drive = piece.record, told_drive(piece.record)
     seen = look_at(record, drive_of(record, drive))

@@ -19,7 +19,7 @@ from identify.logs.manner import FEW, ForceRecord, Manner, manner_of, moving_pie
 from identify.logs.parting import name_of
 from identify.logs.regime import Known, Regime, Verdict, judged
 from identify.logs.segment import ENDS_LOADING, REMEDY, SLIDING, STICK, Segmentation
-from identify.logs.segmented import Account, Segmented, account, followed, segmented
+from identify.logs.segmented import RecordEdits, Segmented, account, followed, segmented
 from identify.logs.slip_quality import RecordPart
 from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
@@ -66,7 +66,7 @@ class Prepared:
     falls: Array
     left_out: str | None
     noise_estimated: bool
-    account: Account
+    account: RecordEdits
     judgement: Judgement
     hidden_swing: float = 0.0
     verdict: Verdict | None = None

@@ -27,7 +27,7 @@ FEWEST = 8  # samples of a log that can be looked at at all
 
 
 @dataclass(frozen=True)
-class Account:
+class RecordEdits:
     """What was cut and corrected, line by line, and the stretches of the record that this left out; raw: the record as
     it was read."""
 
@@ -75,7 +75,7 @@ def refuse_too_few(entry: LogEntry, record: Record, used: NDArray[np.bool_], nam
     raise FitError(f"{name} has {left} usable samples; expected hundreds: record longer, or sample faster")
 
 
-def account(entry: LogEntry, raw: Record, corrected: Corrected, sign: int, first: float, begin: float) -> Account:
+def account(entry: LogEntry, raw: Record, corrected: Corrected, sign: int, first: float, begin: float) -> RecordEdits:
     """The account of a log, with what `prepare` found itself.
 
     Args:
@@ -93,7 +93,7 @@ def account(entry: LogEntry, raw: Record, corrected: Corrected, sign: int, first
             text = f"the fit begins at {begin:.4g} s, where the first straight line of a stick does"
         changes.append(Change("skip_cycles" if entry.skip_cycles else "lead", text, begin, "s"))
         cuts.append(Cut("skip_cycles" if entry.skip_cycles else "lead", first, begin))
-    return Account(tuple(changes), tuple(cuts), raw)
+    return RecordEdits(tuple(changes), tuple(cuts), raw)
 
 
 Array = NDArray[np.float64]

@@ -10,16 +10,16 @@ import casadi as ca
 from identify.effects.quantities import Expression
 from identify.model.base import ELONGATION
 from identify.model.composition import Composition, absent
-from identify.model.signal import Signal
+from identify.model.signal import ClosedFormSignal
 
 
 @dataclass(frozen=True)
 class Chain:
     """Signals of the time since the rest began: elongation [m] and pull on the mass [N], and the states behind them."""
 
-    elongation: Signal
-    pull: Signal
-    states: tuple[tuple[str, Signal], ...]
+    elongation: ClosedFormSignal
+    pull: ClosedFormSignal
+    states: tuple[tuple[str, ClosedFormSignal], ...]
 
 
 def chain(m: Composition) -> Chain:
@@ -34,9 +34,9 @@ def chain(m: Composition) -> Chain:
         psi = w.omega * start + w.phase
         value = value - w.amplitude * ca.sin(psi)
         waves.append((w.amplitude * ca.sin(psi), w.amplitude * ca.cos(psi), w.omega))
-    stretch = Signal(value, slope, tuple(waves))
+    stretch = ClosedFormSignal(value, slope, tuple(waves))
     # The spring alone is loaded faster: the damper feels the drive as it does in slip, so no force jumps there.
-    strain = stretch.rate() + Signal(-faster, 0.0)
+    strain = stretch.rate() + ClosedFormSignal(-faster, 0.0)
     k, c = m.values.stiffness, m.damping
     held, straining, states = stretch, strain, []
     if m.series is not None:

@@ -21,7 +21,7 @@ Decay = tuple[Expression, tuple[Expression, ...]]
 
 
 @dataclass(frozen=True)
-class Signal:
+class ClosedFormSignal:
     """value + slope t + sum(c cos(w t) + s sin(w t)) + sum(a decay(rates)), t [s] from the start of the rest.
 
     waves: (c, s, w) each; decays: (a, rates) each, see `decay`.
@@ -41,14 +41,14 @@ class Signal:
             out = out + a * decay(rates, t)
         return out
 
-    def rate(self) -> Signal:
+    def rate(self) -> ClosedFormSignal:
         """Its derivative."""
         decays = tuple((-rates[-1] * a, rates) for a, rates in self.decays)
         shorter = tuple((a, rates[:-1]) for a, rates in self.decays if len(rates) > 1)
         waves = tuple((s * w, -c * w, w) for c, s, w in self.waves)
-        return Signal(self.slope, 0.0, waves, decays + shorter)
+        return ClosedFormSignal(self.slope, 0.0, waves, decays + shorter)
 
-    def __add__(self, other: Signal) -> Signal:
+    def __add__(self, other: ClosedFormSignal) -> ClosedFormSignal:
         """The sum of two signals; what they have in common is written once."""
         waves, decays = list(self.waves), list(self.decays)
         for c, s, w in other.waves:
@@ -63,26 +63,26 @@ class Signal:
                 decays.append((a, rates))
             else:
                 decays[same] = (decays[same][0] + a, rates)
-        return Signal(self.value + other.value, self.slope + other.slope, tuple(waves), tuple(decays))
+        return ClosedFormSignal(self.value + other.value, self.slope + other.slope, tuple(waves), tuple(decays))
 
-    def times(self, factor: Expression) -> Signal:
+    def times(self, factor: Expression) -> ClosedFormSignal:
         """The signal times a constant."""
-        return Signal(
+        return ClosedFormSignal(
             factor * self.value,
             factor * self.slope,
             tuple((factor * c, factor * s, w) for c, s, w in self.waves),
             tuple((factor * a, rates) for a, rates in self.decays),
         )
 
-    def lagged(self, rate: Expression, start: Expression) -> Signal:
+    def lagged(self, rate: Expression, start: Expression) -> ClosedFormSignal:
         """The solution y of y' = rate (self - y), y(0) = start; rate [1/s] positive."""
         waves = []
         for c, s, w in self.waves:
             share = rate / (rate**2 + w**2)
             waves.append((share * (rate * c - w * s), share * (rate * s + w * c), w))
-        steady = Signal(self.value - self.slope / rate, self.slope, tuple(waves))
+        steady = ClosedFormSignal(self.value - self.slope / rate, self.slope, tuple(waves))
         decays = tuple((rate * a, (*rates, rate)) for a, rates in self.decays)
-        return Signal(steady.value, steady.slope, steady.waves, (*decays, (start - steady.at(0.0), (rate,))))
+        return ClosedFormSignal(steady.value, steady.slope, steady.waves, (*decays, (start - steady.at(0.0), (rate,))))
 
 
 def decay(rates: Sequence[Expression], t: Expression) -> Expression:

@@ -9,7 +9,7 @@ from identify.base.document import Json, finite, to_dict
 from identify.base.result import QualityFigure
 from identify.prediction.wording import WINDOWS
 from identify.report.quantity_text import DASH, ends_text, number, places_for, quantity, scale_for, speed, split_key
-from identify.report.report_tables import Cell, Row, Table, plain_text
+from identify.report.report_tables import Cell, ReportTable, Row, plain_text
 from identify.report.report_wording import ANSWER_ORDER, ANSWER_WORDS, OUTCOMES, RECORD_WORDS, SLIPS
 
 Path = tuple[str, ...]
@@ -21,7 +21,7 @@ NOTHING = 1e-9  # a pure number below this is shown as next to nothing
 SAID_ONCE = ":"  # of a long validity only what stands before this is said again
 
 
-def answer_table(columns: Sequence[tuple[Cell, Mapping[str, Json]]], corner: str) -> Table | None:
+def answer_table(columns: Sequence[tuple[Cell, Mapping[str, Json]]], corner: str) -> ReportTable | None:
     """A table with one column per (head, entries) and one row per quantity; None without any entry.
 
     Nested mappings become parts of the table; plain numbers, texts and truth values are taken too, lists and
@@ -34,7 +34,7 @@ def answer_table(columns: Sequence[tuple[Cell, Mapping[str, Json]]], corner: str
     for part in parts:
         inside = [path for path in paths if path[:-1] == part]
         rows += _part_rows(part, inside, found)
-    return Table(corner, tuple(head for head, _ in columns), tuple(rows)) if rows else None
+    return ReportTable(corner, tuple(head for head, _ in columns), tuple(rows)) if rows else None
 
 
 def said_once(entries: Entry, elsewhere: Entry) -> Entry:

@@ -17,7 +17,7 @@ from identify.base.result import (
 from identify.prediction.stabilising import ChangeAdvice, StabilisingAdvice
 from identify.report.answers import interval_text
 from identify.report.quantity_text import DASH, number, quantity
-from identify.report.report_tables import Cell, Row, Table
+from identify.report.report_tables import Cell, ReportTable, Row
 from identify.report.report_wording import plain_symbol, with_group
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -27,7 +27,7 @@ from identify.report.report_wording import plain_symbol, with_group
 HEADS = (Cell("now"), Cell("limit"), Cell("should be"))
 
 
-def advice_table(head: Cell, derived: Mapping[str, Json]) -> Table | None:
+def advice_table(head: Cell, derived: Mapping[str, Json]) -> ReportTable | None:
     """The table of the advice of a log; None where it has none."""
     if not derived.get("advice"):
         return None
@@ -36,7 +36,7 @@ def advice_table(head: Cell, derived: Mapping[str, Json]) -> Table | None:
         return None
     task = "to stay steady" if advice.steady else "to make sliding steady"
     corner = f"{head.text}: {task}, margin {100 * advice.margin:.3g} %, one of these"
-    return Table(corner, HEADS, tuple(_row(change) for change in advice.changes))
+    return ReportTable(corner, HEADS, tuple(_row(change) for change in advice.changes))
 
 
 def _row(change: ChangeAdvice) -> Row:
@@ -63,7 +63,7 @@ def _said(entry: Number) -> str:
     return quantity(entry.value, entry.unit, 3)
 
 
-def interval_table(result: Result) -> Table | None:
+def interval_table(result: Result) -> ReportTable | None:
     """The 95 % intervals side by side: the result's own, by profile, by bootstrap; None where neither was run."""
     heads, methods = [Cell("result")], []
     if result.profile and result.profile.parameters:
@@ -85,7 +85,7 @@ def interval_table(result: Result) -> Table | None:
         rows.append(
             Row(plain_symbol(with_group(name, entry.group)), tuple(cells), quantity(entry.value, entry.unit, 5))
         )
-    return Table("parameter", tuple(heads), tuple(rows)) if rows else None
+    return ReportTable("parameter", tuple(heads), tuple(rows)) if rows else None
 
 
 def _doubts(curve: ProfileCurve) -> str:
@@ -98,7 +98,7 @@ def _spread(part: BootstrapInterval) -> str:
     return "" if spread is None else f"spread {number(spread, 2)} SE"
 
 
-def combination_table(combinations: CombinationsResult) -> Table | None:
+def combination_table(combinations: CombinationsResult) -> ReportTable | None:
     """Combinations that are known better than their parts; None without any."""
     rows = [
         Row(
@@ -113,7 +113,7 @@ def combination_table(combinations: CombinationsResult) -> Table | None:
         for entry in combinations.natural
     ]
     heads = (Cell("value"), Cell("95 % interval"), Cell("sharper than its loosest part"))
-    return Table("combination", heads, tuple(rows)) if rows else None
+    return ReportTable("combination", heads, tuple(rows)) if rows else None
 
 
 def direction_lines(combinations: CombinationsResult) -> tuple[str, ...]:
@@ -122,7 +122,7 @@ def direction_lines(combinations: CombinationsResult) -> tuple[str, ...]:
     return tuple(line[:1].upper() + line[1:] + "." for line in (lines[:1] + lines[-1:] if len(lines) > 1 else lines))
 
 
-def accuracy_rows(table: Sequence[AccuracyLevel]) -> Table | None:
+def accuracy_rows(table: Sequence[AccuracyLevel]) -> ReportTable | None:
     """What each level of accuracy costs, and by how many standard errors it moves each parameter."""
     if not table:
         return None
@@ -140,10 +140,10 @@ def accuracy_rows(table: Sequence[AccuracyLevel]) -> Table | None:
             *(number(shift.get(name), 2) for name in names),
         )
         rows.append(Row(level.accuracy, tuple(map(Cell, cells)), note="" if shift else "did not solve"))
-    return Table("accuracy", tuple(map(Cell, heads)), tuple(rows))
+    return ReportTable("accuracy", tuple(map(Cell, heads)), tuple(rows))
 
 
-def comparison_table(models: Sequence[ComparedModel]) -> Table | None:
+def comparison_table(models: Sequence[ComparedModel]) -> ReportTable | None:
     """The fit with and without each effect: information criteria and errors on what was left out."""
     rows = []
     for entry in models:
@@ -157,7 +157,7 @@ def comparison_table(models: Sequence[ComparedModel]) -> Table | None:
         )
         rows.append(Row(entry.model.replace("_", " "), (*map(Cell, cells), Cell(entry.verdict, kind="words"))))
     heads = ("parameters", "χ² per sample", "ΔAIC", "ΔBIC", "error on cycles left out", "error on logs left out")
-    return Table("model", (*map(Cell, heads), Cell("verdict", kind="words")), tuple(rows)) if rows else None
+    return ReportTable("model", (*map(Cell, heads), Cell("verdict", kind="words")), tuple(rows)) if rows else None
 
 
 def _count(value: int | None) -> str:

@@ -44,7 +44,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """A table with a corner text, column heads and rows."""
 
     corner: str
@@ -52,7 +52,7 @@ class Table:
     rows: tuple[Row, ...]
 
 
-def classical_tables(logs: Sequence[LogResult]) -> tuple[Table, ...]:
+def classical_tables(logs: Sequence[LogResult]) -> tuple[ReportTable, ...]:
     """The classical table turned on its side: one column per log, step and stroke, one row per quantity.
 
     Several tables where there are many columns, so that they fit a sheet; at most 60 columns in all
@@ -69,7 +69,7 @@ def classical_tables(logs: Sequence[LogResult]) -> tuple[Table, ...]:
             for position, row in part
         )
         tables.append(
-            Table("", heads, tuple(_classical_row(name, [row.get(name) for _, row in part]) for name in names))
+            ReportTable("", heads, tuple(_classical_row(name, [row.get(name) for _, row in part]) for name in names))
         )
     return tuple(tables)
 
@@ -84,17 +84,17 @@ def definitions(logs: Sequence[LogResult]) -> list[tuple[str, str]]:
     return list(said.items())
 
 
-def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Shift]]) -> Table:
+def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Shift]]) -> ReportTable:
     """What an error of 1 % in a rig quantity (rows) would do to each parameter (columns)."""
     names = list(dict.fromkeys(name for shifts in sensitivity.values() for name in shifts))
     rows = tuple(
         Row(f"{quantity_name.replace('_', ' ')} + 1 %", tuple(_shift_cell(shifts.get(name)) for name in names))
         for quantity_name, shifts in sensitivity.items()
     )
-    return Table("", tuple(Cell(plain_symbol(name)) for name in names), rows)
+    return ReportTable("", tuple(Cell(plain_symbol(name)) for name in names), rows)
 
 
-def held_table(held: Mapping[str, HeldResult]) -> Table:
+def held_table(held: Mapping[str, HeldResult]) -> ReportTable:
     """Rig quantities (rows) as stated, and where the data would put them."""
     heads = tuple(Cell(head) for head in ("stated", "by the data", "standard error (SE)", "apart"))
     rows = []
@@ -103,16 +103,16 @@ def held_table(held: Mapping[str, HeldResult]) -> Table:
         apart = math.sqrt(entry.squared_distance)
         cells = (*(Cell(text) for text in numbers), Cell(f"{apart:.2g} SE", kind="strong" if apart > FAR else ""))
         rows.append(Row(name, cells, entry.unit))
-    return Table("", heads, tuple(rows))
+    return ReportTable("", heads, tuple(rows))
 
 
-def effects_table(reasons: Sequence[EffectReason]) -> Table | None:
+def effects_table(reasons: Sequence[EffectReason]) -> ReportTable | None:
     """Which effects and why: one row per effect that was looked at; columns that nobody fills are left out."""
     if not reasons:
         return None
     columns = [(head, key) for head, key in EFFECT_COLUMNS if any(told(getattr(each, key)) for each in reasons)]
     heads = (Cell("kept"), *(Cell(head) for head, _ in columns), Cell("why", kind="words"))
-    return Table("effect", heads, tuple(_effect_row(reason, [key for _, key in columns]) for reason in reasons))
+    return ReportTable("effect", heads, tuple(_effect_row(reason, [key for _, key in columns]) for reason in reasons))
 
 
 def _effect_row(reason: EffectReason, keys: Sequence[str]) -> Row:

@@ -178,7 +178,7 @@ BLOCKS_AT_ONCE = 1024  # blocks worked on at once: few enough for all their deri
 
 
 @dataclass(frozen=True)
-class Part:
+class IndexMaps:
     """Constant index maps of some blocks of one family, PORTION at most: which entries of their dense Jacobian
     (b, n_rows, n_slots) and Hessian (b, n_slots, n_slots) count, and where these stand among those of all parts."""
 
@@ -198,7 +198,7 @@ class _Numbering:
     hessian: list[Indices]
     counts: tuple[int, int] = (0, 0)
 
-    def part(self, family: Family, blocks: slice) -> Part:
+    def part(self, family: Family, blocks: slice) -> IndexMaps:
         """The index maps of some blocks, whose entries are counted."""
         m, n = self.shape
         slots, rows = family.slots[blocks], family.rows[blocks]
@@ -210,7 +210,7 @@ class _Numbering:
         upper = np.flatnonzero(known[:, :, None] & known[:, None, :] & (left <= right))
         self.hessian.append((right * n + left).ravel()[upper])
         before, self.counts = self.counts, (self.counts[0] + entries.size, self.counts[1] + upper.size)
-        return Part(blocks, entries, upper, slice(before[0], self.counts[0]), slice(before[1], self.counts[1]))
+        return IndexMaps(blocks, entries, upper, slice(before[0], self.counts[0]), slice(before[1], self.counts[1]))
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ class Scatter:
     slots: Indices
     rows: Indices
     used: tuple[int, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[IndexMaps, ...]
 
     @staticmethod
     def of(family: Family, numbering: _Numbering) -> Scatter:

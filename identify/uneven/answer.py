@@ -38,7 +38,7 @@ AT_RESTS = 25  # places of the curve of strength against rest
 
 
 @dataclass(frozen=True)
-class Seen:
+class UnevenLog:
     """One log as the estimator saw it: number (from 0), sticks and slips, what the likelihood finds of them."""
 
     number: int
@@ -80,13 +80,13 @@ class UnevenEstimator:
             why = wording.NO_MAXIMUM if maximum.in_time else wording.CUT_SHORT
             return Estimated(Status.SOLVER_FAILED, why, (), left_out=left_out)
         seen = [
-            Seen(number, task.logs[number], sticks, Likelihood(sticks, nodes)(maximum.theta))
+            UnevenLog(number, task.logs[number], sticks, Likelihood(sticks, nodes)(maximum.theta))
             for (number, sticks), nodes in zip(taken, maximum.nodes, strict=True)
         ]
         return told(seen, maximum, task, left_out)
 
 
-def told(seen: Sequence[Seen], maximum: Maximum, task: EstimationTask, left_out: Mapping[int, str]) -> Estimated:
+def told(seen: Sequence[UnevenLog], maximum: Maximum, task: EstimationTask, left_out: Mapping[int, str]) -> Estimated:
     """What follows from the maximum of the likelihood, quantity by quantity."""
     records, first = [s.sticks for s in seen], seen[0]
     maxima = alone(records, maximum) if len(seen) > 1 and in_time(wording.COMPARED) else []
@@ -136,7 +136,7 @@ def told(seen: Sequence[Seen], maximum: Maximum, task: EstimationTask, left_out:
     )
 
 
-def _apart(seen: Sequence[Seen], maxima: Sequence[Maximum]) -> str:
+def _apart(seen: Sequence[UnevenLog], maxima: Sequence[Maximum]) -> str:
     """A sentence on records that do not share their parameters."""
     values = []
     for s, maximum in zip(seen, maxima, strict=True):
@@ -239,7 +239,7 @@ def _creep_estimate(creep: CreepTime, rest: float) -> Estimate:
     return Estimate("t_cr", "s", value, value * sd, low, high, verdict, wording.reason("t_cr", verdict))
 
 
-def _drawn(seen: Seen, maximum: Maximum, seed: int) -> tuple[Distribution, Distribution, Distribution]:
+def _drawn(seen: UnevenLog, maximum: Maximum, seed: int) -> tuple[Distribution, Distribution, Distribution]:
     sticks = seen.sticks
     begin = Begin(seen.cycles.level_after, sticks.arrest, float(np.min(sticks.drop)), sticks.typical_rest)
     return drawn_distributions(sticks.rig, begin, maximum.theta, maximum.covariance, seed)
@@ -267,12 +267,12 @@ def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[s
     }
 
 
-def _odd(seen: Seen) -> Array:
+def _odd(seen: UnevenLog) -> Array:
     """Numbers of the odd slips of a log (from 1)."""
     return np.asarray(seen.sticks.number[seen.cycles.odd > ODD_FROM])
 
 
-def _cycle_table(seen: Seen) -> dict[str, Any]:
+def _cycle_table(seen: UnevenLog) -> dict[str, Any]:
     """What is known of every cycle of a log."""
     sticks, cycles = seen.sticks, seen.cycles
     return {

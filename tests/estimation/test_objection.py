@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identify.estimation.residual_autocorrelation import Change, Colour, Remembering
+from identify.estimation.residual_autocorrelation import Colour, CurveChange, Remembering
 
 SD, CORRELATION, SAMPLES = 0.02, 0.8, 4000
 WHITE = Colour(np.empty(0), 1.0)
@@ -77,6 +77,6 @@ def test_logs_count_by_their_own_noise_level_and_weight():
 
 
 def test_what_priors_lose_remembers_nothing():
-    change = Change(moved=4.0, remembered=36.0)
+    change = CurveChange(moved=4.0, remembered=36.0)
     assert change.memory(4.0) == 9.0
     assert change.memory(40.0) == pytest.approx(1.8), "a tenth is of the data"

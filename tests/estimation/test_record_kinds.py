@@ -281,13 +281,13 @@ def test_a_better_place_is_tried_as_a_start_and_named_where_the_solver_settles_f
     import identify.estimation.examined as room
     from identify.estimation.profile import Profiles
     from identify.estimation.profile_line import FREE, ProfilePoint
-    from identify.estimation.residual_autocorrelation import Change
+    from identify.estimation.residual_autocorrelation import CurveChange
     from identify.shooting.accuracy import FitOptions
 
     kind = _kind(SLOW, FAST)
     prepared, unknowns = _prepared(kind)
     attempt, _ = search.search(prepared, unknowns)
-    change = Change(moved=gain, remembered=gain * gain / clear)
+    change = CurveChange(moved=gain, remembered=gain * gain / clear)
     place = ProfilePoint(attempt.solved.theta + 0.01, attempt.solved.trajectories, 0.0, FREE, change)
     walked = Profiles({}, place, gain=gain)
     assert walked.clear == pytest.approx(clear)

@@ -5,7 +5,7 @@ import pytest
 
 from data_io import read_log
 from identify import Scene, SceneError, examples
-from identify.logs.draft import Piece, draft
+from identify.logs.draft import DraftLog, draft
 
 EFFECTS = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
 RIG = {"mass": "0.2 kg", "stiffness": "1470 N/m", "damping": "147 N/m", "drive_speed": "1 mm/s"}
@@ -85,7 +85,7 @@ def test_a_quantity_that_is_searched_needs_no_value_in_the_rig():
 
 def test_a_draft_asks_for_the_damping_ratio_first_and_explains_h(tmp_path):
     path = examples.FOLDER / "5_mm_per_s.txt.gz"
-    made = draft([Piece(path, None, read_log(path))], tmp_path, {})
+    made = draft([DraftLog(path, None, read_log(path))], tmp_path, {})
     asked = made.text[made.text.index("[rig]") :]
     assert (
         asked.index('zeta = "TODO"') < asked.index("damping, which is a dashpot in N s/m") < asked.index("h = 2 zeta k")
