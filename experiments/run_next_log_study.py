@@ -28,8 +28,9 @@ from experiments.in_parts import append, started
 from experiments.machine import describe
 from experiments.run_recovery_study import CASES, FRICTION, RANGES, Outcome, Study, compared, sources_named
 from experiments.study_problem import NOISE, Case, scene_of
+from identify.base.result import NextLogResult
 from identify.base.wording import speed_text
-from identify.bench.next_log import NextLog, next_logs
+from identify.bench.next_log import next_logs
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
 from identify.estimation.attempt import Clock
@@ -43,10 +44,10 @@ SEED = 11
 CODES = {"identified": "i", "weak": "w", "not identifiable": "-"}
 
 
-def recorded(case: Case, log: NextLog, random: np.random.Generator) -> Record:
+def recorded(case: Case, log: NextLogResult, random: np.random.Generator) -> Record:
     """The log, simulated with the true parameters, from rest and with a fresh contact."""
     motion = run(assemble(MAIN), case.truth | case.rig, log.drive_speed, log.normal_force, log.duration)
-    times = np.arange(round(log.duration * log.rate)) / log.rate
+    times = np.arange(round(log.duration * log.sampling_rate)) / log.sampling_rate
     force = motion.sample(times)["force"] + NOISE * random.standard_normal(times.size)
     return Record(times, np.full(times.size, log.normal_force), force)
 
@@ -76,11 +77,16 @@ def trial(ranges: str, sources: Sources, number: int) -> dict[str, Any]:
         speeds += [log.drive_speed for log in logs]
         case = replace(case, records=(*case.records, *(recorded(case, log, random) for log in logs)))
         found, outcome = fitted(case, speeds, start, sources)
-        promised = [name for log in logs for name in log.tells if name in FRICTION]
+        promised = [name for log in logs for name in log.expected if name in FRICTION]
         line["rounds"].append(
             {
                 "logs": [
-                    {"speed": log.drive_speed, "duration": log.duration, "rate": log.rate, "tells": dict(log.tells)}
+                    {
+                        "speed": log.drive_speed,
+                        "duration": log.duration,
+                        "rate": log.sampling_rate,
+                        "tells": dict(log.expected),
+                    }
                     for log in logs
                 ],
                 "promised": promised,

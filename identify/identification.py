@@ -17,7 +17,7 @@ from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
-from identify.bench.next_log import advised, next_log_results, next_logs
+from identify.bench.next_log import advised, next_logs
 from identify.diagnosis.choice import Choice
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.selection import choose_from_data
@@ -124,7 +124,7 @@ def fit(
     used = (stated if stated.effects != "auto" else scene).as_document()
     result = replace(
         result,
-        next_logs=next_log_results(advice),
+        next_logs=() if advice is None else advice.logs,
         notes=(*drives, *result.notes),
         provenance={**result.provenance, "scene": used, "starts": starts, "asked": asked.document()},
     )

@@ -366,7 +366,8 @@ class ComparedModel:
 
 @dataclass(frozen=True)
 class NextLogResult:
-    """A log that would tell more; expected: half lengths of 95 % intervals, relative, by parameter."""
+    """A log that would tell more: drive speed [m/s], normal force [N], duration [s], sampling rate [Hz], slips in it;
+    expected: half lengths of 95 % intervals, relative (of mu_s - mu_k0 for delta_mu_k), of the parameters it tells."""
 
     drive_speed: float
     normal_force: float

@@ -8,7 +8,7 @@ tremble, noise on them and all that a rehearsal leaves out.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,24 +38,11 @@ MOST = 3  # logs that are proposed
 
 
 @dataclass(frozen=True)
-class NextLog:
-    """A log that would tell: drive speed [m/s], normal force [N], duration [s], sampling rate [Hz], slips in it, and of
-    each parameter it tells the expected half length of the 95 % interval, as a share of what it is judged by."""
-
-    drive_speed: float
-    normal_force: float
-    duration: float
-    rate: float
-    slips: int
-    tells: Mapping[str, float]
-
-
-@dataclass(frozen=True)
 class Advice:
     """The logs that would tell, one after the other; the parameters that no log of one speed, of up to `longest` [s],
     is expected to tell."""
 
-    logs: tuple[NextLog, ...]
+    logs: tuple[NextLogResult, ...]
     untold: tuple[str, ...]
     longest: float
 
@@ -70,9 +57,11 @@ def next_logs(found: Findings) -> Advice | None:
     designs = [LogDesign(speed, load) for speed in _speeds(found)]
     planned = choose(Rehearsals(known), designs, math.inf, SETUP, MOST)
     logs = tuple(
-        NextLog(log.design.speed, load, log.duration, log.rate, log.slips, log.tells) for log in planned if log.tells
+        NextLogResult(log.design.speed, load, _whole(log.duration), log.rate, log.slips, log.tells)
+        for log in planned
+        if log.tells
     )
-    untold = tuple(name for name in known.asked if not any(name in log.tells for log in logs))
+    untold = tuple(name for name in known.asked if not any(name in log.expected for log in logs))
     return Advice(logs, untold, known.longest)
 
 
@@ -198,19 +187,11 @@ def advised(found: Findings, advice: Advice) -> Findings:
     return replace(found, estimates=[with_log(estimate) for estimate in found.estimates])
 
 
-def next_log_results(advice: Advice | None) -> tuple[NextLogResult, ...]:
-    """The logs for the result; expected: half lengths of 95 % intervals, relative (of mu_s - mu_k0 for delta_mu_k)."""
-    return tuple(
-        NextLogResult(log.drive_speed, log.normal_force, _whole(log.duration), log.rate, log.slips, dict(log.tells))
-        for log in (() if advice is None else advice.logs)
-    )
-
-
 def _remedy(name: str, advice: Advice) -> str:
     """The log to add for one parameter; "" where none is known."""
     for log in advice.logs:
-        if name in log.tells:
-            return f"add {_said(log)}, which is expected to tell it to {math.ceil(100.0 * log.tells[name])} %"
+        if name in log.expected:
+            return f"add {_said(log)}, which is expected to tell it to {math.ceil(100.0 * log.expected[name])} %"
     return ""
 
 
@@ -224,10 +205,10 @@ def _no_remedy(name: str, advice: Advice) -> str:
     )
 
 
-def _said(log: NextLog) -> str:
+def _said(log: NextLogResult) -> str:
     return (
-        f"a log of {_whole(log.duration):.6g} s at {speed_text(log.drive_speed, 3)} and "
-        f"{three_figures(log.normal_force)} N, sampled at {log.rate:.0f} Hz"
+        f"a log of {log.duration:.6g} s at {speed_text(log.drive_speed, 3)} and "
+        f"{three_figures(log.normal_force)} N, sampled at {log.sampling_rate:.0f} Hz"
     )
 
 

@@ -15,6 +15,7 @@ from identify.estimation.goodness_of_fit import Gate, pass_gate
 from identify.estimation.sequence import (
     TRIES,
     followed,
+    hardly,
     is_clear,
     is_near_grazing,
     resimulated,
@@ -34,7 +35,7 @@ PlacedLog = tuple[
 
 CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
 OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver stalled
-HORIZONS = (0.125, 0.25, 0.5, 1.0)  # of a course, until it slides steadily: in beginnings so long it is met
+HORIZONS = (0.125, 0.25, 0.5, 1.0)  # shares of a course before it slides steadily, each solved from the one before
 BETTER = 2.0  # squares in noise variances by which another motion must fit better to be taken
 TIGHTNESSES = (3.0, 8.0)  # tried in turn: tightness of the priors that hold what the data do not tell
 PRIOR_SCHEDULE = (
@@ -124,7 +125,7 @@ def solve_placed(
     cost_cutoff: float = np.inf,
 ) -> Attempt:
     """Solve from a start that is placed on some of the logs, one at least; where slips rest by a hair, again with the
-    motion that follows from the answer, and where courses are not met, by way of their beginnings."""
+    motion that follows from the answer, and where courses are not met for sure, by way of their beginnings."""
     attempt = _solved(prepared, placed, unknowns, clock, tightness, cost_cutoff)
     if attempt.solved.solution.cost > cost_cutoff or not np.all(np.isfinite(attempt.solved.theta)) or time_is_up():
         return attempt
@@ -133,12 +134,20 @@ def solve_placed(
     whole = [prepared[number] for number in attempt.logs]
     anew = resimulated_whole(whole, attempt.prepared, attempt.solved.trajectories, at_answer)
     if anew is not None:
-        other = _solved(prepared, _placed(attempt, anew), at_answer, clock, tightness, cost_cutoff)
+        placed = list(zip(attempt.logs, *anew, strict=True))
+        other = _solved(prepared, placed, at_answer, clock, tightness, cost_cutoff)
         return other if other.excess < attempt.excess - BETTER else attempt
-    if attempt.gate.status is Status.CONVERGED or not any(log.manner.name == "course" for log in attempt.prepared):
+    courses = [
+        (log, trajectory)
+        for log, trajectory in zip(attempt.prepared, attempt.solved.trajectories, strict=True)
+        if log.manner.name == "course"
+    ]
+    # A sequence may agree with its own answer, and the data with another, where the mass rests by a hair.
+    met = attempt.gate.status is Status.CONVERGED and not any(hardly(*course) for course in courses)
+    if met or not courses:
         return attempt
-    met = _by_horizons(prepared, attempt.logs, unknowns, clock, tightness)
-    return met if met is not None and met.excess < attempt.excess - BETTER else attempt
+    extended = _by_horizons(prepared, attempt.logs, unknowns, clock, tightness)
+    return extended if extended is not None and extended.excess < attempt.excess - BETTER else attempt
 
 
 def _by_horizons(
@@ -158,11 +167,6 @@ def _by_horizons(
             return None
         unknowns = replace(unknowns, start=found.solved.theta)
     return found
-
-
-def _placed(attempt: Attempt, way: tuple[list[Prepared], list[ShootingTrajectory]]) -> list[PlacedLog]:
-    """The logs of an attempt with other motions."""
-    return list(zip(attempt.logs, *way, strict=True))
 
 
 def _solved(

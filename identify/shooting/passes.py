@@ -264,11 +264,10 @@ def _tried(problem: Problem, tolerance: float, mu_init: float, bent: bool) -> _P
     if solution.success or not solution.infeasibility < NEAR or time_is_up():
         return _PassResult(solution, iterations, False)
     # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.
-    stalled = solution
-    near = 2.0 * stalled.cost < ALMOST * problem.samples
+    near = 2.0 * solution.cost < ALMOST * problem.samples
     vibrating = problem.layout.unknowns.model.vibrates  # bends the rows more than anything else
     patience = (1 + (near and vibrating)) * PATIENCE
-    solution = solve(problem, tolerance=tolerance, iterations=patience, exact=True, start=stalled.z)
+    solution = solve(problem, tolerance=tolerance, iterations=patience, exact=True, start=solution.z)
     iterations += solution.iterations
     if not solution.success and solution.infeasibility < HANGS and 2.0 * solution.cost < ALMOST * problem.samples:
         # The motion hangs together and is near: what is left is the way along a valley.

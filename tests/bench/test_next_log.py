@@ -9,10 +9,11 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, scene_of, simulated_case
 from identify import Scene, fit, identification
+from identify.base.result import NextLogResult
 from identify.bench import next_log as choosing
 from identify.bench import next_log as words
 from identify.bench.designs import SAFE, driven
-from identify.bench.next_log import Advice, NextLog, next_logs
+from identify.bench.next_log import Advice, next_logs
 from identify.bench.rehearsal import LogDesign, rehearse
 from identify.effects import MAIN
 from identify.estimation.attempt import Clock
@@ -137,11 +138,11 @@ def test_the_log_that_is_asked_for_tells_what_it_is_to_tell(free, pair, log):
     assert estimate(before, name).verdict in ("weak", "not identifiable")
     advice = next_logs(before)
     (asked,) = advice.logs
-    assert name in asked.tells and not advice.untold
-    after = found_in(pair, free, [log, (asked.drive_speed, asked.duration, asked.rate)])
+    assert name in asked.expected and not advice.untold
+    after = found_in(pair, free, [log, (asked.drive_speed, asked.duration, asked.sampling_rate)])
     told = estimate(after, name)
     assert told.verdict == "identified" and told.lower < pair[name] < told.upper
-    assert 0.5 * (told.upper - told.lower) / told.value < 1.2 * asked.tells[name]
+    assert 0.5 * (told.upper - told.lower) / told.value < 1.2 * asked.expected[name]
 
 
 @pytest.mark.slow
@@ -159,7 +160,7 @@ def test_a_log_of_many_cycles_is_asked_for_where_few_would_not_do(unseen, monkey
     longer = next_logs(unseen).logs
     assert sum(log.duration for log in longer) > 2.0 * short.duration
     assert sum(log.slips for log in longer) > short.slips
-    assert all(log.tells["a"] <= SAFE * 0.2 for log in longer), "each of them is needed"
+    assert all(log.expected["a"] <= SAFE * 0.2 for log in longer), "each of them is needed"
     monkeypatch.setattr(choosing, "_price", lambda *_: 1e9)
     nothing = next_logs(unseen)
     assert nothing.logs == () and nothing.untold == ("a",)
@@ -185,11 +186,10 @@ def test_reasons_and_the_result_name_the_log(unseen, advice, monkeypatch):
     reason = estimate(words.advised(unseen, advice), "a").reason
     assert reason.startswith("slips hold at most 7 samples, so their shape is not seen: add a log of 2.2 s at 1 mm/s")
     assert "and 1 N, sampled at 1000 Hz, which is expected to tell it to 6 %" in reason
-    (entry,) = map(asdict, words.next_log_results(advice))
+    (entry,) = map(asdict, advice.logs)
     assert set(entry) == {"drive_speed", "normal_force", "duration", "sampling_rate", "slips", "expected"}
     result = fit(scene(pair, free, [log[0]]), [recorded(pair, *log, 1)]).result
     assert result["next_logs"] == [entry] and result["parameters"]["a"]["reason"] == reason
-    assert words.next_log_results(None) == ()
 
 
 def test_what_no_log_would_tell_is_said(unseen):
@@ -198,7 +198,7 @@ def test_what_no_log_would_tell_is_said(unseen):
     assert words_of_a in estimate(said, "a").reason
     assert not any("none of up to" in e.reason for e in said.estimates if e.name != "a")
     # Beside a log that tells another parameter it is too soon to say so.
-    other = NextLog(0.02, 1.0, 60.0, 500.0, 3, {"D": 0.004})
+    other = NextLogResult(0.02, 1.0, 60.0, 500.0, 3, {"D": 0.004})
     assert estimate(words.advised(unseen, Advice((other,), ("a",), 60.0)), "a") == estimate(unseen, "a")
     assert (
         "which is expected to tell it to 1 %" in estimate(words.advised(unseen, Advice((other,), (), 60.0)), "D").reason
@@ -207,7 +207,7 @@ def test_what_no_log_would_tell_is_said(unseen):
 
 def test_a_reason_that_is_no_hint_keeps_its_words(unseen):
     own = [replace(e, reason="its own") if e.name == "a" else e for e in unseen.estimates]
-    log = NextLog(0.02, 1.5, 98.4, 5000.0, 3, {"a": 0.15})
+    log = NextLogResult(0.02, 1.5, 99.0, 5000.0, 3, {"a": 0.15})
     kept = words.advised(replace(unseen, estimates=own), Advice((log,), (), 60.0))
     assert estimate(kept, "a").reason == (
         "its own; add a log of 99 s at 20 mm/s and 1.5 N, sampled at 5000 Hz, which is expected to tell it to 15 %"
