@@ -44,7 +44,8 @@ OVERTIME = 80  # iterations more where a motion hangs together and
 ALMOST = 1.5  # times the noise variance is what is left
 HANGS = 1e-5  # largest row of a motion that hangs together
 AGAIN = 3  # how often slips that begin too late, or too early, are put where they begin
-NEAR = 0.1  # largest row from which the exact Hessian is tried: of 70 solves from farther away none came to an end
+CLOSED = 0.5  # largest row of a coarse motion from which fine passes go on, and
+NEAR = 0.1  # from which the exact Hessian is tried: of 70 solves from farther away none came to an end
 
 
 @dataclass(frozen=True)
@@ -217,7 +218,7 @@ def _last(solved: Solved, cost_cutoff: float) -> bool:
     solution, fine = solved.solution, solved.grid is not COARSE
     misfit = 2.0 * solution.cost / max(solved.problem.samples, 1)
     far = misfit > LOST_MISFIT if not solution.success else solved.passes >= PASSES and misfit > ALL_BUT
-    broken = not solution.success and (fine or solution.infeasibility > NEAR)
+    broken = not solution.success and (fine or solution.infeasibility > CLOSED)
     if solution.cost > cost_cutoff or far or broken or not np.all(np.isfinite(solution.x)):
         return True
     return (
