@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from experiments.run_recovery_study import FIVE, Study, fit_case
+from experiments.run_recovery_study import FIVE, Study
 from experiments.study_problem import FIFTH, NORMAL_FORCE, scene_of
 from identify.effects import MAIN
 from identify.logs import manner
@@ -29,10 +29,3 @@ def test_the_fit_of_a_fast_log_begins_before_its_first_slip(number: int, monkeyp
     assert log.data.begin < onset < log.segmentation.cycles.onset[0]
     monkeypatch.setattr(manner, "SHORT_LOADING", 0.0)  # without it
     assert begun(number)[0].data.begin > onset
-
-
-@pytest.mark.slow
-def test_a_swing_that_dies_out_near_the_end_of_stick_slip_is_joined_as_the_course_it_is() -> None:
-    """Pair 87: one slip at 20 mm/s, and a swing that is taken for thirteen more; the other logs tell the pair."""
-    outcome = fit_case(Study(FIVE).case(87)[0], None, "data")
-    assert outcome.recovered and outcome.distance < 22.5, outcome.message
