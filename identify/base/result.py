@@ -459,8 +459,10 @@ class UnevenResult:
     @staticmethod
     def of(result: Result) -> UnevenResult:
         """Of a result; what it only gives a reason for has its default."""
-        told = {key: part for key, part in result.more.items() if not isinstance(part, Mapping) or "reason" not in part}
-        return from_document(UnevenResult, told)
+        parts = {
+            name: part for name, part in result.more.items() if not isinstance(part, Mapping) or "reason" not in part
+        }
+        return from_document(UnevenResult, parts)
 
 
 @dataclass(frozen=True)
