@@ -31,7 +31,7 @@ export function logsView(host, asked, session) {
   let stop = () => {}, shown = "";
   const count = () => {
     const [some, all] = [meant(session).length, session.folder.logs.length];
-    make.textContent = some === all ? `make a scene from all ${all} logs` : `make a scene from the ${some} chosen ${some === 1 ? "log" : "logs"}`;
+    make.textContent = some === all && all > 1 ? `make a scene from all ${all} logs` : `make a scene from the ${some} chosen ${some === 1 ? "log" : "logs"}`;
     make.disabled = !all;
   };
 
