@@ -22,7 +22,9 @@ def test_a_log_is_said_in_full_once_and_another_one_too() -> None:
 
 
 def test_it_knows_the_advice_as_a_fit_words_it() -> None:
-    log = SimpleNamespace(duration=52.0, drive_speed=2e-4, normal_force=1.0, rate=500.0, tells={"a": 0.05, "D": 0.02})
+    log = SimpleNamespace(
+        duration=52.0, drive_speed=2e-4, normal_force=1.0, sampling_rate=500.0, expected={"a": 0.05, "D": 0.02}
+    )
     advice: Any = SimpleNamespace(logs=(log,))
     told = [words._remedy(name, advice) for name in ("a", "D")]
     assert said_once(told) == [told[0], "the same log is expected to tell it to 2 %"]

@@ -34,7 +34,7 @@ class Browser:
 
     def __init__(self) -> None:
         assert CHROMIUM is not None
-        self._profile = tempfile.TemporaryDirectory()
+        self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)  # it may still be written to
         to_child, from_us = os.pipe()
         to_us, from_child = os.pipe()
         self._in, self._out = from_us, to_us
