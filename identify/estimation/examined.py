@@ -33,7 +33,7 @@ from identify.estimation.profile import Profiles, profile
 from identify.estimation.profile_line import ProfilePoint
 from identify.estimation.strategies import Strategy, run_strategy
 from identify.logs.unknowns import Unknowns
-from identify.shooting.accuracy import FitOptions, discretisation_error
+from identify.shooting.accuracy import FitOptions
 from identify.shooting.vibration import rhythmic
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -85,7 +85,7 @@ def fine_enough(
     for _ in range(1 + level.refinements):
         if attempt.gate.status is not Status.CONVERGED or not np.all(np.isfinite(known.total)):
             break
-        error = discretisation_error(attempt.solved) / np.sqrt(np.diag(known.covariance()))
+        error = attempt.solved.discretisation_error / np.sqrt(np.diag(known.covariance()))
         free = np.flatnonzero(unknowns.free).tolist()
         shares = {unknowns.names[i]: float(np.nan_to_num(e)) for i, e in zip(free, error, strict=True)}
         if not shares or max(abs(e) for e in shares.values()) <= level.share:

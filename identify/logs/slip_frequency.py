@@ -51,9 +51,12 @@ def slip_frequency(time: Array, force: Array, found: Segmentation, slope: float)
     if len(slips) < FEWEST:
         return None
     begin = np.array([np.pi / float(np.median(lasts)), 0.0])
-    whole = _shared(slips, begin)
+    whole, slopes, pulls = _shared(slips, begin)
     count = min(GROUPS, len(slips))
-    without = [_shared([s for n, s in enumerate(slips) if n % count != group], whole)[0] for group in range(count)]
+    without = [
+        whole[0] + np.linalg.solve(slopes.sum(axis=0) - slopes[group::count].sum(axis=0), pulls[group::count].sum(0))[0]
+        for group in range(count)
+    ]
     spread = float(np.sqrt((count - 1) * np.var(np.log(without))))
     frequency = float(np.hypot(*whole))
     return frequency, float(np.hypot(spread * float(student(0.975, count - 1)) / NORMAL, CONSTANT))
@@ -64,8 +67,12 @@ def _inside(time: Array, force: Array, onset: float, lasts: float) -> NDArray[np
     return (time > onset + edge) & (time < onset + lasts - edge) & np.isfinite(force)
 
 
-def _shared(slips: Sequence[tuple[Array, Array]], begin: Array) -> Array:
-    """Damped frequency and decay [1/s], (2,), that fit all slips best, each with its own level, size and phase."""
+def _shared(slips: Sequence[tuple[Array, Array]], begin: Array) -> tuple[Array, Array, Array]:
+    """Damped frequency and decay [1/s], (2,), that fit all slips best, each with its own level, size and phase; of
+    each slip the normal matrix (n, 2, 2) and the gradient of its misfit (n, 2) there.
+
+    Without some slips the answer is a Gauss-Newton step away, in which theirs are left out (one-step jackknife).
+    """
     scale = float(np.pi / np.median([t[-1] - t[0] for t, _ in slips]))
 
     def off(x: Array) -> Array:
@@ -80,4 +87,8 @@ def _shared(slips: Sequence[tuple[Array, Array]], begin: Array) -> Array:
 
     bounds = ([0.4, -1.0], [2.5, 1.0])
     start = np.clip(begin / scale, np.array(bounds[0]) + 1e-3, np.array(bounds[1]) - 1e-3)
-    return np.asarray(least_squares(off, start, bounds=bounds).x * scale)
+    found = least_squares(off, start, bounds=bounds)
+    ends = np.cumsum([t.size for t, _ in slips])[:-1]
+    slopes, misfits = np.split(found.jac / scale, ends), np.split(found.fun, ends)
+    normal = np.array([own.T @ own for own in slopes])
+    return found.x * scale, normal, np.array([own.T @ e for own, e in zip(slopes, misfits, strict=True)])

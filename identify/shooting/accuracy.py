@@ -12,50 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import FitError, SceneError
-from identify.base.linear import optimality_matrix, solve_equilibrated
 from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import Model, assemble
 from identify.shooting.blocks import block
 from identify.shooting.passes import COARSE as FIRST_GRID
-from identify.shooting.passes import Solved, solve_in_passes
+from identify.shooting.passes import ORDER, Solved, solve_in_passes
 from identify.shooting.placing import place
-from identify.shooting.shooting import Problem
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What the integration steps of a fit cost in accuracy: how far the answer would move with half the step.
-#
-# One Newton step on the same problem with twice as many steps, from the solution: the numerical error of the
-# discretisation, which is worth showing as a share of each standard error.
-# ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
-
-ORDER = 4  # of the step formula of the shooting
-
-
-def discretisation_error(solved: Solved) -> Array:
-    """Error of theta (f,) of the free parameters that the integration steps leave, signed, in search units."""
-    return -moved_by_steps(solved, solved.problem.with_finer_steps()) * 2**ORDER / (2**ORDER - 1)
-
-
-def moved_by_steps(solved: Solved, problem: Problem) -> Array:
-    """How far theta (f,) of the free parameters would go from an answer if its steps were those of another problem,
-    which is the same unknown by unknown: one Newton step on that, in search units."""
-    z = solved.solution.z
-    point = problem.evaluate(z, derivatives=True)
-    assert point.hessian is not None and point.jacobian is not None and point.gradient is not None
-    kkt = optimality_matrix(point.hessian, point.jacobian)
-    # What the solver left of its own conditions is not the steps' doing: it is taken out.
-    own = solved.problem.evaluate(z, derivatives=True)
-    assert own.jacobian is not None and own.gradient is not None
-    change = point.gradient - own.gradient + (point.jacobian - own.jacobian).T @ solved.solution.multipliers
-    left = np.concatenate([change, point.rows - own.rows])
-    step = solve_equilibrated(kkt, -left[:, None])[:, 0]
-    count = problem.layout.free.size
-    return np.asarray(step[:count] * problem.layout.scale[:count])
-
 
 OFFSETS = (0.3, 0.1, 0.03, 0.0)  # of the spread: how far from the answer the solves of the table start
 FINEST = 1e-4
@@ -130,7 +96,7 @@ def accuracy_table(
         solved = solve_in_passes(data, trajectories, search, most=level.most)
         iterations = solved.iterations
         for _ in range(level.refinements):
-            if not solved.solution.success or np.max(np.abs(discretisation_error(solved) / size)) <= level.share:
+            if not solved.solution.success or np.max(np.abs(solved.discretisation_error / size)) <= level.share:
                 break
             again = replace(unknowns, start=solved.theta).with_weak_priors()
             solved = solve_in_passes(data, solved.trajectories, again, steps=2 * solved.grid.steps)
@@ -141,7 +107,7 @@ def accuracy_table(
     for level, (solved, seconds, iterations) in zip(levels, solves, strict=True):
         good = solved.solution.success
         shift = (solved.theta - finest.theta)[unknowns.free] / size if good else None
-        left = discretisation_error(solved) / size if good else None
+        left = solved.discretisation_error / size if good else None
         rows.append(AccuracyRow(level, seconds, iterations, solved.grid.steps, shift, left))
     return rows
 
@@ -162,27 +128,26 @@ def accuracy_costs(solved: Solved, size: Array, taken: Accuracy, first: int, sol
 
     After the first solve of a fit every halving of its steps is one more solve, and so are coarse steps. The error of
     coarse steps is that of a Newton step to them; finer ones follow the order of the step formula. What a solve costs
-    with other steps follows from the evaluation of the whole problem with these and with half of them.
+    with other steps follows from the instructions of the whole problem with these and with half of them.
 
     Args:
         size: standard errors (f,) of the free parameters; taken: the level of the fit; first: steps of its first
             solve; solve: processor seconds that one of its solves took.
     """
     steps, problem = solved.grid.steps, solved.problem
-    left = discretisation_error(solved)
-    own, finer = _seconds(problem, solved), _seconds(problem.with_finer_steps(), solved)
-    per_step = min(max(finer - own, 0.0), own) / steps  # at most in proportion: finer steps may not be compiled yet
+    left = solved.discretisation_error
+    per_step = (problem.with_finer_steps().instructions / problem.instructions - 1.0) / steps  # of a solve
 
     def error_with(count: int) -> float:
         moved = problem.with_coarser_steps(steps // count) if count < steps and steps % count == 0 else None
         if moved is not None:
-            return float(np.max(np.abs((left + moved_by_steps(solved, moved)) / size)))
+            return float(np.max(np.abs((left + solved.moved_by_steps(moved)) / size)))
         return float(np.max(np.abs(left / size))) * (steps / count) ** ORDER
 
     def seconds_of(level: Accuracy, count: int) -> float:
         halved = [count // 2**n for n in range(level.refinements) if count // 2**n > first]
         solves = [count] if level is COARSE else halved
-        return sum(solve * max(1.0 + per_step * (n - steps) / own, 0.0) for n in solves)
+        return sum(solve * max(1.0 + per_step * (n - steps), 0.0) for n in solves)
 
     made = seconds_of(taken, steps)
     costs = [AccuracyCost(taken.name, steps, 0.0, error_with(steps))]
@@ -197,16 +162,6 @@ def accuracy_costs(solved: Solved, size: Array, taken: Accuracy, first: int, sol
         costs.append(AccuracyCost(level.name, count, seconds_of(level, count) - made, error_with(count)))
     order = [level.name for level in LEVELS]
     return sorted(costs, key=lambda cost: order.index(cost.level) if cost.level in order else len(order))
-
-
-def _seconds(problem: Problem, solved: Solved) -> float:
-    """Processor seconds of one evaluation with derivatives, the shorter of two."""
-    taken = []
-    for nudge in (0.0, 1e-12):  # the problem remembers the last point
-        since = time.process_time()
-        problem.evaluate(solved.solution.z + nudge, derivatives=True)
-        taken.append(time.process_time() - since)
-    return min(taken)
 
 
 def effect_shares(model: Model) -> dict[str, float]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
+from identify.base.linear import optimality_matrix, solve_equilibrated
 from identify.logs.loads import calmed
 from identify.logs.log_data import Grid, LogData, ShootingTrajectory
 from identify.logs.unknowns import Unknowns
@@ -25,6 +26,7 @@ from identify.shooting.solve import Solution, solve
 Array = NDArray[np.float64]
 
 COARSE = Grid(slip=8, saturated=8, steps=2)
+ORDER = 4  # of the step formula
 STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
 FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
 SLACK = 0.5  # a linear decay is followed well with twice the step
@@ -69,6 +71,28 @@ class Solved:
     def fitted(self) -> list[Array]:
         """What the load cell sees according to the solution, as `Problem.fitted`."""
         return self.problem.fitted(self.solution.z)
+
+    @cached_property
+    def discretisation_error(self) -> Array:
+        """Error of theta (f,) of the free parameters that the integration steps leave, signed, in search units: from
+        one Newton step on the same problem with twice as many steps, and the order of the step formula."""
+        return -self.moved_by_steps(self.problem.with_finer_steps()) * 2**ORDER / (2**ORDER - 1)
+
+    def moved_by_steps(self, problem: Problem) -> Array:
+        """How far theta (f,) of the free parameters would go from the answer if its steps were those of another
+        problem, which is the same unknown by unknown: one Newton step on that, in search units."""
+        z = self.solution.z
+        point = problem.evaluate(z, derivatives=True)
+        assert point.hessian is not None and point.jacobian is not None and point.gradient is not None
+        kkt = optimality_matrix(point.hessian, point.jacobian)
+        # What the solver left of its own conditions is not the steps' doing: it is taken out.
+        own = self.problem.evaluate(z, derivatives=True)
+        assert own.jacobian is not None and own.gradient is not None
+        change = point.gradient - own.gradient + (point.jacobian - own.jacobian).T @ self.solution.multipliers
+        left = np.concatenate([change, point.rows - own.rows])
+        step = solve_equilibrated(kkt, -left[:, None])[:, 0]
+        count = problem.layout.free.size
+        return np.asarray(step[:count] * problem.layout.scale[:count])
 
 
 @dataclass(frozen=True)

@@ -109,6 +109,11 @@ class Problem:
         """Number of samples that count."""
         return int(sum(m.count.sum() for m in self.moments))
 
+    @property
+    def instructions(self) -> int:
+        """Number of instructions that one evaluation with derivatives takes, in all blocks."""
+        return sum(f.block.derivatives.instructions * f.constants.shape[0] for f in self.layout.families)
+
     @cached_property
     def start(self) -> Array:
         """The scaled starting point (n,)."""

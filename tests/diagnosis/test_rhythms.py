@@ -21,7 +21,6 @@ from identify.logs.rhythms import rhythms
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.shooting.accuracy import discretisation_error
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.vibration import quieted, tuned
 from identify.simulation.simulate import run
@@ -126,7 +125,7 @@ def test_the_error_of_the_steps_is_what_finer_steps_change():
     coarse = _solved_with(logs, solved.trajectories, start, 2)
     fine = _solved_with(logs, solved.trajectories, start, 12)
     change = (coarse.theta - fine.theta)[unknowns.free] / sd
-    told = discretisation_error(coarse) / sd
+    told = coarse.discretisation_error / sd
     assert np.max(np.abs(change)) > 5e-3  # there is something to tell
     assert told == pytest.approx(change, abs=0.3 * np.max(np.abs(change)))
 
