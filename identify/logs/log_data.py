@@ -202,7 +202,7 @@ class ShootingTrajectory:
         """How often the mass comes to rest."""
         return self.cycles + sum(stretch.ended_by == "arrest" for stretch in self.tail)
 
-    @property
+    @cached_property
     def units(self) -> list[int]:
         """Number (from 0) of the part of the record that each stretch of the tail is in: a rest begins a new one."""
         out: list[int] = []

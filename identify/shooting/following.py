@@ -126,7 +126,7 @@ class _Course:
         again = rest > 0 and made[rest - 1].ended_by == "arrest"
         length = made[-1].until - made[rest - 1].until if again else 2.0 * sliding  # a first slip has no cycle
         nodes = np.concatenate([made[rest].nodes[-1:], *(s.nodes for s in made[rest + 1 :])])
-        height = float(np.ptp([self.along.force(0.5 * (begun + made[-1].until), x) for x in nodes]))
+        height = float(np.ptp(self.along.forces(0.5 * (begun + made[-1].until), nodes)))
         return length / self.log.interval * (height / self.log.noise) ** 2 / 12.0
 
     def last_rest(self) -> int | None:
@@ -208,7 +208,7 @@ class _Course:
             return False
         local = np.linspace(motion.duration - 2.0 * self.along.half, motion.duration, 60)
         shown = motion.sample(local)["force"]
-        level = self.along.force(t, steady.state, just_before=True)
+        level = self.along.forces(t, steady.state[None], just_before=True)
         drift = self.log.normal_force.at(t - motion.duration + local) / float(self.log.normal_force.at(t))
         return bool(np.max(np.abs(shown - level * drift)) < FADED * self.log.noise)
 

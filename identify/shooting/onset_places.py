@@ -96,22 +96,22 @@ class DataSide:
             if index.size < 2:
                 continue
             if centre == onset:
-                least = self._misfit(index, onset, wave) - by_chance / index.size
+                least = float(self._misfits(index, np.array([onset]), wave)[0]) - by_chance / index.size
             places = centre + around
-            for place in places[(places > since + 1e-3 * self.half) & (places < latest)].tolist():
-                misfit = self._misfit(index, place, wave) + ((place - onset) / spread) ** 2 / index.size
-                if misfit < lowest:
-                    best, lowest = place, misfit
+            places = places[(places > since + 1e-3 * self.half) & (places < latest)]
+            misfits = self._misfits(index, places, wave) + ((places - onset) / spread) ** 2 / index.size
+            if misfits.size and (smallest := float(misfits.min())) < lowest:
+                best, lowest = float(places[int(misfits.argmin())]), smallest
         return best if lowest < least else onset
 
-    def _misfit(self, index: NDArray[np.intp], place: float, wave: SlipWaveform) -> float:
-        """Mean square of what some samples lie off the wave of a slide from `place` [s] on, over the noise."""
-        after = self.log.time[index] - place
+    def _misfits(self, index: NDArray[np.intp], places: Array, wave: SlipWaveform) -> Array:
+        """Mean squares of what some samples lie off the wave of a slide from each place (m,) [s] on, over the noise;
+        infinite where none lies under the wave."""
+        after = self.log.time[index] - places[:, None]
         counted = after < wave.length
-        if not counted.any():
-            return np.inf
-        chosen = index[counted]
-        return float(np.mean(self.log.weight[chosen] * (self.log.force[chosen] - wave.at(after[counted])) ** 2))
+        off = np.where(counted, self.log.weight[index] * (self.log.force[index] - wave.at(after)) ** 2, 0.0)
+        count = np.count_nonzero(counted, axis=1)
+        return np.where(count > 0, off.sum(axis=1) / np.maximum(count, 1), np.inf)
 
     def centres(self, since: float, onset: float, wave: SlipWaveform, reach: float) -> list[float]:
         """What an onset is looked for around [s]."""
@@ -206,9 +206,9 @@ class Along:
         speed = self.log.speed_at(np.nextafter(t, -np.inf) if just_before else t)
         return np.array([speed, float(self.log.normal_force.at(t)), 1.0, t])
 
-    def force(self, t: float, x: Array, just_before: bool = False) -> float:
-        """The friction force that the load cell shows in a state [N]."""
-        return float(np.array(self.model.load_cell(x, self.p, self.inputs(t, just_before))).item())
+    def forces(self, t: float, x: Array, just_before: bool = False) -> Array:
+        """The friction forces (n,) that the load cell shows in some states (n, n_x) at a time [N]."""
+        return np.array(self.model.load_cell(x.T, self.p, self.inputs(t, just_before))).ravel()
 
     def steady(self, t: float, just_before: bool = False) -> Sliding | None:
         """The state of steady sliding at a time [s]."""
