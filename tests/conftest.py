@@ -82,3 +82,10 @@ def one_try(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(starts, "RANDOM", ())
     with tracing((Strategy.FURTHER_STARTS, Strategy.PRIOR_CONTINUATION)):
         yield
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of the test's own, in which it stands."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identify.base.budget import no_time_limit
 from identify.base.outcome import Status
 from identify.base.progress import Progress
-from identify.estimation.agreement import agreeing, imbalance, influence_at
+from identify.estimation.agreement import agreeing
 from identify.estimation.attempt import Attempt
 from identify.estimation.bootstrap import Bootstrap, bootstrap
 from identify.estimation.combinations import (
@@ -28,14 +28,10 @@ from identify.estimation.examined import AtBound, Question, examine, fine_enough
 from identify.estimation.influence import influence
 from identify.estimation.profile import Profiles
 from identify.estimation.residual_autocorrelation import Colour
-from identify.logs.log_data import ShootingTrajectory
 from identify.logs.unknowns import Unknowns
 from identify.shooting.accuracy import AccuracyRow, FitOptions, accuracy_table
-from identify.shooting.passes import Solved, goes_as_far_as_it_can
 
 Array = NDArray[np.float64]
-
-HELD = 4.0  # squared distance from which on an answer hangs on what is no data: two standard errors
 
 
 @dataclass(frozen=True)
@@ -93,11 +89,7 @@ def certainty(
     if seen.unfinished:
         attempt = unexamined(attempt)
     elif seen.accepted and not view.bounds:  # at a bound the pulls of the logs do not cancel
-        held = hanging(attempt.solved, [log.name for log in attempt.prepared])
-        if held is not None:
-            attempt = replace(attempt, gate=replace(attempt.gate, status=Status.WRONG_EVENT_COUNT, message=held))
-        elif len(attempt.logs) > 1:
-            attempt = agreeing(attempt, unknowns, base, view.allowed)
+        attempt = agreeing(attempt, unknowns, base, view.allowed) if len(attempt.logs) > 1 else attempt
     theta, groups = attempt.solved.theta, shares(attempt, unknowns)
     bounds_of = {s.log: at_bound(attempt.solved.trajectories[s.log].theta(theta)) for s in groups}
     of_groups = share_estimates(groups, unknowns, theta, base, view.joint, at_bound=bounds_of, hints=view.hints)
@@ -161,41 +153,3 @@ def _tabled(out: Certainty, unknowns: Unknowns, progress: Progress) -> Certainty
     size = np.sqrt(np.diag(out.covariance))
     table = accuracy_table(out.attempt.prepared, out.attempt.solved, unknowns, size)
     return replace(out, accuracy_table=table)
-
-
-def hanging(solved: Solved, names: Sequence[str]) -> str | None:
-    """A sentence where a phase that can get no shorter holds the answer back by more than two standard errors: a rest,
-    or a contact that re-ages in mid-slide, may shrink to nothing from pass to pass where at the answer it does not
-    happen.
-
-    Args:
-        names: of the logs.
-    """
-    problem, solution = solved.problem, solved.solution
-    ends = [bool(goes_as_far_as_it_can(problem, solution.x, place.events).any()) for place in problem.layout.places]
-    if not any(ends):
-        return None
-    try:
-        squared, _ = imbalance(problem, solution.z, influence_at(solved))
-    except np.linalg.LinAlgError:  # directions that no log tells: their verdicts say so
-        return None
-    if squared < HELD:
-        return None
-    there = zip(solved.trajectories, names, ends, strict=True)
-    (begin, end), name = min(
-        ((_shortest(trajectory), name) for trajectory, name, held in there if held),
-        key=lambda found: found[0][1] - found[0][0],
-    )
-    return (
-        f"{name}: at this answer what happens from {begin:.5g} s lasts {end - begin:.2g} s only, if it happens at all, "
-        f"and holds the answer back by {np.sqrt(squared):.1f} standard errors; leave this log out or end it "
-        "there"
-    )
-
-
-def _shortest(trajectory: ShootingTrajectory) -> tuple[float, float]:
-    """Begin and end [s] of the shortest phase of a motion after its first onset."""
-    if trajectory.times.size < 2:
-        return float(trajectory.times[0]), float(trajectory.times[0])
-    first = int(np.argmin(np.diff(trajectory.times)))
-    return float(trajectory.times[first]), float(trajectory.times[first + 1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,7 +14,7 @@ from identify.base.budget import no_time_limit, time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.base.quantiles import LEVEL, NORMAL, chi_square
-from identify.estimation.agreement import Allowed, allowed
+from identify.estimation.agreement import Allowed, allowed, imbalance, influence_at
 from identify.estimation.attempt import Attempt, placed_anew, solve_again, solve_again_with_priors
 from identify.estimation.covariance import (
     IDENTIFIED,
@@ -32,8 +32,10 @@ from identify.estimation.other_optima import lowest_optimum, weakens
 from identify.estimation.profile import Profiles, profile
 from identify.estimation.profile_line import ProfilePoint
 from identify.estimation.strategies import Strategy, run_strategy
+from identify.logs.log_data import ShootingTrajectory
 from identify.logs.unknowns import Unknowns
 from identify.shooting.accuracy import FitOptions
+from identify.shooting.passes import Solved, goes_as_far_as_it_can
 from identify.shooting.vibration import rhythmic
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -190,14 +192,27 @@ def examine(attempt: Attempt, known: Information, question: Question) -> Examine
     Args:
         known: at the answer that is given.
     """
-    here = _lowest_about(_standing(attempt, known, question, Trail()), question)
+    here = _unless_hanging(_lowest_about(_standing(attempt, known, question, Trail()), question))
     for tries in range(BETTER_TRIES):
         there = _walked(here, question, last=tries + 1 == BETTER_TRIES)
         if there is None:
             break
-        here = there
+        here = _unless_hanging(there)
     calls_for_more = here.accepted and (_doubtful(here, question) or here.view.leaves_open)
     return replace(here, unfinished=time_is_up() and calls_for_more)
+
+
+def _unless_hanging(here: Examined) -> Examined:
+    """The answer, refused where it hangs on a phase that can get no shorter: no walk from there comes to an end. At a
+    bound the pulls of the logs do not cancel, and nothing is known of it."""
+    gate = here.attempt.gate
+    if not here.accepted or here.view.bounds:
+        return here
+    held = hanging(here.attempt.solved, [log.name for log in here.attempt.prepared])
+    if held is None:
+        return here
+    refused = replace(gate, status=Status.WRONG_EVENT_COUNT, message=held)
+    return replace(here, attempt=replace(here.attempt, gate=refused))
 
 
 def _standing(
@@ -355,3 +370,48 @@ def _another_start(moved: Attempt, unknowns: Unknowns, gain: float, better: Prof
         f"does not settle there ({moved.gate.solver}); {remedy}: {told}"
     )
     return replace(moved.gate, status=Status.BETTER_START_FOUND, message=message)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Does an answer hang on a phase that shrinks to nothing?
+# ----------------------------------------------------------------------------------------------------------------------
+
+HELD = 4.0  # squared distance from which on an answer hangs on what is no data: two standard errors
+
+
+def hanging(solved: Solved, names: Sequence[str]) -> str | None:
+    """A sentence where a phase that can get no shorter holds the answer back by more than two standard errors: a rest,
+    or a contact that re-ages in mid-slide, may shrink to nothing from pass to pass where at the answer it does not
+    happen.
+
+    Args:
+        names: of the logs.
+    """
+    problem, solution = solved.problem, solved.solution
+    ends = [bool(goes_as_far_as_it_can(problem, solution.x, place.events).any()) for place in problem.layout.places]
+    if not any(ends):
+        return None
+    try:
+        squared, _ = imbalance(problem, solution.z, influence_at(solved))
+    except np.linalg.LinAlgError:  # directions that no log tells: their verdicts say so
+        return None
+    if squared < HELD:
+        return None
+    there = zip(solved.trajectories, names, ends, strict=True)
+    (begin, end), name = min(
+        ((_shortest(trajectory), name) for trajectory, name, held in there if held),
+        key=lambda found: found[0][1] - found[0][0],
+    )
+    return (
+        f"{name}: at this answer what happens from {begin:.5g} s lasts {end - begin:.2g} s only, if it happens at all, "
+        f"and holds the answer back by {np.sqrt(squared):.1f} standard errors; leave this log out or end it "
+        "there"
+    )
+
+
+def _shortest(trajectory: ShootingTrajectory) -> tuple[float, float]:
+    """Begin and end [s] of the shortest phase of a motion after its first onset."""
+    if trajectory.times.size < 2:
+        return float(trajectory.times[0]), float(trajectory.times[0])
+    first = int(np.argmin(np.diff(trajectory.times)))
+    return float(trajectory.times[first]), float(trajectory.times[first + 1])

@@ -32,7 +32,7 @@ from identify.diagnosis.choice import Choice, as_listed, effects_result
 from identify.diagnosis.findings import Findings, held_results
 from identify.estimation.agreement import slowness
 from identify.estimation.attempt import Clock
-from identify.estimation.covariance import Estimate
+from identify.estimation.covariance import FARTHEST, Estimate
 from identify.estimation.strained import stick_scatter
 from identify.estimation.tolerances import added_by_tolerances
 from identify.logs.parting import parts_of
@@ -385,11 +385,13 @@ def _with_second_intervals(
 
 
 def _farther(value: float, end: float | None, by: float, logarithmic: bool) -> float | None:
-    """The end of an interval, moved out by an independent error, which is one of the logarithm where that counts."""
+    """The end of an interval, moved out by an independent error, which is one of the logarithm where that counts; None
+    where that leaves it open."""
     if end is None or end == value:
         return end
     if logarithmic and end > 0.0:
-        return value * math.exp(math.copysign(math.hypot(math.log(end / value), by), end - value))
+        reach = math.hypot(math.log(end / value), by)
+        return value * math.exp(math.copysign(reach, end - value)) if reach < FARTHEST else None
     return value + math.copysign(math.hypot(end - value, by), end - value)
 
 

@@ -23,34 +23,11 @@ from identify.cli.common import Answer, CommandLineError
 from identify.cli.folder import check_replaceable, result_folder
 from identify.cli.progress import Progress
 from identify.scene import Scene
+from tests.support.command import refused, stickslip
 
 RIG = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N"]
 SIMULATE = ["simulate", "--scene", examples.SCENE, *RIG, "--out", "a.csv"]
 LOG = "T,Fz,Fx\ns,N,N\n" + "".join(f"{0.01 * i:.2f},1.0,{0.3 + 0.001 * (i % 7)}\n" for i in range(200))
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def stickslip(capsys, *arguments):
-    """Exit code, standard output, standard error of a command run in this process."""
-    code = cli.main([str(argument) for argument in arguments])
-    out, err = capsys.readouterr()
-    return code, out, err
-
-
-def refused(capsys, *arguments):
-    """The sentence of a command that ends with exit code 2: the same in words and as JSON."""
-    code, out, err = stickslip(capsys, *arguments)
-    assert (code, out) == (2, "") and err.count("\n") == 1 and "Traceback" not in err
-    assert err.startswith("stickslip: ")
-    sentence = err.removeprefix("stickslip: ").strip()
-    code, out, _ = stickslip(capsys, *arguments, "--json")
-    assert code == 2 and json.loads(out) == {"schema": 1, "status": "error", "message": sentence}
-    return sentence
 
 
 def simulated(capsys, path, *more):

@@ -5,11 +5,11 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from test_cli import folder, refused, stickslip  # noqa: F401
 
 from identify import examples
 from identify.effects import ALL, MAIN, NAMES
 from identify.scene import Scene
+from tests.support.command import refused, stickslip
 
 pytestmark = pytest.mark.usefixtures("no_price")
 
@@ -30,7 +30,7 @@ def beside_the_others(name):
 
 
 @pytest.fixture
-def scene_file(folder):  # noqa: F811
+def scene_file(folder):
     def write(effects, more="", top=""):
         said = json.dumps(effects) if effects != "auto" else '"auto"'
         Path("s.toml").write_text(f"effects = {said}\n{top}\n{RIG}\n{more}", encoding="utf-8")
@@ -127,7 +127,7 @@ def test_parameters_of_any_effect_set_the_operating_point(scene_file, capsys):
 
 
 @pytest.mark.slow
-def test_a_fit_says_which_effects_it_took_and_why(folder, capsys):  # noqa: F811
+def test_a_fit_says_which_effects_it_took_and_why(folder, capsys):
     logs = ["1_mm_per_s.txt.gz", "5_mm_per_s.txt.gz"]
     code, out, err = stickslip(capsys, "fit", *logs, "--scene", examples.SCENE, "--out", "r", "--json")
     assert code == 0, err
@@ -141,7 +141,7 @@ def test_a_fit_says_which_effects_it_took_and_why(folder, capsys):  # noqa: F811
     assert "Listed in the scene. Where numbers stand" in page
 
 
-def test_a_drafted_scene_follows_the_measured_load(folder, capsys):  # noqa: F811
+def test_a_drafted_scene_follows_the_measured_load(folder, capsys):
     log = examples.FOLDER / "0.1_mm_per_s.txt.gz"
     assert stickslip(capsys, "scene", log, "--out", "draft.toml")[0] == 0
     effects = tomllib.loads(Path("draft.toml").read_text(encoding="utf-8"))["effects"]

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_cli import folder, refused, stickslip  # noqa: F401
 
 from data_io import Record, write_csv
 from experiments.study_problem import DEMO
@@ -21,6 +20,7 @@ from identify.studies.batch_store import RESULT, write_document
 from identify.studies.making import make
 from identify.studies.planning import plan
 from tests.support.batch_case import SCENE
+from tests.support.command import refused, stickslip
 
 LOGS = """
 [[logs]]
@@ -75,7 +75,7 @@ def fitted(tmp_path, monkeypatch):
     return tmp_path / "part", make(job, tmp_path / "part")
 
 
-def test_a_log_of_two_strokes_is_answered_by_batch_verify_and_the_calculators(fitted, folder, capsys):  # noqa: F811
+def test_a_log_of_two_strokes_is_answered_by_batch_verify_and_the_calculators(fitted, folder, capsys):
     part, end = fitted
     assert (end.status, end.message) == ("converged", "as it is"), end.detail
     result = json.loads((part / RESULT).read_text())
@@ -87,7 +87,7 @@ def test_a_log_of_two_strokes_is_answered_by_batch_verify_and_the_calculators(fi
     assert code == 0 and [p["name"] for p in points] == ["back_and_forth.csv", "one_way.csv"]
 
 
-def test_a_result_with_too_few_logs_or_parts_of_none_is_no_result(fitted, folder, capsys):  # noqa: F811
+def test_a_result_with_too_few_logs_or_parts_of_none_is_no_result(fitted, folder, capsys):
     result = json.loads((fitted[0] / RESULT).read_text())
     for logs in (result["logs"][:2], result["logs"][2:], [log | {"part_of": "1"} for log in result["logs"]]):
         Path("result.json").write_text(json.dumps(result | {"logs": logs}))

@@ -16,8 +16,8 @@ from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation import attempt
 from identify.estimation.attempt import Attempt, Clock, place_on, solve_from
-from identify.estimation.certainty import hanging
 from identify.estimation.events import join
+from identify.estimation.examined import hanging
 from identify.logs.prepare import Prepared
 from identify.logs.segment import segment
 from identify.logs.unknowns import Unknowns

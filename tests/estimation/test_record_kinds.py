@@ -238,10 +238,16 @@ def test_an_excluded_slip_parts_a_log_and_a_stick_does_not():
     assert np.max(np.abs(away[unknowns.free]) / np.sqrt(np.diag(covariance))) < 4.0
 
 
-@pytest.mark.parametrize("change", ["missed", "invented"])
-def test_a_slip_that_was_missed_or_invented_is_mended(change):
+@pytest.fixture(scope="module")
+def two_speeds():
+    """Two logs, their unknowns, and the answer."""
     prepared, unknowns = _prepared(_kind(SLOW, FAST))
-    right, _ = search.search(prepared, unknowns)
+    return prepared, unknowns, search.search(prepared, unknowns)[0]
+
+
+@pytest.mark.parametrize("change", ["missed", "invented"])
+def test_a_slip_that_was_missed_or_invented_is_mended(two_speeds, change):
+    prepared, unknowns, right = two_speeds
     falls = prepared[0].falls
     middle = 0.5 * (falls[6] + falls[7])
     wrong = np.delete(falls, 4) if change == "missed" else np.sort(np.append(falls, middle))
@@ -253,11 +259,11 @@ def test_a_slip_that_was_missed_or_invented_is_mended(change):
     np.testing.assert_allclose(found.solved.theta, right.solved.theta, atol=0.01)
 
 
-def test_a_missed_slip_that_is_not_mended_is_a_wrong_event_count(monkeypatch):
+def test_a_missed_slip_that_is_not_mended_is_a_wrong_event_count(two_speeds, monkeypatch):
     monkeypatch.setattr(search, "_mended", lambda *_: None)
     monkeypatch.setattr(starts, "RANDOM", ())
     monkeypatch.setattr(search, "FURTHER", 0)
-    prepared, unknowns = _prepared(_kind(SLOW, FAST))
+    prepared, unknowns, _ = two_speeds
     spoiled = [replace(prepared[0], falls=np.delete(prepared[0].falls, 4)), prepared[1]]
     found, _ = search.search(spoiled, unknowns)
     assert found.gate.status is Status.WRONG_EVENT_COUNT
@@ -274,7 +280,7 @@ def test_a_missed_slip_that_is_not_mended_is_a_wrong_event_count(monkeypatch):
     ],
 )
 def test_a_better_place_is_tried_as_a_start_and_named_where_the_solver_settles_from_nowhere(
-    monkeypatch, gain, clear, settles, status
+    two_speeds, monkeypatch, gain, clear, settles, status
 ):
     # Within the joint region of six parameters (12.6) it is another point of the same ridge; noise with a memory may
     # take chi^2 farther down.
@@ -284,9 +290,7 @@ def test_a_better_place_is_tried_as_a_start_and_named_where_the_solver_settles_f
     from identify.estimation.residual_autocorrelation import CurveChange
     from identify.shooting.accuracy import FitOptions
 
-    kind = _kind(SLOW, FAST)
-    prepared, unknowns = _prepared(kind)
-    attempt, _ = search.search(prepared, unknowns)
+    prepared, unknowns, attempt = two_speeds
     change = CurveChange(moved=gain, remembered=gain * gain / clear)
     place = ProfilePoint(attempt.solved.theta + 0.01, attempt.solved.trajectories, 0.0, FREE, change)
     walked = Profiles({}, place, gain=gain)

@@ -34,6 +34,7 @@ def test_events_settle_within_the_slip_where_samples_lie_farther_apart(monkeypat
     assert hasty is not None and "normal force is off" in hasty.gate.message
 
 
+@pytest.mark.slow
 def test_samples_that_change_sides_to_and_fro_end_the_passes(monkeypatch):
     """Pair 75 at 5 Hz: in every fourth pass the events are where they were. All forty were made, from every start and
     with every tightness of the priors that hold it: six minutes for what takes twenty seconds."""

@@ -63,6 +63,7 @@ def pair():
     return right, early, unknowns, covariance
 
 
+@pytest.mark.slow
 def test_a_profile_hands_back_the_lowest_point_from_which_it_began(pair):
     right, early, unknowns, covariance = pair
     d = [unknowns.names.index("D")]

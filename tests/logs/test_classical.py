@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from test_segment import HALF_PERIOD, NOISE, PAIR
 
 from data_io import Record
 from data_io.record import Step
@@ -12,6 +11,7 @@ from identify.base.document import to_document
 from identify.logs.classical import DEFINITIONS, classical_table
 from identify.logs.segment import segment
 from identify.logs.strokes import strokes
+from tests.logs.test_segment import HALF_PERIOD, NOISE, PAIR
 from tests.support import oracle
 
 

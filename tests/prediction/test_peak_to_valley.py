@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_orbit import ALL, DEMO, map_of
 
 from identify.base.document import to_dict
 from identify.model.model import assemble
 from identify.prediction.orbit import settle
 from identify.prediction.predict import predict
 from identify.prediction.quantities import QUANTITIES, extremes, orbit_slopes, peak_to_valley, quantities
+from tests.prediction.test_orbit import ALL, DEMO, map_of
 from tests.support import oracle
 
 PLACE = list(QUANTITIES).index("peak_to_valley")

@@ -71,6 +71,7 @@ def test_an_end_moves_out_and_an_open_one_stays_open():
     assert _farther(2.0, 2.0 * np.exp(-0.3), 0.4, True) == pytest.approx(2.0 * np.exp(-0.5))
     assert _farther(-0.1, -0.07, 0.04, False) == pytest.approx(-0.05)
     assert _farther(1.0, 1.2, 0.0, True) == pytest.approx(1.2)
+    assert _farther(1.0, 1.2, 1e3, True) is None  # an error of a thousand in the logarithm leaves nothing known
 
 
 def test_the_summary_says_which_interval_is_which():

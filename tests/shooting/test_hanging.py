@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from identify.estimation.certainty import hanging
+from identify.estimation.examined import hanging
 from identify.shooting.passes import COARSE, Solved
 from identify.shooting.shooting import transcribe
 from identify.shooting.solve import solve

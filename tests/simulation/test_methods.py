@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.integrate._ivp import dop853_coefficients
-from test_simulate import MODEL, PAIR, STEPS
 
 from experiments.reference_methods import ALL, BOGACKI_SHAMPINE, LINEAR, LOW, MIDDLE, OUTSIDE
 from identify.base import tableaus
@@ -20,6 +19,7 @@ from identify.simulation.simulate import run
 from identify.simulation.stepper import Situated
 from identify.simulation.steppers import HIGH, STIFF, Method
 from identify.simulation.trajectory import distance
+from tests.simulation.test_simulate import MODEL, PAIR, STEPS
 from tests.support import oracle
 
 P = np.array([PAIR[name] for name in MODEL.parameter_names])

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_cli import folder, refused, stickslip  # noqa: F401
 
 from data_io import Record, write_csv
 from experiments.study_problem import DEMO, RIG
@@ -15,6 +14,7 @@ from identify.effects import MAIN
 from identify.model.model import assemble
 from identify.simulation.simulate import run
 from tests.support.batch_case import SCENE, write_case
+from tests.support.command import refused, stickslip
 
 HELD = "[parameters]\n" + "".join(
     f"{name} = {{ fixed = {DEMO[name]} }}\n" for name in ("a", "D", "t_cr")
@@ -68,7 +68,7 @@ def test_a_batch_keeps_what_is_good_and_says_why_the_rest_is_not(batched):
     assert "'=skin" in (home / "out" / "index.csv").read_text()
 
 
-def test_a_result_of_a_batch_is_verified(batched, folder, capsys):  # noqa: F811
+def test_a_result_of_a_batch_is_verified(batched, folder, capsys):
     home = batched[0]
     path = home / "out" / "good" / "result.json"
     away = (home / "fast.csv").rename(home / "away.csv")
@@ -82,7 +82,7 @@ def test_a_result_of_a_batch_is_verified(batched, folder, capsys):  # noqa: F811
     path.write_text(original)
 
 
-def test_a_batch_begun_again_refits_nothing(batched, folder, capsys):  # noqa: F811
+def test_a_batch_begun_again_refits_nothing(batched, folder, capsys):
     home = batched[0]
     asked = ["batch", home / "m.csv", "--scene", home / "scene.toml", "--out", home / "out"]
     assert "--resume" in refused(capsys, *asked)
@@ -90,7 +90,7 @@ def test_a_batch_begun_again_refits_nothing(batched, folder, capsys):  # noqa: F
     assert code == 3 and json.loads(out)["kept"] == 3
 
 
-def test_every_complaint_is_told_and_nothing_is_begun(folder, capsys):  # noqa: F811
+def test_every_complaint_is_told_and_nothing_is_begun(folder, capsys):
     case = write_case(folder, ["G1"])
     case[0].write_text("path,group,drive_speed,rig.mass\nlog_0_0.csv,G1,1 mm/s,-1 kg\nnone.csv,G1,,\n")
     asked = ["batch", case[0], "--scene", case[1], "--out", "out"]
