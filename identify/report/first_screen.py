@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from identify.base.result import Result
@@ -14,10 +14,10 @@ from identify.report.summary import accuracy_text, tolerances_text
 SCOPED = "stickslip"  # class of the element that the styles of the fragment are bound to
 
 
-def templates() -> Environment:
-    """The templates of the report."""
+def templates(*packages: str) -> Environment:
+    """The templates of these packages (default: of the report); of two with one name that of the first."""
     return Environment(
-        loader=PackageLoader("identify.report", "templates"),
+        loader=ChoiceLoader([PackageLoader(package, "templates") for package in packages or ("identify.report",)]),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,

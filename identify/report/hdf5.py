@@ -53,7 +53,7 @@ def write_result_h5(fit: Fit, path: Path) -> None:
 
 
 def _put_curves(group: h5py.Group, curves: LogCurves) -> None:
-    group.attrs["name"] = _storable(curves.name)
+    group.attrs["name"] = storable(curves.name)
     group.attrs["noise_N"] = curves.noise
     group.attrs["drive_speed_m_per_s"] = curves.drive_speed
     for name, unit in CURVE_UNITS.items():
@@ -81,7 +81,7 @@ def _array(group: h5py.Group, name: str, values: NDArray[np.generic], unit: str)
 
 def _put(parent: h5py.Group, name: str, value: Json) -> None:
     """One item of the document below `parent`; a list that is no plain array becomes a group of 1, 2, ..."""
-    key = _storable(name).replace("/", "|") or "-"
+    key = storable(name).replace("/", "|") or "-"
     if isinstance(value, list) and (array := _as_array(value)) is not None:
         parent.create_dataset(key, data=array)
     elif isinstance(value, Mapping | list):
@@ -92,14 +92,14 @@ def _put(parent: h5py.Group, name: str, value: Json) -> None:
     elif value is None:
         parent.create_dataset(key, data=h5py.Empty("f8"))
     elif isinstance(value, str):
-        parent.create_dataset(key, data=_storable(value), dtype=h5py.string_dtype())
+        parent.create_dataset(key, data=storable(value), dtype=h5py.string_dtype())
     else:
         parent.create_dataset(key, data=value)
 
 
-def _storable(text: str) -> str:
-    """HDF5 ends a text at the first zero character."""
-    return text.replace("\0", "\N{REPLACEMENT CHARACTER}")
+def storable(text: str) -> str:
+    """HDF5 ends a text at the first zero character and knows no half characters."""
+    return text.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode("utf-8")
 
 
 def _as_array(value: list[Json]) -> NDArray[np.float64] | None:

@@ -210,7 +210,13 @@ def locked(folder: Path) -> Iterator[None]:
     """
     with (folder / LOCK).open("a+", encoding="utf-8") as handle:
         if not _take(handle):
-            raise BatchError([f"{folder}: another batch is running there ({_holder(handle)}); wait for it, or stop it"])
+            try:
+                handle.seek(0)
+                told = json.loads(handle.read())
+                holder = f"process {told['pid']} on {told['host']} since {told['since']}"
+            except (OSError, ValueError, KeyError, TypeError):
+                holder = "it has not told who it is"
+            raise BatchError([f"{folder}: another batch is running there ({holder}); wait for it, or stop it"])
         handle.seek(0)
         handle.truncate()
         json.dump({"pid": os.getpid(), "host": platform.node(), "since": time.strftime("%Y-%m-%d %H:%M:%S")}, handle)
@@ -236,15 +242,6 @@ def _take(handle: IO[str]) -> bool:
     except BlockingIOError:
         return False
     return True
-
-
-def _holder(handle: IO[str]) -> str:
-    try:
-        handle.seek(0)
-        told = json.loads(handle.read())
-        return f"process {told['pid']} on {told['host']} since {told['since']}"
-    except (OSError, ValueError, KeyError, TypeError):
-        return "it has not told who it is"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -290,24 +287,24 @@ def batch_document(plan: BatchPlan, ended: Mapping[str, Ended], run: Mapping[str
         **run,
         "columns": list(plan.labels),
         "counts": dict(Counter(statuses)),
-        "groups": [_group(job, status) for job, status in zip(plan.jobs, statuses, strict=True)],
-    }
-
-
-def _group(job: Job, status: str) -> dict[str, Any]:
-    return {
-        "group": job.group,
-        "folder": job.folder,
-        "key": job.key,
-        "status": status,
-        "labels": dict(job.labels),
-        "logs": [asdict(log) for log in job.logs],
+        "groups": [
+            {
+                "group": job.group,
+                "folder": job.folder,
+                "key": job.key,
+                "status": status,
+                "labels": dict(job.labels),
+                "logs": [asdict(log) for log in job.logs],
+            }
+            for job, status in zip(plan.jobs, statuses, strict=True)
+        ],
     }
 
 
 def index_csv(plan: BatchPlan, ended: Mapping[str, Ended]) -> str:
     """The text of index.csv; one row per group in the order of the source."""
-    names = label_columns(plan.jobs, plan.labels)
+    # Those of the manifest in its order, then those that only the scene gives.
+    names = list(dict.fromkeys([*plan.labels, *(name for job in plan.jobs for name in job.labels)]))
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     headings = [f"label: {name}" if name in OWN else name for name in names]
@@ -321,11 +318,6 @@ def index_csv(plan: BatchPlan, ended: Mapping[str, Ended]) -> str:
         labels = [job.labels.get(name, "") for name in names]
         writer.writerow([*map(harmless, texts), len(job.logs), *map(harmless, labels), seconds])
     return out.getvalue()
-
-
-def label_columns(jobs: Sequence[Job], first: Sequence[str]) -> list[str]:
-    """The names of all labels: those of the manifest in its order, then those that only the scene gives."""
-    return list(dict.fromkeys([*first, *(name for job in jobs for name in job.labels)]))
 
 
 def harmless(text: str) -> str:

@@ -128,13 +128,9 @@ class AxisScale:
         """Values to mark: round numbers, or powers of ten."""
         if self.log:
             decades = range(math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9) + 1)
-            powers = [10.0**k for k in decades]
-            return powers if len(powers) >= 2 else self._linear(most)
-        return self._linear(most)
-
-    def _linear(self, most: int) -> list[float]:
-        span = self.high - self.low
-        raw = span / most
+            if len(decades) >= 2:
+                return [10.0**k for k in decades]
+        raw = (self.high - self.low) / most
         unit = 10.0 ** math.floor(math.log10(raw))
         step = next(unit * s for s in STEPS if unit * s >= raw * (1 - 1e-9))
         first = math.ceil(self.low / step - 1e-9)
@@ -235,10 +231,10 @@ def x_axis(scale: AxisScale, y: float, top: float, title: str, most: int = 6) ->
     return "".join(out) + text((scale.first + scale.last) / 2, y + 28, title, "middle", "title", 60)
 
 
-def y_axis(scale: AxisScale, x: float, right: float, title: str, most: int = 5) -> str:
+def y_axis(scale: AxisScale, x: float, right: float, title: str) -> str:
     """Grid lines, ticks and title (above, at the left) of a vertical axis."""
     out = []
-    for tick in scale.ticks(most):
+    for tick in scale.ticks(5):
         y = scale.at(tick)
         out.append(line(x, y, right, y, "grid") + text(x - 5, y + 3.5, tick_text(tick), "end", "tick"))
     return "".join(out) + text(4, scale.last - 9, title, "start", "title", 60)
@@ -353,9 +349,7 @@ def _from_zero(levels: np.ndarray, people: np.ndarray, bottom: float, top: float
 def _curve(curve: SpeedCurve, x: AxisScale, y: AxisScale, place: int) -> str:
     def points(values: np.ndarray) -> list[tuple[float, float]]:
         kept = np.where((values >= y.low) & (values <= y.high), values, np.nan)
-        return [
-            (x.at(1e3 * v), y.at(w) if math.isfinite(w) else math.nan) for v, w in zip(curve.speed, kept, strict=True)
-        ]
+        return [(x.at(1e3 * v), y.at(w)) for v, w in zip(curve.speed, kept, strict=True)]
 
     high, low = (np.clip(ends, y.low, y.high) for ends in (curve.high, curve.low))
     return (
@@ -372,14 +366,10 @@ def thumbnail(excerpt: Excerpt) -> Markup:
     if len(excerpt.time) < 2:
         return Markup("")
     x = AxisScale(excerpt.time[0], max(excerpt.time[-1], excerpt.time[0] + 1e-12), 1.0, width - 1.0)
-    levels = [v for v in (*excerpt.measured, *excerpt.fitted) if math.isfinite(v)]
-    y = around(levels, height - 2.0, 2.0)
-    measured = [
-        (x.at(t), y.at(v) if math.isfinite(v) else math.nan)
-        for t, v in zip(excerpt.time, excerpt.measured, strict=True)
-    ]
-    fitted = [
-        (x.at(t), y.at(v) if math.isfinite(v) else math.nan) for t, v in zip(excerpt.time, excerpt.fitted, strict=True)
-    ]
+    y = around((*excerpt.measured, *excerpt.fitted), height - 2.0, 2.0)
+    measured, fitted = (
+        [(x.at(t), y.at(v)) for t, v in zip(excerpt.time, values, strict=True)]
+        for values in (excerpt.measured, excerpt.fitted)
+    )
     parts = [path(measured, "#a3aeb8", 1.6), path(fitted, "#D55E00", 0.9)]
     return svg(width, height, parts, f"measured and fitted force, {excerpt.words}")

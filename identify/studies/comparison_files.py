@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 
 from data_io.atomic import atomic_path, atomic_write
+from identify.report.hdf5 import storable
 from identify.report.quantity_text import number
 from identify.report.stored_result import as_json
 from identify.studies.compare import Comparison
@@ -44,15 +45,12 @@ def as_latex(sheets: Sequence[Sheet]) -> str:
 
 def _table(sheet: Sheet) -> str:
     used = [k for k in range(len(sheet.heads)) if any(row[k] not in (None, "") for row in sheet.rows)][:LATEX_COLUMNS]
-    columns = "".join("r" if _numeric(sheet, k) else "l" for k in used)
+    numeric = [all(isinstance(row[k], int | float | None) for row in sheet.rows) for k in used]
+    columns = "".join("r" if one else "l" for one in numeric)
     lines = [f"\\begin{{longtable}}{{{columns}}}", f"\\caption{{{latex(sheet.title)}}}\\\\", "\\toprule"]
     lines += [" & ".join(latex(sheet.heads[k]) for k in used) + " \\\\", "\\midrule", "\\endhead"]
     lines += [" & ".join(_shown(row[k]) for k in used) + " \\\\" for row in sheet.rows[:LATEX_ROWS]]
     return "\n".join([*lines, "\\bottomrule", "\\end{longtable}", ""])
-
-
-def _numeric(sheet: Sheet, column: int) -> bool:
-    return all(row[column] is None or isinstance(row[column], int | float) for row in sheet.rows)
 
 
 def _shown(value: object) -> str:
@@ -93,14 +91,13 @@ def write_h5(path: Path, entries: Sequence[FitEntry], sheets: Sequence[Sheet], c
         for sheet in sheets:
             _put_sheet(file.create_group(f"tables/{sheet.name}", track_order=True), sheet)
         for number, entry in enumerate(entries, 1):
-            _put_fit(file.create_group(f"fits/{number}", track_order=True), entry)
+            group = file.create_group(f"fits/{number}", track_order=True)
+            texts = {name: getattr(entry, name) for name in ("name", "status", "message")}
+            texts |= {"labels": as_json(dict(entry.labels)), "document": as_json(dict(entry.document))}
+            for name, text in texts.items():
+                _text(group, name, text)
         if comparison is not None:
             _put_pooled(file.create_group("pooled", track_order=True), comparison)
-
-
-def storable(text: str) -> str:
-    """HDF5 ends a text at the first zero character and knows no half characters."""
-    return text.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode("utf-8")
 
 
 def _put_sheet(group: h5py.Group, sheet: Sheet) -> None:
@@ -114,13 +111,6 @@ def _put_sheet(group: h5py.Group, sheet: Sheet) -> None:
             texts = [storable("" if v is None else str(v)) for v in column]
             data = group.create_dataset(name, data=texts, dtype=h5py.string_dtype())
         data.attrs["head"] = storable(head)
-
-
-def _put_fit(group: h5py.Group, entry: FitEntry) -> None:
-    for name in ("name", "status", "message"):
-        _text(group, name, getattr(entry, name))
-    _text(group, "labels", as_json(dict(entry.labels)))
-    _text(group, "document", as_json(dict(entry.document)))
 
 
 def _text(group: h5py.Group, name: str, text: str) -> None:

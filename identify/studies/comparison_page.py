@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from data_io.atomic import atomic_write
 from identify.base.errors import IdentifyError
+from identify.report.first_screen import templates
 from identify.studies import comparison_views as views
 from identify.studies import fit_views
 from identify.studies.compare import Comparison, compare
@@ -71,7 +71,8 @@ def render(
     reason: str = "",
 ) -> str:
     """The text of the page; `home`: the folder it will stand in, `reason`: why there is no comparison."""
-    environment = _environment()
+    environment = templates("identify.studies", "identify.report")
+    environment.filters["visible"] = visible
     script = environment.get_template("page.js").render()
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return environment.get_template("batch.html.j2").render(
@@ -90,20 +91,6 @@ def render(
         reason=reason,
         comparison=None if comparison is None else _told(comparison, answers, home),
     )
-
-
-def _environment() -> Environment:
-    environment = Environment(
-        loader=ChoiceLoader(
-            [PackageLoader("identify.studies", "templates"), PackageLoader("identify.report", "templates")]
-        ),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
-    environment.filters["visible"] = visible
-    return environment
 
 
 def _counts(entries: Sequence[FitEntry], comparison: Comparison | None) -> list[tuple[str, str, str]]:
@@ -160,10 +147,7 @@ def notes(comparison: Comparison) -> list[str]:
         out.append("No label says whose fits these are: each fit counts as a person of its own.")
     if taken.adjusted:
         out.append(f"Means are adjusted for {', '.join(taken.adjusted)}: they stand for the average of these fits.")
-    dropped: dict[str, str] = {}
-    for entry in comparison.quantities:
-        if entry.pooled:
-            dropped |= dict(entry.pooled.design.dropped)
+    dropped = {name: why for q in comparison.quantities if q.pooled for name, why in q.pooled.design.dropped.items()}
     who = taken.subject or "person"
     for name, why in dropped.items():
         words = [w.replace("subject", who).replace("group", by) for w in (name, why)]

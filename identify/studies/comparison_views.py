@@ -110,13 +110,14 @@ def differences(comparison: Comparison) -> PageTable:
     for entry in comparison.quantities:
         for d in entry.pooled.differences if entry.pooled else ():
             text, interval = difference_text(entry, d)
+            chance = "" if d.p is None else "p < 0.001" if d.p < 0.001 else f"p = {d.p:.2g}"
             row = [
                 named(entry.quantity),
                 PageCell(d.first, sort=d.first),
                 PageCell(d.second, sort=d.second),
                 PageCell(text, sort=d.value),
                 PageCell(interval, d.reason),
-                PageCell(d.verdict, _chance(d.p), chip=VERDICT_KIND[d.verdict], sort=d.verdict),
+                PageCell(d.verdict, chance, chip=VERDICT_KIND[d.verdict], sort=d.verdict),
             ]
             rows.append(row + ([PageCell(str(d.shared), sort=d.shared)] if who else []))
     return table("differences", heads, rows)
@@ -135,12 +136,6 @@ def difference_text(entry: PooledQuantity, d: Difference) -> tuple[str, str]:
     tail = f" {unit.unit}" if unit.unit else ""
     sign = "+" if d.value > 0 else ""
     return f"{sign}{shown[0]}{tail}", f"{shown[1]} to {shown[2]}{tail}" if d.interval else DASH
-
-
-def _chance(p: float | None) -> str:
-    if p is None:
-        return ""
-    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
 
 
 def scatter(comparison: Comparison) -> PageTable:
@@ -193,14 +188,12 @@ def operating(by: str, answers: Sequence[GroupAnswer], normal_force: float | Non
     rows = []
     for answer in answers:
         if not answer.at:
-            rows.append(
-                [
-                    PageCell(answer.group, sort=answer.group),
-                    *[PageCell(DASH)] * 2,
-                    PageCell(answer.reason, most=REASON),
-                    *[PageCell(DASH)] * 3,
-                ]
+            group, reason, dash = (
+                PageCell(answer.group, sort=answer.group),
+                PageCell(answer.reason, most=REASON),
+                PageCell(DASH),
             )
+            rows.append([group, dash, dash, reason, dash, dash, dash])
         for at in answer.at:
             rows.append(
                 [
@@ -258,7 +251,8 @@ def reporting(items: Sequence[Item]) -> PageTable:
 
 def sentences(comparison: Comparison) -> list[tuple[str, str, str]]:
     """What differs: symbol, meaning and one plain sentence per parameter."""
-    return [(plain_symbol(e.quantity.name), _meaning(e.quantity), _sentence(e)) for e in comparison.quantities]
+    named = [(entry.quantity.name, _sentence(entry)) for entry in comparison.quantities]
+    return [(plain_symbol(name), MEANINGS.get(name, name.replace("_", " ")), words) for name, words in named]
 
 
 def together(told: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
@@ -270,10 +264,6 @@ def together(told: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]
     return [(", ".join(group), meanings[words] if len(group) == 1 else "", words) for words, group in names.items()]
 
 
-def _meaning(q: Quantity) -> str:
-    return MEANINGS.get(q.name, q.name.replace("_", " "))
-
-
 def _sentence(entry: PooledQuantity) -> str:
     if entry.pooled is None:
         return f"not compared: {entry.reason}."
@@ -283,7 +273,8 @@ def _sentence(entry: PooledQuantity) -> str:
         return "there is only one group." if count < 2 else f"{count} groups are too many to compare in pairs."
     if all(d.verdict == NOT_TESTED for d in found):
         return f"not tested: {found[0].reason}."
-    told = ["{} above {}".format(*_ordered(d)) for d in found if d.verdict == DIFFERENT]
+    apart = [(d.first, d.second) if d.value > 0 else (d.second, d.first) for d in found if d.verdict == DIFFERENT]
+    told = [f"{visible(higher, 40)} above {visible(lower, 40)}" for higher, lower in apart]
     rest = sum(d.verdict == "not told apart" for d in found)
     untested = sum(d.verdict == NOT_TESTED for d in found)
     words = (
@@ -294,8 +285,3 @@ def _sentence(entry: PooledQuantity) -> str:
     if untested:
         words += f"; {untested} not tested"
     return words + "."
-
-
-def _ordered(d: Difference) -> tuple[str, str]:
-    first, second = visible(d.first, 40), visible(d.second, 40)
-    return (first, second) if d.value > 0 else (second, first)

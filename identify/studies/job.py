@@ -30,7 +30,9 @@ def folder_names(groups: Sequence[str]) -> dict[str, str]:
     plain = {group: _harmless(group) for group in groups}
     folded = [name.casefold() for name in plain.values()]
     return {
-        group: name if name == group and folded.count(name.casefold()) == 1 else f"{name}-{_hash(group)}"
+        group: name
+        if name == group and folded.count(name.casefold()) == 1
+        else f"{name}-{hashlib.sha256(group.encode('utf-8', 'surrogatepass')).hexdigest()[:8]}"
         for group, name in plain.items()
     }
 
@@ -43,10 +45,6 @@ def _harmless(group: str) -> str:
     if not name or name.split(".")[0].casefold() in TAKEN or name.casefold() in TAKEN:
         name = f"group_{name}".rstrip("_")
     return name
-
-
-def _hash(group: str) -> str:
-    return hashlib.sha256(group.encode("utf-8", "surrogatepass")).hexdigest()[:8]
 
 
 CONVERGED = "converged"
@@ -102,11 +100,6 @@ class End:
     message: str
     detail: str | None = None
     timing_s: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def converged(self) -> bool:
-        """Whether the fit passed its gate."""
-        return self.status == CONVERGED
 
 
 # ----------------------------------------------------------------------------------------------------------------------

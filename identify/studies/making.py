@@ -124,7 +124,9 @@ def serve(work: Make) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the batch, which then ends this process
     warnings.simplefilter("ignore")
     faulthandler.enable()
-    _end_with_parent()
+    if sys.platform.startswith("linux"):  # the system ends this process with the one that started it
+        # No thread that watches: readers of logs guard themselves by forks, which a process with threads must not do.
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever a library prints is no answer
 
@@ -139,15 +141,6 @@ def serve(work: Make) -> None:
     for line in iter(sys.stdin.readline, ""):
         request = json.loads(line)
         answer(asdict(work(Job.from_document(request["job"]), Path(request["part"]))))
-
-
-def _end_with_parent() -> None:
-    """Have the system end this process with the one that started it, where it can.
-
-    Not a thread that watches: readers of logs guard themselves by forks, which a process with threads must not do.
-    """
-    if sys.platform.startswith("linux"):
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
 def main() -> None:

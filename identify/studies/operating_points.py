@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from identify.base.errors import IdentifyError
 from identify.base.quantiles import LEVEL, NORMAL, student, student_below
 from identify.base.result import Number
+from identify.model.model import RIG_PARAMETERS
 from identify.prediction.intervals import OperatingPoint
 from identify.prediction.point_prediction import NoAnswer, PointPrediction
 from identify.prediction.predict import predictions
@@ -36,8 +37,9 @@ if TYPE_CHECKING:
 # Where groups are compared: drive speeds and normal force that the fits have in common, rig and model of the fits.
 # ----------------------------------------------------------------------------------------------------------------------
 
-MOST_SPEEDS = 4
+MOST_SPEEDS = 4  # those that most logs have
 DIGITS = 3
+UNLIKE = 0.02  # of a rig quantity
 
 
 @dataclass(frozen=True)
@@ -68,10 +70,14 @@ def common(comparison: Comparison, speeds: Sequence[float] = (), normal_force: f
     if not scenes or not effects:
         raise CompareError("no fit tells the scene it was made with; expected provenance in result.json: fit again")
     tables = [scene.values(scene.logs[0] if scene.logs else None) for scene in scenes]
-    columns = {name: np.array([float(t[name]) for t in tables]) for name in tables[0] if _known(tables, name)}
+    known = [name for name in tables[0] if all(table.get(name) is not None for table in tables)]
+    columns = {name: np.array([float(table[name]) for table in tables]) for name in known}
     logs = list({id(log): log for entry in alike for log in entry.taken}.values())
-    load = normal_force or _median([log.normal_force_N for log in logs])
-    chosen = tuple(speeds) or _usual([log.drive_speed_m_per_s for log in logs])
+    loads = [log.normal_force_N for log in logs if log.normal_force_N is not None]
+    load = normal_force or (float(np.median(loads)) if loads else None)
+    rounded = [float(f"{abs(v):.{DIGITS}g}") for v in (log.drive_speed_m_per_s for log in logs) if v]
+    usual = sorted(speed for speed, _ in Counter(rounded).most_common(MOST_SPEEDS))
+    chosen = tuple(speeds) or tuple(usual)
     if load is None or not chosen:
         raise CompareError("the fits tell no normal force or no drive speed; give them: --load and --speeds")
     return Common(
@@ -79,7 +85,7 @@ def common(comparison: Comparison, speeds: Sequence[float] = (), normal_force: f
         values={name: float(np.median(column)) for name, column in columns.items()},
         speeds=chosen,
         normal_force=float(load),
-        spread=tuple(n for n, c in columns.items() if n in ("mass", "stiffness", "damping") and _differ(c)),
+        spread=tuple(n for n, c in columns.items() if n in RIG_PARAMETERS and np.ptp(c) > UNLIKE * np.max(np.abs(c))),
         others=tuple(dict.fromkeys(entry.whole for entry in entries if effects_of(entry) != effects)),
     )
 
@@ -96,25 +102,6 @@ def scene_of(entry: FitEntry, effects: tuple[str, ...]) -> Scene | None:
         return scene.with_effects(effects) if scene.effects != effects else scene
     except (IdentifyError, KeyError, TypeError, ValueError):
         return None
-
-
-def _known(tables: Sequence[Mapping[str, float | None]], name: str) -> bool:
-    return all(table.get(name) is not None for table in tables)
-
-
-def _differ(column: np.ndarray) -> bool:
-    return bool(np.ptp(column) > 0.02 * np.max(np.abs(column)))
-
-
-def _median(found: Sequence[float | None]) -> float | None:
-    numbers = [value for value in found if value is not None]
-    return float(np.median(numbers)) if numbers else None
-
-
-def _usual(found: Sequence[float | None]) -> tuple[float, ...]:
-    """The drive speeds that most logs have, at most four, slowest first."""
-    rounded = [float(f"{abs(v):.{DIGITS}g}") for v in found if v]
-    return tuple(sorted(speed for speed, _ in Counter(rounded).most_common(MOST_SPEEDS)))
 
 
 Array = NDArray[np.float64]
@@ -202,14 +189,17 @@ def _lacking(comparison: Comparison, ground: Common, group: str, names: Sequence
     missing = [name for name in names if group not in comparison.answered[name].design.groups]
     entries = comparison.taken.entries
     tried = {name for entry in entries for name in (*entry.result.parameters, *entry.elsewhere)}
-    lost = [n for n in tried if n in ground.values and n not in names and not _is_fixed(comparison, n)]
+    verdicts = {n: {p.verdict for e in entries if (p := e.result.parameters.get(n)) is not None} for n in tried}
+    lost = [n for n in tried if n in ground.values and n not in names and verdicts[n] != {"fixed"}]
     lost = [n for n in lost if n in ground.model.parameter_names]
     reasons = {q.quantity.name: q.reason for q in comparison.quantities if q.pooled is None}
-    mine = [e for e, g in zip(entries, comparison.taken.setting.group, strict=True) if g == group]
-    by, common = comparison.question.by, {name for entry in mine for name in entry.elsewhere}
+    mine = [i for i, g in enumerate(comparison.taken.setting.group) if g == group]
+    by, common = comparison.question.by, {name for i in mine for name in entries[i].elsewhere}
+    some = np.any(np.isfinite(comparison.values.y[mine]), axis=0)
+    told = {q.name for q, any_ in zip(comparison.values.quantities, some, strict=True) if any_}
     apart: dict[str, list[str]] = {}
     for name in sorted(set(missing + lost)):
-        why = reasons.get(name) if _told_in(comparison, group, name) else None
+        why = reasons.get(name) if name in told else None
         why = why or (f"its fits tell one value for several {by}s" if name in common else "")
         apart.setdefault(why, []).append(name)
     sentences = [
@@ -219,18 +209,6 @@ def _lacking(comparison: Comparison, ground: Common, group: str, names: Sequence
         for why, found in apart.items()
     ]
     return "; ".join(sentences)
-
-
-def _told_in(comparison: Comparison, group: str, name: str) -> bool:
-    """Whether a fit of the group tells the parameter."""
-    index = next((k for k, q in enumerate(comparison.values.quantities) if q.name == name), None)
-    mine = [i for i, g in enumerate(comparison.taken.setting.group) if g == group]
-    return index is not None and bool(np.any(np.isfinite(comparison.values.y[mine, index])))
-
-
-def _is_fixed(comparison: Comparison, name: str) -> bool:
-    told = [p for e in comparison.taken.entries if (p := e.result.parameters.get(name)) is not None]
-    return bool(told) and all(p.verdict == "fixed" for p in told)
 
 
 @dataclass(frozen=True)
@@ -251,10 +229,9 @@ def _spreads(comparison: Comparison, ground: Common, group: str, names: Sequence
     for k, name in enumerate(names):
         values[name] = quantities[name].shown(float(found.mean[k]))
         slope[k] = values[name] if quantities[name].logarithmic else 1.0
-    normal = NORMAL
-    wide = student(0.5 + LEVEL / 2, np.maximum(found.df, LEAST_DF)) / normal
+    wide = student(0.5 + LEVEL / 2, np.maximum(found.df, LEAST_DF)) / NORMAL
     ahead = [predictive(comparison.answered[name], group) for name in names]
-    further = student(0.5 + LEVEL / 2, np.maximum([a[2] for a in ahead], LEAST_DF)) / normal
+    further = student(0.5 + LEVEL / 2, np.maximum([a[2] for a in ahead], LEAST_DF)) / NORMAL
     mean = found.covariance * np.outer(slope * wide, slope * wide)
     people = (found.covariance + found.scatter) * np.outer(slope * further, slope * further)
     return _Spreads(values, tuple(names), mean, people, float(max(min(a[2] for a in ahead), LEAST_DF)))
@@ -262,7 +239,8 @@ def _spreads(comparison: Comparison, ground: Common, group: str, names: Sequence
 
 def _answer(comparison: Comparison, ground: Common, group: str, names: Sequence[str], found: Joint) -> GroupAnswer:
     spreads = _spreads(comparison, ground, group, names, found)
-    curve = _amplitude_speeds(ground)
+    # the curve of amplitudes: a decade around the common drive speeds
+    curve = np.geomspace(min(ground.speeds) / 3.0, max(ground.speeds) * 10.0, AMPLITUDE_POINTS).tolist()
     mean, people = (
         [
             *_ask(ground, spreads, ground.speeds, covariance, draws=True),
@@ -331,12 +309,6 @@ def probability(speed: float, limit: float | None, people: tuple[float, float] |
     return student_below(quantile * float(np.log(limit / speed)) / half, df)
 
 
-def _amplitude_speeds(ground: Common) -> tuple[float, ...]:
-    """Speeds of the curve of amplitudes: a decade around the common ones."""
-    low, high = min(ground.speeds) / 3.0, max(ground.speeds) * 10.0
-    return tuple(np.geomspace(low, high, AMPLITUDE_POINTS).tolist())
-
-
 def _amplitude(
     speeds: Sequence[float],
     mean: Sequence[PointPrediction | NoAnswer],
@@ -369,6 +341,5 @@ def _friction(ground: Common, spreads: _Spreads) -> SpeedCurve:
     found = slidings(ground.model, everything, np.tile(speeds, len(moved)), load)
     mu = np.array([s.force for s in found]).reshape(len(moved), len(speeds)) / ground.normal_force
     slopes = (mu[1::2] - mu[2::2]) / (2.0 * steps[:, None])
-    half = NORMAL
-    bands = [half * np.sqrt(np.einsum("kv,kl,lv->v", slopes, C, slopes)) for C in (spreads.mean, spreads.people)]
+    bands = [NORMAL * np.sqrt(np.einsum("kv,kl,lv->v", slopes, C, slopes)) for C in (spreads.mean, spreads.people)]
     return SpeedCurve(speeds, mu[0], mu[0] - bands[0], mu[0] + bands[0], mu[0] - bands[1], mu[0] + bands[1])

@@ -74,20 +74,13 @@ def _folder(source: Path) -> Listing:
     files = [path for path in files if path.suffix.lower() not in NOT_LOGS]
     if not files:
         raise BatchError([f"{source}: the folder holds no log; expected one file per log: choose another folder"])
-    foreign = [path for path in files if not _is_text(path.name)]
+    # Bytes of a name that are no UTF-8 come as surrogates, which no encoding takes.
+    foreign = [path for path in files if path.name != path.name.encode("utf-8", "ignore").decode()]
     if foreign:
         raise BatchError([f"{source}: the file name {path.name!r} is not UTF-8; rename it" for path in foreign])
     stems = [_stem(path) for path in files]
     names = [stem if stems.count(stem) == 1 else path.name for path, stem in zip(files, stems, strict=True)]
     return Listing(tuple(ManifestRow(path.name, path, name) for path, name in zip(files, names, strict=True)))
-
-
-def _is_text(name: str) -> bool:
-    try:
-        name.encode("utf-8")
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def _stem(path: Path) -> str:
@@ -131,8 +124,7 @@ def _table(source: Path) -> list[tuple[int, list[str]]]:
         text = source.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise BatchError([f"{source}: this is not UTF-8 text; save the manifest as CSV in UTF-8"]) from None
-    lines = text.splitlines()
-    first = next((line for line in lines if line.strip()), "")
+    first = next((line for line in text.splitlines() if line.strip()), "")
     between = max(",;\t", key=first.count)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=between, strict=True)
     try:
@@ -157,8 +149,10 @@ def _heading_complaints(source: Path, heading: Sequence[str]) -> tuple[list[str]
         for name, times in Counter(heading).items()
         if name and times > 1
     ]
+    missing = {own.replace("_", ""): own for own in OWN if own not in heading}
     for name in heading:
         top, _, rest = name.partition(".")
+        plain = "".join(c for c in name.casefold() if c.isalnum())  # "Drive speed", "drivespeed"
         if _DOTTED.fullmatch(name) and top not in TOP:
             complaints.append(
                 f"{source}: the column {name!r} is no path into a scene; did you mean {nearest(top, TOP)}.{rest}? "
@@ -168,22 +162,12 @@ def _heading_complaints(source: Path, heading: Sequence[str]) -> tuple[list[str]
             complaints.append(
                 f"{source}: the column {name!r} is no key of a log; did you mean logs.{nearest(rest, LOG_KEYS)}?"
             )
-        elif meant := _meant(name, heading):
+        elif name not in OWN and (meant := missing.get(plain)):
             complaints.append(f"{source}: the column {name!r} would be a label; did you mean {meant}? Rename it")
         elif name in (*LOG_KEYS, *TOP) and name not in OWN:
             keys = f"logs.{name}" if name in LOG_KEYS else f"a column of its keys, such as {name}.…"
             notes.append(f"the column {name!r} is taken as a label; it would take {keys} to set the scene")
     return complaints, notes
-
-
-def _meant(name: str, heading: Sequence[str]) -> str:
-    """The column that a heading spells otherwise ("Drive speed", "drivespeed"); "" where there is none."""
-    plain = {_plain(own): own for own in OWN if own not in heading}
-    return "" if name in OWN else plain.get(_plain(name), "")
-
-
-def _plain(name: str) -> str:
-    return "".join(c for c in name.casefold() if c.isalnum())
 
 
 def _row(source: Path, line: int, heading: Sequence[str], cells: Sequence[str]) -> ManifestRow | str:
@@ -301,8 +285,12 @@ class _Check:
         self._of_all = [log for log in self._listed if "path" not in log]
 
     def complaints(self) -> list[str]:
-        """One sentence per thing to mend."""
-        return [f"{_named(places)}: {sentence}" for sentence, places in self._said.items()]
+        """One sentence per thing to mend: "a.csv line 2, a.csv line 3 and 17 others: …"."""
+        out = []
+        for sentence, places in self._said.items():
+            others = f" and {len(places) - NAMED} others" if len(places) > NAMED else ""
+            out.append(f"{', '.join(places[:NAMED])}{others}: {sentence}")
+        return out
 
     def scene_of(self, group: str, name: str, rows: Sequence[ManifestRow]) -> Scene | None:
         """The scene of a group; None, and complaints, where it cannot be built."""
@@ -310,28 +298,24 @@ class _Check:
         try:
             return self._build(name, rows)
         except SceneError as error:
-            said, sentence = len(self._said), str(error)
+            sentence = str(error)
         # Each row on its own, so that all wrong rows are told and not the first alone.
-        wrong = [row for row in rows if self._wrong(name, row)] if len(rows) > 1 else []
-        if not wrong and len(self._said) == said:
-            places = rows[0].where if len(rows) == 1 else f"group {group!r}"
-            self._say(sentence, places)
+        wrong = []
+        for row in rows if len(rows) > 1 else ():
+            try:
+                self._build(name, [row])
+            except SceneError as error:
+                wrong.append((str(error), row.where))
+        place = rows[0].where if len(rows) == 1 else f"group {group!r}"
+        for said, where in wrong or [(sentence, place)]:
+            self._said.setdefault(said, []).append(where)
         return None
-
-    def _wrong(self, name: str, row: ManifestRow) -> bool:
-        try:
-            self._build(name, [row])
-        except SceneError as error:
-            self._say(str(error), row.where)
-            return True
-        return False
-
-    def _say(self, sentence: str, place: str) -> None:
-        self._said.setdefault(sentence, []).append(place)
 
     def _build(self, name: str, rows: Sequence[ManifestRow]) -> Scene:
         document: Document = copy.deepcopy({key: value for key, value in self._defaults.items() if key != "logs"})
-        own = _own_of_logs(rows)
+        # Keys of [rig] that become the logs' own, because not all rows of the group say the same.
+        keys = [f"rig.{name}" for name in PER_LOG]
+        own = [key for key in keys if len({row.overrides.get(key) for row in rows}) > 1]
         for key, text in _shared(rows, own).items():
             put(document, f"{key}={text}")
         document |= {"name": name, "logs": [entry for row in rows for entry in self._entries(row, own)]}
@@ -378,12 +362,6 @@ def _place(log: Mapping[str, object], scene: Path) -> Path | None:
     return located(scene.parent, path).resolve() if isinstance(path, str) and "\0" not in path else None
 
 
-def _own_of_logs(rows: Sequence[ManifestRow]) -> tuple[str, ...]:
-    """The keys of [rig] that become the logs' own, because not all rows of the group say the same."""
-    keys = [f"rig.{name}" for name in PER_LOG]
-    return tuple(key for key in keys if len({row.overrides.get(key) for row in rows}) > 1)
-
-
 def _shared(rows: Sequence[ManifestRow], own: Sequence[str]) -> dict[str, str]:
     """What all rows of a group say of its one scene.
 
@@ -402,12 +380,6 @@ def _shared(rows: Sequence[ManifestRow], own: Sequence[str]) -> dict[str, str]:
             )
         out[key] = texts[0]
     return out
-
-
-def _named(places: Sequence[str]) -> str:
-    """ "a.csv line 2, a.csv line 3 and 17 others"."""
-    shown = ", ".join(places[:NAMED])
-    return shown if len(places) <= NAMED else f"{shown} and {len(places) - NAMED} others"
 
 
 def _hashed(listing: Listing, told: Progress) -> dict[str, tuple[str, int]]:
@@ -433,11 +405,8 @@ def _hashed(listing: Listing, told: Progress) -> dict[str, tuple[str, int]]:
 
 
 def _job(group: str, folder: str, document: Document, digests: Mapping[str, tuple[str, int]]) -> Job:
-    paths = [log["path"] for log in document["logs"]]
-    logs = tuple(
-        LogFile(path, digests[path][0], dict(log.get("labels", {})))
-        for path, log in zip(paths, document["logs"], strict=True)
-    )
+    logs = tuple(LogFile(log["path"], digests[log["path"]][0], dict(log.get("labels", {}))) for log in document["logs"])
+    names = dict.fromkeys(name for log in logs for name in log.labels)
     return Job(
         group=group,
         folder=folder,
@@ -445,15 +414,10 @@ def _job(group: str, folder: str, document: Document, digests: Mapping[str, tupl
         numerics=numerics(),
         scene=document,
         logs=logs,
-        labels=_common([log.labels for log in logs]),
-        size=sum(digests[path][1] for path in dict.fromkeys(paths)),
+        # what its logs agree on, else their different texts
+        labels={n: "; ".join(dict.fromkeys(log.labels[n] for log in logs if n in log.labels)) for n in names},
+        size=sum(digests[path][1] for path in {log.path for log in logs}),
     )
-
-
-def _common(labels: Sequence[Mapping[str, str]]) -> dict[str, str]:
-    """The labels of a group: what its logs agree on, else their different texts."""
-    names = dict.fromkeys(name for log in labels for name in log)
-    return {name: "; ".join(dict.fromkeys(log[name] for log in labels if name in log)) for name in names}
 
 
 def _unused(defaults: Mapping[str, Any], scene: Path, listing: Listing) -> list[str]:

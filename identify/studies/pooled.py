@@ -184,7 +184,7 @@ def pool(y: Array, noise: Array, setting: Setting, family: int = 1) -> Pooled:
         mixed=mixed,
         means=tuple(_mean(group, k, mixed, here) for k, group in enumerate(plan.groups)),
         differences=_differences(plan, mixed, here, level),
-        scatter=_scatter(plan, mixed, _repeated(here)),
+        scatter=_scatter(plan, mixed, here),
         level=level,
     )
 
@@ -231,7 +231,8 @@ def _differences(plan: Design, mixed: Mixed, setting: Setting, level: float) -> 
     contrasts = np.zeros((len(pairs), len(mixed.beta)))
     for row, (i, j) in enumerate(pairs):
         contrasts[row, [i, j]] = 1.0, -1.0
-    reasons = [_untested(plan.groups[i], plan.groups[j], setting) for i, j in pairs]
+    few = {group: _few(group, *_count(setting, group)) for group in plan.groups}
+    reasons = [few[plan.groups[i]] or few[plan.groups[j]] for i, j in pairs]
     estimates = [mixed.contrast(c) for c in contrasts]
     reasons = [
         reason or ("too few fits to tell the scatter" if found.df < LEAST_DF else "")
@@ -258,11 +259,11 @@ def _differences(plan: Design, mixed: Mixed, setting: Setting, level: float) -> 
     return tuple(out)
 
 
-def _untested(a: str, b: str, setting: Setting) -> str:
-    return next((reason for group in (a, b) if (reason := _few(group, *_count(setting, group)))), "")
-
-
-def _scatter(plan: Design, mixed: Mixed, repeated: bool) -> VarianceParts:
+def _scatter(plan: Design, mixed: Mixed, setting: Setting) -> VarianceParts:
+    # Whether somebody was measured again under the same conditions, so that runs are told from people.
+    subjects = setting.subject or ("",) * len(setting.group)
+    conditions = list(zip(subjects, setting.group, *setting.factors.values(), strict=True))
+    repeated = len(set(conditions)) < len(conditions)
     names = [c.name for c in plan.components]
     noise = float(np.mean(mixed.noise))
     run = mixed.variance_of(RUN)
@@ -281,13 +282,6 @@ def _scatter(plan: Design, mixed: Mixed, repeated: bool) -> VarianceParts:
         repeatability_interval=ends,
         intraclass=between / (between + run + noise) if tells else None,
     )
-
-
-def _repeated(setting: Setting) -> bool:
-    """Whether somebody was measured again under the same conditions, so that runs are told from people."""
-    subjects = setting.subject or ("",) * len(setting.group)
-    conditions = list(zip(subjects, setting.group, *setting.factors.values(), strict=True))
-    return len(set(conditions)) < len(conditions)
 
 
 def _repeatability_interval(mixed: Mixed, variance: float) -> tuple[float, float] | None:

@@ -28,27 +28,11 @@ from identify.studies.job import CONVERGED, UNWRITTEN, BatchError, Job
 from identify.studies.planning import BatchPlan
 from identify.studies.workers import Answer, Workers, WorkersLostError, answers
 
-# ----------------------------------------------------------------------------------------------------------------------
-# How long a batch will still take, from what it took so far.
-# ----------------------------------------------------------------------------------------------------------------------
 
-
-class Pace:
-    """Counts the work done, in bytes of logs; what is left is expected to go as fast."""
-
-    def __init__(self, total: int) -> None:
-        self._began = time.monotonic()
-        self._total, self._done = total, 0
-
-    def add(self, size: int) -> None:
-        """So much more is done."""
-        self._done += size
-
-    def remaining(self) -> float | None:
-        """Expected seconds to the end; None while nothing is done yet."""
-        if not self._done:
-            return None
-        return (time.monotonic() - self._began) * max(self._total - self._done, 0) / self._done
+def time_left(seconds: float, done: int, total: int) -> float | None:
+    """Expected seconds to the end: what is left goes as fast as what is done (both in bytes of logs) went in so many
+    seconds; None while nothing is done yet."""
+    return seconds * max(total - done, 0) / done if done else None
 
 
 def in_words(seconds: float) -> str:
@@ -114,7 +98,13 @@ def run_batch(
     with locked(out):
         check_place(out, resume)
         store = Store(out)
-        _check_foreign(store, plan.jobs)
+        foreign = [
+            f"{out / job.folder} holds {name!r}, which is not part of a result; move it away"
+            for job in plan.jobs
+            if store.ended(job) is None and (name := store.foreign(job)) is not None
+        ]
+        if foreign:
+            raise BatchError(foreign)
         return _Run(plan, store, workers, teller, {"jobs": workers.count, "scheduler": scheduler}).go(limit)
 
 
@@ -135,17 +125,6 @@ def check_place(out: Path, resume: bool) -> None:
         raise BatchError(
             [f"--out {out} holds a batch already; add --resume to go on with it, or choose another folder"]
         )
-
-
-def _check_foreign(store: Store, jobs: Sequence[Job]) -> None:
-    found = [(job, store.foreign(job)) for job in jobs if store.ended(job) is None]
-    complaints = [
-        f"{store.folder / job.folder} holds {name!r}, which is not part of a result; move it away"
-        for job, name in found
-        if name is not None
-    ]
-    if complaints:
-        raise BatchError(complaints)
 
 
 def _full(words: str) -> _StopError:
@@ -187,24 +166,19 @@ class _Run:
                 self._ended[job.group] = Ended.of(document)
 
     def _fit(self, todo: Sequence[Job], limit: float) -> None:
-        pace = Pace(sum(job.size for job in todo))
         if not todo:
             return
+        began, size, total = time.monotonic(), 0, sum(job.size for job in todo)
         with self._workers as workers:
             for arrived in answers(workers, todo, self._store.folder, limit):
                 if arrived is None:
                     self._teller.tick()
                     continue
                 job, answer = arrived
-                self._ended[job.group] = self._put(job, answer)
-                pace.add(job.size)
-                self._teller.ended(
-                    job.group,
-                    self._ended[job.group],
-                    len(self._ended),
-                    len(self._plan.jobs),
-                    pace.remaining(),
-                )
+                end = self._ended[job.group] = self._put(job, answer)
+                size += job.size
+                left = time_left(time.monotonic() - began, size, total)
+                self._teller.ended(job.group, end, len(self._ended), len(self._plan.jobs), left)
                 if time.monotonic() - self._written > EVERY:
                     self._index()
 

@@ -12,6 +12,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Protocol, Self
@@ -77,9 +78,9 @@ class Grip:
         if process is not None:
             process.kill()
             process.wait()
-            for stream in (process.stdin, process.stdout):
-                if stream is not None:
-                    _close(stream)
+            for stream in filter(None, (process.stdin, process.stdout)):
+                with suppress(OSError):  # what was not yet written has nowhere to go
+                    stream.close()
         errors, self._errors = self._errors, None
         if errors is not None:
             errors.close()
@@ -133,11 +134,15 @@ class Grip:
     def _died(self, words: str) -> End:
         process, errors = self._process, self._errors
         code = None if process is None else process.wait()
-        detail = ""
+        cause, detail = f"exit code {code}", ""
+        if code is not None and code < 0:
+            known = -code in set(signal.Signals)
+            cause = signal.Signals(-code).name if known else f"signal {-code}"
+            cause += ", perhaps for want of memory" * (cause == "SIGKILL")
         if errors is not None and not errors.closed:
             errors.seek(max(0, errors.seek(0, os.SEEK_END) - 4000))
             detail = errors.read().decode("utf-8", "replace").strip()
-        return End(CRASHED, f"{words} ({_cause(code)}); the other fits went on", detail or None)
+        return End(CRASHED, f"{words} ({cause}); the other fits went on", detail or None)
 
 
 def _environment(inherited: Mapping[str, str]) -> dict[str, str]:
@@ -145,23 +150,6 @@ def _environment(inherited: Mapping[str, str]) -> dict[str, str]:
     root = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(filter(None, (root, inherited.get("PYTHONPATH", ""))))
     return {**inherited, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONPATH": path, "MPLBACKEND": "agg"}
-
-
-def _cause(code: int | None) -> str:
-    if code is None or code >= 0:
-        return f"exit code {code}"
-    try:
-        name = signal.Signals(-code).name
-    except ValueError:
-        return f"signal {-code}"
-    return f"{name}, perhaps for want of memory" if name == "SIGKILL" else name
-
-
-def _close(stream: IO[str]) -> None:
-    try:
-        stream.close()
-    except OSError:  # what was not yet written has nowhere to go
-        return
 
 
 TICK = 0.5  # s between two looks at the clock
