@@ -164,7 +164,9 @@ def _draw(cycles: UnevenCycles, curve: StrengthCurve | None) -> Drawing:
         against.plot(curve.rest_s, curve.strength, color=FITTED, label="usual strength, 95 % band")
         against.legend(loc="upper right")
     against.plot(column["rest_s"], column["strength"], "o", color=ONSET, markersize=3.2)
-    _from_zero(against)
+    headroom(against, 0.1)
+    against.set_ylim(bottom=0.0)
+    against.set_xlim(left=0.0)
     frame(against, "rest before the slip (s)", "", "strength over load")
     return Drawing(
         name=f"log_{cycles.log}_uneven",
@@ -178,12 +180,6 @@ def _draw(cycles: UnevenCycles, curve: StrengthCurve | None) -> Drawing:
         wide=True,
         tables={f"log_{cycles.log}_uneven": column},
     )
-
-
-def _from_zero(axes: Axes) -> None:
-    headroom(axes, 0.1)
-    axes.set_ylim(bottom=0.0)
-    axes.set_xlim(left=0.0)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from identify.base.document import Json, from_document
 from identify.base.result import (
     AccuracyLevel,
-    BootstrapInterval,
     CombinationsResult,
     ComparedModel,
+    Interval,
     Number,
-    ProfileCurve,
     Result,
 )
 from identify.prediction.stabilising import ChangeAdvice, StabilisingAdvice
@@ -65,14 +64,21 @@ def _said(entry: Number) -> str:
 
 def interval_table(result: Result) -> ReportTable | None:
     """The 95 % intervals side by side: the result's own, by profile, by bootstrap; None where neither was run."""
-    heads, methods = [Cell("result")], []
+    heads = [Cell("result")]
+    methods: list[dict[str, tuple[Interval, str]]] = []  # interval and remark by parameter
     if result.profile and result.profile.parameters:
         heads.append(Cell("profile"))
-        methods.append({name: (curve.interval, _doubts(curve)) for name, curve in result.profile.parameters.items()})
+        methods.append({})
+        for name, curve in result.profile.parameters.items():
+            doubts = ["ends at a bound of the scene"] * any(curve.at_bound) + ["a point failed"] * any(curve.failed)
+            methods[-1][name] = curve.interval, " · ".join(doubts)
     if result.bootstrap and result.bootstrap.parameters:
         failed = f", {result.bootstrap.failed} did not settle" if result.bootstrap.failed else ""
         heads.append(Cell("bootstrap", f"{result.bootstrap.replicates} replicates{failed}"))
-        methods.append({name: (part.interval, _spread(part)) for name, part in result.bootstrap.parameters.items()})
+        methods.append({})
+        for name, part in result.bootstrap.parameters.items():
+            spread = part.spread_in_standard_errors
+            methods[-1][name] = part.interval, "" if spread is None else f"spread {number(spread, 2)} SE"
     rows = []
     for name, entry in result.parameters.items():
         if not any(name in method for method in methods):
@@ -86,16 +92,6 @@ def interval_table(result: Result) -> ReportTable | None:
             Row(plain_symbol(with_group(name, entry.group)), tuple(cells), quantity(entry.value, entry.unit, 5))
         )
     return ReportTable("parameter", tuple(heads), tuple(rows)) if rows else None
-
-
-def _doubts(curve: ProfileCurve) -> str:
-    bound = ["ends at a bound of the scene"] if any(curve.at_bound) else []
-    return " · ".join(bound + (["a point failed"] if any(curve.failed) else []))
-
-
-def _spread(part: BootstrapInterval) -> str:
-    spread = part.spread_in_standard_errors
-    return "" if spread is None else f"spread {number(spread, 2)} SE"
 
 
 def combination_table(combinations: CombinationsResult) -> ReportTable | None:

@@ -45,10 +45,12 @@ def with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array)
     Args:
         base: (n_p,) of the rig the values are given for.
     """
+    ratio = np.sqrt(sure.memory)
+    widening = {name: finite(float(ratio[k])) for k, (_, name) in enumerate(_names(unknowns))}
     return replace(
         result,
         combinations=_combinations(sure),
-        noise=_noise(sure, unknowns),
+        noise=NoiseResult(tuple(finite(float(c.memory)) for c in sure.colours), widening),
         profile=None if sure.profiles is None else _profile(sure, unknowns, base),
         bootstrap=None if sure.bootstrap is None else _bootstrap(sure, unknowns, base),
         accuracy_table=None if sure.accuracy_table is None else _accuracy(sure, unknowns),
@@ -114,12 +116,6 @@ def _combinations(sure: Certainty) -> CombinationsResult:
     )
     directions = (DirectionResult(d.size, dict(d.moves), d.text) for d in sure.directions)
     return CombinationsResult(tuple(natural), tuple(directions))
-
-
-def _noise(sure: Certainty, unknowns: Unknowns) -> NoiseResult:
-    ratio = np.sqrt(sure.memory)
-    widening = {name: finite(float(ratio[k])) for k, (_, name) in enumerate(_names(unknowns))}
-    return NoiseResult(tuple(finite(float(c.memory)) for c in sure.colours), widening)
 
 
 def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> ProfileResult:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.document import Json
-from identify.base.outcome import LogCurves, SlipDetail
+from identify.base.outcome import LogCurves
 from identify.report.stored_result import as_json, plain
 
 if TYPE_CHECKING:
@@ -63,14 +63,11 @@ def _put_curves(group: h5py.Group, curves: LogCurves) -> None:
     for column, (name, unit) in enumerate(CYCLE_UNITS.items()):
         _array(group, f"cycles/{name}", curves.cycles[:, column], unit)
     if curves.slip is not None:
-        _put_slip(group.create_group("slip"), curves.slip)
-
-
-def _put_slip(group: h5py.Group, slip: SlipDetail) -> None:
-    group.attrs["cycle"] = slip.cycle
-    for name, unit in SLIP_UNITS.items():
-        _array(group, name, getattr(slip, name), unit)
-    _array(group, "samples", slip.samples, "1")
+        inner = group.create_group("slip")
+        inner.attrs["cycle"] = curves.slip.cycle
+        for name, unit in SLIP_UNITS.items():
+            _array(inner, name, getattr(curves.slip, name), unit)
+        _array(inner, "samples", curves.slip.samples, "1")
 
 
 def _array(group: h5py.Group, name: str, values: NDArray[np.generic], unit: str) -> None:

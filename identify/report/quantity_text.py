@@ -34,6 +34,7 @@ def said_once(reasons: Sequence[str]) -> list[str]:
 
 
 DASH = "–"
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 DECADES = 100.0  # from the smaller to the larger end of an interval, from which on no number of decimals suits both
 # From large to small; the first unit in which the number is at least 0.1 is taken.
 LAB_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
@@ -79,9 +80,7 @@ def scale_for(value: float | None, unit: str) -> Scale:
     if unit == "m/s":
         return Scale(*speed_scale(value))
     known = LAB_UNITS.get(unit)
-    if known is None:
-        return Scale(unit, 1.0)
-    if value is None or not math.isfinite(value) or value == 0:
+    if known is None or value is None or not math.isfinite(value) or value == 0:
         return Scale(unit, 1.0)
     for name, factor in known:
         if abs(value) >= 0.0999 * factor:
@@ -95,7 +94,8 @@ def number(value: float | None, digits: int = 4) -> str:
         return DASH
     if value != 0 and not 1e-4 <= abs(value) < 1e6:
         mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
-        return _signed(f"{_trimmed(mantissa)}·10{_superscript(int(exponent))}")
+        power = str(int(exponent)).translate(SUPERSCRIPT)
+        return _signed(f"{_trimmed(mantissa)}·10{power}")
     places = digits - 1 - _decade(value)
     text = f"{value:.{max(places, 0)}f}"
     return _signed(_trimmed(text))
@@ -164,10 +164,6 @@ def _signed(text: str) -> str:
     if not any(digit in text for digit in "123456789"):
         text = text.removeprefix("-")
     return text.replace("-", "−")
-
-
-def _superscript(exponent: int) -> str:
-    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -28,7 +28,8 @@ PNG_DPI = 130
 
 @dataclass(frozen=True)
 class Picture:
-    """A rendered figure. log: number of the log it belongs to, from 1, or None; the rest as in Drawing."""
+    """A rendered figure. log: number of the log it belongs to, from 1, or None; markup: what the page shows of it, ""
+    where only the file in the figures folder has room; the rest as in Drawing."""
 
     log: int | None
     name: str
@@ -38,6 +39,7 @@ class Picture:
     svg: str
     png: bytes
     tables: Mapping[str, Columns]
+    markup: str = ""
 
 
 def pictures(fit: Fit) -> Iterator[Picture]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
@@ -37,17 +37,6 @@ LARGEST = 3_000_000  # bytes of report.html
 FOR_FIGURES = 2_300_000  # of which figures may take
 
 
-@dataclass(frozen=True)
-class FigureView:
-    """A figure in the page: its inlined markup, or "" where only the file in the figures folder has room."""
-
-    name: str
-    alt: str
-    caption: str
-    wide: bool
-    markup: Markup
-
-
 def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
     """The text of report.html for the fit and its rendered figures; at most 3 MB."""
     environment = templates()
@@ -63,16 +52,17 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         for key, entry in result.derived.items()
     }
     combinations = result.combinations or CombinationsResult()
+    scene = result.scene
     return environment.get_template("page.html.j2").render(
         style=Markup(environment.get_template("style.css").render()),
-        title=_title(result),
+        title=str(scene.get("name") or f"{len(logs)} log{'s' * (len(logs) != 1)}"),
         **first_screen_views(result),
         logs=logs,
         shared_labels=[label for label in logs[0].labels if all(label in log.labels for log in logs)] if logs else [],
-        figures_of={view.number: [f for p, f in figures if p.log == view.number] for view in logs},
-        overall_figures=[f for p, f in figures if p.log is None and p.name not in ("profile", "measured")],
-        measured_figures=[f for p, f in figures if p.name == "measured"],
-        depth_figures=[f for p, f in figures if p.name == "profile"],
+        figures_of={view.number: [f for f in figures if f.log == view.number] for view in logs},
+        overall_figures=[f for f in figures if f.log is None and f.name not in ("profile", "measured")],
+        measured_figures=[f for f in figures if f.name == "measured"],
+        depth_figures=[f for f in figures if f.name == "profile"],
         intervals=interval_table(result),
         combinations=combination_table(combinations),
         directions=direction_lines(combinations),
@@ -107,32 +97,23 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
     )
 
 
-def inlined(drawn: Sequence[Picture]) -> list[tuple[Picture, FigureView]]:
+def inlined(drawn: Sequence[Picture]) -> list[Picture]:
     """Every figure with its markup: SVG while there is room for all, the largest as PNG where there is not.
 
     Where even that is too much, the largest figures are left to the figures folder.
     """
-    choices = [(inline_svg(picture.svg, picture.name), _png(picture), "") for picture in drawn]
+    png = '<img alt="" src="data:image/png;base64,{}">'
+    choices = [
+        (inline_svg(picture.svg, picture.name), png.format(base64.b64encode(picture.png).decode("ascii")), "")
+        for picture in drawn
+    ]
     chosen = [0] * len(drawn)
     sizes = [[len(markup.encode()) for markup in choice] for choice in choices]
     while sum(sizes[i][chosen[i]] for i in range(len(drawn))) > FOR_FIGURES:
         step = min(chosen)
         largest = max((i for i in range(len(drawn)) if chosen[i] == step), key=lambda i: sizes[i][step])
         chosen[largest] += 1
-    return [
-        (picture, FigureView(picture.name, picture.alt, picture.caption, picture.wide, Markup(choices[i][chosen[i]])))
-        for i, picture in enumerate(drawn)
-    ]
-
-
-def _png(picture: Picture) -> str:
-    return f'<img alt="" src="data:image/png;base64,{base64.b64encode(picture.png).decode("ascii")}">'
-
-
-def _title(result: Result) -> str:
-    scene, count = result.provenance.get("scene"), len(result.logs)
-    name = scene.get("name") if isinstance(scene, Mapping) else None
-    return str(name) if name else f"{count} log{'s' * (count != 1)}"
+    return [replace(picture, markup=Markup(choices[i][chosen[i]])) for i, picture in enumerate(drawn)]
 
 
 def _search(result: Result) -> str:
@@ -154,17 +135,14 @@ def _provenance(provenance: Mapping[str, Json]) -> list[tuple[str, str]]:
         if key == "scene" or value is None or value == {}:
             continue
         if isinstance(value, Mapping):
-            value = _asked(value) if key == "asked" else ", ".join(f"{name} {item}" for name, item in value.items())
+            pairs = list(value.items())
+            if key == "asked":  # of the fit beyond its values: "accuracy default, profile, bootstrap 200"
+                pairs = [(name.replace("_", " "), "" if item is True else item) for name, item in pairs if item]
+            value = ", ".join(f"{name} {item}".strip() for name, item in pairs)
         elif isinstance(value, list):
             value = " ".join(str(item) for item in value)
         rows.append((key.replace("_", " "), str(value)))
     return rows
-
-
-def _asked(asked: Mapping[str, Json]) -> str:
-    """What was asked of the fit beyond its values: "accuracy default, profile, bootstrap 200"."""
-    words = {name.replace("_", " "): value for name, value in asked.items() if value}
-    return ", ".join(name if value is True else f"{name} {value}" for name, value in words.items())
 
 
 def _scene(provenance: Mapping[str, Json]) -> str:

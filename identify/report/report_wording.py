@@ -43,16 +43,10 @@ SOLVED: Mapping[str, str] = {
 }
 
 
-def _split(symbol: str) -> tuple[str, str]:
-    """ "k_skin" -> ("k", "skin")."""
-    base, _, subscript = symbol.partition("_")
-    return base, subscript
-
-
 DECLARED = {p.name: p for effect in ALL for p in effect.parameters}
 # Symbol (base, subscript) and meaning; what is not said here is as the effects declare it.
 SYMBOLS: Mapping[str, tuple[str, str]] = {
-    **{name: _split(p.symbol) for name, p in DECLARED.items()},
+    **{name: (p.symbol.partition("_")[0], p.symbol.partition("_")[2]) for name, p in DECLARED.items()},
     "mu_s": ("μ", "s"),
     "mu_k0": ("μ", "k0"),
     "delta_mu_k": ("Δμ", "k"),

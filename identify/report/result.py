@@ -86,23 +86,19 @@ def notes_of(scene: Scene, prepared: list[Prepared], found: Findings) -> list[st
     return notes
 
 
-def _rests_on(logs: Sequence[Prepared]) -> str:
-    """Which part of each record an answer from these logs rests on, in words that follow "from"."""
+def _message(prepared: list[Prepared], found: Findings) -> str:
+    """The sentence of the result; an answer says first which part of each record it rests on."""
+    if found.status is not Status.CONVERGED:
+        return found.message
+    taken = [log for i, log in enumerate(prepared) if i not in found.left_out]
+    logs = found.attempt.prepared if found.attempt else taken
     parts = [log.rests_on for log in logs if log.rests_on]
     whole = [log.name for log in logs if not log.rests_on]
     if len(whole) > MOST_NAMED:
         whole = [f"all {'other ' if parts else ''}{len(whole)} records"]
     elif whole:
         whole = [f"all of {listed(whole)}"]
-    return listed([*parts, *whole])
-
-
-def _message(prepared: list[Prepared], found: Findings) -> str:
-    """The sentence of the result; an answer says first which part of each record it rests on."""
-    if found.status is not Status.CONVERGED:
-        return found.message
-    taken = [log for i, log in enumerate(prepared) if i not in found.left_out]
-    return f"from {_rests_on(found.attempt.prepared if found.attempt else taken)}: {found.message}"
+    return f"from {listed([*parts, *whole])}: {found.message}"
 
 
 def _events(prepared: list[Prepared], found: Findings) -> list[str]:
@@ -132,6 +128,7 @@ def _events(prepared: list[Prepared], found: Findings) -> list[str]:
 Array = NDArray[np.float64]
 
 DISTRIBUTION = "stick-slip-workbench"
+STAGES = ("read", "detect", "start", "place", "build", "solve", "intervals")
 PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py", "matplotlib")
 MOST_NAMED = 3  # records that a sentence names where all of each is meant
 RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
@@ -173,7 +170,7 @@ def result_of(
         not_tried=tuple(found.trace.not_tried),
         more={} if found.estimated is None else found.estimated.more,
         rig_against_data=held_results(found.held) or None,
-        timing_s=_timing(clock, began),
+        timing_s={stage: clock.seconds.get(stage, 0.0) for stage in STAGES} | {"total": time.perf_counter() - began},
         provenance={
             "version": _version(DISTRIBUTION),
             "scene": scene.as_document(),
@@ -217,12 +214,6 @@ def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -
             p = found.unknowns.values(found.attempt.solved.theta, log.base)
         values = dict(zip(model.parameter_names, np.where(np.isfinite(p), p, 0.0).tolist(), strict=True))
     return effects_result(as_listed(model.effects, values, log.mean_normal_force, log.drive_speed), auto=False)
-
-
-def _timing(clock: Clock, began: float) -> dict[str, float]:
-    total = time.perf_counter() - began
-    stages = ("read", "detect", "start", "place", "build", "solve", "intervals")
-    return {name: clock.seconds.get(name, 0.0) for name in stages} | {"total": total}
 
 
 def _parameters(found: Findings, converged: bool) -> dict[str, ParameterResult]:

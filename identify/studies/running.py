@@ -98,13 +98,7 @@ def run_batch(
     with locked(out):
         check_place(out, resume)
         store = Store(out)
-        foreign = [
-            f"{out / job.folder} holds {name!r}, which is not part of a result; move it away"
-            for job in plan.jobs
-            if store.ended(job) is None and (name := store.foreign(job)) is not None
-        ]
-        if foreign:
-            raise BatchError(foreign)
+        _check_foreign(store, plan.jobs)
         return _Run(plan, store, workers, teller, {"jobs": workers.count, "scheduler": scheduler}).go(limit)
 
 
@@ -129,6 +123,16 @@ def check_place(out: Path, resume: bool) -> None:
 
 def _full(words: str) -> _StopError:
     return _StopError(f"{words}; make room, then go on with --resume")
+
+
+def _check_foreign(store: Store, jobs: Sequence[Job]) -> None:
+    complaints = [
+        f"{store.folder / job.folder} holds {name!r}, which is not part of a result; move it away"
+        for job in jobs
+        if store.ended(job) is None and (name := store.foreign(job)) is not None
+    ]
+    if complaints:
+        raise BatchError(complaints)
 
 
 class _Run:
