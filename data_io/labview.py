@@ -65,7 +65,7 @@ def _lvm_part(table: Table, items: dict[str, list[str]], number: int) -> Part:
     index = table.header.roles.get("time")
     column = None if index is None else table.columns.get(index)
     if (column is None or not np.isfinite(column).any()) and intervals and intervals[0] > 0:
-        table = with_even_clock(table, _first(items.get("X0", ()), 0.0), intervals[0], "X_Value")
+        table = with_even_clock(table, next(iter(_numbers(items.get("X0", ()))), 0.0), intervals[0], "X_Value")
     header = table.header
     dimension = (items.get("X_Dimension") or ["Time"])[0]
     for index in (header.roles.get("time"), *header.passed_over.get("time", ())):
@@ -111,10 +111,6 @@ def _items(lines: Sequence[str]) -> dict[str, list[str]]:
 def _numbers(fields: Sequence[str]) -> list[float]:
     found = (to_number(field, "," if "," in field else ".") for field in fields if field)
     return [number for number in found if number is not None and math.isfinite(number)]
-
-
-def _first(fields: Sequence[str], otherwise: float) -> float:
-    return next(iter(_numbers(fields)), otherwise)
 
 
 # National Instruments text with a head of pairs for each channel: `Channel name,"Force",Channel name,"Input 1"`.

@@ -11,7 +11,7 @@ from argparse import SUPPRESS, ArgumentParser, Namespace, RawDescriptionHelpForm
 from collections.abc import Callable, Mapping, Sequence
 from itertools import takewhile
 from types import ModuleType
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from identify.base.errors import IdentifyError
 from identify.cli.common import (
@@ -26,6 +26,9 @@ from identify.cli.common import (
 )
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
 from identify.cli.outlets import outlets, shortened
+
+if TYPE_CHECKING:
+    from identify.cli.calculators import Calculator
 
 STOPPED = "interrupted; no half-written result is left behind"
 DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude and a report."
@@ -74,13 +77,12 @@ class _Parser(ArgumentParser):
         raise CommandLineError(f"{message}; see: {self.prog} --help")
 
 
-def commands() -> tuple[ModuleType, ...]:
+def commands() -> tuple[ModuleType | Calculator, ...]:
     """Every command, in the order of the help.
 
     They bring NumPy and pandas, a good part of a second: imported within `main`, which an interruption ends in words.
     """
     from identify.cli import (
-        amplitude,
         app,
         batch,
         cache,
@@ -94,12 +96,11 @@ def commands() -> tuple[ModuleType, ...]:
         rig,
         scene,
         simulate,
-        stability,
         steps,
         verify,
     )
+    from identify.cli.calculators import CALCULATORS
 
-    calculators = (stability, amplitude)
     return (
         demo,
         inspect,
@@ -112,7 +113,7 @@ def commands() -> tuple[ModuleType, ...]:
         batch,
         compare,
         simulate,
-        *calculators,
+        *CALCULATORS,
         app,
         convert,
         cache,

@@ -63,7 +63,7 @@ def map_answer(
         document["map"] = _line_document(answer, site, known)
         terminal.say(wrapped(document["map"]["text"], "", ""))
         if plot:
-            from identify.report.draw_continuation import draw_continuation
+            from identify.report.draw_map import draw_continuation
 
             draw_continuation(answer, plot, part)
         files = [] if data is None else write_continuation(answer, site, data)

@@ -185,7 +185,7 @@ def _with_rhythms(slow: NormalForce, t: Array, f: Array) -> _Rhythms | None:
     rest = f - slow.at(t)
     lines = scipy.fft.dct(rest, norm="ortho")
     power = lines**2
-    noise = _white(power)
+    noise = max(float(np.median(power)) / chi_square(0.5, 1), 1e-300)
     kept, near = _standing_out(power, noise, round(2.0 * SKIRT * (t[-1] - t[0])))
     kept[0] = 0.0  # the level is no rhythm
     strongest = int(np.count_nonzero(kept))
@@ -239,11 +239,6 @@ def _towards_the_ends(length: float) -> Array:
     near = np.linspace(0.0, min(TOWARDS, 0.25 * length), ENDS)
     inner = np.linspace(near[-1], length - near[-1], BETWEEN + 2)[1:-1]
     return np.concatenate([near, inner, length - near[::-1]])
-
-
-def _white(power: Array) -> float:
-    """The noise of a line of a spectrum (n,)."""
-    return max(float(np.median(power)) / chi_square(0.5, 1), 1e-300)
 
 
 def _standing_out(power: Array, noise: float, skirt: int) -> tuple[Array, Bools]:

@@ -102,7 +102,7 @@ def _of_all(
     like = [i for i, own in enumerate(moving) if own == regime]
     confidence = float(np.average([verdicts[i].confidence for i in like], weights=lasts[like]))
     evidence = verdicts[max(like, key=lambda i: lasts[i])].evidence
-    count = _turning(parts)
+    count = len(parts) if len({stroke.direction for stroke in parts}) > 1 else 1
     if count > 1:
         evidence = (
             f"the force changes its sign: {count} strokes to and fro, of which {len(like)} are of this regime",
@@ -127,10 +127,6 @@ def changes_speed(drive: Drive) -> bool:
         return False  # noise of a column is no programme
     several = float(sizes.max() - sizes.min()) > SAME * float(sizes.max())
     return several or (bool(np.any(speeds == 0.0)) and not (speeds.min() < 0.0 < speeds.max()))
-
-
-def _turning(parts: Sequence[Stroke]) -> int:
-    return len(parts) if len({stroke.direction for stroke in parts}) > 1 else 1
 
 
 def only_of(whole: LogRegime, numbers: Sequence[int]) -> LogRegime:

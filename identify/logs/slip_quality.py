@@ -233,7 +233,7 @@ def look_at_slips(part: RecordPart, limits: Thresholds) -> SlipQuality:
         )
         notes.append(Finding("near_harmonic", severity, text))
     return SlipQuality(
-        _spike_count(part),
+        int(np.count_nonzero(part.found.spikes & np.isfinite(part.force))),
         lag,
         slope,
         drift,
@@ -242,10 +242,6 @@ def look_at_slips(part: RecordPart, limits: Thresholds) -> SlipQuality:
         loading,
         tuple(note for note in notes if note is not None),
     )
-
-
-def _spike_count(part: RecordPart) -> int:
-    return int(np.count_nonzero(part.found.spikes & np.isfinite(part.force)))
 
 
 def _spikes(part: RecordPart, limits: Thresholds) -> Finding | None:

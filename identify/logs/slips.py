@@ -248,7 +248,7 @@ def judge(trace: ForceTrace, turns: Turns) -> JudgedFalls:
     slopes, first = _slopes(trace, peaks, valleys), slope(trace.time, trace.force, 0, int(peaks[0]), trace.noise)
     typical = float(np.median(trace.coarse[peaks] - trace.coarse[valleys]))
     loading = not turns.starts_falling and trace.rise(0, int(peaks[0])) > LOADING_RISE * typical
-    usual = _weighted_quantile(slopes, _heights(trace, peaks, valleys)) if slopes.size else first
+    usual = _weighted_quantile(slopes, trace.coarse[peaks[1:]] - trace.coarse[valleys[:-1]]) if slopes.size else first
     reference = first if loading and slopes.size < FEW_RISES else usual
     spiky = (slopes > STEEPEST_RISE * reference) & (peaks[1:] - valleys[:-1] <= SPIKE_RISE) & (reference > 0)
     if spiky.any():
@@ -273,10 +273,6 @@ def judge(trace: ForceTrace, turns: Turns) -> JudgedFalls:
 def _slopes(trace: ForceTrace, peaks: Indices, valleys: Indices) -> Array:
     rises = zip(valleys[:-1].tolist(), peaks[1:].tolist(), strict=True)
     return np.array([slope(trace.time, trace.force, start, stop, trace.noise) for start, stop in rises])
-
-
-def _heights(trace: ForceTrace, peaks: Indices, valleys: Indices) -> Array:
-    return trace.coarse[peaks[1:]] - trace.coarse[valleys[:-1]]
 
 
 def _weighted_quantile(values: Array, weights: Array, share: float = 0.6) -> float:

@@ -18,18 +18,16 @@ from identify.base.errors import DocumentError
 from identify.base.quantiles import NORMAL
 from identify.base.result import LogResult, ParameterResult, Result
 from identify.effects import ALL
+from identify.studies.batch_store import BATCH, FORMULA, INDEX, RESULT
+from identify.studies.job import CONVERGED
 from identify.uneven.answer import SCALES
 
-INDEX, BATCH = "index.csv", "batch.json"
-RESULT = "result.json"
 PAGE = "report.html"
 # Columns of a batch's index that say how a fit went; every other column is a label ("label: status" is the label
 # that happens to be called as one of them).
 NOT_LABELS = frozenset("group status message result folder logs seconds path drive_speed".split())
 LABEL = "label: "
-GUARDED = ("=", "+", "-", "@", "\t", "\r", "|", "%")  # what a spreadsheet may take for a formula
 MANY = 4  # folders below a batch folder in which results are sought
-CONVERGED = "converged"
 UNREADABLE = "unreadable"
 REASONS = {"waiting": "the batch has not come to it"}
 
@@ -137,7 +135,7 @@ def _index(path: Path) -> list[dict[str, str]]:
 
 def _unguarded(text: str) -> str:
     """Text as it was before a spreadsheet was kept from taking it for a formula."""
-    return text[1:] if text.startswith("'") and text[1:].lstrip().startswith(GUARDED) else text
+    return text[1:] if text.startswith("'") and text[1:].lstrip().startswith(FORMULA) else text
 
 
 def _groups(path: Path) -> list[Mapping[str, Json]]:

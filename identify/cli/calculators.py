@@ -1,12 +1,45 @@
-"""The options of the calculators; apart from their work, so that help needs nothing heavy."""
+"""`stickslip stability` and `stickslip amplitude`: what the pair does at an operating point.
+
+The options stand apart from the work, so that help needs nothing heavy.
+"""
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
+from argparse import ArgumentParser, Namespace
+from dataclasses import dataclass
+
+from identify.cli.common import Answer, Terminal
 
 
-def add_point_arguments(parser: ArgumentParser) -> None:
-    """Where the answers are asked for."""
+@dataclass(frozen=True)
+class Calculator:
+    """A command that answers at operating points; NAME: also that of the part of the answer it is about."""
+
+    NAME: str
+    HELP: str
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        """The arguments of this command."""
+        _add_arguments(parser)
+
+    def run(self, arguments: Namespace, terminal: Terminal) -> Answer:
+        """Say it for each operating point.
+
+        Raises:
+            CommandLineError, SceneError, SimulationError, LogError: one sentence each.
+        """
+        from identify.cli.operating import answers
+
+        return answers(arguments, terminal, self.NAME)
+
+
+CALCULATORS = (
+    Calculator("stability", "does the pair stick and slip at an operating point, and up to which drive speed"),
+    Calculator("amplitude", "how large, how fast and how often the jumps of stick-slip are at an operating point"),
+)
+
+
+def _add_arguments(parser: ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--scene", metavar="SCENE.toml", help="the values of a scene: fixed, else start, else default")
     source.add_argument(
