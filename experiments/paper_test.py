@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from identify import Scene, fit
 from identify.examples import SCENE
-from identify.prediction.groups import formed, groups, slopes
-from identify.prediction.stability import QUANTITIES
+from identify.prediction.groups import QUANTITIES, formed, groups, slopes
 
 Array = NDArray[np.float64]
 

@@ -164,7 +164,7 @@ def chances(model: Model, known: Known, count: int) -> None:
         assert found is not None
         low, high = found.interval
         line = "open" if found.linear is None else f"{found.linear:.3f}"
-        print(f"  {1e3 * speed:6.2f} mm/s  lines {line}  draws {found.sampled:.3f} (95 %: {low:.3f} to {high:.3f})")
+        print(f"  {1e3 * speed:6.2f} mm/s  lines {line}  draws {found.value:.3f} (95 %: {low:.3f} to {high:.3f})")
 
 
 def report(hits: Mapping[str, list[bool]]) -> None:

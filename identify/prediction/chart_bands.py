@@ -53,14 +53,14 @@ def closed_plane(plane: Plane, points: int = POINTS) -> ClosedPlane | None:
 
 
 def slip_margin(q: Mapping[str, object]) -> Array:
-    """ln Phi_cr - ln Phi of `groups.settings` (eqs. 17-18): positive where the slip goes on for ever."""
+    """ln Phi_cr - ln Phi of `settings` (eqs. 17-18): positive where the slip goes on for ever."""
     g = formed(q)
     limit, never = log_critical_loading(g["alpha"]), np.where(g["alpha"] > -1, np.inf, np.nan)
     return np.where(g["loading"] > 0, limit - np.log(g["loading"]), never)
 
 
 def sliding_margin(q: Mapping[str, object]) -> Array:
-    """Pi_fc - Pi of `groups.settings` (eqs. 19-25), z where the contact is worn: positive where sliding is stable."""
+    """Pi_fc - Pi of `settings` (eqs. 19-25), z where the contact is worn: positive where sliding is stable."""
     g = formed(q)
     decided = g["z"] * g["tau_cr"] > -1
     ageing = np.where(decided, critical_friction(g["z"] / 2, g["tau_cr"]) - g["Pi"], -np.inf)

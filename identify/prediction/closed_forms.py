@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from identify.effects import MAIN
 from identify.prediction import amplitude, stability
-from identify.prediction.groups import Groups, floated, formed, settings, slopes
-from identify.prediction.stability import QUANTITIES, FrictionLike, RigLike
+from identify.prediction.groups import QUANTITIES, FrictionLike, Groups, RigLike, floated, formed, settings, slopes
 
 # ----------------------------------------------------------------------------------------------------------------------
 # One cycle of the paper's closed forms in SI, for a rig and a friction law (eqs. 8-18).

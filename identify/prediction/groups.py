@@ -4,12 +4,70 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identify.prediction.stability import QUANTITIES, FrictionLike, RigLike
+
+class RigLike(Protocol):
+    """What the calculators need of a rig, SI: m_s, k and h (zeta = h/2k)."""
+
+    @property
+    def mass(self) -> float:
+        """m_s [kg]."""
+
+    @property
+    def stiffness(self) -> float:
+        """k [N/m]."""
+
+    @property
+    def damping(self) -> float:
+        """h of eq. (1) [N/m]."""
+
+
+class FrictionLike(Protocol):
+    """What the calculators need of a friction law, SI; D = 0 stands for no contact ageing."""
+
+    @property
+    def mu_s(self) -> float:
+        """Static coefficient, saturated."""
+
+    @property
+    def mu_k0(self) -> float:
+        """Kinetic coefficient at slow sliding."""
+
+    @property
+    def delta_mu_k(self) -> float:
+        """Change of the kinetic coefficient to fast sliding."""
+
+    @property
+    def a(self) -> float:
+        """Inverse speed of that change [s/m]."""
+
+    @property
+    def D(self) -> float:  # noqa: N802
+        """Relaxation length [m]."""
+
+    @property
+    def t_cr(self) -> float:
+        """Creep time [s]."""
+
+
+QUANTITIES = (
+    "mass",
+    "stiffness",
+    "damping",
+    "mu_s",
+    "mu_k0",
+    "delta_mu_k",
+    "a",
+    "D",
+    "t_cr",
+    "drive_speed",
+    "normal_force",
+)  # what the eigenvalues are differentiated by
+
 
 MEANING = {
     "omega_n": ("rad/s", "natural frequency of the mass on the spring"),

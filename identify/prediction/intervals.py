@@ -59,7 +59,7 @@ def unknown(model: Model, values: Mapping[str, float], names: Sequence[str], cov
     """Which of the named quantities the covariance leaves open, so that there is nothing to draw from."""
     matrix = np.asarray(covariance, float)
     with np.errstate(all="ignore"):
-        sd = np.sqrt(np.diag(matrix)) / np.array([_size(model, values, name) for name in names])
+        sd = np.sqrt(np.diag(matrix)) / scales_of(model, values, names)
     bad = ~(sd < WIDEST) | ~np.all(np.isfinite(matrix), axis=0)
     return tuple(name for name, open_ in zip(names, bad, strict=True) if open_)
 
@@ -136,10 +136,6 @@ def _root(covariance: ArrayLike, scale: Array) -> Array:
 
 def _logarithmic(model: Model, values: Mapping[str, float], name: str) -> bool:
     return values[name] > 0.0 and (name in POINT or model.parameter(name).scale == "log")
-
-
-def _size(model: Model, values: Mapping[str, float], name: str) -> float:
-    return abs(values[name]) if _logarithmic(model, values, name) else 1.0
 
 
 def _possible(model: Model, columns: Mapping[str, Array], p: Array) -> NDArray[np.bool_]:

@@ -251,10 +251,6 @@ class _Intervals:
             for i, (v, s) in enumerate(zip(values, self._slopes, strict=True))
         ]
 
-    def end(self) -> AnswerInterval | None:
-        """Of the drive speed above which there is no stick-slip."""
-        return self.limit(self._answer.windows.end)
-
     def limit(self, limit: StickSlipLimit | None) -> AnswerInterval | None:
         """Of a drive speed at which stick-slip ends: from draws where it is skew."""
         if self._spread is None or self._uncertain is None or limit is None:
@@ -304,7 +300,7 @@ def _stability(answer: SolutionSet, spread: _Intervals) -> StabilityAnswer:
 
     return StabilityAnswer(
         outcome=answer.outcome.value,
-        critical_speed=number(answer.end, "m/s", why, spread.end()),
+        critical_speed=number(answer.end, "m/s", why, spread.limit(windows.end)),
         sliding=SlidingAnswer(
             stable=steady.stable,
             growth_rate=number(steady.growth, "1/s", MODEL, spread.growth()),
@@ -331,15 +327,12 @@ def _amplitude(map_: CycleMap, answer: SolutionSet, spread: _Intervals) -> dict[
     intervals = spread.orbit(values)
     rows = zip(QUANTITIES.items(), values.tolist(), intervals, strict=True)
     out = {name: number(value, unit, MODEL, interval) for (name, unit), value, interval in rows}
-    out["frequency"] = number(1 / values[1], "Hz", MODEL, _inverse(intervals[1]))
+    period = intervals[1]
+    if period is not None and period.low is not None and period.high is not None:
+        period = AnswerInterval(1 / period.high, 1 / period.low)
+    out["frequency"] = number(1 / values[1], "Hz", MODEL, period)
     out["share_in_slip"] = number(values[3] / values[1], "", MODEL, spread.share(values))
     return out
-
-
-def _inverse(interval: AnswerInterval | None) -> AnswerInterval | None:
-    if interval is None or interval.low is None or interval.high is None:
-        return interval
-    return AnswerInterval(1 / interval.high, 1 / interval.low)
 
 
 def _closed_forms(

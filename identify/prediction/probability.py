@@ -12,10 +12,19 @@ from identify.base.quantiles import LEVEL, beta, normal_below
 from identify.base.result import Interval
 from identify.model.model import Model
 from identify.prediction.cycle import CycleMap
-from identify.prediction.intervals import POINT, AnswerInterval, Drawn, OperatingPoint, Spread, draw, unknown
+from identify.prediction.intervals import (
+    LEAST_DRAWS,
+    POINT,
+    AnswerInterval,
+    Drawn,
+    OperatingPoint,
+    Spread,
+    draw,
+    unknown,
+)
 from identify.prediction.orbit import Orbit, long_enough, settle
 from identify.prediction.path import moved_orbit
-from identify.prediction.quantities import QUANTITIES, end_slopes, growth_slopes, orbit_slopes, quantities
+from identify.prediction.quantities import QUANTITIES, end_slopes, orbit_slopes, quantities, sliding_slopes
 from identify.prediction.solutions import SolutionSet, solution_set
 from identify.prediction.windows import StickSlipLimit
 from identify.prediction.wording import said
@@ -32,18 +41,19 @@ from identify.simulation.sliding import growth_rates
 Array = NDArray[np.float64]
 
 DRAWS = 400
-LEAST_DRAWS = 40  # that stick and slip, for an interval of their jumps
 ALIKE = 0.1  # of a half width, by which ends of a linear and a sampled interval may differ to be called alike
 CHANCE = 3.5  # what chance adds to that, times the root of the draws: 2.6 standard errors of a 2.5 % quantile
 
 
 @dataclass(frozen=True)
 class Probability:
-    """Probability of an outcome: from straight lines (None where open), and the share of draws with its interval."""
+    """Probability of an outcome as the interface gives it: share of the draws with its interval, and by straight lines
+    (None where open)."""
 
-    linear: float | None
-    sampled: float
+    value: float
+    unit: str
     interval: tuple[float, float]
+    linear: float | None
 
 
 @dataclass(frozen=True)
@@ -130,7 +140,7 @@ def linear_probabilities(
     spread = Spread(map_.model, map_.p, names, covariance, dict(zip(POINT, (speed, map_.normal_force), strict=True)))
     possible = _possible(map_, answer, names, spread)
     growth = answer.steady.growth
-    deviation = spread.deviation(growth, growth_slopes(map_, speed, names))
+    deviation = spread.deviation(growth, sliding_slopes(map_, speed, names)[0])
     if possible is None or deviation is None:
         return possible, None
     unstable = normal_below(float(np.sign(growth)) / deviation) if deviation > 0 else float(growth > 0)
@@ -164,7 +174,7 @@ def _probability_of(linear: float | None, hits: NDArray[np.bool_]) -> Probabilit
     tail = (1 - LEVEL) / 2
     low = beta(tail, k, n - k + 1) if k else 0.0
     high = beta(1 - tail, k + 1, n - k) if k < n else 1.0
-    return Probability(linear, k / n if n else float("nan"), (low, high))
+    return Probability(k / n if n else float("nan"), "", (low, high), linear)
 
 
 def alike(linear: AnswerInterval, sampled: tuple[float, float], draws: int) -> bool | None:
@@ -173,16 +183,6 @@ def alike(linear: AnswerInterval, sampled: tuple[float, float], draws: int) -> b
         return None
     apart = (ALIKE + CHANCE / np.sqrt(draws)) * 0.5 * (linear.high - linear.low)
     return bool(abs(sampled[0] - linear.low) <= apart and abs(sampled[1] - linear.high) <= apart)
-
-
-@dataclass(frozen=True)
-class ProbabilityNumber:
-    """A probability as the interface gives it: share of the draws with its interval, and by straight lines."""
-
-    value: float
-    unit: str
-    interval: tuple[float, float]
-    linear: float | None
 
 
 @dataclass(frozen=True)
@@ -203,19 +203,13 @@ class PredictionCertainty:
     """How sure the prediction at an operating point is, as the interface gives it; None where there is nothing to
     say; open: what the data do not tell, so that nothing could be drawn."""
 
-    possible: ProbabilityNumber | None
-    certain: ProbabilityNumber | None
+    possible: Probability | None
+    certain: Probability | None
     quantities: Mapping[str, ComparedInterval]
     draws: int
     refused: int
     open: tuple[str, ...]
     text: str
-
-
-def _told(probability: Probability | None) -> ProbabilityNumber | None:
-    if probability is None:
-        return None
-    return ProbabilityNumber(probability.sampled, "", probability.interval, probability.linear)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -263,9 +257,7 @@ def prediction_certainty(
         shown = None if line is None or same is False else (line.low, line.high)
         rows[name] = ComparedInterval(now.get(name), QUANTITIES[name], shown, ends, same)
     text = _text(where, found, rows)
-    return PredictionCertainty(
-        _told(found.possible), _told(found.certain), rows, found.draws, found.refused, found.open, text
-    )
+    return PredictionCertainty(found.possible, found.certain, rows, found.draws, found.refused, found.open, text)
 
 
 def _text(where: str, found: StickSlipProbability, rows: Mapping[str, ComparedInterval]) -> str:
@@ -289,12 +281,11 @@ def _text(where: str, found: StickSlipProbability, rows: Mapping[str, ComparedIn
 
 def _probability(probability: Probability, draws: int) -> str:
     low, high = (100 * end for end in probability.interval)
-    share = 100 * probability.sampled
+    share = 100 * probability.value
     middle = f"above {low:.3g} %" if share == 100 else f"below {high:.2g} %" if share == 0 else f"{share:.3g} %"
-    line = "open" if probability.linear is None else _line(100 * probability.linear)
+    line = "open"
+    if probability.linear is not None:
+        percent = 100 * probability.linear
+        line = "below 0.1 %" if percent < 0.1 else "above 99.9 %" if percent > 99.9 else f"{percent:.3g} %"
     ends = "" if share in (0, 100) else f", 95 %: {low:.3g} to {high:.3g} %"
     return f"{middle} ({draws} draws{ends}; by straight lines {line})"
-
-
-def _line(percent: float) -> str:
-    return "below 0.1 %" if percent < 0.1 else "above 99.9 %" if percent > 99.9 else f"{percent:.3g} %"

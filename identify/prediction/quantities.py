@@ -170,11 +170,6 @@ def end_slopes(map_: CycleMap, limit: StickSlipLimit, names: Sequence[str]) -> A
     return np.asarray(limit.slopes[_columns(map_, names)])
 
 
-def growth_slopes(map_: CycleMap, drive_speed: float, names: Sequence[str]) -> Array:
-    """Derivatives of the growth rate of steady sliding [1/s] by parameters, "drive_speed" or "normal_force"."""
-    return sliding_slopes(map_, drive_speed, names)[0]
-
-
 def sliding_slopes(map_: CycleMap, drive_speed: float, names: Sequence[str]) -> tuple[Array, Array]:
     """Derivatives of the growth rate [1/s] and of the force [N] of steady sliding, (len(names),) each, by parameters,
     "drive_speed" or "normal_force"; by central differences."""

@@ -8,12 +8,13 @@ of kinetic friction.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identify.base.roots import rising_root
+from identify.prediction.groups import QUANTITIES, FrictionLike, RigLike, settings
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Steady sliding of the four-effect model and its eigenvalues, closed form (eqs. 19-24; docs/equations.md, section 6).
@@ -22,74 +23,6 @@ from identify.base.roots import rising_root
 # ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
-
-
-class RigLike(Protocol):
-    """What the calculators need of a rig, SI: m_s, k and h (zeta = h/2k)."""
-
-    @property
-    def mass(self) -> float:
-        """m_s [kg]."""
-        ...
-
-    @property
-    def stiffness(self) -> float:
-        """k [N/m]."""
-        ...
-
-    @property
-    def damping(self) -> float:
-        """h of eq. (1) [N/m]."""
-        ...
-
-
-class FrictionLike(Protocol):
-    """What the calculators need of a friction law, SI; D = 0 stands for no contact ageing."""
-
-    @property
-    def mu_s(self) -> float:
-        """Static coefficient, saturated."""
-        ...
-
-    @property
-    def mu_k0(self) -> float:
-        """Kinetic coefficient at slow sliding."""
-        ...
-
-    @property
-    def delta_mu_k(self) -> float:
-        """Change of the kinetic coefficient to fast sliding."""
-        ...
-
-    @property
-    def a(self) -> float:
-        """Inverse speed of that change [s/m]."""
-        ...
-
-    @property
-    def D(self) -> float:  # noqa: N802
-        """Relaxation length [m]."""
-        ...
-
-    @property
-    def t_cr(self) -> float:
-        """Creep time [s]."""
-        ...
-
-
-QUANTITIES = (
-    "mass",
-    "stiffness",
-    "damping",
-    "mu_s",
-    "mu_k0",
-    "delta_mu_k",
-    "a",
-    "D",
-    "t_cr",
-    "drive_speed",
-    "normal_force",
-)  # what the eigenvalues are differentiated by
 
 
 @dataclass(frozen=True)
@@ -110,11 +43,6 @@ class Linearised:
     D: Array
     worn: Array
     ageing: NDArray[np.bool_]
-
-
-def _arguments(rig: RigLike, friction: FrictionLike, drive_speed: ArrayLike, normal_force: ArrayLike) -> list[Array]:
-    values = [getattr(rig, name) for name in QUANTITIES[:3]] + [getattr(friction, name) for name in QUANTITIES[3:9]]
-    return [np.asarray(q, float) for q in np.broadcast_arrays(*values, np.abs(drive_speed), normal_force)]
 
 
 def _linearise(q: list[Array]) -> Linearised:
@@ -223,7 +151,7 @@ def eigenvalues(
         is fully worn (v_acr > 1: gamma stays 0 and ageing plays no part).
     """
     sign = np.sign(np.asarray(drive_speed, float)) + (np.asarray(drive_speed) == 0)
-    q = _arguments(rig, friction, drive_speed, normal_force)
+    q = [np.asarray(value) for value in settings(rig, friction, drive_speed, normal_force).values()]
     s = _linearise(q)
     with np.errstate(all="ignore"):
         roots = _roots(s)

@@ -127,15 +127,15 @@ def test_probability_and_sampled_intervals():
     map_ = map_of(ALL)
     answer = solution_set(map_, 5e-3)
     sure = stick_slip_probability(map_, answer, NAMES, covariance(0.01), count=150)
-    assert sure.possible is not None and sure.possible.linear == 1.0 and sure.possible.sampled == 1.0
-    assert sure.certain is not None and sure.certain.sampled == 1.0 and sure.draws == 150
+    assert sure.possible is not None and sure.possible.linear == 1.0 and sure.possible.value == 1.0
+    assert sure.certain is not None and sure.certain.value == 1.0 and sure.draws == 150
     end = answer.end
     assert end is not None
     edge = stick_slip_probability(map_, solution_set(map_, 0.9999 * end), NAMES, covariance(0.01), count=150)
     assert edge.possible is not None and edge.possible.linear == pytest.approx(0.5, abs=0.02)
-    assert abs(edge.possible.sampled - 0.5) < 3 * np.sqrt(0.25 / 150)
-    assert edge.possible.interval[0] < edge.possible.sampled < edge.possible.interval[1]
-    assert edge.certain is not None and edge.certain.sampled == 0.0
+    assert abs(edge.possible.value - 0.5) < 3 * np.sqrt(0.25 / 150)
+    assert edge.possible.interval[0] < edge.possible.value < edge.possible.interval[1]
+    assert edge.certain is not None and edge.certain.value == 0.0
     assert alike(AnswerInterval(*sure.sampled["drop"]), sure.sampled["drop"], sure.draws) is True
     assert sure.possible.interval[1] == 1.0
     assert alike(AnswerInterval(0.2, 0.4), (0.2, 0.5), 400) is False

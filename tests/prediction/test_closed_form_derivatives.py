@@ -15,8 +15,7 @@ from scipy.integrate import solve_ivp
 
 from identify import amplitude, stability
 from identify.prediction.closed_forms import CYCLE, UNITS, closed_forms, form_slopes, jump
-from identify.prediction.groups import NAMES, groups
-from identify.prediction.stability import QUANTITIES
+from identify.prediction.groups import NAMES, QUANTITIES, groups
 from tests.support import closed_form_case as plain
 
 FEW = settings(max_examples=20, deadline=None, derandomize=True)

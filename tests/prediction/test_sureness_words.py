@@ -6,7 +6,7 @@ import pytest
 
 from identify.prediction.probability import ComparedInterval, Probability, StickSlipProbability, _text
 
-SURE = Probability(0.999, 1.0, (0.99, 1.0))
+SURE = Probability(1.0, "", (0.99, 1.0), linear=0.999)
 
 
 @pytest.mark.parametrize("alike", [True, False])
