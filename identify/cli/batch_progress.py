@@ -3,33 +3,21 @@
 from __future__ import annotations
 
 import time
-from types import TracebackType
-from typing import TYPE_CHECKING, Self, TextIO
+from typing import TYPE_CHECKING
 
 from identify.cli.interrupt import check_interrupted
-from identify.cli.progress import draws, progress_line
+from identify.cli.progress import Shown, draws, progress_line
 from identify.studies.running import in_words
 
 if TYPE_CHECKING:
-    from rich.progress import Progress as Bar
-    from rich.progress import TaskID
-
-    from identify.cli.common import HowToTell
     from identify.studies.batch_store import Ended
 
 
-class BatchProgress:
+class BatchProgress(Shown):
     """Told by the batch what has ended; shows how many are done, how many did not converge, and the time left."""
 
-    def __init__(self, stream: TextIO, how: HowToTell = "shown") -> None:
-        self._stream, self._how, self._began = stream, how, time.monotonic()
-        self._bar: Bar | None = None
-        self._task: TaskID | None = None
-        self._failures = 0
-        self._until: float | None = None
-
-    def __enter__(self) -> Self:
-        return self
+    _failures = 0
+    _until: float | None = None
 
     def begins(self, total: int, kept: int) -> None:
         """So many groups in all, of which `kept` had ended before."""
@@ -64,12 +52,6 @@ class BatchProgress:
         if self._bar is not None and self._task is not None:
             task = self._bar.tasks[0]
             self._bar.update(self._task, description=self._words(int(task.completed), int(task.total or 0)))
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._bar is not None:
-            self._bar.stop()
 
     def _words(self, done: int, total: int) -> str:
         failed = f", {self._failures} not converged" if self._failures else ""

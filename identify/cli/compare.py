@@ -48,8 +48,12 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.studies.labels import ComparisonQuestion, visible
 
     speeds, load = _point(arguments)
-    out = Path(arguments.out or f"stickslip-by-{_file_name(arguments.by)}")
-    _check_folders(arguments.folders)
+    by = "".join(c if c.isalnum() or c in "-_" else "_" for c in arguments.by)[:40] or "label"
+    out = Path(arguments.out or f"stickslip-by-{by}")
+    for folder in map(Path, arguments.folders):
+        if not folder.is_dir():
+            what = "is no folder" if folder.exists() else "does not exist"
+            raise CommandLineError(f"{folder}: this {what}; give the folder of a fit or of a batch")
     check_replaceable(out, COMPARISON)
     adjust = None if arguments.adjust is None else tuple(n.strip() for n in arguments.adjust.split(",") if n.strip())
     question = ComparisonQuestion(arguments.by, arguments.subject, adjust, tuple(arguments.without))
@@ -85,15 +89,3 @@ def _point(arguments: Namespace) -> tuple[tuple[float, ...], float | None]:
         if not value > 0.0:
             raise CommandLineError(f"{option} has {value:g}; expected a number above zero: change it")
     return speeds, load
-
-
-def _check_folders(folders: list[str]) -> None:
-    for folder in map(Path, folders):
-        if not folder.is_dir():
-            what = "is no folder" if folder.exists() else "does not exist"
-            raise CommandLineError(f"{folder}: this {what}; give the folder of a fit or of a batch")
-
-
-def _file_name(label: str) -> str:
-    """A label as part of a file name."""
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in label)[:40] or "label"

@@ -207,15 +207,12 @@ def _line_text(answer: Continuation, changes: Mapping[str, list[dict[str, Any]]]
     sentences = [f"Over {q.label} from {low} to {high}:"]
     for key, words in (("end_of_stick_slip", "stick-slip exists"), ("loss_of_stability", "steady sliding is unstable")):
         told = [f"{entry['holds']} {_told(entry)}" for entry in changes[key]]
-        everywhere = np.isfinite(answer.figures["drop"]) if key.startswith("end") else _growing(answer)
+        with np.errstate(invalid="ignore"):
+            growing = answer.eigenvalues[:, 0].real >= 0.0
+        everywhere = np.isfinite(answer.figures["drop"]) if key.startswith("end") else growing
         none = "everywhere" if np.all(everywhere) else "nowhere" if not np.any(everywhere) else "in places"
         sentences.append(f"{words} {' and '.join(told) or none};")
     return " ".join(sentences)[:-1] + "."
-
-
-def _growing(answer: Continuation) -> Any:
-    with np.errstate(invalid="ignore"):
-        return answer.eigenvalues[:, 0].real >= 0.0
 
 
 def _told(entry: Mapping[str, Any]) -> str:

@@ -79,7 +79,9 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
             document |= {name: to_dict(answer) for name, answer in found.items()}
             own = prediction.stability.text if part == "stability" else prediction.amplitude.text
             texts = [own, prediction.closed_forms.text, *(answer.text for answer in found.values())]
-            if beyond := _beyond(point, tested):
+            where = {"drive_speed": point.drive_speed, "normal_force": point.normal_force}
+            where["stiffness"] = point.values["stiffness"]
+            if tested is not None and (beyond := tested.beyond(where)):
                 document["extrapolated"] = beyond
                 texts.insert(0, beyond)
         for line in (line for text in texts for line in text.splitlines()):
@@ -93,14 +95,6 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     return Answer(document={"status": "done", "points": documents})
 
 
-def _beyond(point: PairAtPoint, tested: Tested | None) -> str:
-    """What of an operating point the logs did not test; "" where nothing is known of that, or all was."""
-    if tested is None:
-        return ""
-    where = {"drive_speed": point.drive_speed, "normal_force": point.normal_force}
-    return tested.beyond(where | {"stiffness": point.values["stiffness"]})
-
-
 def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnswer]:
     """The answers at each point; points of one pair share what they have in common.
 
@@ -110,14 +104,15 @@ def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnsw
     if len(points) == 1 and not points[0].untold:
         p = points[0]
         return [predict(p.model, p.values, p.drive_speed, p.normal_force, p.covariance, p.names)]
-    left = {groups: iter(_of_pair([p for p in points if p.groups == groups])) for groups in {p.groups for p in points}}
-    return [next(left[p.groups]) for p in points]
-
-
-def _of_pair(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnswer]:
-    if points[0].untold:
-        return [NoAnswer(f"no answer: {points[0].untold}") for _ in points]
-    return predictions(points[0].model, [p.at for p in points], points[0].names)
+    told: dict[int, PointPrediction | NoAnswer] = {}
+    for groups in {p.groups for p in points}:
+        mine = [i for i, p in enumerate(points) if p.groups == groups]
+        first = points[mine[0]]
+        if first.untold:
+            told |= dict.fromkeys(mine, NoAnswer(f"no answer: {first.untold}"))
+        else:
+            told |= zip(mine, predictions(first.model, [points[i].at for i in mine], first.names), strict=True)
+    return [told[i] for i in range(len(points))]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -29,14 +29,28 @@ def progress_line(stage: str, share: float | None, seconds: float) -> str:
     return json.dumps({"stage": stage, "share": share, "seconds": round(seconds, 3)})
 
 
-class Progress:
-    """Called by the work as `progress(stage, share)`; share of the whole work done, 0 to 1 (None: unknown)."""
+class Shown:
+    """What is shown of long work on a stream; a context, which ends its bar."""
 
     def __init__(self, stream: TextIO, how: HowToTell = "shown") -> None:
         self._stream, self._how, self._began = stream, how, time.monotonic()
         self._bar: Bar | None = None
         self._task: TaskID | None = None
-        self._stage = ""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+class Progress(Shown):
+    """Called by the work as `progress(stage, share)`; share of the whole work done, 0 to 1 (None: unknown)."""
+
+    _stage = ""
 
     def __enter__(self) -> Self:
         if draws(self._stream) and self._how == "shown":
@@ -64,9 +78,3 @@ class Progress:
             since = f"{time.monotonic() - self._began:7.2f} s  " if self._how == "verbose" else ""
             print(wrapped(stage) if isinstance(stage, Notice) else f"{since}{stage}", file=self._stream, flush=True)
         self._stage = stage
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._bar is not None:
-            self._bar.stop()

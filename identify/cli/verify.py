@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -122,13 +123,9 @@ def there(path: Path) -> Path:
 
 def other_versions(before: Mapping[str, Json], now: Mapping[str, Json]) -> Sequence[str]:
     """What the result was made with, where that was something else, one sentence each."""
-    told, here = ({"stickslip": made.get("version"), **_packages(made)} for made in (before, now))
+    packages = [found if isinstance(found := made.get("packages"), Mapping) else {} for made in (before, now)]
+    told, here = ({"stickslip": made.get("version"), **own} for made, own in zip((before, now), packages, strict=True))
     return [f"made with {n} {told[n]}, compared with {v}" for n, v in here.items() if told.get(n) not in (None, v)]
-
-
-def _packages(made: Mapping[str, Json]) -> Mapping[str, Json]:
-    packages = made.get("packages")
-    return packages if isinstance(packages, Mapping) else {}
 
 
 def compare(stored: Result, again: Result) -> list[str]:
@@ -161,16 +158,11 @@ def _ends_differ(name: str, before: Sequence[float | None], now: Sequence[float 
     where they lie. Its value may be anywhere between them and is not compared."""
     out = []
     for word, old, new in zip(("lower", "upper"), before, now, strict=True):
-        if not _same_end(old, new):
+        same = old is new if old is None or new is None else math.isclose(old, new, rel_tol=END)
+        if not same:
             was, is_ = ("open" if end is None else f"{end:.6g}" for end in (old, new))
             out.append(f"the {word} end of {name} was {was} and is {is_} now")
     return out
-
-
-def _same_end(old: float | None, new: float | None) -> bool:
-    if old is None or new is None:
-        return old is new
-    return abs(new - old) <= END * max(abs(old), abs(new))
 
 
 def reproduced(stored: Result) -> str:
