@@ -50,12 +50,7 @@ SYMBOLS: Mapping[str, tuple[str, str]] = {
     "mu_s": ("μ", "s"),
     "mu_k0": ("μ", "k0"),
     "delta_mu_k": ("Δμ", "k"),
-    "a": ("a", ""),
-    "D": ("D", ""),
-    "t_cr": ("t", "cr"),
-    "mass": ("m", ""),
     "stiffness": ("k", ""),
-    "damping": ("h", ""),
     "strength": ("S", ""),
     "strength_scatter": ("s", "S"),
     "weakening_length": ("L", "w"),
@@ -195,9 +190,7 @@ PLAIN_SYMBOLS: Mapping[str, str] = {
     "mu_k0": "μₖ₀",
     "delta_mu_k": "Δμₖ",
     "drive_speed": "v₀",
-    "mass": "m",
     "stiffness": "k",
-    "damping": "h",
 }
 
 
