@@ -22,18 +22,16 @@ import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments import run_in_vivo_study, run_record_kinds, run_wrong_rig
-from experiments.in_parts import append, read
+from experiments.in_parts import append, by_processor_time, read
 from experiments.in_vivo import RATES, twin
 from experiments.machine import describe
 from experiments.record_kinds import KINDS
 from experiments.run_recovery_study import FIVE, Study
-from identify.base import budget
 from identify.diagnosis import diagnosis, disagreement
 from identify.estimation import events, grouped, other_optima, search
 from identify.estimation.strategies import STRATEGIES, Strategy, tracing
@@ -202,7 +200,7 @@ def main(fast: bool = False) -> None:
 
 
 def _command(words: Sequence[str]) -> None:
-    budget.time = SimpleNamespace(perf_counter=time.process_time)  # type: ignore[assignment]
+    by_processor_time()
     if words[0] == "without":
         for file in words[1:]:
             second_pass(read([file]), Path(f"{file}.without"))

@@ -25,7 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record
-from experiments.in_parts import append, kind_and_cases, started
+from experiments.in_parts import append, by_processor_time, kind_and_cases, started
 from experiments.machine import describe
 from experiments.study_problem import NOISE, RIG, USUAL, coefficients_only
 from identify import Scene
@@ -123,6 +123,7 @@ def sets(number: int, known: bool = False) -> dict[str, Any]:
         "logs": [[log.design.speed, log.duration, log.rate, list(log.design.holds)] for log in planned.logs],
         "promised": dict(zip(k.names, planned.then.tolist(), strict=True)),
         "status": found.status.value,
+        "left_out": sorted(found.left_out),
         "ratios": ratios,
         "gain": _random_worst(tried, planned.logs, number) / worst,
     }
@@ -195,7 +196,8 @@ def table(lines: Sequence[dict[str, Any]]) -> None:
     if mine:
         ratios = [r for line in mine for r in line["ratios"].values()]
         off = np.abs(np.log(ratios)) if ratios else np.array([np.nan])
-        print(f"sets: {len(mine)}, of which {sum(line['status'] == 'converged' for line in mine)} converge")
+        print(f"sets: {len(mine)}, of which {sum(line['status'] == 'converged' for line in mine)} converge, ", end="")
+        print(f"{sum(bool(line['left_out']) for line in mine)} without one of the logs")
         print(f"fitted over promised standard error: median {np.median(ratios or [np.nan]):.2f}, ", end="")
         print(f"median off by {100 * (math.exp(np.median(off)) - 1):.0f} %")
         print(
@@ -222,4 +224,5 @@ def main(fast: bool = False) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
+    by_processor_time()
     started(main, table, kind_and_cases(study))

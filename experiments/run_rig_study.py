@@ -27,7 +27,7 @@ from scipy.linalg import expm
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record, read_log
-from experiments.in_parts import append, kind_and_cases, started
+from experiments.in_parts import append, by_processor_time, kind_and_cases, started
 from experiments.machine import describe
 from experiments.study_problem import NOISE, NORMAL_FORCE, RIG, USUAL, random_case, scene_of
 from identify import Scene
@@ -231,4 +231,5 @@ def main(fast: bool = False) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
+    by_processor_time()
     started(main, table, kind_and_cases(study))

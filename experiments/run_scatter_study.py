@@ -13,16 +13,15 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from experiments.in_parts import by_processor_time
 from experiments.scattered_records import with_scatter
 from experiments.study_problem import SPEEDS, USUAL, coefficients_only, random_case, scene_of
 from identify import fit
-from identify.base import budget
 
 SCATTERS = (0.0, 0.003, 0.01, 0.03, 0.05, 0.15)
 FALSE = (
@@ -101,6 +100,6 @@ def one(scatter: float, pair: int, known: bool = False) -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    budget.time = SimpleNamespace(perf_counter=time.process_time)  # type: ignore[assignment]
+    by_processor_time()
     count, asked = (sys.argv[1:] or ["10"])[0], tuple(float(word) for word in sys.argv[2:])
     main(count=int(count), scatters=asked or SCATTERS)

@@ -3,11 +3,15 @@
 The information of a log is the integral over time of the outer product of the slopes of its force with respect to the
 parameters, times samples per second, over the variance of a sample (Fisher information of white noise); what is not
 known of its start and of the load in each cycle is eliminated, as in a fit. The slopes are differences of the
-simulator, which locates every switch: the force has no jump that they would miss.
+simulator, which locates every switch. Motions are compared at the same share of the way from switch to switch, where
+nothing kinks, and the slope at a fixed time follows from how far that moment has moved: compared at fixed times, a
+switch that passes one bends the difference, and combinations of parameters that the log hardly tells look known.
 """
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -30,11 +34,11 @@ SETTLES = 60.0  # times sqrt(m/k): a mass that slides so long after an onset sli
 STEADY = 15.0  # times that: the end of it, in which it is steady
 MOST_CYCLES = 30  # of a programme, each of which has a normal force of its own
 DOUBLED = 6  # times the duration is doubled until there are so many cycles
-IN_SLIP, IN_STICK = 48, 12  # moments of a phase at which the slopes are taken,
-PER_TIME, MOST = 8, 4000  # and per sqrt(m/k) of a long slide
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(12)  # of a phase, at which the slopes are taken,
+PIECE, MOST = 2.0, 400  # times sqrt(m/k): and of each piece of a long slide
 EARLY = 0.02  # of a stick: when the normal force of its cycle begins
-SHIFT = 1e-3  # of a slip: by how much events move at most for the slopes,
-SMALL = 1e-8, 1e-5  # by steps of a logarithm, and of a spread, that are as small and as large
+STEP = 1e-5  # of a logarithm, and of a spread, for the slopes
+INSET = 5e-3  # of half a piece: the first point is twice that away from its end
 
 
 @dataclass(frozen=True)
@@ -139,48 +143,52 @@ def rehearse(
         if not seen.onsets.size or not _in_turn(seen) or (told and seen.onsets.size > MOST_CYCLES):
             return None
         until = seen.duration if told else _end(seen, time)
-        times = _moments(seen, until, time, Drive.of(design.drive).changes(0.0, until))
         arrests = seen.arrests[seen.arrests <= until]
         lengths = arrests - seen.onsets[: arrests.size]
         slip = float(np.median(lengths)) if arrests.size else 2.0 * np.pi * time
-        small = float(np.clip(SHIFT * slip * design.speed / elongation, *SMALL))
+        drive = Drive.of(design.drive).changes(0.0, until)
+        times, weights, beside = _moments(seen, until, time, drive)
+        before, force, after = (seen.sample(at)["force"] for at in (times - beside, times, times + beside))
+        rate = (after - before) / (2.0 * beside)
 
-        def slope(up: Trajectory, down: Trajectory, step: float) -> Array:
-            return np.asarray((up.sample(times)["force"] - down.sample(times)["force"]) / step)
+        def slope(other: Trajectory, step: float, changes: Sequence[float] = ()) -> Array:
+            there = _same_moments(seen, other, times, until, (*drive, *changes))
+            return np.asarray((other.sample(there)["force"] - force - rate * (there - times)) / step)
 
-        slopes, drop_slopes = [], []
+        slopes, drop, drop_slopes = [], _drop(seen), []
         for index in np.flatnonzero(unknowns.free).tolist():
-            step = np.zeros(theta.size)
-            step[index] = small * (1.0 if unknowns.logarithmic[index] else unknowns.spread[index])
-            up, down = motion(theta + step, normal_force), motion(theta - step, normal_force)
-            slopes.append(slope(up, down, 2 * step[index]))
-            drop_slopes.append((_drop(up) - _drop(down)) / (2 * step[index]))
+            at = theta.copy()
+            step = STEP * (1.0 if unknowns.logarithmic[index] else float(unknowns.spread[index]))
+            at[index] += step
+            other = motion(at, normal_force)
+            slopes.append(slope(other, step))
+            drop_slopes.append((_drop(other) - drop) / step)
         for i, state in enumerate(model.states):
             if i == ELONGATION or state.lower is not None:
                 # The spring can only be loaded already, and the contact only be older.
-                ahead = small * (elongation if i == ELONGATION else 1.0)
-                slopes.append(slope(motion(theta, normal_force, {state.name: state.start + ahead}), seen, ahead))
+                step = STEP * (elongation if i == ELONGATION else 1.0)
+                slopes.append(slope(motion(theta, normal_force, {state.name: state.start + step}), step))
         begun = len(slopes)
-        for at, on in _cycle_by_cycle(seen, until):
-            more, less = (motion(theta, (at, normal_force * (1.0 + sign * small * on))) for sign in (1.0, -1.0))
-            slopes.append(slope(more, less, 2.0 * small * normal_force))
+        for changes, on in _cycle_by_cycle(seen, until):
+            other = motion(theta, (changes, normal_force * (1.0 + STEP * on)))
+            slopes.append(slope(other, STEP * normal_force, changes.tolist()))
     except SimulationError:
         return None
-    moves, weights = np.column_stack(slopes), _weights(times)
+    moves = np.column_stack(slopes)
     if not arrests.size:  # of a log that slides a fit may take the level only
         weights[times < until - STEADY * time] = 0.0
     gram = moves.T @ (moves * weights[:, None])
     if not np.all(np.isfinite(gram)):
         return None
     begin = float(arrests[0]) if arrests.size > 1 else until
-    after = moves[times >= begin]
-    settled = after.T @ (after * weights[times >= begin, None])
+    late = moves[times >= begin]
+    settled = late.T @ (late * weights[times >= begin, None])
     return Rehearsal(
         design,
         until,
         int(arrests.size),
         slip,
-        _drop(seen),
+        drop,
         np.array(drop_slopes),
         gram,
         settled,
@@ -240,19 +248,36 @@ def _end(seen: Trajectory, time: float) -> float:
     return seen.duration
 
 
-def _moments(seen: Trajectory, until: float, time: float, changes: Sequence[float]) -> Array:
-    """Rising times [s] that follow every phase until there, and the changes of the drive."""
-    out = [np.array([0.0, *changes, until])]
-    for phase in seen.phases:
-        if phase.start >= until:
-            break
-        fewest = IN_STICK if phase.mode == "stick" else int(PER_TIME * phase.duration / time)
-        count = fewest if phase.mode == "stick" else min(max(IN_SLIP, fewest), MOST)
-        out.append(np.linspace(phase.start, min(phase.start + phase.duration, until), count))
-    return np.unique(np.concatenate(out))
+def _moments(seen: Trajectory, until: float, time: float, changes: Sequence[float]) -> tuple[Array, Array, Array]:
+    """Rising times [s] within the stretches between switches and changes of the drive, until there; their weights [s]
+    of Gauss's rule; and for how long about each the motion is smooth [s], at least."""
+    starts = np.array([phase.start for phase in seen.phases])
+    ends = np.unique([0.0, until, *changes, *starts[starts < until]])
+    pieces = []
+    for begin, end in itertools.pairwise(ends.tolist()):
+        stick = seen.phases[int(np.searchsorted(starts, begin, side="right")) - 1].mode == "stick"
+        count = 1 if stick else min(math.ceil((end - begin) / (PIECE * time)), MOST)
+        pieces.append(np.linspace(begin, end, count + 1))
+    edges = np.unique(np.concatenate(pieces))
+    half = 0.5 * np.diff(edges)[:, None]
+    times, weights = edges[:-1, None] + half * (1.0 + POINTS), half * WEIGHTS
+    return times.ravel(), weights.ravel(), np.broadcast_to(INSET * half, times.shape).ravel()
 
 
-def _weights(times: Array) -> Array:
-    """Weights [s] of the trapezoidal rule."""
-    steps = np.diff(times)
-    return np.concatenate([[0.5 * steps[0]], 0.5 * (steps[1:] + steps[:-1]), [0.5 * steps[-1]]])
+def _same_moments(seen: Trajectory, other: Trajectory, times: Array, until: float, changes: Sequence[float]) -> Array:
+    """The moments of another motion [s] that correspond to times of this one: as far on the way from switch to switch,
+    and to what changes at a set time.
+
+    Raises:
+        SimulationError: the other one does not switch alike.
+    """
+    ours, theirs = ([(p.start + p.duration, p.ended_by) for p in m.phases if p.ended_by] for m in (seen, other))
+    count = sum(at < until for at, _ in ours) + 1
+    knots = []
+    for switches in (ours[:count], theirs[: len(ours[:count])]):
+        fixed = [(at, None) for at in {0.0, seen.duration, *changes}]
+        knots.append(sorted([*switches, *fixed], key=lambda knot: knot[0]))
+    (at, what), (there, alike) = (zip(*knot, strict=True) for knot in knots)
+    if what != alike:
+        raise SimulationError("a motion that is a little off has other switches")
+    return np.interp(times, at, there)
