@@ -130,7 +130,9 @@ def fits(number: int) -> dict[str, Any]:
         rig: dict[str, Any] = {}
         for name in ("mass", "stiffness", "zeta"):
             value = getattr(found, name)
-            rig[name] = {"value": value.value, "tolerance": value.tolerance} if way == "priors" else value.value
+            rig[name] = {"value": value.value, "tolerance": value.tolerance} if way != "exact" else value.value
+        if way == "priors" and found.tied:
+            rig["natural_frequency_tolerance"] = found.tied
         document = scene_of(case).as_document() | {"rig": rig}
         document["logs"] = [{**log, "path": Path(log["path"]).name} for log in document["logs"]]
         began = time.process_time()

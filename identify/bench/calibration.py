@@ -54,14 +54,23 @@ class Agreement:
 
 @dataclass(frozen=True)
 class RigCalibration:
-    """mass [kg], stiffness [N/m], damping ratio zeta; skin_stiffness [N/m]; None: nothing tells it; agreement of the
-    records among each other."""
+    """mass [kg], stiffness [N/m], damping ratio zeta; skin_stiffness [N/m]; natural_frequency sqrt(k/m) [rad/s]; None:
+    nothing tells it; agreement of the records among each other."""
 
     mass: RigValue | None
     stiffness: RigValue | None
     zeta: RigValue | None
     skin_stiffness: RigValue | None
+    natural_frequency: RigValue | None
     agreement: Agreement
+
+    @property
+    def tied(self) -> float:
+        """Tolerance of sqrt(k/m) where mass and stiffness are known together better than apart; 0 where they are not:
+        a tap tells their ratio to a thousandth, so that what one is off by the other is off by too."""
+        if self.mass is None or self.natural_frequency is None:
+            return 0.0
+        return self.natural_frequency.tolerance if 2.0 * self.natural_frequency.tolerance < self.mass.tolerance else 0.0
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -106,12 +115,17 @@ def calibrated(measured: Sequence[Measured], speed_tolerance: float, added_toler
         name: RigValue(math.exp(best.x[i]), float(deviations[i])) if deviations[i] < UNTOLD else None
         for i, name in enumerate(names)
     }
+    ratio = np.array([-0.5, 0.5] + [0.0] * (begin.size - 2))
+    spread = float(np.sqrt(ratio @ inverse @ ratio)) * agreed.widening
+    both = found["mass"] is not None and found["stiffness"] is not None
+    natural = RigValue(math.exp(ratio @ best.x), spread) if both else None
     zeta, of_zeta = _zeta(measured)
     return RigCalibration(
         found["mass"],
         found["stiffness"],
         zeta,
         found.get("skin_stiffness"),
+        natural,
         min(agreed, of_zeta, key=lambda a: a.chance),
     )
 

@@ -131,7 +131,7 @@ def _price(known: Knowledge, found: Findings, judged: Sequence[int]) -> float:
     solved, unknowns = found.attempt.solved, known.unknowns
     if not judged:
         return 1.0
-    total = np.diag(1.0 / unknowns.prior_sd[unknowns.free] ** 2)
+    total = unknowns.prior_precision[np.ix_(unknowns.free, unknowns.free)]
     for log, trajectory in zip(found.attempt.prepared, solved.trajectories, strict=True):
         total += told_by(unknowns, trajectory.theta(solved.theta), log, _load_sd(log, trajectory), known.distance)
     promised = inverse(total)[np.ix_(judged, judged)]

@@ -128,10 +128,9 @@ def _knowledge(scene: Scene, logs: Sequence[Prepared], choices: Choices, fitted:
     if missing := [name for name in asked if name not in names]:
         raise IdentifyError(f"{missing[0]} is not searched in this scene; expected one of {', '.join(names)}: free it")
     distance = 2.0 * (values["mu_s"] - values["mu_k0"]) * _load(scene, logs, choices) / values["stiffness"]
-    prior = 1.0 / unknowns.prior_sd[free] ** 2
-    precision = np.diag(prior)
-    spread = np.where(np.isfinite(unknowns.prior_sd), unknowns.prior_sd, unknowns.spread)[free]
-    covariance = np.diag(spread**2)
+    precision = unknowns.prior_precision[np.ix_(free, free)]
+    open_ = np.where(np.isfinite(unknowns.prior_sd), np.inf, unknowns.spread)[free]
+    covariance = inverse(precision + np.diag(open_**-2.0))
     if fitted is not None and fitted.covariance is not None:
         # What the fit does not tell has an infinite variance there: as open as before it.
         finite = np.isfinite(np.diag(fitted.covariance))
@@ -210,7 +209,9 @@ def _designs(known: Knowledge, speed: float, load: float, choices: Choices) -> l
         for normal_force in choices.loads or (load,):
             out += [LogDesign(v, normal_force, spring) for v in speeds]
             stiffness = spring or values["stiffness"]
-            cycle = 2.0 * (values["mu_s"] - values["mu_k0"]) * normal_force / stiffness
+            # As far as the spring is let go at most, in a slip that meets the friction of a fast one all along.
+            weakest = values["mu_k0"] + min(values.get("delta_mu_k", 0.0), 0.0)
+            cycle = 2.0 * (values["mu_s"] - weakest) * normal_force / stiffness
             first = values["mu_s"] * normal_force / stiffness + cycle
             fast = min(speeds, key=lambda v: abs(math.log(v / (3.0 * speed))))
             steady = LogDesign(fast, normal_force, spring)

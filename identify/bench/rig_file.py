@@ -41,6 +41,8 @@ def rig_toml(rig: RigCalibration, measured: Sequence[Measured]) -> str:
             lines.append(
                 f'{name} = {{ value = {value}, tolerance = "{100.0 * found.tolerance:.3g} %" }}   # 95 %: {interval}'
             )
+    if rig.tied:
+        lines.append(f'natural_frequency_tolerance = "{100.0 * rig.tied:.3g} %"   # sqrt(k/m): both err together')
     if rig.skin_stiffness is not None:
         lines += ["", "# The skin in series, for a scene with the effect skin_compliance:", *_skin(rig.skin_stiffness)]
     lines += ["", "# From:", *(f"#   {words}" for words in dict.fromkeys(m.source for m in measured))]

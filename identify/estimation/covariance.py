@@ -187,7 +187,7 @@ def information(problem: Problem, z: Array) -> Information:
         across, own = joint[:n_p, n_p:], joint[n_p:, n_p:]
         answer = np.linalg.lstsq(own, np.column_stack([across.T, by_speed[n_p:]]), rcond=1e-13)[0]
         total, shared = total - across @ answer[:, :n_p], shared - across @ answer[:, n_p]
-    data = total - np.diag(1.0 / layout.prior_sd[:n_p] ** 2)
+    data = total - layout.unknowns.prior_precision
     return Information(layout.unknowns, total, data, shared, joint, gradient[:n_p])
 
 
@@ -342,7 +342,7 @@ def _open(end: float | None, bound: float, *, above: bool) -> float | None:
 
 
 def _prior_share(unknowns: Unknowns, i: int, sd: float) -> str:
-    prior = float(unknowns.prior_sd[i])
+    prior = float(unknowns.prior_deviation[i])
     if not math.isfinite(prior):
         return ""
     return f"its prior (or tolerance) carries {min(100.0, 100 * sd**2 / prior**2):.0f} % of the information"

@@ -221,7 +221,7 @@ def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Itera
     """The starts (n_p,) worth a solve: about the answer, about the data's own start, from the levels, by turns."""
     logs, rng = list(attempt.prepared), np.random.default_rng(seed)
     far = FAR * unknowns.spread * np.where(unknowns.logarithmic, 1.0, 0.5)
-    far = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(far, unknowns.prior_sd), 0.0)
+    far = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(far, unknowns.prior_deviation), 0.0)
     kinds = []
     for place in (attempt.solved.theta, *islice(own_starts(logs, unknowns), int(own))):
         about = place + far * rng.standard_normal((THROWN, place.size))

@@ -144,16 +144,12 @@ class Ground:
         self, problem: Problem, trajectories: list[ShootingTrajectory], z: Array, cost: float, theta: Array, held: int
     ) -> ProfilePoint:
         """The point of the unknowns z (n,), without the cost of the priors that only keep the search in place, and with
-        that of the user's prior for what is held: where it is no unknown, the problem does not count it."""
+        that of the user's priors, of what is held too: where it is no unknown, the problem does not count it."""
         layout, x = problem.layout, z * problem.layout.scale
         found = theta.copy()
         found[layout.free] = x[: layout.free.size]
-        counted = np.zeros(found.size, bool)
-        counted[layout.free] = True
-        told = np.isfinite(self.unknowns.prior_sd)
-        priors = 0.5 * ((found - self.soft.prior_mean) / self.soft.prior_sd) ** 2
-        missing = np.sum(priors[self.unknowns.free & told & ~counted])
-        cost += float(missing - np.sum(priors[counted & ~told]))
+        counted, told = layout.off_prior(x)[: layout.free.size], self.unknowns.off_prior(found)[self.unknowns.free]
+        cost += 0.5 * float(told @ told - counted @ counted)
         moved = [place.read(trajectory, x) for place, trajectory in zip(layout.places, trajectories, strict=True)]
         change = UNCHANGED if self.noise.white else self.noise.change(self.curves, problem.fitted(z))
         return ProfilePoint(found, moved, cost, held, change)

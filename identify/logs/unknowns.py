@@ -36,7 +36,8 @@ class Unknowns:
     `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `told`: the scene says something of it;
     `spread` conditions the solver; `given` (2, n_p): the bounds that the scene itself gives (empty: none);
     `per`: by what each parameter differs from log to log (None: by nothing; "log"; a label; empty: none differs);
-    `ties`: (index, index of the parameter it follows, base value) of each tied parameter, which is not free.
+    `ties`: (index, index of the parameter it follows, base value) of each tied parameter, which is not free;
+    `about` (n_p,): the parameter about which a prior is, beyond its mean, -1 where about none (empty: none is).
     """
 
     model: Model
@@ -50,6 +51,33 @@ class Unknowns:
     given: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((2, 0), bool))
     per: tuple[str | None, ...] = ()
     ties: tuple[tuple[int, int, float], ...] = ()
+    about: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    @property
+    def prior_about(self) -> NDArray[np.int64]:
+        """The parameter (n_p,) about which each prior is, beyond its mean; -1: about none."""
+        return self.about if self.about.size else np.full(self.free.size, -1)
+
+    @property
+    def prior_precision(self) -> Array:
+        """Precision (n_p, n_p) of theta before any data."""
+        rows, varied = np.eye(self.free.size), np.flatnonzero(self.prior_about >= 0)
+        rows[varied, self.prior_about[varied]] -= 1.0
+        return np.asarray(rows.T @ (rows / self.prior_sd[:, None] ** 2))
+
+    @property
+    def prior_deviation(self) -> Array:
+        """Standard deviation of theta (n_p,) before any data, with that of what a prior is about."""
+        varied, out = self.prior_about >= 0, self.prior_sd.copy()
+        own = out[self.prior_about[varied]]
+        out[varied] = np.hypot(out[varied], np.where(self.free[self.prior_about[varied]], own, 0.0))
+        return out
+
+    def off_prior(self, theta: Array) -> Array:
+        """By how many standard deviations theta (n_p,) is off each prior (n_p,); 0 where there is none."""
+        varied, out = self.prior_about >= 0, theta - self.prior_mean
+        out[varied] -= theta[self.prior_about[varied]]
+        return np.asarray(out / self.prior_sd)
 
     @property
     def walls(self) -> NDArray[np.bool_]:
@@ -205,7 +233,14 @@ def from_scene(scene: Scene) -> Unknowns:
         if tie is not None
     )
     per = tuple(scene.parameters[n].per if n in scene.parameters else None for n in names)
-    return Unknowns(model, free, np.clip(start, lower, upper), lower, upper, mean, sd, told, given, per, ties)
+    about = np.full(n, -1)
+    for name, ratio, share in (("damping", "zeta", 1.0), ("mass", "natural_frequency", 2.0)):
+        spec, known = scene.parameters.get(name), scene.rig.ratio_tolerances.get(ratio, 0.0)
+        if known and name in names and free[names.index(name)] and (spec is None or spec.prior_sd is None):
+            about[names.index(name)], sd[names.index(name)] = names.index("stiffness"), share * known
+    return Unknowns(
+        model, free, np.clip(start, lower, upper), lower, upper, mean, sd, told, given, per, ties, about=about
+    )
 
 
 def _vanishing(model: Model) -> set[str]:

@@ -15,7 +15,8 @@ from identify.scene.tables import TomlTable, is_number, share, span, stated
 from identify.scene.values import DriveSpeed, LogEntry, Rig
 
 DAMPING = ("damping", "zeta", "loss_factor", "log_decrement")
-RIG = ("mass", "stiffness", *DAMPING, "damping_frequency", "drive_speed", "normal_force", "noise")
+TIED = "natural_frequency_tolerance"  # of sqrt(k/m), in which errors of stiffness and mass that are the same cancel
+RIG = ("mass", "stiffness", TIED, *DAMPING, "damping_frequency", "drive_speed", "normal_force", "noise")
 RIG_PARAMETER_UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N/m"}
 RIG_UNITS = {**RIG_PARAMETER_UNITS, "normal_force": "N", "noise": "N"}
 # What a tribometer can have, SI, and the unit that was probably meant where a bare number is something else.
@@ -158,6 +159,7 @@ def read_rig(table: TomlTable, damped_by: str | None, inertial: bool = True) -> 
         )
     values: dict[str, Any] = {}
     tolerances: dict[str, float] = {}
+    ratios: dict[str, float] = {}
     dashpot = is_dashpot(table)
     for key in (*RIG_UNITS, "drive_speed", *DAMPING[1:]):
         unit = RIG_UNITS.get(key, "m/s" if key == "drive_speed" else "")
@@ -166,6 +168,14 @@ def read_rig(table: TomlTable, damped_by: str | None, inertial: bool = True) -> 
         values[key] = None if value is None else speed_or_quantity(value, unit, table.place(key))
         if tolerance is not None:
             tolerances["damping" if key in DAMPING else key] = tolerance
+        if tolerance and key in ("zeta", "loss_factor"):
+            # Known of h/k: h is as uncertain as k on top of it, and errs with it.
+            ratios["zeta"] = tolerance
+            tolerances["damping"] = math.hypot(tolerance, tolerances.get("stiffness", 0.0))
+    told = table.data.get(TIED)
+    if told is not None:
+        relative = share(told, table.place(TIED))
+        ratios["natural_frequency"] = table.quantity(TIED, "") or 0.0 if relative is None else relative
     for key, example in (("mass", "0.2 kg"), ("stiffness", "1470 N/m")):
         if key == "mass" and not inertial:
             values[key] = values[key] or 0.0
@@ -177,7 +187,7 @@ def read_rig(table: TomlTable, damped_by: str | None, inertial: bool = True) -> 
         raise SceneError("[rig] damping is in N s/m, which takes a mass to be h of eq. 1; give the mass, or h in N/m")
     followed = how.at(values["stiffness"], values["mass"])
     values["damping"] = values["damping"] or 0.0 if followed is None else followed
-    return Rig(**values, tolerances=tolerances), how
+    return Rig(**values, tolerances=tolerances, ratio_tolerances=ratios), how
 
 
 def is_dashpot(table: TomlTable) -> bool:

@@ -58,7 +58,8 @@ class Rig:
     `drive_speed` [m/s] is constant, or a programme of (start [s], speed [m/s]), piecewise constant;
     `normal_force` [N] only where a log has none; `noise` [N] is the standard deviation of the force.
     `tolerances`: relative standard deviation by name (mass, stiffness, damping, drive_speed);
-    what is absent is taken as exact.
+    what is absent is taken as exact. `ratio_tolerances`: the same of what ties them, where it is known: "zeta" of h/k,
+    "natural_frequency" of sqrt(k/m).
 
     Raises:
         SceneError: a number that no rig can have.
@@ -71,6 +72,7 @@ class Rig:
     normal_force: float | None = None
     noise: float | None = None
     tolerances: Mapping[str, float] = field(default_factory=dict)
+    ratio_tolerances: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _not_negative("mass", "kg", self.mass)
@@ -86,6 +88,8 @@ class Rig:
                     "give the value alone"
                 )
             _not_negative(f"the tolerance of {name}", "(relative)", tolerance)
+        for name, tolerance in self.ratio_tolerances.items():
+            _positive(f"the tolerance of {name}", "(relative)", tolerance)
 
     @property
     def zeta(self) -> float:

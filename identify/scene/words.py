@@ -31,6 +31,12 @@ def _rig(rig: Rig) -> dict[str, Any]:
     table = _said(asdict(rig))
     for name, tolerance in table.pop("tolerances", {}).items():
         table[name] = {"value": table[name], "tolerance": tolerance}
+    for name, tolerance in table.pop("ratio_tolerances", {}).items():
+        if name == "zeta":
+            table.pop("damping")
+            table["zeta"] = {"value": rig.zeta, "tolerance": tolerance}
+        else:
+            table[f"{name}_tolerance"] = tolerance
     return table
 
 

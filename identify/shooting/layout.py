@@ -204,12 +204,23 @@ class Collector:
         self.start: list[Array] = [unknowns.start[free]]
         self.lower: list[Array] = [unknowns.lower[free]]
         self.upper: list[Array] = [unknowns.upper[free]]
-        self.mean: list[Array] = [unknowns.prior_mean[free]]
-        self.sd: list[Array] = [unknowns.prior_sd[free]]
-        self.about: list[Indices] = [np.full(free.size, KNOWN)]
-        self.count, self.rows = free.size, 0
         self.theta = np.full(len(unknowns.names), KNOWN)
         self.theta[free] = np.arange(free.size)
+        mean, sd, about = unknowns.prior_mean.copy(), unknowns.prior_sd.copy(), np.full(unknowns.free.size, KNOWN)
+        for i in np.flatnonzero((unknowns.prior_about >= 0) & ~unknowns.own).tolist():
+            j = int(unknowns.prior_about[i])
+            if self.theta[i] >= 0 and self.theta[j] >= 0:
+                about[i] = self.theta[j]
+            elif self.theta[i] >= 0:
+                mean[i] += unknowns.start[j]
+            elif self.theta[j] >= 0:  # held, it says of the other one what its prior says of both
+                weights = np.array([sd[j], sd[i]]) ** -2.0
+                mean[j] = weights @ [mean[j], unknowns.start[i] - mean[i]] / weights.sum()
+                sd[j] = weights.sum() ** -0.5
+        self.mean: list[Array] = [mean[free]]
+        self.sd: list[Array] = [sd[free]]
+        self.about: list[Indices] = [about[free]]
+        self.count, self.rows = free.size, 0
         self.source = unknowns.source
         self.groups: dict[tuple[int, str], int] = {}  # of logs: which unknown each shares
         self.events: list[int] = []

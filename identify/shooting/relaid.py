@@ -52,7 +52,7 @@ def with_every_parameter(layout: Layout, unknowns: Unknowns) -> Layout:
         events=moved[layout.events],
         prior_mean=mean,
         prior_sd=sd,
-        prior_about=np.concatenate([np.full(n_p, KNOWN), moved[layout.prior_about[free.size :]]]),
+        prior_about=np.concatenate([unknowns.prior_about, moved[layout.prior_about[free.size :]]]),
         places=places,
     )
 

@@ -151,7 +151,7 @@ class _Fold:
         self.n_theta, self.n_logs = self.free.size, len(features)
         prior = np.isfinite(unknowns.prior_sd[self.free])
         self.mean = np.where(prior, unknowns.prior_mean[self.free], 0.0)
-        self.prior_sd = np.where(prior, unknowns.prior_sd[self.free], np.inf)
+        self.prior_sd = np.where(prior, unknowns.prior_deviation[self.free], np.inf)
         self.drops = np.array([f.drop for f in features])
         self.width = max(f.times.size for f in features)
         shape = (self.n_logs, self.width)

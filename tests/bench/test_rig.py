@@ -1,6 +1,8 @@
 """`stickslip rig`: what taps, pulls and added masses tell of a rig, known from the closed form of a damped swing."""
 
 import json
+import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +13,12 @@ from identify import Scene, SceneError
 from identify.base.errors import IdentifyError
 from identify.bench.calibration import calibrated
 from identify.bench.records import Measured, rings
+from identify.bench.rig_file import rig_toml
 from identify.bench.ringdown import ring_downs
 from identify.cli import main as cli
+from identify.effects import MAIN
+from identify.logs.unknowns import from_scene
+from identify.shooting.layout import Collector
 
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
 OMEGA, ZETA = np.sqrt(1470.0 / 0.2), 0.05
@@ -123,3 +129,51 @@ def test_one_tap_alone_leaves_mass_and_stiffness_to_fill_in(tmp_path, capsys):
     text = (tmp_path / "r.toml").read_text()
     assert 'mass = "TODO kg"' in text and "zeta = { value = 0.05" in text
     assert rings(Record(time, np.ones(time.size), force), "tap.csv")[0].kind == "frequency"
+
+
+def tied_scene(*others):
+    """The scene of a rig that a pull tells, and other records."""
+    measured = [
+        Measured("zeta", ZETA, 0.02, "tap"),
+        Measured("stiffness", 1470.0, 1e-5, "pull", by_speed=True),
+        *others,
+    ]
+    text = rig_toml(calibrated(measured, 0.01, 0.005), measured)
+    return Scene.from_document({"effects": [*MAIN], "rig": tomllib.loads(text) | {"drive_speed": 1e-3}})
+
+
+def test_what_a_tap_ties_errs_together_in_the_priors():
+    """Closed form: m = k/w^2 and h = 2 zeta k, each with the error of k; told as independent, the error that they share
+    would count as three, and average out."""
+    scene = tied_scene(Measured("frequency", OMEGA, 5e-4, "tap"))
+    unknowns = from_scene(scene)
+    rig = [unknowns.names.index(name) for name in ("stiffness", "mass", "damping")]
+    covariance = np.linalg.inv(unknowns.prior_precision[np.ix_(rig, rig)])
+    shared, frequency, zeta = 0.01**2, 5e-4**2, 0.02**2
+    expected = shared + np.diag([0.0, 4.0 * frequency, zeta])
+    np.testing.assert_allclose(covariance, expected, rtol=1e-3)
+    np.testing.assert_allclose(unknowns.prior_deviation[rig] ** 2, np.diag(expected), rtol=1e-3)
+    weighed = from_scene(tied_scene(Measured("mass", 0.2, 0.01, "scale")))  # nothing ties that to the stiffness
+    assert weighed.prior_about[rig[1]] == -1 and weighed.prior_sd[rig[1]] == pytest.approx(0.01, rel=1e-3)
+    again = Scene.from_document(scene.as_document())
+    assert np.allclose(from_scene(again).prior_precision, unknowns.prior_precision)
+
+
+@pytest.mark.parametrize("held", [(), ("stiffness",), ("mass",), ("mass", "damping")])
+def test_a_problem_counts_tied_priors_whatever_of_them_is_held(held):
+    """As a quadratic form of theta it is that of the priors, but for what does not change."""
+    scene, random = tied_scene(Measured("frequency", OMEGA, 5e-4, "tap")), np.random.default_rng(5)
+    unknowns = from_scene(scene)
+    start = unknowns.start + 0.01 * random.standard_normal(len(unknowns.names))
+    free = unknowns.free & ~np.isin(unknowns.names, held)
+    made = Collector(unknowns.model, replace(unknowns, start=start, free=free), np.flatnonzero(free))
+    mean, sd, about = made.mean[0], made.sd[0], made.about[0]
+
+    def costs(theta):
+        searched = theta[free]
+        off = (searched - np.where(about >= 0, searched[about], 0.0) - mean) / sd
+        return off @ off, theta @ np.nan_to_num(unknowns.prior_precision) @ theta
+
+    there = np.where(free, start + 0.01 * random.standard_normal(start.size), start)
+    (here, whole), (other, all_of_it) = costs(start), costs(there)
+    assert other - here == pytest.approx(all_of_it - whole, rel=1e-9)
