@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.answering import Task, answered
-from identify.base.budget import now, seconds_left, time_limit
+from identify.base.budget import now, seconds_left, time_is_up, time_limit
 from identify.base.compiled import Mapped
 from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
@@ -101,12 +101,14 @@ def fit(
             prepared, findings = plain_or_uneven(task, starts, clock, told)
         else:
             prepared, findings = task.prepared, estimated_by(estimator, task, told)
+        advice = None
+        if findings.status is Status.CONVERGED and findings.attempt is not None:
+            told("the log that would tell more", 0.95)
+            advice = next_logs(findings)
+            findings = findings if advice is None else advised(findings, advice)
+            if advice is None and time_is_up():
+                trace.not_tried.append("the log that would tell more")
     findings = _traced(findings, trace, task.scene.time_limit)
-    advice = None
-    if findings.status is Status.CONVERGED and findings.attempt is not None:
-        told("the log that would tell more", 0.95)
-        advice = next_logs(findings)
-        findings = findings if advice is None else advised(findings, advice)
     told("stability and amplitude", 0.95)
     curves = _curves(prepared, findings)
     result = result_of(scene, prepared, findings, clock, began, seed, choice)

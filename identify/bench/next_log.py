@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.result import NextLogResult
 from identify.base.wording import speed_text, three_figures
@@ -30,7 +31,7 @@ from identify.shooting.vibration import rhythmic
 
 Array = NDArray[np.float64]
 
-DIALS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)  # of a decade: speeds that one would set
+DIALS = (1.0, 2.0, 5.0)  # of a decade: speeds that one would set
 BEYOND = 10.0  # times the fastest log, and below the slowest
 LONGEST = 60.0  # [s] of a log that is proposed, where none of the fitted ones is longer
 SETUP = 30.0  # [s] that a log costs beside its duration
@@ -49,13 +50,15 @@ class Advice:
 
 def next_logs(found: Findings) -> Advice | None:
     """The logs that would tell, one after the other, what a converged fit calls weak or not identifiable; None where
-    nothing is left to tell, or fewer than two sticks end in a slip."""
+    nothing is left to tell, fewer than two sticks end in a slip, or the time is up before they are chosen."""
     known = _known(found)
     if known is None:
         return None
     load = _typical(found)[0].mean_load
     designs = [LogDesign(speed, load) for speed in _speeds(found)]
     planned = choose(Rehearsals(known), designs, math.inf, SETUP, MOST)
+    if time_is_up():
+        return None
     logs = tuple(
         NextLogResult(log.design.speed, load, _whole(log.duration), log.rate, log.slips, log.tells)
         for log in planned

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io.speed_steps import Programme
+from identify.base.budget import time_is_up
 from identify.base.errors import SimulationError
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION
@@ -119,12 +120,14 @@ def rehearse(
     unknowns: Unknowns, theta: Array, base: Array, design: LogDesign, distance: float, longest: float
 ) -> Rehearsal | None:
     """The log of a design, from rest with a fresh contact; None where nothing slips within `longest` [s], the spring
-    pulls the mass back after a slip, which no fit follows, or the model refuses.
+    pulls the mass back after a slip, which no fit follows, the model refuses, or the time is up.
 
     Args:
         theta (n_p,), base (n_p,): the values it is simulated with, of the rig with the spring of the design.
         distance: [m] that the drive moves in one cycle, roughly.
     """
+    if time_is_up():
+        return None
     model, normal_force, told = unknowns.model, design.normal_force, bool(design.duration)
 
     def motion(at: Array, load: float | tuple[Array, Array], start: dict[str, float] | None = None) -> Trajectory:
