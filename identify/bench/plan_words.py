@@ -80,7 +80,7 @@ def _sentence(plan: RecordingPlan) -> str:
     if not plan.logs:
         told = all(half <= IDENTIFIED for _, half in _asked(plan))
         return (
-            "what is at hand is expected to tell everything that is asked for: fit it"
+            "nothing to add: what is at hand tells everything that is asked for"
             if told
             else "no log among those that were tried, and within the budget, is expected to tell more; see below"
         )
@@ -138,16 +138,19 @@ def _price_lines(plan: RecordingPlan) -> list[str]:
         wrapped("the price of a wrong rig, taken as exact, by how much it moves each parameter:"),
         columns(rows),
     ]
-    worst = max(plan.price, key=lambda name: max(float(plan.price[name][i]) for i in wanted))
+    # What is stated with a tolerance is part of the intervals already.
+    exact = [name for name in plan.price if name not in plan.tolerances]
+    if not exact:
+        return [*lines, wrapped("the intervals above hold what the scene states to be uncertain of the rig")]
+    worst = max(exact, key=lambda name: max(float(plan.price[name][i]) for i in wanted))
     most = max(wanted, key=lambda i: float(plan.price[worst][i]))
     moves, half = float(plan.price[worst][most]), float(plan.then[most])
     name = plan.knowledge.names[most]
     if moves > max(half, IDENTIFIED):
-        known = f" (stated to {100.0 * plan.tolerances[worst]:.2g} %)" if worst in plan.tolerances else ""
         remedy = "time a stroke of known length" if worst == "drive_speed" else "make the records of docs/measuring.md"
         lines.append(
             wrapped(
-                f"measure {RIG_WORDS[worst]}{known} first: 5 % of it moves {name} by {_moved(moves)}, which the "
+                f"measure {RIG_WORDS[worst]} first: 5 % of it moves {name} by {_moved(moves)}, which the "
                 f"logs tell to {shown_half(half)}; {remedy}, and state what stays open as a tolerance"
             )
         )

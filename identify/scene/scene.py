@@ -63,7 +63,9 @@ class Scene:
         check_rig_bounds(self)
         check_coefficients(self)
         if not self.logs and self.rig.drive_speed is None:
-            raise SceneError('the scene has no drive speed; give drive_speed = "… mm/s" under [rig]')
+            raise SceneError(
+                'the scene has no drive speed; give drive_speed = "… mm/s" under [rig], or in the file that rig names'
+            )
         if self.effects != "auto":
             for entry in self.logs or (None,):
                 self.check_ranges(entry)
