@@ -97,20 +97,25 @@ def _clipped_rows(values: FloatArray, level: float) -> int:
 
 def _repeated(record: Record, used: npt.NDArray[np.bool_], step: float) -> tuple[float, bool]:
     """Return the share of rows that repeat the row before in every measured column and move on by leaps afterwards, and
-    whether values are held for equally many rows each."""
+    whether values are held for equally many rows each. As many as move on by one step of the grid, up or down, repeat
+    by chance, and do not count."""
     pair = used[1:] & used[:-1]
-    same = pair & (record.friction_force[1:] == record.friction_force[:-1])
+    change = np.abs(np.diff(record.friction_force))
+    same = pair & (change == 0.0)
     if not same.any():
         return 0.0, False
-    moved = np.abs(np.diff(record.friction_force))[pair & ~same]
+    moved = change[pair & ~same]
     if moved.size == 0 or float(np.median(moved)) <= _BIG_STEP * step:
         return 0.0, False
+    beside = pair & ~same & (change < 1.5 * step)
     if np.ptp(record.normal_force[used]) > 0:
-        same &= np.diff(record.normal_force) == 0
+        still = np.diff(record.normal_force) == 0
+        same, beside = same & still, beside & still
     held = np.diff(np.flatnonzero(np.concatenate(([True], ~same, [True]))))
     usual = float(np.median(held))
     evenly = usual > 1 and bool(np.mean(np.abs(held - usual) <= 1.0) >= _HELD_EVENLY)
-    return int(np.count_nonzero(same)) / max(int(np.count_nonzero(pair)), 1), evenly
+    held_rows = int(np.count_nonzero(same)) - 0.5 * int(np.count_nonzero(beside))
+    return max(held_rows, 0.0) / max(int(np.count_nonzero(pair)), 1), evenly
 
 
 # The normal force: its level, drift and ripple, rows without load, a sensor at its end.

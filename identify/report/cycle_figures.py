@@ -31,6 +31,7 @@ from identify.report.style import (
 
 FEWEST = 3  # cycles that a log must show
 BINS = 14
+NARROWEST = 1e-3  # of the value: least width of a histogram
 MEASURED = (
     *("log", "cycle", "onset_s", "arrest_s", "onset_force_N", "arrest_force_N"),
     *("strength", "drop_N", "hold_s"),
@@ -116,10 +117,14 @@ def _logarithmic(axes: Axes) -> None:
 
 def _histogram(axes: Axes, values: Sequence[Array], unit: str, name: str) -> None:
     finite = [part[np.isfinite(part)] for part in values]
-    scale = scale_for(float(np.median(np.concatenate(finite))), unit)
+    together = np.concatenate(finite)
+    scale = scale_for(float(np.median(together)), unit)
+    low, high = float(together.min()), float(together.max())
+    wider = max(0.0, NARROWEST * abs(high) - (high - low)) / 2  # cycles on a clock's grid may be alike to the last digit
     axes.hist(
         [part / scale.factor for part in finite],
         bins=BINS,
+        range=((low - wider) / scale.factor, (high + wider) / scale.factor),
         stacked=True,
         color=[COLOURS[place % len(COLOURS)] for place in range(len(finite))],
     )

@@ -28,10 +28,9 @@ def _lines(result: Result) -> Iterator[str]:
         yield wrapped(meaning, "  ")
     yield ""
     if is_uneven(result):
-        yield columns(
-            [["", "median (95 % interval)", "nine of ten cycles"], *(list(line) for line in distribution_lines(result))]
-        )
-        yield ""
+        if spreads := [list(line) for line in distribution_lines(result)]:
+            yield columns([["", "median (95 % interval)", "nine of ten cycles"], *spreads])
+            yield ""
         yield from (wrapped(line, "  ") for line in (odd_slips(result), NOT_FOR) if line)
         yield ""
     if result.effects.chosen == "auto":

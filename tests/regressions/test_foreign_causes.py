@@ -111,3 +111,14 @@ def test_dips_with_a_floor_of_their_own_are_no_spikes(length, depth):
 def test_single_rows_far_off_are_spikes_still():
     t = sliding(spikes=(60, 150, 240, 330))
     assert segment(t.time, t.friction_force).spike_count == 4
+
+
+@pytest.mark.parametrize(("stuck", "least", "most"), [(0.0, 0.0, 0.02), (0.2, 0.15, 0.22)])
+def test_rows_of_a_coarse_grid_that_are_alike_by_chance_are_no_repeats(stuck, least, most):
+    draw = np.random.default_rng(3)
+    t = np.arange(5000) / 500.0
+    force = np.round(0.5 + 0.02 * np.sin(20.0 * t) + draw.normal(0.0, 4e-3, t.size), 3)  # 7 % of neighbours are alike
+    assert np.mean(np.diff(force) == 0.0) > 0.06
+    for row in np.flatnonzero(draw.random(t.size - 1) < stuck):
+        force[row + 1] = force[row]
+    assert least <= assess(Record(t, np.full(t.size, 3.0), force)).signal.repeated <= most

@@ -38,6 +38,17 @@ def test_a_log_with_hardly_a_cycle_is_left_out_and_none_at_all_draws_nothing():
     assert draw_measured(without_cycles(fit).logs) is None
 
 
+def test_cycles_that_are_alike_but_for_rounding_are_drawn():
+    fit = fake_fit(samples=2000)
+    onset = np.arange(1.0, 9.0)
+    arrest = onset + 0.25
+    arrest[0] = np.nextafter(arrest[0], 2.0)
+    alike = replace(fit.logs[0], measured=np.column_stack([onset, arrest, np.full(8, 0.6), np.full(8, 0.4)]))
+    assert 0.0 < np.ptp(measured_cycles([alike])["hold_s"][1:]) < 1e-15
+    drawn = draw_measured([alike])
+    assert drawn is not None and sum(bar.get_height() for bar in drawn.figure.axes[2].patches) == 7
+
+
 def test_only_a_refused_fit_shows_it_and_its_captions_say_as_measured(tmp_path):
     fit = fake_fit(samples=2000, logs=2)
     refused = failed(fit, "model_misfit", "the model does not follow log 2")
