@@ -11,8 +11,8 @@ from data_io.units import kind_of
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "time": (
         "time", "t", "timestamp", "elapsedtime", "testtime", "zeit", "xvalue", "czas", "temps", "tiempo", "tempo",
-        "steptime", "runtime", "totaltime", "datetime", "dateandtime", "datetimestamp", "zeitstempel", "messzeit",
-        "prüfzeit", "时间", "测试时间", "试验时间", "采样时间", "時間", "経過時間", "試験時間",
+        "steptime", "runtime", "runningtime", "totaltime", "datetime", "dateandtime", "datetimestamp", "zeitstempel",
+        "messzeit", "prüfzeit", "时间", "测试时间", "试验时间", "采样时间", "時間", "経過時間", "試験時間",
     ),
     "normal_force": (
         "fz", "normalforce", "fn", "normal", "normalload", "load", "axialforce", "normalkraft", "nominalload",
@@ -100,7 +100,7 @@ def parse_name(text: str) -> Name:
     if len(text) > _LONGEST_PARSED:
         return Name(text, text, None)
     plain = " ".join(text.split())
-    if again := re.fullmatch(r"(.*[)\]}])\.\d{1,3}", plain):  # Time [s].1, as pandas writes it
+    if again := re.fullmatch(r"(.*[)\]}])(?:\.| Run #?)\d{1,3}", plain):  # Time [s].1 of pandas, Time (s) Run #1
         return replace(parse_name(again[1]), raw=text)
     match = _BRACKETS.fullmatch(plain)
     if match and match[1]:
@@ -116,7 +116,8 @@ def parse_name(text: str) -> Name:
 @functools.lru_cache(maxsize=4096)
 def _key(name: str) -> str:
     name = re.sub(r"\.\d{1,3}$", "", name.strip())  # pandas writes names that stand there twice as Time, Time.1
-    return re.sub(r"[\W_]+", "", name.rsplit(".", 1)[-1].casefold())
+    name = re.split(r"[.:]", name.split(" - ")[0])[-1]  # Time 1 - default sample rate, DAQ.Fx, Latest: Time
+    return re.sub(r"[\W_]+", "", name.casefold())
 
 
 def _clock_key(key: str) -> str:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from data_io.columns import Header, Name, find_column, with_unit
+from data_io.columns import Header, Name, coefficient_column, find_column, shown, with_unit
 from data_io.contents import Contents, Part
 from data_io.source import Request, Source
 from data_io.table import Table, read_tables
@@ -29,7 +29,13 @@ def read_delimited(source: Source, request: Request) -> Contents:
     """
     tables, footer = read_tables(source, request)
     filled = [table for table in tables if table.rows] or tables
-    findings = [remark for table in filled for remark in table.remarks]
+    with_force = [table for table in filled if _has_force(table.header)]
+    findings = [remark for table in with_force or filled for remark in table.remarks]
+    if others := [table for table in filled if with_force and not _has_force(table.header)]:
+        names = shown((name.name for name in others[0].header.names), most=6)
+        text = f"{len(others)} table(s) without a force, the first of {names}, were left out"
+        findings.append(Finding("tables_without_force", "info", text))
+        filled = with_force
     metadata = {}
     if filled[0].preamble:
         metadata["preamble"] = "\n".join(filled[0].preamble)
@@ -44,6 +50,10 @@ def read_delimited(source: Source, request: Request) -> Contents:
         for i, table in enumerate(filled)
     ]
     return Contents(parts, metadata, list(dict.fromkeys(findings)))
+
+
+def _has_force(header: Header) -> bool:
+    return bool({"normal_force", "friction_force"} & set(header.roles)) or coefficient_column(header) is not None
 
 
 def _loaded_by_name(source: Source, table: Table, findings: list[Finding]) -> Table:

@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -59,22 +59,38 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
     below = _below(text, after)
     complaint: str | None = None
     for delimiter, fields, header in readings:
-        clear = delimiter in ("\t", ";", ",") and "time" in header.roles and len(header.roles) > 1
+        named = _named(fields, request)
+        clear = delimiter in ("\t", ";", ",") and "time" in named and len(named) > 1
         if below.row is None and not clear:
             continue
         units, start = _units_below(text, after, below, delimiter, len(fields))
         if below.row is None:
             return Head(with_units(source, request, header, units), start, delimiter, 0)
         layout = row_layout(below.row, delimiter, len(_trimmed(fields)))
-        if (layout or clear) and any(head_at(source, text, here, request) for here, _ in below.between):
+        if layout is not None and layout[0] == ";" != delimiter and ";" in line:
+            continue  # words that were torn apart where the rows below are not
+        if (layout or clear) and any(
+            lower and (not named or _named([name.raw for name in lower.header.names], request))
+            for lower in (head_at(source, text, here, request) for here, _ in below.between)
+        ):
             return None  # words above the header row proper
         if layout is not None:
+            first = split(below.row, layout[0])
+            numbered = [i for role, i in header.roles.items() if request.columns.get(role, "").isdecimal()]
+            if any(first[i] and not is_number_like(first[i]) for i in numbered):
+                return None  # another table: words stand in the columns that were numbered
             return Head(with_units(source, request, header, units), below.start, *layout)
         if clear and complaint is None:
             complaint = _misfit(text, below.start, below.row, delimiter, len(_trimmed(fields)))
     if complaint:
         raise source.error(complaint)
     return None
+
+
+def _named(fields: Sequence[str], request: Request) -> Mapping[str, int]:
+    """Return the roles that names tell, of columns that the user numbered as well."""
+    by_name = {role: column for role, column in request.columns.items() if not column.isdecimal()}
+    return match_header(fields, by_name).roles
 
 
 def _with_names_above(
@@ -113,9 +129,12 @@ def lines_from(text: str, position: int) -> Iterator[tuple[int, str]]:
 def is_row(fields: Sequence[str]) -> bool:
     """Tell whether fields are a row of numbers and clock times: at least one number, and not mostly words.
 
-    A clock time counts where no words stand before it. Or cells that each hold a number with its unit.
+    A clock time counts where no words stand before it. Or cells that each hold a number with its unit. A field that
+    ends in a colon names a setting.
     """
     filled = [field for field in fields if field]
+    if any(field.endswith(":") for field in filled):
+        return False
     numbers = sum(is_number(field) or is_number(field, ",") for field in filled)
     if not numbers:
         return len(filled) > 1 and all(split_cell(field) for field in filled)
@@ -201,7 +220,8 @@ def _readings(line: str) -> Iterator[tuple[str, list[str]]]:
             fields = re.sub(r"(?<!\s)\s++(?=[(\[][^()\[\]]*[)\]](?:\s|$))", "", line).split()
         else:
             fields = split(line, delimiter)
-        if len(fields) > 1 and not any(map(is_number, fields)):
+        marks = "." if delimiter == "," else ".,"
+        if len(fields) > 1 and not any(is_number(field, mark) for field in fields for mark in marks):
             yield delimiter, fields
 
 

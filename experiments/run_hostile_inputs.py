@@ -58,7 +58,7 @@ def ended(command: list[str], folder: Path) -> Ending:
             sys.stderr.flush()
         finally:
             os._exit(code)
-    until = time.monotonic() + 2 * GIVEN_UP
+    until = time.monotonic() + 20 * GIVEN_UP  # a busy machine; what waits without working is seen still
     done, status, used = os.wait4(child, os.WNOHANG)
     while not done and time.monotonic() < until:
         time.sleep(0.005)

@@ -120,7 +120,7 @@ def _histogram(axes: Axes, values: Sequence[Array], unit: str, name: str) -> Non
     together = np.concatenate(finite)
     scale = scale_for(float(np.median(together)), unit)
     low, high = float(together.min()), float(together.max())
-    wider = max(0.0, NARROWEST * abs(high) - (high - low)) / 2  # cycles on a clock's grid may be alike to the last digit
+    wider = max(0.0, NARROWEST * abs(high) - (high - low)) / 2  # cycles may be alike but for rounding
     axes.hist(
         [part / scale.factor for part in finite],
         bins=BINS,

@@ -355,3 +355,79 @@ def instrumx(i, force):
 )  # fmt: skip
 def test_layouts_that_others_describe(tmp_path, head, row, more):
     right(read_log(table(tmp_path, head, row, "a.txt"), **more))
+
+
+def comma(number):
+    return str(number).replace(".", ",")
+
+
+BLOCK = {"normal_force": 3, "columns": {"friction_force": "Force"}}
+EXPORTS = {
+    "MTS 793": (
+        "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n\nData Acquisition\t\t\tTime:\t10.0\tSec\t3/29/2026 1:54:32 PM\n"
+        "Running Time\tAxial Displacement\tAxial Force\tLateral Force\nSec\tmm\tN\tN",
+        lambda i, f: f"{i / 10}\t{i / 100}\t3.0\t{f}", {}, "1,4,3",
+    ),
+    "Vernier Logger Pro": (
+        "Vernier Format 2\nblock.cmbl 11/28/2026 09:37:43 .\nRun 1\nTime\tForce\tPosition\nt\tF\tx\ns\tN\tm",
+        lambda i, f: f"{i / 10}\t{f}\t{i / 1e4}", {"normal_force": 3, "columns": {"friction_force": "F"}}, "1,2",
+    ),
+    "Vernier Graphical Analysis": (
+        '"Latest: Time (s)","Latest: Force (N)","Latest: Position (m)"', lambda i, f: f"{i / 10},{f},{i / 1e4}",
+        {"normal_force": 3, "columns": {"friction_force": "Latest: Force"}}, "1,2",
+    ),
+    "Arduino": (
+        "Vernier Format 2\nReadings taken using Arduino\nData Set\nTime\tForce\nseconds\tnewtons",
+        lambda i, f: f"{i / 10}\t{f}", BLOCK, "1,2",
+    ),
+    "PASCO Capstone": (
+        '"Time (s) Run #1","Force (N) Run #1","Position (m) Run #1"',
+        lambda i, f: f"{i / 10},{f},{i / 1e4}", BLOCK, "1,2",
+    ),
+    "ZwickRoell testXpert": (
+        '"Norm";"DIN EN ISO 8295"\n"Probe";"PE-Folie 3"\n"Schlitten";0,1019;"kg"\n"µS";0,62;""\n\n'
+        '"Prüfzeit";"Standardweg";"Standardkraft"\n"s";"mm";"N"',
+        lambda i, f: f"{comma(i / 10)};{comma(i / 100)};{comma(f)}",
+        {"normal_force": 3, "columns": {"friction_force": "Standardkraft"}}, "1,3",
+    ),
+    "Kistler DynoWare": (
+        "DynoWare\nFile name:\tfr3.dwd\nTime:\t9:37:43 AM\nMeasuring time [s]:\t4\nSampling rate [Hz]:\t500\n"
+        "Delay time [s]:\t0\n\nTime\tFx\tFy\tFz\n[s]\t[N]\t[N]\t[N]",
+        lambda i, f: f"{i / 10}\t{f}\t0.004\t-3.0", {}, "1,2,4",
+    ),
+    "Dewesoft": (
+        "File name: fr3.dxd\nStart time: 28/11/2026 09:37:43.123\nSample rate: 500 Hz\n\nEvents\n"
+        "Event Type\tEvent\tTime\tComment\n1\tstoring started at\t0\t\n2\tstoring stopped at\t4\t\n\n"
+        "Data1\nTime (s)\tFx (N)\tFz (N)",
+        lambda i, f: f"{i / 10}\t{f}\t3.0", {}, "1,2,3",
+    ),
+    "catman": (
+        "catman AP 5.4\tfr3\t28.11.2026 09:37:43\nKanalzahl: 3\nZeit  1 - Standardmessrate\tReibkraft\tNormalkraft\n"
+        "s\tN\tN\nWertezahl: 120\tWertezahl: 120\tWertezahl: 120\nMessrate: 10 Hz\tMessrate: 10 Hz\tMessrate: 10 Hz\n",
+        lambda i, f: f"{comma(i / 10)}\t{comma(f)}\t3,0", {}, "1,2,3",
+    ),
+    "Anton Paar RheoCompass": (
+        "Project:\tSkin\nTest:\tTribo 1\nInterval and data points:\t1\t120\nInterval data:\tPoint No.\tTime\t"
+        "Sliding Velocity\tNormal Force\tFriction Force\tFriction Factor\tStatus\n\t\t[s]\t[mm/s]\t[N]\t[N]\t[1]\t\n",
+        lambda i, f: f"\t{i + 1}\t{i / 10}\t1.000\t3.0\t{f}\t0.1\tDy_auto", {}, "3,6,5",
+    ),
+}  # fmt: skip
+"""The form in which programmes of test machines, amplifiers and schools export: head, row, what has to be said, and the
+numbers of time, friction force and normal force."""
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_exports_of_instruments(tmp_path, name):
+    head, row, more, numbers = EXPORTS[name]
+    path = table(tmp_path, head, row, "a.txt", "utf-16" if name == "Anton Paar RheoCompass" else "utf-8")
+    right(read_log(path, **more))
+    columns = dict(zip(("time", "friction_force", "normal_force"), numbers.split(","), strict=False))
+    by_number = read_log(path, columns=columns, normal_force=more.get("normal_force"))
+    right(by_number)
+    assert by_number.normal_force[0] == 3.0
+
+
+def test_a_table_without_a_force_is_named(tmp_path):
+    head, row, more, _ = EXPORTS["Dewesoft"]
+    (finding,) = (f for f in read_log(table(tmp_path, head, row), **more).findings if f.code == "tables_without_force")
+    assert "'Event Type'" in finding.message
