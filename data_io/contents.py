@@ -186,6 +186,7 @@ _SUFFIXES: Final = (
     ".gz", ".zip",
 )  # fmt: skip
 _BESIDE = re.compile(r"(read[ _-]?me|licen[cs]e|copying|notice|changelog)", re.IGNORECASE)  # texts about logs
+_ANY_DEPTH = re.compile(r"(?:\*\*/){2,}")
 _DIGITS = re.compile(r"\d{1,18}")
 
 
@@ -208,9 +209,10 @@ def logs_at(path: Path) -> list[Path]:
         ]
     elif is_series(path):
         anchor = Path(path.anchor) if path.anchor else Path()
+        once = _ANY_DEPTH.sub("**/", str(path.relative_to(path.anchor)))  # each further one multiplies the work
         try:
-            found = [p for p in anchor.glob(str(path.relative_to(path.anchor))) if p.is_file()]
-        except (ValueError, OSError, NotImplementedError) as error:
+            found = [p for p in anchor.glob(once) if p.is_file()]
+        except (ValueError, OSError, NotImplementedError, RecursionError) as error:
             raise LogError(
                 f"{path}: the pattern cannot be read ({error}); one such as stroke_*.txt was expected; correct it"
             ) from error

@@ -515,7 +515,9 @@ def files() -> Iterator[Hostile]:
     """Paths that are no files, with the command that takes a log."""
     for path in ("/dev/zero", "/dev/tty", "/dev/stdin", "~nobody_at_all/log.csv", "a" * 5000, "*" * 300, "[" * 200):
         yield Hostile(f"path {path[:20]}", "comma.csv", lambda: GOOD, ("inspect", path))
-    yield Hostile("a thousand stars", "comma.csv", lambda: GOOD, ("inspect", "**/" * 300 + "x"))
+    for name, pattern in (("any depth", "**/" * 300 + "x"), ("any depth, twelve times", "**/" * 12 + "no_such_*"),
+                          ("a thousand folders", "*/" * 1000 + "x")):  # fmt: skip
+        yield Hostile(f"{name}, as a pattern", "comma.csv", lambda: GOOD, ("inspect", pattern))
 
 
 def all_inputs() -> Iterator[Hostile]:

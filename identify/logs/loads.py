@@ -111,7 +111,7 @@ def as_modelled(
         the force, and the swing that its mean hides (half its range, as a share).
 
     Raises:
-        FitError: no finite value, or a force that is not positive throughout.
+        FitError: a force that is not positive throughout.
     """
     course = smooth(kept(record.time, used), kept(record.normal_force, used), name, cycles)
     if follows:
@@ -132,7 +132,7 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
     handed on as a broken line, DRAWN pieces per segment.
 
     Args:
-        time, normal_force: (n,) [s], [N]; NaN is left out.
+        time, normal_force: (n,) [s], [N]; NaN is left out, one finite value at least.
         cycles: how many will use it, each with an error of its own: their mean must not seem better known than the
             course is.
 
@@ -140,7 +140,7 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
         the course, with its standard deviation as the noise leaves it; 0 where the file says one number.
 
     Raises:
-        FitError: no finite value, or a force that is not positive throughout.
+        FitError: a force that is not positive throughout.
     """
     t, f = _finite(time, normal_force, name)
     if np.ptp(f) == 0.0 or t.size < 16:
@@ -344,12 +344,10 @@ def swing(course: NormalForce, begin: float, end: float) -> float:
 def _finite(time: Array, normal_force: Array, name: str) -> tuple[Array, Array]:
     good = np.isfinite(normal_force) & np.isfinite(time)
     t, f = kept(time, good), kept(normal_force, good)
-    if t.size == 0:
-        raise FitError(f"{name} has no finite normal force; give it with --normal-force")
     if np.median(thinned(f)) <= 0.0:
         raise FitError(
             f"{name} has a median normal force of {np.median(f):.3g} N; expected a positive load: "
-            "check the column and its sign"
+            "check the column and its sign, or cut the window to the part under load"
         )
     return t, f
 

@@ -3,11 +3,14 @@
 import inspect
 import json
 import re
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from data_io import Record, read_log
+from data_io import LogTooLargeError, Record, read_log
+from data_io.record import WINDOW_START
 from identify import Scene, fit, identification
 from identify.base.errors import FitError, IdentifyError
 from identify.base.progress import Notice
@@ -21,6 +24,7 @@ from tests.support.sentences import advising
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
 
+CASES = Path(__file__).parents[1] / "cases"
 DRIVE = 'rig.drive_speed="1 mm/s"'
 
 
@@ -67,6 +71,8 @@ def _cases(log):
     plain, half = _changed(log), log.time < 2.0
     short = Record(*(column[:7] for column in (log.time, log.normal_force, log.friction_force)))
     falling = _changed(log, normal_force=np.where(half, log.normal_force, 0.0))
+    mostly_off = _changed(log, normal_force=np.where(log.time < 1.6, log.normal_force, 0.0))
+    sliding = read_log(CASES / "level_of_the_last_tenth.csv.gz")
     turning = _changed(log, friction_force=np.where(half, 1.0, -1.0) * log.friction_force)
     no_inertia = 'effects=["driven_damping", "contact_ageing", "velocity_weakening", "varying_normal_force"]'
     fixed = [f"parameters.{name}={{fixed={value}}}" for name, value in
@@ -91,6 +97,10 @@ def _cases(log):
     yield (['rig.drive_speed="0 mm/s"'], [plain]), "expected a moving drive", ([DRIVE], [plain])
     yield ([DRIVE], [turning]), "or a window of one stroke", ([DRIVE, "logs.1.window=[0, 2]"], [turning])
     yield ([DRIVE], [falling]), "cut the window to the part under load", ([DRIVE, "logs.1.window=[0, 1.9]"], [falling])
+    yield ([DRIVE], [mostly_off]), "or cut the window to the part under load", (
+        [DRIVE, "logs.1.window=[0, 1.5]"], [mostly_off])  # fmt: skip
+    faster = ['rig.drive_speed="1.1 mm/s"', 'rig.mass="30.7 g"', 'rig.stiffness="2254 N/m"', 'rig.damping="90 N/m"']
+    yield (faster, [sliding]), "a window chooses a part", ([*faster, "logs.1.window=[1.26, 1.398]"], [sliding])
     both = 'logs=[{path="a.csv"}, {path="b.csv"}]'
     yield (
         ([DRIVE, both], [plain]),
@@ -118,15 +128,40 @@ def _documents(folder):
     yield lambda: accuracy_of("fine"), "choose one", lambda: accuracy_of("0.1")
 
 
-# Not met from outside: another room refuses the same first, in words of its own, or it is a note and no refusal.
-NOT_MET = (
-    "larger than memory", "no finite normal force", "a median normal force", "drive that turns", "says nothing of",
-    "the time limit of", "settles for the last", "has no drive speed; give",
-)  # fmt: skip
+def _of_single_logs(log, monkeypatch):
+    """The same of one log as the page cuts it, of a scene that is made in Python, and of a log larger than memory."""
+    scene = Scene.from_toml(SCENE, [DRIVE, 'logs=[{path="log.csv"}]'])
+    entry, rig, plain = scene.logs[0], scene.rig, _changed(log)
+    turns = replace(rig, drive_speed=((0.0, 1e-3), (2.0, -1e-3)))
+    yield lambda: segmented.segmented(entry, plain, replace(rig, drive_speed=None)), "give drive_speed = ", (
+        lambda: segmented.segmented(entry, plain, rig))  # fmt: skip
+    yield lambda: segmented.segmented(entry, plain, turns), "cut it into one window per stroke", (
+        lambda: segmented.segmented(replace(entry, window=(0.0, 1.9)), plain, turns))  # fmt: skip
+    yield lambda: unknowns.from_scene(replace(scene, parameters={})), "add it to .parameters.", (
+        lambda: unknowns.from_scene(scene))  # fmt: skip
+
+    def read(_path, *, window=None, **_options):
+        if window is None:
+            raise LogTooLargeError("log.csv is larger than memory")
+        return replace(plain, metadata={WINDOW_START: 1.0})
+
+    monkeypatch.setattr(scene_records, "read_log", read)
+    large = replace(scene, logs=(replace(entry, window=(1.0, 3.0)),), rig=replace(rig, drive_speed=None))
+    yield lambda: scene_records.with_drives(large), "give drive_speed = ", (
+        lambda: scene_records.with_drives(replace(large, rig=rig)))  # fmt: skip
 
 
-def test_a_refused_fit_begins_with_the_remedy_that_is_named(log, tmp_path):
+NOT_MET = ("the time limit of", "times count from there on")  # notes, no refusals
+
+
+def test_a_refused_fit_begins_with_the_remedy_that_is_named(log, monkeypatch):
     told = []
+    for refused, remedy, mended in _of_single_logs(log, monkeypatch):
+        with pytest.raises(IdentifyError, match=remedy) as said:
+            refused()
+        told.append(str(said.value))
+        assert mended() is not None
+    monkeypatch.undo()
     for (settings, records), remedy, (then, with_records) in _cases(log):
         said = _said(settings, *records)
         assert said is not None and re.search(remedy, said), (remedy, said)
