@@ -157,15 +157,20 @@ def study(
 def table(lines: Sequence[dict[str, Any]]) -> None:
     """Counts per sampling rate, and what each can tell."""
     print(f"\n{describe()}\n")
-    print("| rate | fits | status | intervals that cover | verdicts right | false success | seconds, median |")
-    print("| --- | --- | --- | --- | --- | --- | --- |")
+    print(
+        "| rate | fits | status | intervals that cover | of what is identified or weak | verdicts right | false success "
+        "| seconds, median |"
+    )
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for rate in sorted({line["rate"] for line in lines}):
         mine = [line for line in lines if line["rate"] == rate]
         done = [line for line in mine if line["status"] == Status.CONVERGED.value]
         pairs = [(line, name) for line in done for name in line["told"]]
+        claims = [(line, name) for line, name in pairs if line["told"][name]["verdict"] in ("identified", "weak")]
         status = ", ".join(f"{k} {v}" for k, v in Counter(line["status"] for line in mine).most_common())
         print(
             f"| {rate:g} Hz | {len(mine)} | {status} | {_share(sum(covers(*p) for p in pairs), len(pairs))} "
+            f"| {_share(sum(covers(*p) for p in claims), len(claims))} "
             f"| {_share(sum(right(*p) for p in pairs), len(pairs))} | {sum(false_success(line) for line in mine)} "
             f"| {np.median([line['seconds'] for line in mine]):.0f} |"
         )
