@@ -158,8 +158,8 @@ def table(lines: Sequence[dict[str, Any]]) -> None:
     """Counts per sampling rate, and what each can tell."""
     print(f"\n{describe()}\n")
     print(
-        "| rate | fits | status | intervals that cover | of what is identified or weak | verdicts right | false success "
-        "| seconds, median |"
+        "| rate | fits | status | intervals that cover | of what is identified or weak | verdicts right | false "
+        "success | seconds, median |"
     )
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for rate in sorted({line["rate"] for line in lines}):
