@@ -281,13 +281,12 @@ class Record:
 
     def plot(self) -> Figure:
         """Return a figure of both forces over time, and of the drive speed where the record has one that changes."""
-        import matplotlib.pyplot  # noqa: F401 - lets a notebook show figures
-        from matplotlib.figure import Figure
+        from data_io.notebook_figure import NotebookFigure
 
         panels = [("friction force (N)", self.friction_force), ("normal force (N)", self.normal_force)]
         if isinstance(self.drive_speed, np.ndarray):
             panels.append(("drive speed (mm/s)", 1e3 * self.drive_speed))
-        figure = Figure(figsize=(9.0, 2.0 + 1.4 * len(panels)), layout="constrained")
+        figure = NotebookFigure(figsize=(9.0, 2.0 + 1.4 * len(panels)), layout="constrained")
         for axes, (label, values) in zip(figure.subplots(len(panels), 1, sharex=True), panels, strict=True):
             axes.plot(self.time, values, linewidth=0.8)
             axes.set_ylabel(label)

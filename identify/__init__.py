@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from identify.base.errors import FitError, IdentifyError, SceneError, SimulationError
+    from identify.base.progress import ProgressBar
     from identify.estimation.estimator import Estimated, EstimationTask, Estimator
     from identify.identification import fit
     from identify.prediction import ageing, amplitude, stability
@@ -27,6 +28,7 @@ __all__ = [
     "Fit",
     "FitError",
     "IdentifyError",
+    "ProgressBar",
     "Scene",
     "SceneError",
     "SimulationError",
@@ -49,6 +51,7 @@ _HOMES = {
     "Fit": "identify.report.finished",
     "FitError": "identify.base.errors",
     "IdentifyError": "identify.base.errors",
+    "ProgressBar": "identify.base.progress",
     "Scene": "identify.scene",
     "SceneError": "identify.base.errors",
     "SimulationError": "identify.base.errors",

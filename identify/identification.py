@@ -109,7 +109,8 @@ def fit(
             if advice is None and time_is_up():
                 trace.not_tried.append("the log that would tell more")
     findings = _traced(findings, trace, task.scene.time_limit)
-    told("stability and amplitude", 0.95)
+    last = "stability and amplitude"
+    told(last, 0.95)
     curves = _curves(prepared, findings)
     result = result_of(scene, prepared, findings, clock, began, seed, choice)
     if findings.status is Status.CONVERGED:
@@ -130,6 +131,7 @@ def fit(
         notes=(*drives, *result.notes),
         provenance={**result.provenance, "scene": used, "starts": starts, "asked": asked.document()},
     )
+    told(last, 1.0)
     return Fit(result.to_dict(), curves)
 
 

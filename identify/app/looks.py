@@ -12,6 +12,7 @@ import sys
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -40,17 +41,21 @@ class Looks:
 
     def __init__(self, folder: Folder) -> None:
         self._folder = folder
-        self._asked: queue.Queue[str] = queue.Queue()
-        self._waiting: set[str] = set()
+        self._asked: queue.PriorityQueue[tuple[bool, int, str]] = queue.PriorityQueue()
+        self._number = count()
+        self._waiting: set[tuple[str, bool]] = set()
         self._seen: dict[str, tuple[list[int], dict[str, Any]]] = {}
         self._process: subprocess.Popen[bytes] | None = None
         self._closed = False
         threading.Thread(target=self._work, daemon=True).start()
 
-    def of(self, name: str) -> dict[str, Any] | None:
+    def of(self, name: str, waited_for: bool = False) -> dict[str, Any] | None:
         """The inspection of a log as `stickslip inspect --json` has it; None: not yet, it is asked for.
 
         A log that cannot be read has {"error": sentence}.
+
+        Args:
+            waited_for: somebody has this log open, so it is the next one.
         """
         stamp = self._stamp(name)
         if (known := self._seen.get(name)) is not None and known[0] == stamp:
@@ -59,9 +64,9 @@ class Looks:
         if kept is not None and kept.get("stamp") == stamp:
             self._seen[name] = stamp, kept["log"]
             return self._seen[name][1]
-        if name not in self._waiting:
-            self._waiting.add(name)
-            self._asked.put(name)
+        if (name, waited_for) not in self._waiting:
+            self._waiting.add((name, waited_for))
+            self._asked.put((not waited_for, next(self._number), name))
         return None
 
     def close(self) -> None:
@@ -79,9 +84,12 @@ class Looks:
 
     def _work(self) -> None:
         while True:
-            name = self._asked.get()
+            later, _, name = self._asked.get()
             try:
                 stamp = self._stamp(name)
+                known = self._seen.get(name)
+                if known is not None and known[0] == stamp:
+                    continue  # it was looked at meanwhile, as somebody waited for it
                 log = self._inspected(name)
                 if self._closed:
                     return
@@ -91,7 +99,7 @@ class Looks:
             except (OSError, ValueError):
                 continue  # gone meanwhile, or no place to write to: asked for again with the next list
             finally:
-                self._waiting.discard(name)
+                self._waiting.discard((name, not later))
 
     def _inspected(self, name: str) -> dict[str, Any]:
         """Of a process of its own, behind everything else that runs, so that no log can harm or hold up the server."""

@@ -120,7 +120,7 @@ class Page:
         """Whether a log is in memory, what is in it, and where it stands in a scene."""
         name, options, entry = self._named(asked)
         opened = self.logs.opened(name, options)
-        seen = self.looks.of(name)
+        seen = self.looks.of(name, waited_for=True)
         about: dict[str, Any] = {
             "path": name,
             "share": opened.share,

@@ -137,7 +137,7 @@ def costs(scene: Scene, entry: LogEntry) -> dict[str, Any]:
     period = 4.0 * gap / (values["stiffness"] * (speed or MODERATE))
     with ONE_AT_A_TIME:
         since = process_time()
-        motion = simulate(driven, CYCLES * period, accuracy=ACCURACY)
+        motion = simulate(driven, CYCLES * period, accuracy=ACCURACY).refined()
         found = price(driven, motion, process_time() - since)
     scale = 1e3 / max(motion.onsets.size, 1)
     slips = f"Simulating {motion.onsets.size} slips: {found.text}."

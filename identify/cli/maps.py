@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
-from time import process_time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,9 +68,8 @@ def map_answer(
         files = [] if data is None else write_continuation(answer, site, data)
     else:
         n = GRID if arguments.points is None else arguments.points
-        since = process_time()
         made = chart(site, (names[0], names[1]), (ranges[0], ranges[1]), (n, n))
-        levels = _levels(n, process_time() - since)
+        levels = [{"points": round(factor * n), "seconds": made.cost.seconds(factor)} for factor in (0.5, 1.0, 2.0)]
         terminal.say(wrapped(f"{chart_text(made)} {_price_text(levels)}", "", ""))
         if plot:
             from identify.report.draw_map import Marks, draw_map
@@ -135,13 +133,8 @@ def chart_text(made: Chart) -> str:
     return f"Map of {' and '.join(spans)}, {plane.shape[1]} x {plane.shape[0]} points: {shares}."
 
 
-def _levels(points: int, seconds: float) -> list[dict[str, float]]:
-    """Processor seconds of maps with half as many points along each quantity, as many, and twice as many."""
-    return [{"points": round(f * points), "seconds": f * f * seconds} for f in (0.5, 1.0, 2.0)]
-
-
 def _price_text(levels: Sequence[Mapping[str, float]]) -> str:
-    """The same in words."""
+    """What a map with half as many points along each quantity, as many, and twice as many costs, in words."""
     coarse, taken, fine = (f"{level['seconds']:.2g} s" for level in levels)
     return (
         f"{taken} of processor time; with {levels[0]['points']} points along each about {coarse}, with "

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from time import process_time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +104,8 @@ HOVERS = 30  # cycles after which a motion near an unstable orbit is given up
 @dataclass
 class OrbitsOnGrid:
     """What was found: orbits by node (with the map of each), rest states of motions that stick without settling, ends
-    by edge (with the last orbit of the branch before each fold)."""
+    by edge (with the last orbit of the branch before each fold); processor seconds [s] of the starts from a coarse grid
+    and of the functions they build, and of the edges over which stick-slip ends."""
 
     orbits: dict[Node, Orbit] = field(default_factory=dict)
     maps: dict[Node, CycleMap] = field(default_factory=dict)
@@ -111,6 +113,8 @@ class OrbitsOnGrid:
     refused: set[Node] = field(default_factory=set)  # motions that cannot be integrated
     ends: dict[Edge, Crossing] = field(default_factory=dict)
     last: dict[Edge, Orbit] = field(default_factory=dict)
+    start_seconds: float = 0.0
+    edge_seconds: float = 0.0
 
     def sticks(self, shape: tuple[int, int]) -> Bools:
         """Whether a node has stick-slip, periodic or not, (n_y, n_x)."""
@@ -126,6 +130,7 @@ class OrbitSearch:
     def __init__(self, plane: Plane, map_: CycleMap, growth: Array) -> None:
         self._plane, self._growth, self._origin = plane, growth, map_
         self.known, self._n_w = OrbitsOnGrid(), plane.settings.shape[-1]
+        self._stepped: set[bool] = set()
 
     def run(self) -> OrbitsOnGrid:
         """Orbits at every node that has one: from a coarse grid of starts (from every node of a single row), and from
@@ -134,10 +139,12 @@ class OrbitSearch:
         rows, columns = (np.unique(np.linspace(0, n - 1, min(n, most)).astype(int)) for n in self._plane.shape)
         for j in rows.tolist():
             for i in columns.tolist():
-                self._seed((j, i))
+                self.known.start_seconds += self._seed((j, i))
         for j, i in np.argwhere(self._growth >= 0.0).tolist():
             self._seed((j, i))
+        since = process_time()
         self._close_in()
+        self.known.edge_seconds += process_time() - since
         return self.known
 
     def _close_in(self) -> None:
@@ -173,14 +180,20 @@ class OrbitSearch:
                 slides = middle
         return 0.5 * (sticks + slides)
 
-    def _seed(self, node: Node) -> None:
+    def _seed(self, node: Node) -> float:
+        """Start a motion at a node, and spread its orbit; the processor seconds of the start alone are returned."""
         if not self._plane.admitted[node] or self._is_known(node):
-            return
+            return 0.0
+        since = process_time()
         try:
-            if self._settled(node, None):
-                self._spread(node)
+            sticks = self._settled(node, None)
         except SimulationError:
             self.known.refused.add(node)
+            sticks = False
+        taken = process_time() - since
+        if sticks:
+            self._spread(node)
+        return taken
 
     def _settled(self, node: Node, state: Array | None) -> bool:
         """Whether the motion at a node, from a rested contact or a rest state, goes on sticking; noted if it does."""
@@ -197,8 +210,22 @@ class OrbitSearch:
         while queue:
             here = queue.popleft()
             for there, edge in self._neighbours(here):
-                if not self._is_known(there) and edge not in self.known.ends and self._reached(here, there, edge):
+                if self._is_known(there) or edge in self.known.ends:
+                    continue
+                since = process_time()
+                reached = self._reached(here, there, edge)
+                self._spent(process_time() - since, reached)
+                if reached:
                     queue.append(there)
+
+    def _spent(self, seconds: float, reached: bool) -> None:
+        """Note what a step to a neighbour took: the first of a kind builds functions; where none is reached, it is a
+        step over the end."""
+        if reached not in self._stepped:
+            self._stepped.add(reached)
+            self.known.start_seconds += seconds
+        elif not reached:
+            self.known.edge_seconds += seconds
 
     def _reached(self, here: Node, there: Node, edge: Edge) -> bool:
         """Whether the stick-slip of one node leads to some at the next; else the end between them is noted."""

@@ -139,8 +139,6 @@ class Fit:
         """
         self._check_curves()
         self._check_log(log)
-        import matplotlib.pyplot  # noqa: F401 - lets a notebook show figures
-
         from identify.report.force_figure import draw_force
         from identify.report.style import drawing_style
 
@@ -189,6 +187,16 @@ class Fit:
         if not self.converged:
             raise FitError(f"this fit has no values ({self.typed.status}): {self.typed.message}")
         return fitted_scene(self.typed, log)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write report.html, result.json, classical.csv, result.h5 and figures/ into a folder, made where needed.
+
+        Returns:
+            the path of report.html.
+        """
+        from identify.report.report_files import write_report
+
+        return write_report(self, Path(folder))[-1]
 
     def _check_curves(self) -> None:
         if not self.logs:

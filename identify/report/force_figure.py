@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from data_io.notebook_figure import NotebookFigure
 from identify.base.outcome import LogCurves
 from identify.estimation.preview import Preview, PreviewLog
 from identify.report.quantity_text import speed
@@ -110,7 +111,7 @@ def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
     fitted = whole.fitted is not None
     heights = [3.0, 1.15, 0.75] if fitted else [3.0, 0.75]
     height = 0.78 + 0.72 * sum(heights)
-    figure = Figure(figsize=(WIDE, height))
+    figure = NotebookFigure(figsize=(WIDE, height))
     grid = figure.add_gridspec(
         len(heights),
         2 if near else 1,

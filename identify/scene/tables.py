@@ -6,6 +6,7 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from data_io.units import UnitError, parse_quantity
@@ -133,8 +134,9 @@ class TomlTable:
         return value
 
     def text(self, key: str) -> str | None:
-        """A non-empty text."""
+        """A non-empty text; a path that Python gives is one."""
         value = self.data.get(key)
+        value = str(value) if isinstance(value, PurePath) else value
         if value is not None and (not isinstance(value, str) or not value.strip()):
             raise SceneError(f"{self.place(key)} is {value!r}; expected a text in quotes: correct it")
         return value

@@ -1,13 +1,23 @@
-"""What a simulation costs: processor seconds at other accuracies, and what each effect takes, on a short part."""
+"""What a simulation costs: processor seconds at other accuracies, and what each effect takes, on a short part.
+
+A simulation runs along a ladder of tolerances, each a hundredth of the one before, until two neighbours agree to the
+accuracy that is asked for; another accuracy begins on another rung. So it costs what this one did, less the rungs that
+it leaves out, and more for those that it has instead. What a rung costs is timed on a short part of the motion, and
+grows with the phases of the motion.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from time import process_time
 
 from identify.base.errors import IdentifyError
 from identify.scene import Scene
+from identify.simulation.plan import COARSEST as LOOSEST_STEP
+from identify.simulation.plan import FINEST as FINEST_STEP
+from identify.simulation.plan import SAFETY, other
 from identify.simulation.simulate import simulate
 from identify.simulation.trajectory import Trajectory
 
@@ -39,31 +49,64 @@ class SimulationPrice:
 def price(scene: Scene, motion: Trajectory, seconds: float) -> SimulationPrice:
     """The price of a motion of a scene that took so many processor seconds, the building of its functions included.
 
+    Args:
+        motion: as `Trajectory.refined` has left it.
+
     Raises:
         SimulationError: as `simulate`.
     """
-    taken, arrests = motion.accuracy or COARSEST, motion.arrests
-    part = float(arrests[CYCLES - 1]) if arrests.size >= CYCLES else motion.duration
-    own, slips = _spent(scene, part, taken)
-    parts = motion.duration / part
-    levels = {min(taken * FACTOR, COARSEST): 0.0, taken: seconds, max(taken / FACTOR, FINEST): 0.0}
-    for accuracy in levels:
-        if accuracy != taken:
-            levels[accuracy] = max(seconds + parts * (_spent(scene, part, accuracy)[0] - own), 0.0)
+    taken = motion.accuracy or COARSEST
+    levels = (min(taken * FACTOR, COARSEST), taken, max(taken / FACTOR, FINEST))
+    rungs = {accuracy: _rungs(accuracy, motion.coarser + 2) for accuracy in levels}
+    part, first = _part(motion), rungs[taken][0]
+    spent, short = _spent(scene, part, {rtol for found in rungs.values() for rtol in found})
+    parts = len(motion.phases) / len(short.phases)
+    own = sum(spent[rtol] for rtol in rungs[taken])
+    prices = {
+        accuracy: max(seconds + parts * (sum(spent[rtol] for rtol in found) - own), 0.0)
+        for accuracy, found in rungs.items()
+    }
     effects = {}
     for name in scene.model.effects:
         with suppress(IdentifyError, KeyError):  # an effect that others need, or whose values they need
-            less = scene.with_effects([other for other in scene.model.effects if other != name])
-            without, others = _spent(less, part, taken)
-            effects[name] = max(parts * (own - without * max(slips, 1) / max(others, 1)), 0.0)
-    return SimulationPrice(taken, levels, effects)
+            less = scene.with_effects([kept for kept in scene.model.effects if kept != name])
+            without, motion_without = _spent(less, part, [first])
+            each = without[first] / max(motion_without.onsets.size, 1)
+            share = 1.0 - each * max(short.onsets.size, 1) / spent[first]
+            effects[name] = max(parts * own * share, 0.0)
+    return SimulationPrice(taken, prices, effects)
 
 
-def _spent(scene: Scene, duration: float, accuracy: float) -> tuple[float, int]:
-    """Processor seconds of a simulation with its check, the least of several where it is short, and its slips."""
-    slips, taken = 0, list[float]()
-    while len(taken) < 2 or (len(taken) <= RUNS and sum(taken) < LONG):
-        since = process_time()
-        slips = simulate(scene, duration, accuracy=accuracy).refined().onsets.size
-        taken.append(process_time() - since)
-    return min(taken[1:]), slips  # the first one builds the functions
+def _rungs(accuracy: float, runs: int) -> list[float]:
+    """Relative tolerances of a step of the runs that an accuracy takes, the last of them for its check."""
+    found = [min(max(accuracy / SAFETY, FINEST_STEP), LOOSEST_STEP)]
+    while len(found) < runs:
+        found.append(other(found[-1])[0])
+        if found[-1] > found[-2]:
+            break  # nothing tighter makes it better
+    return found
+
+
+def _part(motion: Trajectory) -> float:
+    """How much of a motion [s] is run again: the first cycles, cut in the middle of a rest, so that no tolerance
+    decides whether a slip is still inside."""
+    onsets, arrests = motion.onsets, motion.arrests
+    if min(onsets.size, arrests.size) <= CYCLES:
+        return motion.duration
+    arrest = float(arrests[CYCLES - 1])
+    return 0.5 * (arrest + float(onsets[onsets > arrest][0]))
+
+
+def _spent(scene: Scene, duration: float, tolerances: Iterable[float]) -> tuple[dict[float, float], Trajectory]:
+    """Processor seconds of a simulation with each relative tolerance of a step, in turns, the least of several where it
+    is short; and one of the motions."""
+    wanted, taken = sorted(tolerances), list[dict[float, float]]()
+    motion = simulate(scene, duration, rtol=wanted[-1])  # builds the functions
+    while not taken or (len(taken) < RUNS and sum(sum(turn.values()) for turn in taken) < LONG):
+        turn = {}
+        for rtol in wanted:
+            since = process_time()
+            motion = simulate(scene, duration, rtol=rtol)
+            turn[rtol] = process_time() - since
+        taken.append(turn)
+    return {rtol: min(turn[rtol] for turn in taken) for rtol in wanted}, motion

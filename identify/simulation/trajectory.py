@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -213,7 +213,8 @@ class Second:
 class Trajectory:
     """A simulated motion: its phases in order, and everything that can be sampled from them.
 
-    `duration` [s] counts from the start of the simulation; all quantities are SI. `accuracy` was asked for.
+    `duration` [s] counts from the start of the simulation; all quantities are SI. `accuracy` was asked for; `coarser`
+    runs of the same scene did not reach it.
     """
 
     model: Model
@@ -221,6 +222,7 @@ class Trajectory:
     duration: float
     accuracy: float | None = None
     second: Second | None = field(default=None, repr=False, compare=False)
+    coarser: int = 0
 
     @cached_property
     def achieved(self) -> Achieved | None:
@@ -247,7 +249,7 @@ class Trajectory:
         if found is None or self.accuracy is None or self.second is None or not self.second.finer:
             return self
         enough = found.switches <= self.accuracy and found.forces <= self.accuracy
-        return self if enough else self._other.refined()
+        return self if enough else replace(self._other, coarser=self.coarser + 1).refined()
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -293,11 +295,10 @@ class Trajectory:
 
     def plot(self) -> Figure:
         """Friction force at the load cell and sliding speed over time."""
-        import matplotlib.pyplot  # noqa: F401 - lets a notebook show figures
-        from matplotlib.figure import Figure
+        from data_io.notebook_figure import NotebookFigure
 
         frame = self.to_frame()
-        figure = Figure(figsize=(9.0, 4.5), layout="constrained")
+        figure = NotebookFigure(figsize=(9.0, 4.5), layout="constrained")
         force, speed = figure.subplots(2, 1, sharex=True)
         force.plot(frame["time"], frame["force"])
         force.set_ylabel("friction force (N)")

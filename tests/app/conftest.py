@@ -6,6 +6,7 @@ import time
 import tomllib
 import urllib.error
 import urllib.request
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -77,6 +78,14 @@ def write_log(path, speed, duration, rate):
     write_csv(Record(times, np.ones_like(times), force, drive_speed=scene.rig.drive_speed), path)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def looked_at_without_waiting():
+    """The process that looks at logs stands behind all others of the machine; here the test waits for it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("identify.app.looks.NICE", 0)
+        yield
+
+
 @pytest.fixture(scope="session")
 def looked_at(tmp_path_factory):
     """Two short logs, a scene of them with two parameters to find, and what the page has seen in them."""
@@ -92,14 +101,9 @@ def looked_at(tmp_path_factory):
     return place
 
 
-@pytest.fixture
-def root(tmp_path, looked_at):
-    """A folder of its own with these logs and their scene; they are as old, so that nothing is looked at again."""
-    return shutil.copytree(looked_at, tmp_path / "logs of the lab")
-
-
-@pytest.fixture
-def serving(root):
+@contextmanager
+def served(root):
+    """A server of a folder, with whose end its jobs end."""
     made = Serving(Folder.at(root))
     made.start()
     yield made
@@ -109,8 +113,27 @@ def serving(root):
 
 
 @pytest.fixture
+def root(tmp_path, looked_at):
+    """A folder of its own with these logs and their scene; they are as old, so that nothing is looked at again."""
+    return shutil.copytree(looked_at, tmp_path / "logs of the lab")
+
+
+@pytest.fixture
+def serving(root):
+    with served(root) as made:
+        yield made
+
+
+@pytest.fixture
 def client(serving):
     return Client(serving)
+
+
+@pytest.fixture(scope="session")
+def unchanged(tmp_path_factory, looked_at):
+    """A client of one server for all tests that leave its folder as it is."""
+    with served(shutil.copytree(looked_at, tmp_path_factory.mktemp("unchanged") / "logs of the lab")) as made:
+        yield Client(made)
 
 
 @pytest.fixture(scope="session")

@@ -37,18 +37,18 @@ NASTY = "<img src=x onerror=alert(1)><script>alert(2)<!--.txt"
     ],
 )
 @pytest.mark.parametrize("path", ["", "api/folder", "files/pair.toml"])
-def test_who_is_not_the_page_is_refused(client, foreign, path):
-    status, _, body = client.ask(path, **foreign)
+def test_who_is_not_the_page_is_refused(unchanged, foreign, path):
+    status, _, body = unchanged.ask(path, **foreign)
     assert status == 403 and b"Refused" in body and b"pair" not in body
-    own = f"http://127.0.0.1:{client.serving.port}"
-    assert client.ask(path, origin=own)[0] == 200, "the page itself is let in"
+    own = f"http://127.0.0.1:{unchanged.serving.port}"
+    assert unchanged.ask(path, origin=own)[0] == 200, "the page itself is let in"
 
 
-def test_only_the_loopback_address_is_listened_to(serving):
-    with socket.create_connection(("127.0.0.1", serving.port), 1.0):
+def test_only_the_loopback_address_is_listened_to(unchanged):
+    with socket.create_connection(("127.0.0.1", unchanged.serving.port), 1.0):
         pass
     with pytest.raises(OSError):
-        socket.create_connection(("127.0.0.2", serving.port), 1.0)
+        socket.create_connection(("127.0.0.2", unchanged.serving.port), 1.0)
 
 
 OUTSIDE = [
@@ -63,8 +63,10 @@ OUTSIDE = [
 
 
 @pytest.mark.parametrize("path", OUTSIDE)
-def test_no_path_leads_out_of_the_folder(client, root, path):
+def test_no_path_leads_out_of_the_folder(unchanged, path):
+    client, root = unchanged, unchanged.serving.page.folder.root
     (root.parent / "secret.txt").write_text("time,force\n0,1\n1,2\n")
+    (root / "link.txt").unlink(missing_ok=True)
     (root / "link.txt").symlink_to(root.parent / "secret.txt")
     questions = [
         client.get("log", path=path),
@@ -253,13 +255,13 @@ def test_without_the_extra_one_sentence_says_what_to_install(monkeypatch, capsys
     assert told.stdout.strip() == "False", "the other commands do not pay for it"
 
 
-def test_small_answers_are_sent_at_once(client):
+def test_small_answers_are_sent_at_once(unchanged):
     """Where the kernel waits for more to send, every answer on an open connection takes 40 ms."""
-    connection = http.client.HTTPConnection("127.0.0.1", client.serving.port)
+    connection = http.client.HTTPConnection("127.0.0.1", unchanged.serving.port)
     taken = []
     for _ in range(20):
         began = time.perf_counter()
-        connection.request("GET", f"/{client.serving.token}/api/jobs")
+        connection.request("GET", f"/{unchanged.serving.token}/api/jobs")
         connection.getresponse().read()
         taken.append(time.perf_counter() - began)
     connection.close()

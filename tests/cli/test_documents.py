@@ -1,13 +1,18 @@
 """Pages for users name what there is: commands and options, scene keys, and the code of the Python page."""
 
 import ast
+import json
 import re
+from io import StringIO
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 from data_io import write_csv
+from experiments.make_notebook import notebook
 from experiments.study_problem import DEMO, simulated_case
 from identify.cli import main as cli
 from identify.report.stored_result import as_json
@@ -55,5 +60,38 @@ def test_the_python_page_runs(tmp_path, monkeypatch, no_further_logs):
             exec(line, space)
     found = space["found"]
     assert found.result["status"] == "converged" and "mu_s" in repr(found) and "mu_s" in found._repr_html_()
-    assert len(shown) == 10 and all(value is not None for value in shown)
+    assert len(shown) == 11 and all(value is not None for value in shown)
     assert [len(value) > 0 for value in shown if isinstance(value, pd.DataFrame)] == [True] * 4
+
+
+def run_cell(source, space):
+    """Run the lines of a cell; the value of its last one where that is an expression."""
+    body = ast.parse(source).body
+    last = ast.Expression(body.pop().value) if isinstance(body[-1], ast.Expr) else None
+    exec(compile(ast.Module(body, []), "cell", "exec"), space)
+    return None if last is None else eval(compile(last, "cell", "eval"), space)
+
+
+def test_the_notebook_runs_and_shows_what_it_says(tmp_path, monkeypatch, no_further_logs):
+    """Its cells, one after the other; its tables hold what they gave when it was made."""
+    page = json.loads((DOCS / "notebook.ipynb").read_text(encoding="utf-8"))
+    plain = [{key: cell[key] for key in ("cell_type", "source")} for cell in page["cells"]]
+    assert plain == [{key: cell[key] for key in ("cell_type", "source")} for cell in notebook()["cells"]]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("identify.report.report_figures.pictures", lambda _: ())  # one is drawn by its own cell
+    space, pictures, tables = {}, 0, 0
+    for cell in page["cells"]:
+        if cell["cell_type"] == "markdown":
+            continue
+        value = run_cell(cell["source"], space)
+        shown = [output["data"] for output in cell["outputs"] if output["output_type"] == "execute_result"]
+        if isinstance(value, Figure):
+            assert value._repr_png_().startswith(b"\x89PNG") and "image/png" in shown[0]
+            pictures += 1
+        elif isinstance(value, pd.DataFrame):
+            (stored,) = pd.read_html(StringIO("".join(shown[0]["text/html"])), index_col=0)
+            numbers = value.select_dtypes("number")
+            np.testing.assert_allclose(stored[numbers.columns].to_numpy(float), numbers, rtol=2e-3, atol=5e-6)
+            tables += 1
+    assert pictures == 3 and tables == 5
+    assert "identified" in space["found"]._repr_html_() and (tmp_path / "two-logs" / "report.html").exists()

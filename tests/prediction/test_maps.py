@@ -10,6 +10,8 @@ import pytest
 
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
+from identify.prediction import chart as chart_room
+from identify.prediction import orbit_search
 from identify.prediction.chart import chart, growth_at, losses_of_stability
 from identify.prediction.chart_bands import KnownCovariance, bands, closed_plane, region
 from identify.prediction.continuation import continuation
@@ -18,11 +20,36 @@ from identify.prediction.map_axes import Site, admissible, axis, check_axes, kno
 from identify.prediction.map_grid import outline, plane
 from identify.prediction.orbit import settle
 from identify.prediction.quantities import quantities
+from identify.prediction.slip import SlipIntegrator
 from identify.prediction.solutions import solution_set
 from tests.support.maps_case import ALL, DEMO, SITE, SPANS
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
 import brute_force
+
+
+@pytest.fixture
+def slips_counted(monkeypatch):
+    """The clock of a map shows the slips that it has integrated."""
+    counted, slide = [0], SlipIntegrator.slide
+
+    def counting(*given, **how):
+        counted[0] += 1
+        return slide(*given, **how)
+
+    monkeypatch.setattr(SlipIntegrator, "slide", counting)
+    for module in (chart_room, orbit_search):
+        monkeypatch.setattr(module, "process_time", lambda: float(counted[0]))
+
+
+@pytest.mark.parametrize("names", [("drive_speed", "stiffness"), ("damping", "mass"), ("t_cr", "D")])
+def test_a_map_says_what_more_points_cost(slips_counted, names):
+    coarse, fine = (chart(SITE, names, points=(n, n)) for n in (8, 16))
+    whole = coarse.cost.seconds(1.0)
+    assert coarse.cost.seconds(2.0) == pytest.approx(fine.cost.seconds(1.0), rel=0.3)
+    assert fine.cost.seconds(0.5) == pytest.approx(whole, rel=0.3)
+    if coarse.sticking.crossings:
+        assert 4.0 * whole > 1.3 * fine.cost.seconds(1.0), "nodes alone would say too much"
 
 
 @pytest.fixture(scope="module")

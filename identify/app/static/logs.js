@@ -11,8 +11,11 @@ function choose(path, on) {
   sessionStorage.setItem("chosen", JSON.stringify([...chosen]));
 }
 
-/** The logs that a button is about: those that are marked, all where none is. */
-export const meant = (session) => { const all = session.folder.logs.map((log) => log.path), some = all.filter((path) => chosen.has(path)); return some.length ? some : all; };
+/** The logs that a button is about: those that are marked; where none is, all but files that are no logs. */
+export const meant = (session) => {
+  const logs = session.folder.logs, some = logs.filter((log) => chosen.has(log.path));
+  return (some.length ? some : logs.filter((log) => !log.ready || log.format)).map((log) => log.path);
+};
 
 export function logsView(host, asked, session) {
   const rows = element("div", {}), foot = element("div", {});
@@ -30,9 +33,9 @@ export function logsView(host, asked, session) {
   }, { class: "main" });
   let stop = () => {}, shown = "";
   const count = () => {
-    const [some, all] = [meant(session).length, session.folder.logs.length];
-    make.textContent = some === all && all > 1 ? `make a scene from all ${all} logs` : `make a scene from the ${some} chosen ${some === 1 ? "log" : "logs"}`;
-    make.disabled = !all;
+    const some = meant(session).length, marked = session.folder.logs.some((log) => chosen.has(log.path));
+    make.textContent = !marked && some > 1 ? `make a scene from all ${some} logs` : `make a scene from the ${some} chosen ${some === 1 ? "log" : "logs"}`;
+    make.disabled = !some;
   };
 
   const fill = () => {
@@ -50,9 +53,10 @@ export function logsView(host, asked, session) {
         link(log.path, "log", { path: log.path }),
         ...(log.ready ? [log.format, log.speed || "not told", log.load, log.rate, { number: log.slips ?? "" }, log.regime,
           element("span", {}, element("span", { class: CLASSES[log.verdict] ?? "" }, SIGNS[log.verdict] ?? log.verdict), log.reason ? `: ${log.reason}` : "", log.more ? [" ", link(`and ${log.more} more`, "log", { path: log.path })] : "")]
-          : ["reading …", "", "", "", "", "", ""]),
+          : [log === logs.find((one) => !one.ready) ? "reading …" : "waits", "", "", "", "", "", ""]),
       ]), { id: "logs", class: "cards" }));
-    refill(foot, logs.length ? "" : element("p", {}, "There is no log in this folder yet. Drop files here, or ",
+    const done = logs.filter((log) => log.ready).length;
+    refill(foot, logs.length ? (done < logs.length ? element("p", { class: "quiet", "aria-live": "polite" }, `${done} of ${logs.length} files looked at, one after the other; curves can be seen before.`) : "") : element("p", {}, "There is no log in this folder yet. Drop files here, or ",
       button("put the example logs here", async () => { await post("examples"); await session.look(); })));
   };
 
