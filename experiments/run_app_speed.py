@@ -1,7 +1,9 @@
 """How fast the page is: first picture, pan and zoom of ten million samples, and the try sliders, in headless Chromium.
 
-The server runs on one core and the browser on the others. Prints a table. Needs the extra `app`, Chromium and Linux.
-python experiments/run_app_speed.py [samples]
+The server runs on one core and the browser on the others. Prints a table, with the machine and what else it was at work
+on; --docs also makes docs/app.png. Needs the extra `app`, Chromium and Linux.
+
+    python experiments/run_app_speed.py [samples] [--docs]
 """
 
 import json
@@ -21,6 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record, write_hdf5
+from experiments.machine import describe
 from identify.app.jobs import same_code
 from tests.app.browser import PageBrowser
 from tests.support.browser import CHROMIUM
@@ -150,6 +153,15 @@ def sliders_of(browser: PageBrowser, serving: PinnedServer, turns: int) -> None:
     print(f"slider to curve, median of {turns}  {waits(browser, serving, counter, tries)}")
 
 
+def picture_of(browser: PageBrowser, serving: PinnedServer) -> None:
+    """The log of the demo at 1 mm/s with its slips, as docs/app.png."""
+    browser.visit(f"{serving.address}#log?scene=pair.toml&number=2")
+    browser.wait(
+        "document.querySelector('#view').dataset.seen === 'yes' && document.querySelector('#plots').dataset.drawn"
+    )
+    browser.picture(Path(__file__).parents[1] / "docs" / "app.png", whole=False)
+
+
 def cancel_of(serving: PinnedServer) -> None:
     """From the cancel of a fit at work until none of its processes is left."""
     job = serving.ask("start", {"command": "fit", "scene": "pair.toml", "out": "cancelled"})
@@ -159,11 +171,12 @@ def cancel_of(serving: PinnedServer) -> None:
     print(f"cancel to idle  {time.perf_counter() - began:8.2f} s (the fit is {ended['state']})")
 
 
-def main(fast: bool = False, samples: int = 10_000_000) -> None:
-    """Print the table; fast: of 100,000 samples, five turns."""
+def main(fast: bool = False, samples: int = 10_000_000, docs: bool = False) -> None:
+    """Print the table; fast: of 100,000 samples, five turns. docs: make the picture of the page too."""
     if CHROMIUM is None:
         print("no Chromium is installed (Debian: apt-get install chromium): nothing was measured")
         return
+    print(describe())
     with tempfile.TemporaryDirectory() as place:
         root = Path(place)
         long_log(root / "long.h5", 100_000 if fast else samples)
@@ -175,10 +188,13 @@ def main(fast: bool = False, samples: int = 10_000_000) -> None:
                 browser.size(1280, 900)
                 curves_of(browser, serving, "long.h5", turns)
                 sliders_of(browser, serving, turns)
+                if docs:
+                    picture_of(browser, serving)
             cancel_of(serving)
         finally:
             serving.stop()
 
 
 if __name__ == "__main__":
-    main(samples=int(sys.argv[1]) if len(sys.argv) > 1 else 10_000_000)
+    counts = [int(word) for word in sys.argv[1:] if word.isdigit()]
+    main(samples=counts[0] if counts else 10_000_000, docs="--docs" in sys.argv)

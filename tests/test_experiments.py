@@ -15,7 +15,7 @@ RECOVERY = FOLDER / "run_recovery_study.py"  # by tests/estimation/test_fit.py
 FUZZ = FOLDER / "run_reader_fuzz.py"  # by tests/data_io/test_formats.py
 NEXT_LOG = FOLDER / "run_next_log_study.py"
 # Of speeds and prices: what they time is tested where it stands, and a fit at every level is no quick one.
-TIMED = [FOLDER / f"run_{name}.py" for name in ("accuracy_price", "batch_faults", "fit_speed")]
+TIMED = [FOLDER / f"run_{name}.py" for name in ("accuracy_price", "answer_price", "batch_faults", "fit_speed")]
 SCRIPTS = sorted(
     set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED, RECOVERY, FUZZ, NEXT_LOG, *TIMED}
 )

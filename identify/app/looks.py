@@ -135,7 +135,7 @@ def row_of(name: str, size: int, log: Mapping[str, Any] | None) -> dict[str, Any
     if log is None:
         return row
     if "error" in log:
-        return row | {"verdict": "reject", "reason": log["error"]}
+        return row | {"verdict": "reject", "reason": log["error"].removeprefix(f"{name}: ")}
     quality, findings = log["quality"], log["quality"]["findings"]
     worst = [f["message"] for severity in SEVERITIES for f in findings if f["severity"] == severity]
     speeds = {s for _, s in log["drive_speed_programme"] or ()}

@@ -1,12 +1,17 @@
 """Each view of the page driven as a person would, in headless Chromium without a network."""
 
 import json
+import os
+import random
 import shlex
 import shutil
+import signal
 import time
 import tomllib
+from contextlib import suppress
 
 import numpy as np
+import pytest
 
 from identify.cli import main as cli
 from tests.app.conftest import LOGS
@@ -135,14 +140,17 @@ def scene_by_hand(page):
 def fit_that_outlives_its_page(page, serving, folder):
     """Start a fit, cancel it, start it again, close the page in the middle of it, and open it when it has ended."""
     go(page, "fit")
+    page.type("[aria-label='time limit']", "10 min")
     page.press("fit")
     page.wait("document.querySelector('.job progress')")
+    assert "of at most 600 s left" in page.ask("document.querySelector('.job').innerText")
     page.wait("/reading|detecting/.test(document.querySelector('.job').innerText)")
     page.press("cancel")
     page.wait("document.querySelector('[data-state=cancelled]')")
     assert not (folder / "stickslip-scene").exists()
     page.press("put away")
     page.wait("!document.querySelector('.job[data-state=cancelled]')")
+    page.type("[aria-label='time limit']", "60 s")
     page.press("fit")
     page.wait("document.querySelector('.job progress')")
     page.call("Page.navigate", url="about:blank")
@@ -209,6 +217,31 @@ def test_from_a_folder_of_logs_to_a_map_in_the_page_alone_and_again_on_the_comma
     one, other = (json.loads((place / "stickslip-scene" / "result.json").read_text()) for place in (root, again))
     assert plainly(one) == plainly(other) and one["status"] == "converged"
     assert plainly(one) != plainly({**other, "not_tried": ["bootstrap"]}), "what was not tried is compared too"
+
+
+@pytest.mark.slow
+def test_fifty_fits_are_killed_and_the_page_says_so_each_time(root, page, serving):
+    """At random instants, from the start of the process to the writing of the report."""
+    rng, killed = random.Random(51), 0
+    go(page, "fit?scene=pair.toml")
+    for _ in range(50):
+        page.press("fit")
+        page.wait("document.querySelector('.job progress')")
+        (job,) = [job for job in serving.page.jobs.listed() if job["state"] == "running"]
+        time.sleep(rng.uniform(0.0, 6.0))
+        with suppress(ProcessLookupError):
+            os.killpg(serving.page.jobs._children[job["id"]].pid, signal.SIGKILL)
+        page.wait("!document.querySelector('.job progress')")
+        told = page.ask("document.querySelector('#jobs .job').textContent")
+        if "done after" not in told:
+            assert "ended from outside" in told and "start it again" in told
+            assert "start it again" in page.ask("document.getElementById('said').textContent")
+            killed += 1
+        assert [item.name for item in root.iterdir() if item.name.startswith(".stickslip-pair")] == []
+        assert all(json.loads(result.read_text()) for result in root.glob("stickslip-pair/result.json"))
+        page.press("put away")
+        page.wait("!document.querySelector('#jobs .job')")
+    assert killed > 25
 
 
 def test_a_study_is_made_of_the_chosen_logs_and_its_points_lead_to_the_fits(root, page):

@@ -2,6 +2,7 @@
 import { button, command, duration, element, link, post, say } from "./base.js";
 
 const WORDS = { running: "running", done: "done", failed: "not done", cancelled: "cancelled", killed: "ended from outside" };
+const SECONDS = { min: 60, h: 3600 };
 const BUDGET = 60; // seconds of a fit whose scene and command say nothing
 
 /** Where the result of a job is looked at. */
@@ -16,8 +17,8 @@ function result(job) {
 /** Seconds of the budget of a fit that are left, in words. */
 function left(job) {
   if (job.kind !== "fit") return "";
-  const said = job.command.match(/--time-limit=(?:'([^']*)'|(\S+))/), words = (said?.[1] ?? said?.[2] ?? job.limit ?? "").trim();
-  const number = parseFloat(words), limit = Number.isFinite(number) ? number * (words.endsWith("min") ? 60 : 1) : BUDGET;
+  const words = (job.command.match(/--time-limit=([\d.]+ *\w*)/)?.[1] ?? job.limit ?? "").trim();
+  const number = parseFloat(words), limit = Number.isFinite(number) ? number * (SECONDS[words.replace(/^[\d. ]+/, "")] ?? 1) : BUDGET;
   return `, about ${Math.max(Math.round(limit - job.seconds), 0)} s of at most ${Math.round(limit)} s left`;
 }
 
