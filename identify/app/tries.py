@@ -76,6 +76,8 @@ def tried(
         at = _instants(made.duration, made.onsets, made.arrests)
         curve = made.sample(at)
     off = np.interp(time, at, curve["force"]) - force
+    measured = cycles.onset[(cycles.onset > begin) & (cycles.onset < end)] - begin
+    both = min(measured.size, made.onsets.size)
     step = max(1, -(-time.size // (2 * POINTS)))
     document = {
         "begin": begin,
@@ -91,6 +93,7 @@ def tried(
         "rms": float(np.sqrt(np.nanmean(off**2))),
         "noise": log.noise,
         "slips": {"measured": int(last - first), "simulated": int(made.onsets.size)},
+        "late": float(np.median(made.onsets[:both] - measured[:both])) if both else None,
         "uneven": log.verdict.regime is Regime.UNEVEN_STICK_SLIP,
     }
     return dict(plain(document))

@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import re
 import shlex
 import shutil
 import signal
@@ -101,6 +102,7 @@ def test_a_slider_moves_the_simulated_force(root, page):
     page.wait("document.querySelector('#view').dataset.tried")
     off = "document.querySelector('#told').textContent"
     before = page.ask(off)
+    assert re.search(r"slips simulated, \d+ measured, [\d.]+ m?s (early|late) in the median", before)
     page.type("[data-parameter=mu_s]", "250")
     page.wait(f"{off} !== {json.dumps(before)}")
     page.press("start from the data")

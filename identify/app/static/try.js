@@ -4,6 +4,9 @@ import { line, mark, picture, span } from "./plots.js";
 
 const STEPS = 400, REACH = 4; // a slider goes from a quarter to four times the value where no interval is known
 
+/** How early or late simulated slips come, in words: the start is one noisy sample, so a little of it says nothing. */
+const shift = (late) => late === null ? "" : `, ${quantity(Math.abs(late), "s", 2)} ${late < 0 ? "early" : "late"} in the median, which the steep falls show most`;
+
 export async function tryView(host, asked, session) {
   if (!session.scene) {
     put(host, element("p", {}, "There is no scene yet: choose logs in ", link("the table", "logs"), " and make one from them."));
@@ -30,7 +33,7 @@ export async function tryView(host, asked, session) {
     picture(speed, { x: { label: "sliding speed (mm/s)", range: span(moving) }, y: { label: "friction coefficient while sliding", range: span(simulated.coefficient) }, draw: (context, x, y) => line(context, moving, simulated.coefficient, x, y, red()) });
     picture(strength, { x: { label: "rest before the slip (s)", range: span(made.strength.map(([rest]) => rest)) }, y: { label: "coefficient at the onset", range: span(made.strength.map(([, mu]) => mu)) },
       draw: (context, x, y) => made.strength.forEach(([rest, mu]) => mark(context, x(rest), y(mu), red(), "diamond")) });
-    told.textContent = `off by ${quantity(made.rms, "N", 3)} (rms; noise ${quantity(made.noise, "N", 2)}); ${made.slips.simulated} slips simulated, ${made.slips.measured} measured. Measured: solid; simulated: dashed.${made.uneven ? " The cycles of this log differ: no one set of values follows them all, so judge by slope, mean drop and mean period." : ""}`;
+    told.textContent = `off by ${quantity(made.rms, "N", 3)} (rms; noise ${quantity(made.noise, "N", 2)}); ${made.slips.simulated} slips simulated, ${made.slips.measured} measured${shift(made.late)}. Measured: solid; simulated: dashed.${made.uneven ? " The cycles of this log differ: no one set of values follows them all, so judge by slope, mean drop and mean period." : ""}`;
     host.dataset.tried = String(Number(host.dataset.tried ?? 0) + 1);
   };
   const simulate = newestWins(async () => {
