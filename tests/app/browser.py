@@ -65,11 +65,12 @@ class PageBrowser(Browser):
 
     @staticmethod
     def _until(look, complaint, patience=PATIENCE):
-        deadline = time.monotonic() + patience
+        deadline, pause = time.monotonic() + patience, 0.02
         while time.monotonic() < deadline:
             if found := look():
                 return found
-            time.sleep(0.03)
+            time.sleep(pause)
+            pause = min(1.2 * pause, 0.5)  # what takes long is asked for seldom
         raise AssertionError(complaint)
 
 
