@@ -159,6 +159,7 @@ def picture_of(browser: PageBrowser, serving: PinnedServer) -> None:
     browser.wait(
         "document.querySelector('#view').dataset.seen === 'yes' && document.querySelector('#plots').dataset.drawn"
     )
+    browser.ask("document.getElementById('folder').textContent = 'my-logs'")
     browser.picture(Path(__file__).parents[1] / "docs" / "app.png", whole=False)
 
 
@@ -189,6 +190,7 @@ def main(fast: bool = False, samples: int = 10_000_000, docs: bool = False) -> N
                 curves_of(browser, serving, "long.h5", turns)
                 sliders_of(browser, serving, turns)
                 if docs:
+                    browser.size(1280, 860)
                     picture_of(browser, serving)
             cancel_of(serving)
         finally:

@@ -71,6 +71,8 @@ def test_a_log_is_cut_by_dragging_and_the_table_follows(root, page):
     page.wait(f"{cycles} === {kept - 1}")
     page.press("take all cuts away")
     page.wait(f"{cycles} === 6")
+    page.visit(f"{page.ask('location.href').partition('#')[0]}#log?scene=pair.toml&number=1")
+    assert page.ask("document.querySelector('#view select').value") == "5_mm_per_s.csv"
 
 
 def test_the_form_and_the_text_of_a_scene_say_the_same(root, page):

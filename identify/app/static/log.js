@@ -35,7 +35,8 @@ async function listed(session) {
 
 export async function logView(host, asked, session) {
   const { wrong, places } = await listed(session), logs = session.folder.logs.map((log) => log.path);
-  const path = asked.path ?? (logs.includes(session.log) ? session.log : places[0]?.path ?? logs[0]);
+  const ofScene = asked.number === undefined ? undefined : places[Number(asked.number)]?.path;
+  const path = asked.path ?? ofScene ?? (logs.includes(session.log) ? session.log : places[0]?.path ?? logs[0]);
   if (!path) { put(host, element("p", {}, "There is no log in this folder yet: add one in ", link("the table of logs", "logs"), ".")); return undefined; }
   const inScene = wrong ? [] : places.filter((place) => place.path === path || session.scene.includes("/"));
   const which = !wrong && asked.number !== undefined && session.scene ? { scene: session.scene, number: Number(asked.number) }
