@@ -104,8 +104,8 @@ class Verdict:
 class _Shape:
     """Of the rises and falls of a force: their number; straight: share of the usual rise that a line of the one slope
     explains, NaN where they have too few samples; asymmetry: duration of a rise over that of a fall; sine: share of the
-    first harmonic; rate: the one slope [N/s]; covers: what a rise at it makes up of a fall; frequency [Hz]; swing [N],
-    its share of the level."""
+    first harmonic; rate: the one slope [N/s]; covers: what a rise at it makes up of a fall; frequency [Hz]; share
+    of the level that the fall is."""
 
     rises: int
     straight: float
@@ -114,7 +114,6 @@ class _Shape:
     rate: float
     covers: float
     frequency: float
-    swing: float
     share: float
 
 
@@ -128,7 +127,7 @@ class _Tested:
     shape: _Shape
 
 
-NO_SHAPE = _Shape(0, *[float("nan")] * 8)
+NO_SHAPE = _Shape(0, *[float("nan")] * 7)
 
 
 def judged(
@@ -288,7 +287,7 @@ def _shape(time: Array, force: Array, found: Segmentation) -> _Shape:
     interval = found.sample_interval
     if not rise.size:
         slope = found.loading_slope or 0.0
-        return _Shape(0, np.nan, np.nan, np.nan, slope, np.nan, np.nan, swing, share)
+        return _Shape(0, np.nan, np.nan, np.nan, slope, np.nan, np.nan, share)
     pieces = []
     for first, last in np.searchsorted(time, np.stack([cycles.arrest[:-1], cycles.onset[1:]], axis=1)).tolist():
         corner = max(round(CORNER * (last - first)), 1) if last - first >= 5 else 0
@@ -311,7 +310,6 @@ def _shape(time: Array, force: Array, found: Segmentation) -> _Shape:
         rate=rate,
         covers=rate * float(np.median(rise)) / swing,
         frequency=1.0 / period,
-        swing=swing,
         share=share,
     )
 

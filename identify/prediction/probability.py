@@ -222,7 +222,6 @@ def prediction_certainty(
     point: OperatingPoint,
     names: Sequence[str],
     draws: int = DRAWS,
-    seed: int = 0,
 ) -> PredictionCertainty:
     """Probability of stick-slip at an operating point and intervals of its jumps, by lines and by draws.
 
@@ -240,7 +239,7 @@ def prediction_certainty(
         return PredictionCertainty(None, None, {}, 0, 0, (), f"How sure this is at {where} cannot be said: {why}.")
     map_ = CycleMap(model, normal_force, np.array([float(point.values[name]) for name in model.parameter_names]))
     answer = solution_set(map_, drive_speed)
-    found = stick_slip_probability(map_, answer, names, covariance, draws, seed)
+    found = stick_slip_probability(map_, answer, names, covariance, draws)
     lines: dict[str, AnswerInterval | None] = {}
     now: dict[str, float] = {}
     if answer.orbit is not None:

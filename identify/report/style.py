@@ -112,6 +112,7 @@ MEASURED, BEHIND, FITTED, RESIDUAL = "#3f4750", "#a3aeb8", "#D55E00", "#56B4E9"
 ONSET, ARREST, SLIDING = "#009E73", "#CC79A7", "#0072B2"
 SHADE, QUIET = "#e9edf1", "#7a858f"
 
+LONGEST = 60  # characters of a name of a log in a picture
 WIDE, HALF = 10.2, 5.05  # figure widths [inch]: the whole page and half of it
 STYLE: Any = {  # matplotlib's types spell out every key there is
     "font.family": "sans-serif",
@@ -211,7 +212,7 @@ def headroom(axes: Axes, share: float) -> None:
     axes.set_ylim(low, high + share * (high - low))
 
 
-def printable(text: object, longest: int = 60) -> str:
-    """Text that any renderer takes: no control characters, not endless."""
+def printable(text: object) -> str:
+    """Text that any renderer takes: no control characters, at most LONGEST of them."""
     kept = "".join(c if c.isprintable() else " " for c in str(text))
-    return kept if len(kept) <= longest else kept[: longest - 1] + "…"
+    return kept if len(kept) <= LONGEST else kept[: LONGEST - 1] + "…"
