@@ -60,6 +60,7 @@ def levels(words: list[str], key: str) -> dict[float, float]:
     ran = subprocess.run(
         [sys.executable, "-P", "-m", "identify", *words, "--json", "--quiet"],
         stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,  # the same in words
         check=True,
         text=True,
         env=same_code(),
