@@ -168,15 +168,22 @@ class ColumnDirection:
     because: str
 
 
-def column_speed(record: Record, name: str) -> Array:
-    """The speed that a column means, row by row (n,) [m/s], signed."""
+def column_speed(record: Record, name: str, wider: int = 1) -> Array:
+    """The speed that a column means, row by row (n,) [m/s], signed; of a position over so many times the usual rows."""
     values = record.channels[name]
     if record.channel_units[name] == "m/s":
         return values
-    reach = max(len(record) // 1000, 2)
+    reach = wider * max(len(record) // 1000, 2)
     index = np.arange(len(record))
     low, high = np.maximum(index - reach, 0), np.minimum(index + reach, len(record) - 1)
     return np.asarray((values[high] - values[low]) / (record.time[high] - record.time[low]))
+
+
+def _usual(speed: Array) -> float:
+    """Median size [m/s] of a speed where it moves, 0 where it stands."""
+    size = np.abs(speed)
+    moving = size > MOVES * float(np.quantile(size, 0.9))
+    return float(np.median(size[moving])) if moving.any() else 0.0
 
 
 def moves_along(record: Record, name: str, stiffness: float = 0.0) -> ColumnDirection:
@@ -186,15 +193,14 @@ def moves_along(record: Record, name: str, stiffness: float = 0.0) -> ColumnDire
         stiffness: of the rig [N/m], 0 where it is not known.
     """
     speed = column_speed(record, name)
-    size = np.abs(speed)
-    moving = size > MOVES * float(np.quantile(size, 0.9))
-    usual = float(np.median(size[moving])) if moving.any() else 0.0
     stated = velocity_in_head(record)
     if stated is not None:
         meant = (*stated.speeds.values(), 1e-3 * abs(stated.value))  # a column shows it where the head is in mm/s
-        if any(abs(usual / own - 1.0) < AGREES for own in meant):
+        # A speed is the same over twice as many rows; the differences of noise are half as fast.
+        usual = [_usual(own) for own in (speed, column_speed(record, name, 2))]
+        if any(all(abs(one / own - 1.0) < AGREES for one in usual) for own in meant):
             return ColumnDirection(True, "moves as fast as the head of the log says")
-        return ColumnDirection(False, f"it moves at {speed_text(usual)}, not as fast as the head of the log says")
+        return ColumnDirection(False, f"it moves at {speed_text(usual[1])}, not as fast as the head of the log says")
     turns = _turns_with_friction(record, speed)
     if turns is not None:
         words = "turns as the friction does" if turns else "it does not turn as the friction does"

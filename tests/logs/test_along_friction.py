@@ -133,3 +133,18 @@ def test_a_column_as_fast_as_the_head_says_is_the_drive(head: dict, speed: float
     force = 0.5 + 0.01 * np.random.default_rng(1).standard_normal(values.size)
     told = told_drive(record_of({"V2": values}, {"V2": "m/s"}, force, head))
     assert (told.speed is not None) == drive
+
+
+@pytest.mark.parametrize("walk", [False, True])
+def test_noise_whose_differences_are_as_fast_as_the_head_says_is_no_drive(walk: bool) -> None:
+    draw = np.random.default_rng(4)
+    force = 0.5 + 0.01 * draw.standard_normal(2000)
+    noise = draw.standard_normal(force.size)
+    noise = np.cumsum(noise) if walk else noise
+    speeds = np.abs(noise[4:] - noise[:-4]) / (4 / 500.0)  # record_of has 500 Hz
+    noise *= 1e-3 / float(np.median(speeds[speeds > 0.05 * np.quantile(speeds, 0.9)]))
+    told = told_drive(record_of({"Z": noise}, {"Z": "m"}, force, {"Velocity": "60"}))
+    assert told.programme is None
+    drive = noise / 10.0 + 1e-3 * np.arange(force.size) / 500.0
+    told = told_drive(record_of({"Z": drive}, {"Z": "m"}, force, {"Velocity": "60"}))
+    assert told.programme is not None and told.programme[0][1] == pytest.approx(1e-3, rel=0.05)
