@@ -235,7 +235,8 @@ def joined_contents(path: Path, read: Sequence[tuple[Path, Contents]]) -> Conten
     forms = sorted({contents.form for _, contents in read})
     if len(forms) > 1:
         raise LogError(
-            f"{path}: the files are of several formats ({', '.join(forms)}); one test was expected; name one"
+            f"{path}: the files are of several formats ({', '.join(forms)}), so they are no strokes of one test; name "
+            f"each of them to look at it by itself, as a shell does with {path / '*' if path.is_dir() else path}"
         )
     several = [p for p, contents in read if len({part.run for part in contents.parts}) > 1]
     if several:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from identify.cli.scene import only
 from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, judge
 from identify.logs.log_regime import LogRegime, drive_of, joined, look, only_of
-from identify.logs.regime import Known
+from identify.logs.regime import SURE, Known
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 from identify.logs.slip_quality import RecordPart
 from identify.logs.told_drive import UNTOLD, ToldDrive, told_drive
@@ -32,10 +32,11 @@ MOST_STROKES = 2  # fit beside each other in 80 columns
 
 @dataclass(frozen=True)
 class StepSeen:
-    """One step of a log, its regime and phases; `signs` (n,): that of the sliding force in every row, which strokes to
-    and fro change."""
+    """One step of a log, what it says of the drive, its regime and phases; `signs` (n,): that of the sliding force in
+    every row, which strokes to and fro change."""
 
     step: Step
+    drive: ToldDrive
     signs: NDArray[np.int64]
     seen: LogRegime
     phases: Segmentation
@@ -83,7 +84,13 @@ def inspection(
     told = told_drive(record, rig.stiffness or 0.0) if given is None else ToldDrive(((0.0, given),), "given")
     drive = given if given is not None else drive_of(record, told)
     regime = look(record, drive, rig.known)
-    steps = tuple(_seen(record, step, regime) for step in record.steps)
+    alone = [only(record, step) for step in record.steps] if told.speed is None and len(record.steps) > 1 else []
+    drives = [told if part is None else told_drive(part) for part in alone] or [told] * len(record.steps)
+    steps = tuple(_seen(record, step, d, regime) for step, d in zip(record.steps, drives, strict=True))
+    moving = [s for s in steps if not s.drive.stands]
+    if 0 < len(moving) < len(steps):
+        kept = [i for i, own in enumerate(regime.strokes) if any(own in s.seen.strokes for s in moving)]
+        regime = only_of(regime, kept)
     parts = [_part(record, step, told.speed, rig.stiffness) for step in steps]
     table = table_of(record, regime, stiffness=rig.stiffness)
     return Inspection(path, record, judge(record, parts, thresholds), steps, table, told, regime)
@@ -96,14 +103,19 @@ def _part(record: Record, seen: StepSeen, speed: float | None, stiffness: float 
     return RecordPart(record.time[rows], force, seen.phases, expected, load)
 
 
-def _seen(record: Record, step: Step, whole: LogRegime) -> StepSeen:
+def _seen(record: Record, step: Step, drive: ToldDrive, whole: LogRegime) -> StepSeen:
     """A step with those strokes of the log that are in it."""
     own = [i for i, stroke in enumerate(whole.strokes) if step.start <= stroke.start < step.stop]
     signs = np.ones(step.stop - step.start, dtype=np.int64)
     for i in own:
         signs[whole.strokes[i].start - step.start :] = whole.strokes[i].direction
     parts = [(whole.strokes[i].start - step.start, whole.verdicts[i].found) for i in own]
-    return StepSeen(step, signs, only_of(whole, own), joined(parts, step.stop - step.start))
+    seen = only_of(whole, own)
+    if drive.stands:
+        level = quantity(float(np.nanmedian(record.friction_force[step.start : step.stop])), "N", 3)
+        says = f"the drive stands: {drive.trouble}; the friction force shows {level} there"
+        seen = replace(seen, regime=None, confidence=SURE, evidence=(says,))
+    return StepSeen(step, drive, signs, seen, joined(parts, step.stop - step.start))
 
 
 def say(seen: Inspection, terminal: Terminal) -> None:
@@ -138,9 +150,7 @@ def say(seen: Inspection, terminal: Terminal) -> None:
 
 def _speed(seen: Inspection) -> str:
     if seen.drive.speed is None and len(seen.steps) > 1:
-        parts = [(s.step.number, only(seen.record, s.step)) for s in seen.steps]
-        alone = [(number, told_drive(part)) for number, part in parts if part is not None]
-        told = [f"step {number}: {_drive(drive)}, {drive.source}" for number, drive in alone if drive.programme]
+        told = [f"step {s.step.number}: {_drive(s.drive)}, {s.drive.source}" for s in seen.steps if s.drive.programme]
         return "; ".join(told) or "not in the log"
     if seen.drive.programme is None:
         return f"not in the log ({seen.drive.trouble})" if seen.drive.trouble != UNTOLD else "not in the log"
@@ -164,6 +174,8 @@ def _say_step(seen: StepSeen, several: bool, terminal: Terminal) -> None:
         given = ", ".join(f"{key} = {value}" for key, value in list(step.parameters.items())[:6])
         terminal.say(wrapped(f"step {step.number}: rows {step.start + 1} to {step.stop}; {given}", "  "))
         _say_regime(seen.seen, terminal)
+    if seen.drive.stands:
+        return
     shares = ", ".join(
         f"{100 * phases.share(phase):.1f} % {word}"
         for phase, word in ((STICK, "rising as in stick"), (SLIP, "falling as in slip"), (SLIDING, "sliding"))

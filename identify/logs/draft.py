@@ -105,8 +105,9 @@ def draft(pieces: Sequence[DraftLog], folder: Path, said: Mapping[str, object]) 
         "# mu_s = { start = 0.6 }",
         '# mass = { lower = "0.05 kg", upper = "0.5 kg" }   # a rig quantity named here is estimated',
     ]
-    for t in told:
-        lines += ["", *_log_lines(t, folder, said)] if t in used else ["", _left_out(t)]
+    for i, t in enumerate(told):
+        rest = next((o for o in reversed(told[:i]) if o.drive.stands and o.piece.path == t.piece.path), None)
+        lines += ["", *_log_lines(t, folder, said, rest)] if t in used else ["", _left_out(t)]
     text = "\n".join([*lines, ""])
     left_out = tuple(f"{_name(t)}: {t.left_out}" for t in told if t not in used)
     return Draft(text, tuple(to_fill_in(tomllib.loads(text))), left_out)
@@ -173,7 +174,8 @@ def _rig_lines(told: Sequence[Told]) -> list[str]:
     ]
 
 
-def _log_lines(told: Told, folder: Path, said: Mapping[str, object]) -> list[str]:
+def _log_lines(told: Told, folder: Path, said: Mapping[str, object], rest: Told | None) -> list[str]:
+    """The entry of a piece; rest: the step before it in which the drive stands."""
     piece, record = told.piece, told.piece.record
     path = os.path.relpath(piece.path.absolute(), folder.absolute()).replace(os.sep, "/")
     lines = [f"# {_facts(told)}", "[[logs]]", f"path = {json.dumps(path, ensure_ascii=False)}"]
@@ -183,6 +185,12 @@ def _log_lines(told: Told, folder: Path, said: Mapping[str, object]) -> list[str
     options = dict(said) if piece.step is None else {**said, "step": piece.step}
     lines += [f"{key} = {_toml(value)}" for key, value in options.items()]
     lines.append(f'# noise = "{1e3 * told.noise:.3g} mN"   # estimated from the log; taken anew at every fit')
+    if rest is not None:
+        zero = float(np.nanmedian(rest.piece.record.friction_force))
+        lines.append(
+            f'# tare = "{1e3 * zero:.3g} mN"   # what the force shows in step {rest.piece.step}, where the drive stands: '
+            "its zero, if nothing pulls there"
+        )
     if "normal_force" not in said and not np.isfinite(record.normal_force).all():
         lines.append("# normal_force has gaps")
     return [*lines, '# labels = { material = "…", volunteer = "…" }']

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -218,6 +219,12 @@ def velocity_in_head(record: Record) -> StatedVelocity | None:
     told = [stated_velocity(step.parameters, record.metadata, record.channel_units) for step in record.steps]
     moving = [own for own in told if own is not None]  # a step that states 0 stands
     return moving[0] if len({own.value for own in moving}) == 1 else None
+
+
+def rests_by_head(record: Record) -> bool:
+    """Whether the head of every step of a record states a velocity of 0."""
+    stated = [str(step.parameters.get("Velocity", "")).strip() for step in record.steps]
+    return bool(stated) and all(re.fullmatch(r"[+-]?0+(\.0*)?", text) for text in stated)
 
 
 def velocity_text(stated: StatedVelocity) -> str:

@@ -17,7 +17,7 @@ from data_io.record import WINDOW_START, within
 from data_io.speed_steps import MOST, SAME, Programme, SpeedSteps, evened, steps_of
 from data_io.values import Finding
 from identify.base.wording import programme_text, speed_text
-from identify.logs.strokes import AGREES, column_speed, moves_along, velocity_in_head, velocity_text
+from identify.logs.strokes import AGREES, column_speed, moves_along, rests_by_head, velocity_in_head, velocity_text
 from identify.scene import Scene
 from identify.scene.values import DriveSpeed, LogEntry
 from identify.simulation.drive import Drive
@@ -41,7 +41,8 @@ HALF = 20  # rows of a half that tells its speed
 class ToldDrive:
     """programme: ((start [s], speed [m/s]), ...), one pair where it is one speed, which then is positive; None where
     the log tells none. source: where it stands, in words; trouble: where it is None, why, in words; named: the name of
-    the column says that it is the drive; stands: a column of the drive says that it does not move."""
+    the column says that it is the drive; stands: a column of the drive, or the head of the log, says that it does not
+    move."""
 
     programme: Programme | None
     source: str = ""
@@ -88,6 +89,8 @@ def told_drive(record: Record, stiffness: float = 0.0, window: tuple[float, floa
         told, doubts = _along_friction(record, stiffness)
     if told is not None:
         return told
+    if not tried and not doubts and rests_by_head(record):  # nor does any carriage move
+        return ToldDrive(None, trouble="the head of the log says Velocity = 0", stands=True)
     words = "; ".join(drive.trouble for drive in tried) or "; ".join(doubts) or _unused(record)
     return ToldDrive(None, trouble=words, stands=bool(speeds) and all(drive.stands for drive in tried))
 

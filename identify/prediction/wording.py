@@ -180,8 +180,13 @@ def closed_form_text(prediction: PointPrediction) -> str:
     told = [(name, part.numbers[key]) for name, key in ROWS]
     if part.slip == "runaway":
         return f"{head} They are {told[0][1].validity}."
-    words = [f"{name} {said(entry.value, entry.unit)} ({entry.validity})" for name, entry in told]
+    words = [
+        f"{name}: {entry.validity}"
+        if entry.validity.startswith("not valid")  # a number that is off by a factor of a hundred helps nobody
+        else f"{name} {said(entry.value, entry.unit)} ({entry.validity})"
+        for name, entry in told
+    ]
     return f"{head} They give: {'; '.join(words)}."
 
 
-ROWS = (("drop", "drop"), ("period", "period"), ("end of stick-slip, of a saturated contact,", "critical_speed"))
+ROWS = (("drop", "drop"), ("period", "period"), ("end of stick-slip, of a saturated contact", "critical_speed"))

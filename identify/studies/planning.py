@@ -73,7 +73,14 @@ def _folder(source: Path) -> Listing:
     files = sorted(path for path in source.iterdir() if path.is_file() and not path.name.startswith("."))
     files = [path for path in files if path.suffix.lower() not in NOT_LOGS]
     if not files:
-        raise BatchError([f"{source}: the folder holds no log; expected one file per log: choose another folder"])
+        inner = sorted(path.name for path in source.iterdir() if path.is_dir() and not path.name.startswith("."))
+        below = f" ({', '.join(inner[:3])}{', …' if inner[3:] else ''} in it are not looked into)" if inner else ""
+        raise BatchError(
+            [
+                f"{source}: the folder holds no log{below}; expected one file per log: choose another folder, or "
+                "write a manifest with the path of each"
+            ]
+        )
     # Bytes of a name that are no UTF-8 come as surrogates, which no encoding takes.
     foreign = [path for path in files if path.name != path.name.encode("utf-8", "ignore").decode()]
     if foreign:
