@@ -17,6 +17,7 @@ from scipy.optimize import minimize_scalar
 
 from identify.base.budget import time_is_up
 from identify.base.linear import Factors, optimality_matrix
+from identify.base.outcome import Status
 from identify.estimation.attempt import Attempt, Clock, solve_again, solve_from
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
@@ -43,12 +44,14 @@ def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unk
     """The answer with a strength of each stick, and their scatter; None where that is no scatter, or leads nowhere.
 
     Args:
-        attempt: of sticks that are alike; where its motion is none of the model, the start (unknowns.start) is placed
-            anew on the logs it took; prepared: all logs.
+        attempt: of sticks that are alike; where it does not fit, the start (unknowns.start) is placed anew on the logs
+            it took; prepared: all logs.
     """
     if not unknowns.free[unknowns.source[unknowns.names.index("mu_s")]]:
         return None
-    found: Attempt | None = attempt if np.isfinite(attempt.excess) else None
+    # Where alike sticks do not fit, their parameters are bent, and their slips lie beside those of the data by far more
+    # than a slip takes: a sample that has come to lie behind the end of its slip pulls it nowhere.
+    found: Attempt | None = attempt if attempt.gate.status is Status.CONVERGED else None
     theta = unknowns.start if found is None else attempt.solved.theta
     sd = FIRST * unknowns.strength(theta)
     for _ in range(ROUNDS):

@@ -188,8 +188,8 @@ def _log_lines(told: Told, folder: Path, said: Mapping[str, object], rest: Told 
     if rest is not None:
         zero = float(np.nanmedian(rest.piece.record.friction_force))
         lines.append(
-            f'# tare = "{1e3 * zero:.3g} mN"   # what the force shows in step {rest.piece.step}, where the drive stands: '
-            "its zero, if nothing pulls there"
+            f'# tare = "{1e3 * zero:.3g} mN"   # what the force shows in step {rest.piece.step}, where the drive '
+            "stands: its zero, if nothing pulls there"
         )
     if "normal_force" not in said and not np.isfinite(record.normal_force).all():
         lines.append("# normal_force has gaps")

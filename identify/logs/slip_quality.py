@@ -223,8 +223,8 @@ def look_at_slips(part: RecordPart, limits: Thresholds) -> SlipQuality:
     if scatter is not None and (severity := limits.severity("uneven_cycles", scatter)):
         text = (
             f"the slips differ: their drop scatters by {percent(scatter)} from one to the next, while the model "
-            "takes all cycles as alike; look for an uneven track. A fit tries a strength of each stick, then describes the "
-            "cycles one by one"
+            "takes all cycles as alike; look for an uneven track. A fit tries a strength of each stick, then describes "
+            "the cycles one by one"
         )
         notes.append(Finding("uneven_cycles", severity, text))
     if severity := limits.severity("harmonic", harmonic or 0.0):

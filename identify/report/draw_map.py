@@ -163,8 +163,9 @@ def _points(axes: Axes, chart: Chart, view: MapView, marks: Marks) -> list[Any]:
     spans = chart.plane.x_values[[0, -1]], chart.plane.y_values[[0, -1]]
     shows = _within((x.value, y.value), spans)
     name = marks.whose if len(marks.whose) <= LONGEST_NAME else f"{marks.whose[: LONGEST_NAME - 1]}…"
-    here_is = "operating point" if shows else "beyond this map: operating point"
-    label = f"{here_is} of\n{name}" if name else here_is  # in one line a long name leaves the page
+    whose = f"operating point of\n{name}" if name else "operating point"  # in one line a long name leaves the page
+    beyond = ":\nbeyond this map" if name else ": beyond this map"
+    label = whose if shows else whose + beyond
     legend: list[Any] = [Line2D([], [], ls="", marker="*", ms=8, mfc="k", mec="w", mew=0.6, label=label)]
     ring = None if marks.known is None else region(chart.plane, marks.known)
     if ring is not None:

@@ -11,8 +11,10 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from experiments.run_scatter_study import SEED
 from experiments.scattered_records import with_scatter
-from experiments.study_problem import RIG, Case, scene_of
+from experiments.study_problem import RIG, USUAL, Case, random_case, scene_of
+from experiments.study_problem import SPEEDS as FOUR_SPEEDS
 from identify import fit
 from identify.estimation.stick_strength import _likeliest
 from identify.estimation.strained import odd_stick
@@ -79,3 +81,13 @@ def test_one_stick_far_off_all_others_is_no_scatter():
     assert odd_stick(_Solved(off), ["slow", "fast"]) == ""
     off[32] = 0.15
     assert odd_stick(_Solved(off), ["slow", "fast"]).startswith("fast, cycle 13 fits only with a static friction")
+
+
+@pytest.mark.slow
+def test_strengths_are_found_where_a_slip_holds_one_sample():
+    """Pair 17 of the study: placed where alike sticks put it, a slip of the log at 20 Hz ended before its only sample,
+    and the fit was refused as one that misses a slip."""
+    case, _ = random_case(np.random.default_rng([SEED, 17]), USUAL)
+    result = fit(scene_of(case), with_scatter(case, FOUR_SPEEDS, 0.03, 17)).result
+    assert result["status"] == "converged", result["message"]
+    assert 0.02 < result["gate"]["strength_scatter"] < 0.045

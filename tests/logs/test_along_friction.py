@@ -148,3 +148,40 @@ def test_noise_whose_differences_are_as_fast_as_the_head_says_is_no_drive(walk: 
     drive = noise / 10.0 + 1e-3 * np.arange(force.size) / 500.0
     told = told_drive(record_of({"Z": drive}, {"Z": "m"}, force, {"Velocity": "60"}))
     assert told.programme is not None and told.programme[0][1] == pytest.approx(1e-3, rel=0.05)
+
+
+def umt(path: Path, velocity: float) -> Path:
+    """A test as a UMT exports it: two seconds at rest with 12 mN in the sensor, then twelve sticks of 1300 N/m."""
+    names = "Fx,Fz,Y,V2,T,Ff,COF\nN,N,mm,mm/sec,sec,N,\n"
+    rest, time, speed = np.arange(400) / 200.0, np.arange(4000) / 200.0, 0.5
+    noise = 0.002 * np.random.default_rng(1).standard_normal((2, time.size))
+    steps = [
+        (1, velocity, rest, 0.012 + noise[0, :400], np.zeros(400)),
+        (2, 60.0 * speed, time, 0.1 + 1.3 * (speed * time % 0.8) + noise[1], np.full(4000, speed)),
+    ]
+    lines = ["Created by CETR UMT ver.1.136.257 12 May 2022 12:21:50", "", "Run # 1"]
+    for number, stated, t, force, moved in steps:
+        lines += [f"Step No. {number}", "", f"Velocity     = {stated:g}", f"Data Count   = {t.size}", "", names]
+        lines += [f"{f:.6f},-1,{v * s:.6f},{v:.6f},{s:.4f},{f:.6f},{f:.6f}" for s, f, v in zip(t, force, moved)]  # noqa: B905
+        lines += ["", ""]
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_a_step_at_rest_is_left_out_and_its_force_offered_as_the_zero(tmp_path, capsys) -> None:
+    path = umt(tmp_path / "a.txt", 0.0)
+    scene, text = drafted(path, tmp_path / "x.toml")
+    assert [entry["step"] for entry in scene["logs"]] == [2]
+    assert "a.txt step 1: the drive stands" in capsys.readouterr().out
+    (line,) = [line for line in text.splitlines() if line.startswith("# tare")]
+    assert float(line.split('"')[1].split()[0]) == pytest.approx(12.0, abs=0.5) and "step 1" in line
+    assert cli.main(["inspect", str(path)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "the drive stands: the head of the log says Velocity = 0; the friction force shows 1" in said
+    assert "step 2 stroke 1" in said and "step 1 stroke 1" not in said, "a rest is no column of the classical table"
+
+
+def test_a_step_that_states_a_speed_does_not_stand(tmp_path) -> None:
+    path = umt(tmp_path / "a.txt", 30.0)
+    scene, text = drafted(path, tmp_path / "x.toml")
+    assert [entry["step"] for entry in scene["logs"]] == [1, 2] and "# tare" not in text

@@ -189,3 +189,9 @@ def test_closed_forms_of_linear_weakening_hold_where_the_contact_is_saturated():
         own, other = document["closed_forms"][part], document["amplitude"][part]
         assert own["value"] == pytest.approx(other["value"], rel=1e-3)
         assert own["validity"].startswith("valid here")
+
+
+def test_a_closed_form_that_does_not_hold_gives_no_number():
+    forms = to_dict(predict(assemble(MAIN), values_of(MAIN, {"a": 200.0}), SPEED, LOAD))["closed_forms"]
+    assert forms["drop"]["validity"].startswith("not valid here: off by")
+    assert f"drop: {forms['drop']['validity']}" in forms["text"]

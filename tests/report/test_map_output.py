@@ -80,7 +80,10 @@ def test_labels_stand_apart_and_the_star_says_whose_it_is(speed_and_stiffness):
         for other in labels[:i]:
             assert np.hypot(*((one - other) / ROOM)) > 0.95
     words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    assert "operating point of log 2 (a very long name o…" in words
+    assert "operating point of\nlog 2 (a very long name o…" in words
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1, "the legend leaves the page"
     assert "tested inside; beyond: extrapolated" in words
     assert not any(collection.get_hatch() for collection in axes.collections)
 

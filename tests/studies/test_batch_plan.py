@@ -159,6 +159,9 @@ def test_a_folder_is_one_group_per_log(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(BatchError, match="holds no log"):
         plan(tmp_path / "empty", scene)
+    (tmp_path / "empty" / "V01").mkdir()
+    with pytest.raises(BatchError, match=r"\(V01 in it are not looked into\).*manifest"):
+        plan(tmp_path / "empty", scene)
     with pytest.raises(BatchError, match="no such manifest"):
         plan(tmp_path / "none.csv", scene)
 
