@@ -42,6 +42,22 @@ def test_a_matrix_is_scaled_until_all_its_columns_are_as_large():
     np.testing.assert_allclose((factors._scaled - factors._scaled.T).toarray(), 0.0, atol=1e-12)
 
 
+def test_factors_whose_inner_matrix_is_nearly_singular_are_not_trusted():
+    """Of a slide-hold-slide record: standard errors came out a million times as large, and profiles found no way."""
+    random, size = np.random.default_rng(2), 300
+    dense = _bordered(random, size, 4)
+    dense /= np.sqrt(np.outer(np.abs(np.diag(dense)), np.abs(np.diag(dense))))
+    dense[0, 1] = dense[1, 0] = 0.0
+    dense[0, 0] = 1e-14  # what this row says it says through the border
+    assert np.linalg.cond(dense) < 1e6, "as a whole it is no hard case"
+    matrix, x = sp.csc_matrix(dense), random.standard_normal(size + 4)
+    alone, right = _Bordered.of(matrix), dense @ x
+    lost = alone.solve(right)
+    lost += alone.solve(right - dense @ lost)
+    assert np.max(np.abs(lost - x)) > 1e-6, "by its border it is lost"
+    np.testing.assert_allclose(Factors(matrix).solve(right), x, atol=1e-9)
+
+
 def test_a_singular_border_is_told_by_the_answer_alone():
     size = 64  # a power of four: nothing is rounded
     matrix = np.eye(size + 1)
