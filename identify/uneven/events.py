@@ -21,6 +21,7 @@ SMOOTHED = 3  # samples about an end of a slip whose mean is compared with a lin
 NOISE = 1.15  # of the sticks' noise: that of a slip, whose samples are also jittered in time
 FINEST = 0.1  # of sqrt(m/k) between two samples: denser ones are averaged, so that a slip costs the same at any rate
 LEAST_SAMPLES = 6  # of a slip that is followed sample by sample
+UNSEEN = 1e-5  # of a slip that is not followed: sliding at its onset
 LOST = 3.0  # times the typical stick: a longer one hides a cycle that was not seen
 
 
@@ -79,6 +80,11 @@ class Sticks:
         return int(self.number.size)
 
     @property
+    def resolved(self) -> bool:
+        """Whether slips were followed; where they were not, only onset and arrest of each are seen."""
+        return bool(np.any(self.samples > 1))
+
+    @property
     def onset(self) -> Array:
         """Force at the anchor, on the stick line (c,)."""
         return self.line
@@ -117,7 +123,8 @@ def sticks_of(log: Prepared) -> Sticks:
         log.rig.mass / mean,
         rate,
     )
-    trace = _Trace(data.time, data.force / load, data.weight > 0.0, data.noise / mean, rig)
+    resolved = log.segmentation.samples_per_slip >= LEAST_SAMPLES
+    trace = _Trace(data.time, data.force / load, data.weight > 0.0, data.noise / mean, rig, resolved)
     first = log.entry.skip_cycles
     rows: list[_Row] = []
     for j in range(first, cycles.count):
@@ -155,6 +162,7 @@ class _Trace:
     counts: NDArray[np.bool_]
     noise: float
     rig: RigConstants
+    resolved: bool
 
     def row(self, number: int, before: float | None, slip: tuple[float, float, float], after: float) -> _Row | None:
         """Lines and ends of one cycle; before, slip, after: arrest before it, its onset, fall and arrest, and the
@@ -170,6 +178,8 @@ class _Trace:
         settled = self._line(arrest + clear_of_it, arrest + clear_of_it + min(near, LINE * rest))
         if rising is None or settled is None:
             return None
+        if not self.resolved:
+            return self._ends(number, fall, rising, settled)
         low, high = np.searchsorted(self.time, [max(start, onset - 2.0 * lasting), min(arrest + lasting, after)])
         rows = np.flatnonzero(self.counts[low:high]) + low
         middle = int(np.searchsorted(self.time[rows], fall))
@@ -210,6 +220,17 @@ class _Trace:
             time[first : last + 1] - time[first],
             force[first : last + 1],
         )
+
+    def _ends(self, number: int, fall: float, rising: _Line, settled: _Line) -> _Row | None:
+        """A cycle of which only the ends of the slip are seen, half a half period before and after its middle."""
+        rig, half = self.rig, 0.5 * np.pi * float(np.sqrt(self.rig.mass / self.rig.stiffness))
+        begin, stop = fall - half, fall + half
+        onset, arrest = float(rising(begin)), float(settled(stop))
+        end = (onset + rig.rate * (stop - begin) - arrest) / rig.stiffness
+        if onset - arrest < CLEAR * self.noise:
+            return None
+        seen = np.array([0.0]), np.array([onset])
+        return _Row(number, begin, onset, UNSEEN * end, begin, 0.0, arrest, stop, end, *seen)
 
     def _line(self, start: float, stop: float) -> _Line | None:
         """A line through the samples from start to stop that spikes do not draw away; its slope near the rate of all

@@ -86,7 +86,9 @@ class Likelihood:
         place[..., 1] = np.array([1.0, ODD_WANDER**2])[:, None]
         place[..., 2] = sticks.slid[:, None, None]
         self.place = place[order].reshape(-1, 3)
-        self.end = self._lanes(np.column_stack([sticks.above, sticks.arrest]))
+        f, resolved = self.functions, sticks.resolved
+        self.ended, self.ended_back = (f.arrest, f.arrest_back) if resolved else (f.whole, f.whole_back)
+        self.end = self._lanes(np.column_stack([sticks.above if resolved else sticks.end, sticks.arrest]))
         self.first_level = np.column_stack([0.5 * (sticks.line + sticks.arrest), (FIRST_LEVEL * sticks.drop) ** 2])
         self.least = LEAST_WANDER * sticks.end
 
@@ -119,7 +121,7 @@ class Likelihood:
         for i, size in self._steps():
             states.append(state[:size].copy())
             state[:size] = f.step([state[:size], kept[:size], all_rig[:size], self._sample(i, size)])[0]
-        slips = f.arrest([state, kept, all_rig, self.end])[0]
+        slips = self.ended([state, kept, all_rig, self.end])[0]
         per_cycle = self._cycles(slips).transpose(0, 2, 1).reshape(count, -1)
         level = np.empty((count + 1, 2))
         before, found = np.empty((count, 2)), np.empty((count, 3 + len(CYCLE)))
@@ -166,7 +168,7 @@ class Likelihood:
             by_slips[j], scores[j] = back[2 + len(MET) :][:many], back[2 + len(MET) + many :]
         rig = np.broadcast_to(self.rig, (lanes, self.rig.size))
         seed = by_slips.reshape(count, 3, self.block).transpose(0, 2, 1)[self.order].reshape(lanes, 3)
-        by_state, by_kept = f.arrest_back([found.state, found.kept, rig, self.end, seed])
+        by_state, by_kept = self.ended_back([found.state, found.kept, rig, self.end, seed])
         for (i, size), state in reversed(list(zip(self._steps(), found.states, strict=True))):
             back, more = f.step_back(
                 [state, found.kept[:size], rig[:size], self._sample(i, size), np.ascontiguousarray(by_state[:size])]

@@ -8,9 +8,11 @@ gradient of a likelihood costs about three likelihoods, however many parameters 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 
@@ -31,6 +33,7 @@ HUBER = 4.0  # sd beyond which an innovation counts by its size, not its square
 LEAST_HAZARD = 0.02  # of kappa / A: a spot is met, however fast the contact strengthens
 ODD = 0.05  # share of odd slips
 FIRST_SLID, ONSET_STEPS = 1e-6, 32  # of the sliding at the first sample: where the onset is followed from; steps to it
+WHOLE_STEPS = 12  # in which a slip is followed of which only the ends are seen, finer towards its onset
 MET = ("onset", "earlier", "speed", "regained", "rate", "full")  # and the law's states at the first sample, and slopes
 CYCLE = ("log_strength", "log_strength_sd", "level", "odd")  # found of a cycle, after it was seen
 NOISES = ("level_path", "level_bridge", "fine_end", "fine_mean")
@@ -58,7 +61,8 @@ class SlipFunctions:
     met: (theta, rig, stick (5,): slid [m], line [1], rest [s], typical rest [s], 1 where the rest is known) -> MET;
     begin: (theta, rig, met, place (3,): log strength, variance factor of the wander, slid) -> state of the filter and
     what a lane keeps; step: (state, kept, rig, sample (2,): time step [s], force [1]) -> state; arrest: (state, kept,
-    rig, end (2,): height above the next line [1], that line [1]) -> log likelihood, level's change, its variance.
+    rig, end (2,): height above the next line [1], that line [1]) -> log likelihood, level's change, its variance; whole:
+    the same of a slip that was not followed, from its begin; end (2,): its sliding [m], the next line [1].
     aged: (theta, contact (3,): rest [s], typical rest [s], strength left before [1]) -> usual strength after the rest,
     and after a long one; motion: (state of the model, kept, rig) -> its rate [1/s].
     *_back: (arguments, derivatives by the result) -> derivatives by all arguments that depend on theta.
@@ -73,6 +77,8 @@ class SlipFunctions:
     step_back: Mapped
     arrest: Mapped
     arrest_back: Mapped
+    whole: Mapped
+    whole_back: Mapped
     aged: Mapped
     motion: Mapped
     states: tuple[str, ...]  # of the model
@@ -253,6 +259,20 @@ class _Slip:
         result = ca.vertcat(x, _upper(covariance), 0.0, *(kept[name] for name in self.kept_names))
         return _both("begin", [self.theta, met, self.rig, place], result, 2)
 
+    def sliding(
+        self, change: ca.SX, fine: ca.SX, way: ca.SX, kept: Mapping[str, Expression], noises: ca.SX
+    ) -> tuple[tuple[ca.SX, ca.SX], tuple[ca.SX, ca.SX], ca.SX]:
+        """Level's change and fine roughness on a way of sliding [m]: their means over it, what they are at its end, and
+        the covariance of the noises in both."""
+        share = way / ROUGHNESS_LENGTH + 1e-6
+        gone = -ca.expm1(-share)
+        grown, rough = kept["wandering"] * way, kept["rough"]
+        spread = ca.diag(ca.vertcat(grown, grown / 12.0, rough * gone * (2.0 - gone), 0.0))
+        spread[3, 3] = rough * (2.0 * share - 2.0 * gone - gone * gone) / (share * share)
+        spread[2, 3] = spread[3, 2] = rough * gone * gone / share
+        means = change + 0.5 * noises[0] + noises[1], gone / share * fine + noises[3]
+        return means, (change + noises[0], (1.0 - gone) * fine + noises[2]), spread
+
     def step(self) -> tuple[Mapped, Mapped]:
         """From one sample to the next, by the midpoint rule; fine roughness enters by its mean over the step, exact
         for a given speed; then the sample is seen."""
@@ -262,18 +282,12 @@ class _Slip:
         kept, noises = self.keeps(), ca.SX.sym("noises", len(NOISES))
         p, v, b, fine = self.parameters(kept), *(self.at(x, q) for q in ("sliding_speed", "level_change", "fine"))
         speed = 0.5 * (v + ca.sqrt(v * v + self.drive**2))
-        share = speed * h / ROUGHNESS_LENGTH + 1e-6
-        gone = -ca.expm1(-share)
         i, j = (self.m.names.index(q) for q in ("level_change", "fine"))
         mean = ca.SX(x)
-        mean[i], mean[j] = b + 0.5 * noises[0] + noises[1], gone / share * fine + noises[3]
+        (mean[i], mean[j]), ends, spread = self.sliding(b, fine, speed * h, kept, noises)
         middle = mean + 0.5 * h * self.rate(mean, p)
         after = x + h * self.rate(middle, p)
-        after[i], after[j] = b + noises[0], (1.0 - gone) * fine + noises[2]
-        grown, rough = kept["wandering"] * speed * h, kept["rough"]
-        spread = ca.diag(ca.vertcat(grown, grown / 12.0, rough * gone * (2.0 - gone), 0.0))
-        spread[3, 3] = rough * (2.0 * share - 2.0 * gone - gone * gone) / (share * share)
-        spread[2, 3] = spread[3, 2] = rough * gone * gone / share
+        after[i], after[j] = ends
         forward, noisy, after = (
             ca.substitute(q, noises, ca.SX.zeros(len(NOISES)))
             for q in (ca.jacobian(after, x), ca.jacobian(after, noises), after)
@@ -285,25 +299,83 @@ class _Slip:
         return _both("step", [state, self.kept, self.rig, sample], result, 2)
 
     def arrest(self) -> tuple[Mapped, Mapped]:
-        """The end of a slip: how far the last sample lies above the next stick line tells the speed there, by the
-        deceleration; and a slip ends the sooner the stronger that is."""
+        """The end of a slip that is followed: the energy of the mass at the last sample is what friction takes on the
+        rest of the way, down to the line of the next stick."""
         n, end = len(self.m.names), ca.SX.sym("end", 2)
         above, line = ca.vertsplit(end)
         x, covariance, total, state = _filter_state(n)
-        kept = self.keeps()
+        kept, noises = self.keeps(), ca.SX.sym("noises", len(NOISES))
         damping = self.pull(ca.SX.zeros(n), self.parameters(kept), self.inputs()) / self.drive
-        # Where the deceleration is not positive there is no arrest: rounded off far below what any slip shows.
-        least = 0.1 * above / kept["mass"]
-        raw = (kept["level"] + self.at(x, "level_change") + self.at(x, "fine") - line) / kept["mass"]
-        slowing = 0.5 * (raw + ca.sqrt(raw * raw + least * least))
-        root = ca.sqrt(damping**2 + 2.0 * self.k * above / slowing)
-        excess = self.at(x, "sliding_speed") - slowing / self.k * (damping + root)
-        result = _seen(
-            x, covariance, total + ca.log(slowing), -excess, ca.jacobian(excess, x), (self.noise / root) ** 2
-        )
-        i = self.m.names.index("level_change")
-        place = n + [(a, b) for a in range(n) for b in range(a, n)].index((i, i))
-        return _both("arrest", [state, self.kept, self.rig, end], ca.vertcat(result[-1], result[i], result[place]), 2)
+        speed = self.at(x, "sliding_speed")
+        means, ends, spread = self.sliding(self.at(x, "level_change"), self.at(x, "fine"), above / self.k, kept, noises)
+        slowing = kept["level"] + sum(means) - line - 0.5 * above
+        excess = 0.5 * kept["mass"] * speed**2 - slowing * (above + damping * speed) / self.k
+        known, path = self.noise * slowing / self.k, (ends, noises, spread)
+        result = self.stopped((x, covariance, total), excess, known, path, line)
+        return _both("arrest", [state, self.kept, self.rig, end], result, 2)
+
+    def whole(self) -> tuple[Mapped, Mapped]:
+        """A slip of which only onset and arrest are seen: from rest to rest, friction takes what the spring gives. The
+        speed on the way, which damping and laws ask for, is that of half a period of the undamped mass."""
+        n, end = len(self.m.names), ca.SX.sym("end", 2)
+        way, line = ca.vertsplit(end)
+        x, _, _, state = _filter_state(n)
+        kept, noises = self.keeps(), ca.SX.sym("noises", len(NOISES))
+        p, fastest = self.parameters(kept), ca.sqrt(self.k / kept["mass"]) * way
+        damping = self.pull(ca.SX.zeros(n), p, self.inputs()) / self.drive
+        own: dict[str, Expression] = {name: self.at(x, name) for name in self.own}
+        mean_friction: Expression = 0.0
+        for i in range(WHOLE_STEPS):
+            begin, middle, stop = (((i + part) / WHOLE_STEPS) ** 2 for part in (0.0, 0.5, 1.0))
+            speed = fastest * math.sqrt(middle * (1.0 - middle))
+
+            def slid(own: Mapping[str, Expression], share: float, speed: ca.SX = speed) -> tuple[Any, ca.SX]:
+                rate = self.rate(self.state(sliding_speed=speed, **own), p)
+                return {name: share * way / speed * self.at(rate, name) for name in own}, rate
+
+            half = {name: own[name] + change for name, change in slid(own, middle - begin)[0].items()}
+            changes, rate = slid(half, stop - begin)
+            own = {name: own[name] + change for name, change in changes.items()}
+            friction = damping * (self.drive - speed) - kept["mass"] * self.at(rate, "sliding_speed")
+            mean_friction += (stop - begin) * friction
+        means, ends, spread = self.sliding(ca.SX(0.0), ca.SX(0.0), way, kept, noises)
+        onset = self.pull(self.state(elongation=self.at(x, "elongation")), p, self.inputs())
+        excess = 0.5 * (onset + line) - damping * fastest * ca.pi / 8.0 - mean_friction - sum(means)
+        result = self.stopped((x, ca.SX.zeros(n, n), ca.SX(0.0)), excess, self.noise, (ends, noises, spread), line)
+        return _both("whole", [state, self.kept, self.rig, end], result, 2)
+
+    def stopped(
+        self,
+        filtered: tuple[ca.SX, ca.SX, ca.SX],
+        excess: ca.SX,
+        noise: ca.SX,
+        path: tuple[tuple[ca.SX, ca.SX], ca.SX, ca.SX],
+        line: ca.SX,
+    ) -> ca.SX:
+        """Log likelihood, and the level's change with its variance, where a mass has stopped: its balance of energy is
+        seen, and slips end the sooner the stronger friction is at their end.
+
+        Args:
+            filtered: mean, covariance and log likelihood before.
+            excess: what the balance is off by, known to the noise.
+            path: on the way that was not seen: level's change and roughness at its end, noises, their covariance.
+            line: force at rest.
+        """
+        x, covariance, total = filtered
+        ends, noises, spread = path
+        none = ca.SX.zeros(noises.numel())
+        at_rest = ca.vertcat(ends[0], self.keeps()["level"] + sum(ends) - line)
+        by_both = ca.jacobian(ca.vertcat(excess, at_rest), ca.vertcat(x, noises))
+        excess, noise, at_rest, by_both = (ca.substitute(q, noises, none) for q in (excess, noise, at_rest, by_both))
+        both = ca.vertcat(x, none)
+        seen = _seen(both, ca.diagcat(covariance, spread), total, -excess, by_both[0, :], noise**2)
+        found, after, total = seen[: both.numel()], _symmetric(seen[both.numel() : -1], both.numel()), seen[-1]
+        level, pull = ca.vertsplit(at_rest + by_both[1:, :] @ (found - both))
+        spread = by_both[1:, :] @ after @ by_both[1:, :].T
+        # The mean of the pull where it is positive; weighted with it, the level is higher and better known.
+        strongest = 0.5 * (pull + ca.sqrt(pull**2 + 2.0 / ca.pi * spread[1, 1]))
+        variance = spread[0, 0] - spread[0, 1] ** 2 / (strongest**2 + spread[1, 1])
+        return ca.vertcat(total + ca.log(strongest), level + spread[0, 1] / strongest, variance)
 
     def chain(self, nodes: int) -> tuple[Compiled, Compiled]:
         """A cycle after the one before: the level that this left, the stick's time, and its slip.
@@ -393,6 +465,7 @@ def slip_functions(law: tuple[str, ...]) -> SlipFunctions:
         *slip.begin(),
         *slip.step(),
         *slip.arrest(),
+        *slip.whole(),
         slip.aged(),
         slip.motion(),
         tuple(slip.m.names),
