@@ -12,15 +12,15 @@ from scipy.optimize import minimize
 from identify.base.budget import now, seconds_left
 from identify.uneven.events import Sticks
 from identify.uneven.likelihood import Likelihood, Nodes
-from identify.uneven.slip_functions import LAW
+from identify.uneven.slip_functions import LAW, PARAMETERS
 
 Array = NDArray[np.float64]
 
 WIDER = (1e-3, 0.1)  # least and greatest step to either side, between gradients, for second derivatives
 SHARE = 0.2  # of a deviation: that step; far closer gradients show the steps in which an onset is followed
-ROUNDS = 4  # times that the nodes are narrowed to where the strengths lie
+ROUNDS = 8  # times that the nodes are narrowed to where the strengths lie
 SETTLED = 0.05  # deviations by which parameters move in the last round
-LEAST_SD = 0.03  # of the logarithm of a strength: nodes do not lie closer together
+LEAST_SD = 0.03  # of the logarithm of a strength: nodes lie no closer together, unless strengths scatter by less
 WEAK = 3.0  # sd of the prior about the start: it stops what the record does not tell, and nothing else
 SEARCH_SHARE = 0.7  # of the time that is left: the rest is for the covariance
 
@@ -82,7 +82,9 @@ class Objective:
         """Nodes to where the strengths lie at theta."""
         self.passes += 1
         found = [likelihood(theta) for likelihood in self.each]
-        self.place([Nodes.about(c.log_strength, np.maximum(c.log_strength_sd, LEAST_SD)) for c in found])
+        # Nodes farther apart than strengths scatter hold the strength at one of them.
+        least = min(LEAST_SD, float(np.exp(theta[PARAMETERS.index("strength_scatter")])))
+        self.place([Nodes.about(c.log_strength, np.maximum(c.log_strength_sd, least)) for c in found])
 
 
 def start_from_features(records: Sequence[Sticks]) -> Array:

@@ -61,8 +61,8 @@ class SlipFunctions:
     met: (theta, rig, stick (5,): slid [m], line [1], rest [s], typical rest [s], 1 where the rest is known) -> MET;
     begin: (theta, rig, met, place (3,): log strength, variance factor of the wander, slid) -> state of the filter and
     what a lane keeps; step: (state, kept, rig, sample (2,): time step [s], force [1]) -> state; arrest: (state, kept,
-    rig, end (2,): height above the next line [1], that line [1]) -> log likelihood, level's change, its variance; whole:
-    the same of a slip that was not followed, from its begin; end (2,): its sliding [m], the next line [1].
+    rig, end (2,): height above the next line [1], that line [1]) -> log likelihood, level's change, its variance;
+    whole: the same of a slip that was not followed, from its begin; end (2,): its sliding [m], the next line [1].
     aged: (theta, contact (3,): rest [s], typical rest [s], strength left before [1]) -> usual strength after the rest,
     and after a long one; motion: (state of the model, kept, rig) -> its rate [1/s].
     *_back: (arguments, derivatives by the result) -> derivatives by all arguments that depend on theta.

@@ -14,7 +14,7 @@ from identify.base.errors import FitError
 from identify.report import write_report
 from identify.report.stored_result import plain
 from identify.studies.fits import FitEntry, values
-from identify.uneven.answer import UnevenEstimator
+from identify.uneven.answer import UnevenEstimator, why_withheld
 from identify.uneven.estimator import maximise
 from identify.uneven.events import RigConstants, sticks_of
 from identify.uneven.likelihood import Likelihood, Nodes
@@ -55,6 +55,54 @@ def test_onsets_and_cycles_are_those_of_the_track(tracks, maxima):
         arrest = track.arrest[np.searchsorted(track.arrest, sticks.last)]
         assert sticks.count >= 0.9 * track.onset.size
         assert np.median(arrest - sticks.last) < 6e-3  # a slip takes about 20 ms
+
+
+def at_rate(record, rate):
+    """Every so many samples of a record [Hz]."""
+    rows = slice(None, None, round(1.0 / (rate * float(np.median(np.diff(record.time))))))
+    fewer = {name: getattr(record, name)[rows] for name in ("time", "normal_force", "friction_force")}
+    return replace(record, **fewer, steps=())
+
+
+def test_slips_that_are_not_followed_tell_strength_and_wander_alone(tracks, maxima):
+    """At 50 Hz there is one sample or two of a slip of 23 ms."""
+    coarse = [sticks_of(prepared(STIFF, at_rate(track.record, 50.0))) for track in tracks]
+    assert not any(sticks.resolved for sticks in coarse) and all(sticks.resolved for sticks, _ in maxima)
+    found = [maximise([sticks]) for sticks in coarse]
+    told = [PARAMETERS.index(name) for name in ("strength", "level_wander", "strength_scatter")]
+    truths = np.array([truth_of(STIFF, sticks.typical_rest) for sticks in coarse])
+    sd = np.sqrt([np.diag(maximum.covariance) for maximum in found])
+    assert all(maximum.converged for maximum in found)
+    assert np.abs(np.array([m.theta for m in found]) - truths)[:, told[0]].max() < 0.25 and sd[:, told[0]].max() < 0.15
+    assert np.abs((np.array([m.theta for m in found]) - truths) / sd)[:, told].max() < 3.5
+    assert sd[:, PARAMETERS.index("mass")].min() > 0.6  # nothing is told that only the course of a slip shows
+    assert not why_withheld(found[0], coarse[:1])
+
+
+def test_the_work_of_a_slip_is_that_of_its_course():
+    """From rest to rest by the equation of motion: the level after it is the one that friction had."""
+    rig, weakening, strength, level = RigConstants(558.0, 0.2, 0.06, 558.0 * 42e-6), 2000.0, 0.026, 0.3
+
+    def motion(t, state):
+        u, v = state
+        left = max(strength - weakening * u, 0.0)
+        pull = level + strength + rig.rate * t - rig.stiffness * u - rig.damping * v
+        return v, (pull - level - left) / rig.mass
+
+    stops = lambda t, state: state[1] - 1e-7 + (1.0 if state[0] < 3e-5 else 0.0)  # noqa: E731
+    stops.terminal = True
+    end = solve_ivp(motion, (0.0, 1.0), (0.0, 0.0), events=stops, rtol=1e-9, atol=1e-14, max_step=1e-4)
+    way = float(end.y[0, -1])
+    functions, theta = slip_functions(LAW), np.log([strength, weakening, 1.0, rig.mass, 3.0, 0.2, 1e-4])[None, :]
+    over_load = np.array([rig.over_load(1e-6)])
+    met = functions.met([theta, over_load, np.array([[1e-5 * way, level + strength, 2.0, 2.0, 1.0]])])[0]
+    place = np.array([[np.log(strength), 1.0, 1e-5 * way]])
+    begun = functions.begin([theta, met, over_load, place])[0]
+    state, kept = begun[:, : functions.state_size], begun[:, functions.state_size :]
+    line = level + strength + rig.rate * end.t[-1] - rig.stiffness * way
+    _, change, _ = functions.whole([state, kept, over_load, np.array([[way, line]])])[0][0]
+    by_weakening = strength**2 / weakening / way  # of the level that onset and arrest alone would tell, 1.5 times
+    assert abs(change) < 0.1 * by_weakening
 
 
 def test_a_mass_that_is_stated_wrong_is_found(maxima):
