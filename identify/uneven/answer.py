@@ -105,7 +105,8 @@ def told(seen: Sequence[UnevenLog], maximum: Maximum, task: EstimationTask, left
     creep = creep_interval(records, maximum) if tells_creep else CreepTime(None, None)
     untold = withheld or ("" if in_time(wording.CREEP) else wording.CUT_SHORT)
     load = first.log.data.mean_normal_force
-    own, names, covariance = _quantities(maximum, load, withheld)
+    followed = any(sticks.resolved for sticks in records)
+    own, names, covariance = _quantities(maximum, load, withheld, followed)
     distributions: dict[str, Any] = {}
     curve = None
     if not withheld and in_time(wording.DRAWN):
@@ -167,8 +168,11 @@ def why_withheld(maximum: Maximum, records: Sequence[Sticks]) -> str:
     return ""
 
 
-def _quantities(maximum: Maximum, load: float, withheld: str) -> tuple[list[Estimate], list[str], Array]:
-    """The estimates of this estimator, and names and covariance [SI] of those with a standard error."""
+def _quantities(
+    maximum: Maximum, load: float, withheld: str, followed: bool
+) -> tuple[list[Estimate], list[str], Array]:
+    """The estimates of this estimator, and names and covariance [SI] of those with a standard error; followed: whether
+    slips were."""
     theta, n = maximum.theta, len(PARAMETERS)
     # Rows: logarithms of what is told, from those of the parameters.
     rows = {
@@ -185,6 +189,8 @@ def _quantities(maximum: Maximum, load: float, withheld: str) -> tuple[list[Esti
         value = float(np.exp(row @ theta)) * (load if name == "mass" else 1.0)
         sd = float(np.sqrt(row @ maximum.covariance @ row))
         refused = withheld if name in ("strength", "strength_scatter", "weakening_length") else ""
+        if not followed and name in ("weakening_length", "mass"):
+            refused = wording.NOT_FOLLOWED
         estimates.append(_estimate(name, units.get(name, ""), value, sd, refused))
         if estimates[-1].standard_error is not None:
             names.append(name)

@@ -14,6 +14,9 @@ SLOWER_THAN_SPRING = (
     "friction falls with sliding more slowly than the spring relaxes, so what the slips show is the level's wander and "
     "not the weakening: strength and weakening length cannot be told; a softer spring, or a slower drive, would tell"
 )
+NOT_FOLLOWED = (
+    "only the course of a slip tells it, and these records have but a few samples of each; a higher sampling rate would"
+)
 NO_MAXIMUM = (
     "cycles differ, and the estimator of uneven records found no most likely answer: look for events that are no slips "
     "(stickslip inspect --plot), or take a window of steady stick-slip"

@@ -14,7 +14,7 @@ from identify.base.errors import FitError
 from identify.report import write_report
 from identify.report.stored_result import plain
 from identify.studies.fits import FitEntry, values
-from identify.uneven.answer import UnevenEstimator, why_withheld
+from identify.uneven.answer import UnevenEstimator
 from identify.uneven.estimator import maximise
 from identify.uneven.events import RigConstants, sticks_of
 from identify.uneven.likelihood import Likelihood, Nodes
@@ -75,8 +75,6 @@ def test_slips_that_are_not_followed_tell_strength_and_wander_alone(tracks, maxi
     assert all(maximum.converged for maximum in found)
     assert np.abs(np.array([m.theta for m in found]) - truths)[:, told[0]].max() < 0.25 and sd[:, told[0]].max() < 0.15
     assert np.abs((np.array([m.theta for m in found]) - truths) / sd)[:, told].max() < 3.5
-    assert sd[:, PARAMETERS.index("mass")].min() > 0.6  # nothing is told that only the course of a slip shows
-    assert not why_withheld(found[0], coarse[:1])
 
 
 def test_the_work_of_a_slip_is_that_of_its_course():
@@ -93,16 +91,22 @@ def test_the_work_of_a_slip_is_that_of_its_course():
     stops.terminal = True
     end = solve_ivp(motion, (0.0, 1.0), (0.0, 0.0), events=stops, rtol=1e-9, atol=1e-14, max_step=1e-4)
     way = float(end.y[0, -1])
-    functions, theta = slip_functions(LAW), np.log([strength, weakening, 1.0, rig.mass, 3.0, 0.2, 1e-4])[None, :]
-    over_load = np.array([rig.over_load(1e-6)])
-    met = functions.met([theta, over_load, np.array([[1e-5 * way, level + strength, 2.0, 2.0, 1.0]])])[0]
-    place = np.array([[np.log(strength), 1.0, 1e-5 * way]])
-    begun = functions.begin([theta, met, over_load, place])[0]
-    state, kept = begun[:, : functions.state_size], begun[:, functions.state_size :]
     line = level + strength + rig.rate * end.t[-1] - rig.stiffness * way
-    _, change, _ = functions.whole([state, kept, over_load, np.array([[way, line]])])[0][0]
-    by_weakening = strength**2 / weakening / way  # of the level that onset and arrest alone would tell, 1.5 times
-    assert abs(change) < 0.1 * by_weakening
+    functions, over_load = slip_functions(LAW), np.array([rig.over_load(1e-6)])
+
+    def change(rate):
+        theta = np.log([strength, rate, 1.0, rig.mass, 0.3, 0.2, 1e-4])[None, :]
+        met = functions.met([theta, over_load, np.array([[1e-5 * way, level + strength, 2.0, 2.0, 1.0]])])[0]
+        place = np.array([[np.log(strength), 1.0, 1e-5 * way]])
+        begun = functions.begin([theta, met, over_load, place])[0]
+        state, kept = begun[:, : functions.state_size], begun[:, functions.state_size :]
+        return functions.whole([state, kept, over_load, np.array([[way, line]])])[0][0, 1]
+
+    by_weakening = 0.5 * strength**2 / weakening / way  # of the mean friction
+    # The drive pulls on while a slip begins, which is neglected: 0.02 /s for 30 ms, 2 % of the strength.
+    assert abs(change(weakening)) < rig.rate * 0.03
+    assert change(100.0 * weakening) > by_weakening  # negative controls: a weakening that takes no work, and too much
+    assert change(0.7 * weakening) < -2.0 * rig.rate * 0.03
 
 
 def test_a_mass_that_is_stated_wrong_is_found(maxima):
@@ -184,6 +188,14 @@ def test_a_fit_tells_quantities_with_verdicts(tracks):
     drop = result["distributions"]["drop"]["quantiles"]
     assert drop["5"]["value"] < drop["50"]["value"] < drop["95"]["value"]
     assert any("Extrapolated" in note for note in result["notes"])
+
+
+def test_what_only_the_course_of_a_slip_tells_is_withheld_without_it(tracks):
+    result = fit(scene_of(STIFF), [at_rate(tracks[0].record, 50.0)], estimator=UnevenEstimator()).result
+    told = result["parameters"]
+    assert result["status"] == "converged" and told["strength"]["verdict"] in ("identified", "weak")
+    for name in ("weakening_length", "mass"):
+        assert told[name]["value"] is None and "sampling rate" in told[name]["reason"]
 
 
 def test_a_short_record_is_refused_with_a_sentence(tracks):
