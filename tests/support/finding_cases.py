@@ -219,6 +219,12 @@ CASES: dict[str, list[tuple[Make, Make]]] = {
     "paired_over_gaps": [(paired(gap=1), paired(gap=0))],
     "rows_without_partner": [(paired(late=0.5), paired(late=0.0))],
     "tables_side_by_side": [(beside("Fx"), beside("Fa"))],
+    "tables_without_force": [
+        (
+            log("T,Valve\ns,V\n" + "".join(f"{i / 10:.1f},{i}.5\n" for i in range(9)) + "\n" + GOOD),
+            log("T,Fx,Fz\ns,N,N\n" + "".join(f"{i / 10:.1f},{i}.5,3.0\n" for i in range(9)) + "\n" + GOOD),
+        ),
+    ],
     "speed_from_rotation": [(turning("rpm"), turning("deg"))],
     "repeated_time": [(log(GOOD.replace("0.20,", "0.19,")), log(GOOD.replace("0.20,", "0.191,")))],
     "missing_rows": [(log(GOOD.replace("0.20,6.5,", "0.20,OVER,")), log(GOOD.replace("0.20,6.5,", "0.20,6,")))],
