@@ -155,13 +155,14 @@ def _found_mass(estimates: Sequence[Estimate]) -> tuple[float, float, float] | N
 
 
 def why_withheld(maximum: Maximum, records: Sequence[Sticks]) -> str:
-    """Why strength and weakening length are not told; "" where they are."""
+    """Why strength and weakening length are not told; "" where they are. How fast it weakens tells that only where the
+    slips of some record are followed: else the strength is what onset and arrest leave, however fast."""
     values = dict(zip(PARAMETERS, np.exp(maximum.theta), strict=True))
-    stiffest = max(sticks.rig.stiffness for sticks in records)
-    if values["weakening_rate"] < stiffest:
+    followed = [sticks for sticks in records if sticks.resolved]
+    if followed and values["weakening_rate"] < max(sticks.rig.stiffness for sticks in followed):
         return wording.SLOWER_THAN_SPRING
     length = values["strength"] / values["weakening_rate"]
-    if length < min(sticks.noise / sticks.rig.stiffness for sticks in records):
+    if followed and length < min(sticks.noise / sticks.rig.stiffness for sticks in followed):
         return wording.lost_at_once(length)
     if values["strength_scatter"] > LARGEST_SCATTER:
         return wording.scatters_too_much(values["strength_scatter"])

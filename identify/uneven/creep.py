@@ -44,10 +44,11 @@ def creep_interval(records: Sequence[Sticks], maximum: Maximum) -> CreepTime:
     # those of the covariance, which the scores' own scatter widens, in all. The farther end counts.
     reach = NORMAL * float(np.sqrt(maximum.covariance[PLACE, PLACE]))
     own = (maximum.theta[PLACE] - reach, maximum.theta[PLACE] + reach)
-    low, high = (
+    farther = (
         None if end is None else pick(end, other) for end, other, pick in zip(ends, own, (min, max), strict=True)
     )
-    return CreepTime(*(None if end is None else float(np.exp(end)) for end in (low, high)))
+    told = (end if end is not None and abs(end - typical) < REACH + STRIDE else None for end in farther)
+    return CreepTime(*(None if end is None else float(np.exp(end)) for end in told))
 
 
 def _walked(objective: Objective, maximum: Maximum, typical: float, side: float) -> tuple[list[float], list[float]]:

@@ -15,6 +15,7 @@ from identify.report import write_report
 from identify.report.stored_result import plain
 from identify.studies.fits import FitEntry, values
 from identify.uneven.answer import UnevenEstimator
+from identify.uneven.creep import creep_interval
 from identify.uneven.estimator import maximise
 from identify.uneven.events import RigConstants, sticks_of
 from identify.uneven.likelihood import Likelihood, Nodes
@@ -118,6 +119,16 @@ def test_a_mass_that_is_stated_wrong_is_found(maxima):
     for _, maximum in maxima:
         gap = other.theta[place] - maximum.theta[place]
         assert gap > 3.0 * np.sqrt(other.covariance[place, place] + maximum.covariance[place, place])
+
+
+def test_a_creep_time_beyond_all_rests_is_no_bound(maxima):
+    sticks, maximum = maxima[0]
+    told = creep_interval([sticks], maximum)
+    assert told.upper is not None and told.upper < 100.0 * sticks.typical_rest
+    place, unknown = PARAMETERS.index("t_cr"), maximum.covariance.copy()
+    unknown[place, place] = 50.0**2  # of its logarithm
+    beyond = creep_interval([sticks], replace(maximum, covariance=unknown))
+    assert beyond.lower is None and beyond.upper is None
 
 
 def test_late_anchors_lose_the_strength(maxima):
