@@ -90,12 +90,12 @@ def recovered(pair: Pair, track: Simulated) -> tuple[Array, Array, bool, bool, f
 
 
 def main(fast: bool = False, count: int = 50) -> dict[str, tuple[Array, Array]]:
-    """Mean error and coverage of QUANTITIES by case; fast: two records of one case."""
+    """Mean error and coverage of QUANTITIES by case; fast: one record of one case."""
     cases = {"stiff": STIFF} if fast else CASES
     out = {}
     print(f"{'case':14}{'':10}" + "".join(f"{name[:9]:>10}" for name in QUANTITIES))
     for name, pair in cases.items():
-        tracks = simulated(pair, 24 if fast else 50, list(range(2 if fast else count)))
+        tracks = simulated(pair, 24 if fast else 50, list(range(1 if fast else count)))
         rows = [recovered(pair, track) for track in tracks]
         error, sd = (np.array([row[i] for row in rows]) for i in range(2))
         converged, holds, took = (np.array([row[i] for row in rows]) for i in range(2, 5))

@@ -229,7 +229,10 @@ def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:
     pieces = whole.within(start, stop)
     speeds = [speed for _, speed in pieces]
     if all(speed == 0.0 for speed in speeds):
-        raise FitError(f"{name} has a drive speed of 0 m/s; a hold alone cannot be fitted: take its [[logs]] out")
+        raise FitError(
+            f"{name} has a drive speed of 0 m/s; expected a moving drive, since a hold alone cannot be fitted: give "
+            "the speed it moved at, or take its [[logs]] out"
+        )
     if min(speeds) < 0.0 < max(speeds):
         raise FitError(f"{name} has a drive that turns within the part that is used; cut it into one window per stroke")
     kept = [(0.0, abs(speeds[0]))]

@@ -74,6 +74,7 @@ def test_half_of_the_slips_lost_in_the_noise_make_a_log_faint() -> None:
     assert not clear.faint and abs(clear.count - slips[0]) <= 1
 
 
+@pytest.mark.slow
 def test_a_faint_log_joins_as_the_model_follows_it() -> None:
     prepared, unknowns, slips = hidden()
     others = solve_from(prepared, [1, 2], unknowns, Clock())

@@ -145,6 +145,7 @@ def _cut(record, begin, end):
     return Record(np.arange(count) * step, record.normal_force[keep], record.friction_force[keep])
 
 
+@pytest.mark.slow
 def test_a_deleted_slip_is_noticed(case, one_try, no_further_logs):
     """One that is flattened: tests/diagnosis/test_diagnosis.py."""
     truth = oracle.simulate(DEMO | RIG, SPEEDS[2][0], 1.0, 2.5)
@@ -171,7 +172,7 @@ def _uneven(log, seed, scatter):
     return Record(times, np.ones_like(times), force + NOISE * random.standard_normal(times.size))
 
 
-@pytest.mark.parametrize("scatter", [0.1, 0.0])
+@pytest.mark.parametrize("scatter", [pytest.param(0.1, marks=pytest.mark.slow), 0.0])
 def test_friction_that_differs_from_cycle_to_cycle_is_no_success_of_the_plain_fit(one_try, scatter):
     logs = (1, 2)
     records = [_uneven(log, 20 + log, scatter) for log in logs]

@@ -94,7 +94,8 @@ def _cases(log):
     )
     yield ([DRIVE, "logs.1.exclude=[[0, 4]]"], [plain]), "exclude less", ([DRIVE, "logs.1.exclude=[[0, 1]]"], [plain])
     yield ([DRIVE], [short]), "record longer", ([DRIVE], [plain])
-    yield (['rig.drive_speed="0 mm/s"'], [plain]), "expected a moving drive", ([DRIVE], [plain])
+    yield (['rig.drive_speed="0 mm/s"'], [plain]), "give the speed it moved at", ([DRIVE], [plain])
+    yield ([DRIVE, 'logs.2.drive_speed="0 mm/s"'], [plain, short]), r"take its \[\[logs\]\] out", ([DRIVE], [plain])
     yield ([DRIVE], [turning]), "or a window of one stroke", ([DRIVE, "logs.1.window=[0, 2]"], [turning])
     yield ([DRIVE], [falling]), "cut the window to the part under load", ([DRIVE, "logs.1.window=[0, 1.9]"], [falling])
     yield ([DRIVE], [mostly_off]), "or cut the window to the part under load", (

@@ -43,7 +43,7 @@ def pair():
     return truth, replace(unknowns, start=start), logs
 
 
-def test_a_course_is_met_by_way_of_its_beginning(pair, monkeypatch):
+def test_a_course_is_met_by_way_of_its_beginning(pair):
     truth, unknowns, logs = pair
     assert [log.manner.name for log in logs] == ["cycles", "course"]
     both = solve_from(logs, [0, 1], unknowns, Clock())
@@ -51,6 +51,12 @@ def test_a_course_is_met_by_way_of_its_beginning(pair, monkeypatch):
     kinetic = unknowns.names.index("mu_k0")
     off = [abs(theta[kinetic] - truth["mu_k0"]) for theta in (unknowns.start, both.solved.theta)]
     assert off[1] < 0.3 * off[0], "the course tells what the slow log does not"
+
+
+@pytest.mark.slow
+def test_at_once_it_is_not_met(pair, monkeypatch):
+    """The negative control."""
+    _, unknowns, logs = pair
     monkeypatch.setattr(attempt, "HORIZONS", (1.0,))
     whole = solve_from(logs, [0, 1], unknowns, Clock())
     assert whole is None or whole.gate.status is not Status.CONVERGED, "at once it is not met"
