@@ -148,9 +148,11 @@ def around(values: Sequence[float], first: float, last: float, log: bool = False
     return AxisScale(low - room, high + room, first, last)
 
 
-def tick_text(value: float) -> str:
-    """A tick as text."""
-    return number(0.0 if abs(value) < 1e-15 else value, 4)
+def tick_texts(ticks: Sequence[float]) -> list[str]:
+    """Ticks as text, with as many digits as tell them apart."""
+    values = [0.0 if abs(value) < 1e-15 else value for value in ticks]
+    tried = ([number(value, digits) for value in values] for digits in (4, 6, 8, 12))
+    return next((texts for texts in tried if len(set(texts)) == len(values)), [repr(value) for value in values])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -225,18 +227,20 @@ def band(upper: Sequence[tuple[float, float]], lower: Sequence[tuple[float, floa
 def x_axis(scale: AxisScale, y: float, top: float, title: str, most: int = 6) -> str:
     """Grid lines, ticks and title of a horizontal axis."""
     out = []
-    for tick in scale.ticks(most):
+    ticks = scale.ticks(most)
+    for tick, words in zip(ticks, tick_texts(ticks), strict=True):
         x = scale.at(tick)
-        out.append(line(x, top, x, y, "grid") + text(x, y + 13, tick_text(tick), "middle", "tick"))
+        out.append(line(x, top, x, y, "grid") + text(x, y + 13, words, "middle", "tick"))
     return "".join(out) + text((scale.first + scale.last) / 2, y + 28, title, "middle", "title", 60)
 
 
 def y_axis(scale: AxisScale, x: float, right: float, title: str) -> str:
     """Grid lines, ticks and title (above, at the left) of a vertical axis."""
     out = []
-    for tick in scale.ticks(5):
+    ticks = scale.ticks(5)
+    for tick, words in zip(ticks, tick_texts(ticks), strict=True):
         y = scale.at(tick)
-        out.append(line(x, y, right, y, "grid") + text(x - 5, y + 3.5, tick_text(tick), "end", "tick"))
+        out.append(line(x, y, right, y, "grid") + text(x - 5, y + 3.5, words, "end", "tick"))
     return "".join(out) + text(4, scale.last - 9, title, "start", "title", 60)
 
 
