@@ -104,15 +104,15 @@ def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnsw
     if len(points) == 1 and not points[0].untold:
         p = points[0]
         return [predict(p.model, p.values, p.drive_speed, p.normal_force, p.covariance, p.names)]
-    told: dict[int, PointPrediction | NoAnswer] = {}
+    answered: dict[int, PointPrediction | NoAnswer] = {}
     for groups in {p.groups for p in points}:
         mine = [i for i, p in enumerate(points) if p.groups == groups]
         first = points[mine[0]]
         if first.untold:
-            told |= dict.fromkeys(mine, NoAnswer(f"no answer: {first.untold}"))
+            answered |= dict.fromkeys(mine, NoAnswer(f"no answer: {first.untold}"))
         else:
-            told |= zip(mine, predictions(first.model, [points[i].at for i in mine], first.names), strict=True)
-    return [told[i] for i in range(len(points))]
+            answered |= zip(mine, predictions(first.model, [points[i].at for i in mine], first.names), strict=True)
+    return [answered[i] for i in range(len(points))]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -88,8 +88,8 @@ def certainty(
     attempt, view = seen.attempt, seen.view
     if seen.unfinished:
         attempt = unexamined(attempt)
-    elif seen.accepted and not view.bounds:  # at a bound the pulls of the logs do not cancel
-        attempt = agreeing(attempt, unknowns, base, view.allowed) if len(attempt.logs) > 1 else attempt
+    elif seen.accepted and not view.bounds and len(attempt.logs) > 1:  # at a bound the pulls of the logs do not cancel
+        attempt = agreeing(attempt, unknowns, base, view.allowed)
     theta, groups = attempt.solved.theta, shares(attempt, unknowns)
     bounds_of = {s.log: at_bound(attempt.solved.trajectories[s.log].theta(theta)) for s in groups}
     of_groups = share_estimates(groups, unknowns, theta, base, view.joint, at_bound=bounds_of, hints=view.hints)

@@ -192,23 +192,23 @@ def examine(attempt: Attempt, known: Information, question: Question) -> Examine
     Args:
         known: at the answer that is given.
     """
-    here = _unless_hanging(_lowest_about(_standing(attempt, known, question, Trail()), question))
+    here = _unless_bound_is_active(_lowest_about(_standing(attempt, known, question, Trail()), question))
     for tries in range(BETTER_TRIES):
         there = _walked(here, question, last=tries + 1 == BETTER_TRIES)
         if there is None:
             break
-        here = _unless_hanging(there)
+        here = _unless_bound_is_active(there)
     calls_for_more = here.accepted and (_doubtful(here, question) or here.view.leaves_open)
     return replace(here, unfinished=time_is_up() and calls_for_more)
 
 
-def _unless_hanging(here: Examined) -> Examined:
+def _unless_bound_is_active(here: Examined) -> Examined:
     """The answer, refused where it hangs on a phase that can get no shorter: no walk from there comes to an end. At a
     bound the pulls of the logs do not cancel, and nothing is known of it."""
     gate = here.attempt.gate
     if not here.accepted or here.view.bounds:
         return here
-    held = hanging(here.attempt.solved, [log.name for log in here.attempt.prepared])
+    held = active_event_bound(here.attempt.solved, [log.name for log in here.attempt.prepared])
     if held is None:
         return here
     refused = replace(gate, status=Status.WRONG_EVENT_COUNT, message=held)
@@ -379,7 +379,7 @@ def _another_start(moved: Attempt, unknowns: Unknowns, gain: float, better: Prof
 HELD = 4.0  # squared distance from which on an answer hangs on what is no data: two standard errors
 
 
-def hanging(solved: Solved, names: Sequence[str]) -> str | None:
+def active_event_bound(solved: Solved, names: Sequence[str]) -> str | None:
     """A sentence where a phase that can get no shorter holds the answer back by more than two standard errors: a rest,
     or a contact that re-ages in mid-slide, may shrink to nothing from pass to pass where at the answer it does not
     happen.

@@ -148,8 +148,8 @@ class Ground:
         layout, x = problem.layout, z * problem.layout.scale
         found = theta.copy()
         found[layout.free] = x[: layout.free.size]
-        counted, told = layout.off_prior(x)[: layout.free.size], self.unknowns.off_prior(found)[self.unknowns.free]
-        cost += 0.5 * float(told @ told - counted @ counted)
+        counted, stated = layout.off_prior(x)[: layout.free.size], self.unknowns.off_prior(found)[self.unknowns.free]
+        cost += 0.5 * float(stated @ stated - counted @ counted)
         moved = [place.read(trajectory, x) for place, trajectory in zip(layout.places, trajectories, strict=True)]
         change = UNCHANGED if self.noise.white else self.noise.change(self.curves, problem.fitted(z))
         return ProfilePoint(found, moved, cost, held, change)

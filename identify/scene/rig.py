@@ -172,9 +172,9 @@ def read_rig(table: TomlTable, damped_by: str | None, inertial: bool = True) -> 
             # Known of h/k: h is as uncertain as k on top of it, and errs with it.
             ratios["zeta"] = tolerance
             tolerances["damping"] = math.hypot(tolerance, tolerances.get("stiffness", 0.0))
-    told = table.data.get(TIED)
-    if told is not None:
-        relative = share(told, table.place(TIED))
+    stated = table.data.get(TIED)
+    if stated is not None:
+        relative = share(stated, table.place(TIED))
         ratios["natural_frequency"] = table.quantity(TIED, "") or 0.0 if relative is None else relative
     for key, example in (("mass", "0.2 kg"), ("stiffness", "1470 N/m")):
         if key == "mass" and not inertial:

@@ -47,8 +47,8 @@ def creep_interval(records: Sequence[Sticks], maximum: Maximum) -> CreepTime:
     farther = (
         None if end is None else pick(end, other) for end, other, pick in zip(ends, own, (min, max), strict=True)
     )
-    told = (end if end is not None and abs(end - typical) < REACH + STRIDE else None for end in farther)
-    return CreepTime(*(None if end is None else float(np.exp(end)) for end in told))
+    bounds = (end if end is not None and abs(end - typical) < REACH + STRIDE else None for end in farther)
+    return CreepTime(*(None if end is None else float(np.exp(end)) for end in bounds))
 
 
 def _walked(objective: Objective, maximum: Maximum, typical: float, side: float) -> tuple[list[float], list[float]]:

@@ -155,11 +155,11 @@ def _covariance(objective: Objective, theta: Array) -> tuple[Array, Array, float
     steps = np.clip(SHARE * sd, *WIDER)
     above, below = (np.array([objective.slope(theta + side * step)[1] for step in np.diag(steps)]) for side in (1, -1))
     information = (below - above) / (2.0 * steps[:, None])
-    told = (0.5 * (information + information.T) - objective.tightness) * np.outer(sd, sd)
-    values, vectors = np.linalg.eigh(told)
+    of_data = (0.5 * (information + information.T) - objective.tightness) * np.outer(sd, sd)
+    values, vectors = np.linalg.eigh(of_data)
     # A direction in which the likelihood bends the wrong way is one of which it tells nothing.
-    told = vectors @ np.diag(np.maximum(values, 0.0)) @ vectors.T / np.outer(sd, sd)
-    inverse = np.linalg.inv(told + objective.tightness)
+    of_data = vectors @ np.diag(np.maximum(values, 0.0)) @ vectors.T / np.outer(sd, sd)
+    inverse = np.linalg.inv(of_data + objective.tightness)
     cycles = scores.shape[0]
     known = cycles / max(cycles - theta.size, 1)  # scores at the maximum scatter less than those at the truth
     middle = known * _long_run(scores - scores.mean(axis=0)) + objective.tightness

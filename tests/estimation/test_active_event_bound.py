@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from identify.estimation.examined import hanging
+from identify.estimation.examined import active_event_bound
 from identify.shooting.passes import COARSE, Solved
 from identify.shooting.shooting import transcribe
 from identify.shooting.solve import solve
@@ -35,12 +35,12 @@ def held_at(room: float | None) -> Solved:
 
 
 def test_an_answer_that_nothing_holds_hangs_on_nothing() -> None:
-    assert hanging(held_at(None), ["log"]) is None
+    assert active_event_bound(held_at(None), ["log"]) is None
 
 
 @pytest.mark.parametrize(("room", "hangs"), [(1e-7, False), (1e-3, True)])
 def test_an_event_kept_from_its_place_is_noticed_by_what_it_does_to_the_answer(room: float, hangs: bool) -> None:
-    said = hanging(held_at(room), ["log"])
+    said = active_event_bound(held_at(room), ["log"])
     assert (said is not None) == hangs
     if said is not None:
         assert said.startswith("log: ") and "standard errors" in said and "leave this log out" in said
@@ -49,7 +49,7 @@ def test_an_event_kept_from_its_place_is_noticed_by_what_it_does_to_the_answer(r
 def test_the_distance_is_no_longer_than_what_the_misfit_gains_without_the_bound() -> None:
     """Of parameters and events together the squared distance is that gain; of the parameters alone it is less."""
     free, held = held_at(None), held_at(1e-3)
-    said = hanging(held, ["log"])
+    said = active_event_bound(held, ["log"])
     assert said is not None
     stated = float(said.split("back by ")[1].split(" standard")[0])
     gain = 2.0 * (held.solution.cost - free.solution.cost)

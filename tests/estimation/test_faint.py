@@ -17,7 +17,7 @@ from identify.effects import MAIN
 from identify.estimation import attempt
 from identify.estimation.attempt import Attempt, Clock, place_on, solve_from
 from identify.estimation.events import join
-from identify.estimation.examined import hanging
+from identify.estimation.examined import active_event_bound
 from identify.logs.prepare import Prepared
 from identify.logs.segment import segment
 from identify.logs.unknowns import Unknowns
@@ -115,9 +115,9 @@ def test_slips_that_rest_by_a_hair_are_solved_both_ways() -> None:
     _, tried, both = both_ways()
     as_seen = tried[0]
     assert both is not None and both is tried[1]
-    assert both.gate.status is Status.CONVERGED and hanging(both.solved, ["slow", "fast"]) is None
+    assert both.gate.status is Status.CONVERGED and active_event_bound(both.solved, ["slow", "fast"]) is None
     # A rest that the data do not want, and that can get no shorter, holds it there.
-    said = hanging(as_seen.solved, ["slow", "fast"])
+    said = active_event_bound(as_seen.solved, ["slow", "fast"])
     assert said is not None and said.startswith("fast: ")
     assert both.excess < as_seen.excess - 20.0
 

@@ -28,15 +28,15 @@ def test_a_measured_record_ends_with_numbers_and_the_reason(capsys):
     [pytest.param("k168_v42", 0.020, 0.52, marks=pytest.mark.slow), ("k1002_v42", 0.050, 0.80)],
 )
 def test_the_estimate_is_near_that_of_another_implementation(name, strength, mass):
-    """Of a like likelihood, in another language; mass as a share of the nominal 30.7 g. The deviation of the strength
-    is below 0.15; that of the mass is not on the soft spring (docs/validation.md)."""
-    sticks = sticks_in(name, RECORDS)
-    maximum = maximise([sticks])
+    """Of a like likelihood, in another language; mass as a share of the nominal 30.7 g, deviations below 0.15."""
+    maximum = maximise([sticks_in(name, RECORDS)])
     sd = np.sqrt(np.diag(maximum.covariance))
     places = [PARAMETERS.index(q) for q in ("strength", "mass")]
     found = np.exp(maximum.theta[places])
-    assert maximum.converged and sd[places[0]] < 0.15
-    assert found == pytest.approx([strength, mass / 9.81], rel=0.25)
+    assert maximum.converged and found == pytest.approx([strength, mass / 9.81], rel=0.25)
+    if name == "k168_v42" and sd[places[1]] >= 0.15:
+        pytest.xfail("of the soft spring the mass is known to 0.155 only (docs/validation.md)")
+    assert sd[places].max() < 0.15
 
 
 @measured
