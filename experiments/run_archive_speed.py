@@ -20,6 +20,8 @@ from statistics import median
 import h5py
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 from data_io import LogError, Record, hdf5_open, read_log, write_hdf5
 from data_io.write import changed_runs
 from experiments.machine import describe
