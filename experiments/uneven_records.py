@@ -20,6 +20,7 @@ STEP = 2e-5  # [s] of a slip
 DRAWN = 400  # steps for which fields are drawn at once
 KEPT = 5  # steps between two points of a slip that are kept
 LONGEST = 40_000  # steps
+DIRECT_SPEED = 1e-4  # [m/s] of sliding, at which a direct effect sets in
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,8 @@ class Pair:
     """A pair and its rig. strength [1] after a long rest, scatter of its logarithm, creep_time [s], weakening_rate
     [1/m], level [1], level_wander [1/sqrt(m)], roughness [1] and its length [m]; mass [kg], stiffness [N/m], damping
     [N s/m], drive_speed [m/s], load [N], noise of a sample [N], rate [Hz]; renewal: "linear" with sliding, "state"
-    (in proportion to what is left), "delayed" (linear after `delay` [m])."""
+    (in proportion to what is left), "delayed" (linear after `delay` [m]); direct: friction per e-fold of the sliding
+    speed beyond 0.1 mm/s [1]."""
 
     strength: float = 0.03
     scatter: float = 0.25
@@ -46,6 +48,7 @@ class Pair:
     rate: float = 2000.0
     renewal: str = "linear"
     delay: float = 0.0
+    direct: float = 0.0
 
 
 SOFT = Pair()
@@ -134,6 +137,7 @@ class _Tracks:
                     draws[..., n] = self.random[n].standard_normal((DRAWN, 2))
             fine_draw, slow_draw = draws[i % DRAWN]
             left = strength * self._law(u / regained * pair.weakening_rate, u)
+            left = left + pair.direct * np.log1p(v / DIRECT_SPEED)
             force = self.force + self.rate * t - self.stiffness * u - self.damping * v
             v_next = v + STEP * (force - slow - fine - left) / self.mass
             started |= v_next > 2.0 * pair.drive_speed

@@ -1,6 +1,8 @@
 """Every experiment still runs, in its fast form."""
 
 import runpy
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,11 +15,12 @@ WINDOWS = FOLDER / "run_window_study.py"  # run by tests/prediction/test_windows
 MEASURED = FOLDER / "run_measured_records.py"  # by tests/uneven/test_measured_records.py
 RECOVERY = FOLDER / "run_recovery_study.py"  # by tests/estimation/test_fit.py
 FUZZ = FOLDER / "run_reader_fuzz.py"  # by tests/data_io/test_formats.py
+LAWS = FOLDER / "run_uneven_laws.py"  # adds a law to the table, which this process has in use: in one of its own
 NEXT_LOG = FOLDER / "run_next_log_study.py"
 # Of speeds and prices: what they time is tested where it stands, and a fit at every level is no quick one.
 TIMED = [FOLDER / f"run_{name}.py" for name in ("accuracy_price", "answer_price", "batch_faults", "fit_speed")]
 SCRIPTS = sorted(
-    set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED, RECOVERY, FUZZ, NEXT_LOG, *TIMED}
+    set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED, RECOVERY, FUZZ, NEXT_LOG, LAWS, *TIMED}
 )
 
 
@@ -33,6 +36,11 @@ def test_experiment_runs(script, capsys):
 
 def test_the_study_of_next_logs_runs(capsys):
     runs(NEXT_LOG, capsys)
+
+
+def test_the_study_of_laws_runs():
+    done = subprocess.run([sys.executable, str(LAWS), "--fast"], capture_output=True, text=True)
+    assert "paper's       stiff   paper's 1" in done.stdout, done.stderr
 
 
 def runs(script, capsys):

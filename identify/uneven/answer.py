@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from identify.base.outcome import Status
 from identify.base.quantiles import NORMAL
+from identify.effects import ALL
 from identify.estimation.covariance import Estimate
 from identify.estimation.estimator import Estimated, EstimationTask
 from identify.estimation.strategies import in_time, no_time_for
@@ -34,6 +35,7 @@ FEWEST = 12  # cycles of a log from which scatter and wander are told
 IDENTIFIED, WEAK = 1.2, 3.0  # factors within which both ends of an interval lie
 LARGEST_SCATTER = 0.6  # of the logarithm of the strength: beyond it the law of a stick is none
 ODD_FROM = 0.9  # probability from which a slip is named odd
+VELOCITY_LAW = "velocity law"  # role of the effects by which friction falls with sliding speed
 AT_RESTS = 25  # places of the curve of strength against rest
 
 
@@ -62,7 +64,7 @@ class UnevenEstimator:
             if number in left_out:
                 continue
             reason: str | None = wording.not_cycling(log.name) if log.manner.name != "cycles" else None
-            sticks = None if reason else sticks_of(log)
+            sticks = None if reason else sticks_of(log, in_series=bool(task.unknowns.model.series_state))
             if sticks is not None and sticks.count < FEWEST:
                 reason = wording.too_few(log.name, sticks.count, log.segmentation.count, FEWEST)
             if reason is None and sticks is not None:
@@ -225,15 +227,23 @@ def _of_a_uniform_pair(unknowns: Unknowns, creep: CreepTime, rest: float, withhe
             value = float(unknowns.values(unknowns.start, np.where(unknowns.logarithmic, 1.0, 0.0))[i])
             out.append(Estimate(quantity.name, quantity.unit, value, None, None, None, "fixed", wording.FIXED_NOT_USED))
         elif quantity.name == "t_cr" and not withheld:
-            out.append(_creep_estimate(creep, rest))
+            falls_with_speed = any(e.role == VELOCITY_LAW and e.name in unknowns.model.effects for e in ALL)
+            out.append(_creep_estimate(creep, rest, falls_with_speed))
         else:
             reason = withheld if quantity.name == "t_cr" else wording.of_a_uniform_pair(quantity.name)
             out.append(Estimate(quantity.name, quantity.unit, None, None, None, None, "not identifiable", reason))
     return out
 
 
-def _creep_estimate(creep: CreepTime, rest: float) -> Estimate:
+def _creep_estimate(creep: CreepTime, rest: float, falls_with_speed: bool) -> Estimate:
+    """falls_with_speed: part of the strength may be lost to sliding speed instead of regained at rest. Then sticks that
+    are as strong as longer ones say nothing of how long it takes; that strength grows with rest bounds it as before."""
     low, high = creep.lower, creep.upper
+    if falls_with_speed and high is not None:
+        if low is None:
+            why = wording.creep_if_rest_alone(high, rest)
+            return Estimate("t_cr", "s", None, None, None, None, "not identifiable", why)
+        high = None
     if low is None and high is None:
         return Estimate("t_cr", "s", None, None, None, None, "not identifiable", wording.creep_untold(rest))
     if low is None or high is None:

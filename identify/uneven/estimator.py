@@ -110,15 +110,20 @@ def start_from_features(records: Sequence[Sticks]) -> Array:
     )
 
 
-def maximise(records: Sequence[Sticks], start: Array | None = None) -> Maximum:
-    """Greatest likelihood of records that share their parameters."""
+def maximise(records: Sequence[Sticks], start: Array | None = None, law: tuple[str, ...] = LAW) -> Maximum:
+    """Greatest likelihood of records that share their parameters; law: effects by name, where it has parameters of its
+    own `start` holds their logarithms after those of PARAMETERS."""
     first = start_from_features(records) if start is None else start
-    objective = Objective(records, first)
+    objective = Objective(records, first, law=law)
     theta = first
     objective.narrow(theta)
     objective.narrow(theta)
     converged, in_time, until = False, True, now() + SEARCH_SHARE * seconds_left()
     _, _, scores = objective.slope(theta)
+    unknown = np.full((theta.size, theta.size), np.nan)
+    nothing = Maximum(first, first, unknown, -np.inf, scores, False, True, objective.passes, objective.nodes)
+    if not np.isfinite(scores).all():  # slips that the law cannot be followed through
+        return nothing
     inverse = np.linalg.inv(scores.T @ scores + objective.tightness)
     for _ in range(ROUNDS):
         found = minimize(
@@ -129,6 +134,8 @@ def maximise(records: Sequence[Sticks], start: Array | None = None) -> Maximum:
             method="BFGS",
             options={"gtol": 0.2, "hess_inv0": 0.5 * (inverse + inverse.T), "maxiter": 60},
         )
+        if not (np.isfinite(found.x).all() and np.isfinite(found.hess_inv).all()):
+            return nothing
         moved = np.abs(found.x - theta) / np.sqrt(np.diag(inverse))
         theta, inverse = found.x, np.asarray(found.hess_inv)
         objective.narrow(theta)
@@ -137,6 +144,8 @@ def maximise(records: Sequence[Sticks], start: Array | None = None) -> Maximum:
         if (converged and moved.max() < SETTLED) or not in_time:
             break
     covariance, scores, value = _covariance(objective, theta)
+    if not np.isfinite(covariance).all():
+        return nothing
     return Maximum(first, theta, covariance, value, scores, converged, in_time, objective.passes, objective.nodes)
 
 
@@ -156,6 +165,8 @@ def _covariance(objective: Objective, theta: Array) -> tuple[Array, Array, float
     above, below = (np.array([objective.slope(theta + side * step)[1] for step in np.diag(steps)]) for side in (1, -1))
     information = (below - above) / (2.0 * steps[:, None])
     of_data = (0.5 * (information + information.T) - objective.tightness) * np.outer(sd, sd)
+    if not np.isfinite(of_data).all():
+        return np.full_like(of_data, np.nan), scores, value
     values, vectors = np.linalg.eigh(of_data)
     # A direction in which the likelihood bends the wrong way is one of which it tells nothing.
     of_data = vectors @ np.diag(np.maximum(values, 0.0)) @ vectors.T / np.outer(sd, sd)

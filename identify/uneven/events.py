@@ -109,16 +109,17 @@ class Sticks:
 _PER_CYCLE = tuple(name for name in Sticks.__annotations__ if name not in ("noise", "rig"))
 
 
-def sticks_of(log: Prepared) -> Sticks:
+def sticks_of(log: Prepared, in_series: bool = False) -> Sticks:
     """The cycles of a prepared log, as the estimator of uneven records takes them. Cycles of which stick lines or the
-    slip cannot be made out are left out: `follows` says where the chain is broken."""
+    slip cannot be made out are left out: `follows` says where the chain is broken. in_series: something soft is in
+    series with the rig, so that its stiffness is that which the sticks show at the drive speed, not the one stated."""
     data, cycles = log.data, log.segmentation.cycles
     mean = data.mean_normal_force
     load = data.normal_force.at(data.time)
     slope = log.segmentation.stick_slope
     rate = (slope[0] if slope is not None else log.rig.stiffness * data.drive_speed) / mean
     rig = RigConstants(
-        log.rig.stiffness / mean,
+        rate / data.drive_speed if in_series else log.rig.stiffness / mean,
         log.rig.damping * float(np.sqrt(log.rig.mass / log.rig.stiffness)) / mean,
         log.rig.mass / mean,
         rate,

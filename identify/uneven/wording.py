@@ -97,6 +97,15 @@ def creep_bounded(lower: float | None, upper: float | None, rest: float) -> str:
     )
 
 
+def creep_if_rest_alone(upper: float, rest: float) -> str:
+    """No bound from above, since part of the strength may be lost to sliding speed."""
+    return (
+        f"sticks of about {three_figures(rest)} s are as strong as longer ones within their scatter: below "
+        f"{three_figures(upper)} s if rest alone made that strength, but friction may fall with sliding speed as well; "
+        "a faster drive, or holds of graded length, would tell"
+    )
+
+
 def creep_untold(rest: float) -> str:
     """Neither bound within a factor that says anything."""
     return (

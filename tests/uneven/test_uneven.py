@@ -201,6 +201,32 @@ def test_a_fit_tells_quantities_with_verdicts(tracks):
     assert any("Extrapolated" in note for note in result["notes"])
 
 
+def test_the_creep_time_is_bounded_from_above_only_where_friction_cannot_fall_with_speed(tracks):
+    scene = scene_of(STIFF)
+    known = scene.with_effects([name for name in scene.effects if name != "velocity_weakening"])
+    free, told = (
+        fit(s, [tracks[0].record], estimator=UnevenEstimator()).result["parameters"]["t_cr"] for s in (scene, known)
+    )
+    assert told["verdict"] == "bounded" and told["interval"][1] > STIFF.creep_time
+    assert free["interval"][1] is None and "friction may fall with sliding speed" in free["reason"]
+
+
+def test_something_soft_in_series_is_in_the_stiffness_that_slips_feel():
+    softer = replace(STIFF, stiffness=STIFF.stiffness * 0.7)  # rig and skin in series; the scene states the rig alone
+    log = prepared(STIFF, simulated(softer, 24, [5])[0].record)
+    stated, shown = (sticks_of(log, in_series=series).rig for series in (False, True))
+    assert stated.stiffness == pytest.approx(STIFF.stiffness / STIFF.load)
+    assert shown.stiffness == pytest.approx(softer.stiffness / STIFF.load, rel=0.03)
+    assert shown.drive_speed == pytest.approx(STIFF.drive_speed)
+
+
+def test_a_law_that_cannot_be_followed_ends_without_a_maximum(maxima):
+    sticks, maximum = maxima[0]
+    lost = maximum.theta.copy()
+    lost[PARAMETERS.index("mass")] = -400.0
+    assert not maximise([sticks], lost).converged
+
+
 def test_what_only_the_course_of_a_slip_tells_is_withheld_without_it(tracks):
     result = fit(scene_of(STIFF), [at_rate(tracks[0].record, 50.0)], estimator=UnevenEstimator()).result
     told = result["parameters"]
