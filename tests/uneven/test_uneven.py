@@ -186,8 +186,14 @@ def test_nodes_do_not_change_the_likelihood(maxima):
     assert again.log_likelihood.sum() == pytest.approx(cycles.log_likelihood.sum(), abs=0.05)
 
 
-def test_a_fit_tells_quantities_with_verdicts(tracks):
-    result = fit(scene_of(STIFF), [tracks[0].record], estimator=UnevenEstimator()).result
+@pytest.fixture(scope="module")
+def answer(tracks):
+    """What the estimator says of the first track."""
+    return fit(scene_of(STIFF), [tracks[0].record], estimator=UnevenEstimator())
+
+
+def test_a_fit_tells_quantities_with_verdicts(answer):
+    result = answer.result
     assert (result["status"], result["estimator"]) == ("converged", "uneven")
     assert validator().is_valid(plain(result))
     told = result["parameters"]
@@ -201,12 +207,11 @@ def test_a_fit_tells_quantities_with_verdicts(tracks):
     assert any("Extrapolated" in note for note in result["notes"])
 
 
-def test_the_creep_time_is_bounded_from_above_only_where_friction_cannot_fall_with_speed(tracks):
+def test_the_creep_time_is_bounded_from_above_only_where_friction_cannot_fall_with_speed(tracks, answer):
     scene = scene_of(STIFF)
     known = scene.with_effects([name for name in scene.effects if name != "velocity_weakening"])
-    free, told = (
-        fit(s, [tracks[0].record], estimator=UnevenEstimator()).result["parameters"]["t_cr"] for s in (scene, known)
-    )
+    other = fit(known, [tracks[0].record], estimator=UnevenEstimator())
+    free, told = (found.result["parameters"]["t_cr"] for found in (answer, other))
     assert told["verdict"] == "bounded" and told["interval"][1] > STIFF.creep_time
     assert free["interval"][1] is None and "friction may fall with sliding speed" in free["reason"]
 
@@ -280,8 +285,7 @@ def test_records_that_share_nothing_are_told_apart(maxima):
     assert agreement([moved, maxima[1][1]]) < 0.01
 
 
-def test_compare_pools_what_uneven_pairs_have(tracks):
-    result = fit(scene_of(STIFF), [tracks[0].record], estimator=UnevenEstimator()).typed
-    told = values([FitEntry(name, Path(), "converged", "", result=result) for name in ("first", "second")])
+def test_compare_pools_what_uneven_pairs_have(answer):
+    told = values([FitEntry(name, Path(), "converged", "", result=answer.typed) for name in ("first", "second")])
     pooled = {q.name: q for q in told.quantities}
     assert pooled["strength"].logarithmic and "weakening_length" in pooled and "mu_s" not in pooled
