@@ -21,6 +21,7 @@ from identify.estimation.attempt import Attempt
 from identify.estimation.covariance import Information, sizes
 from identify.estimation.influence import Influence, influence, sample_moves
 from identify.estimation.residual_autocorrelation import Colour, Remembering, colour, coloured_covariance
+from identify.estimation.stick_strength import integrated_moves
 from identify.logs.unknowns import Unknowns
 from identify.prediction.wording import said
 from identify.shooting.layout import KNOWN, Layout
@@ -79,7 +80,20 @@ def pulls_of_logs(problem: Problem, z: Array, known: Influence, memory: float) -
         LinAlgError: a covariance that is none.
     """
     moves, covariances = _of_sources(problem, z, known)
-    return [replace(pull, squared=pull.squared / memory) for pull in pulls(moves, covariances)]
+    found = pulls(moves, covariances)
+    if problem.layout.varied.size and any(pull.contradicts for pull in found):
+        found = pulls(_integrated(problem, z, known, moves, covariances), covariances)
+    return [replace(pull, squared=pull.squared / memory) for pull in found]
+
+
+def _integrated(problem: Problem, z: Array, known: Influence, moves: Array, covariances: Array) -> Array:
+    """The moves (n, f) of the answer with the strengths of single sticks integrated out: at the answer itself a log
+    that hardly tells how the contact ages pulls towards the faster ageing, with which its strengths would differ less.
+    """
+    own = np.zeros_like(moves)
+    own[:-1] = integrated_moves(problem, z, known, _owners(problem.layout, len(problem.logs)))
+    share = np.linalg.solve(covariances.sum(axis=0), own.sum(axis=0))
+    return moves + own - np.einsum("nfg,g->nf", covariances, share)
 
 
 def imbalance(problem: Problem, z: Array, known: Influence) -> tuple[float, Array]:
