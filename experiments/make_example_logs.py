@@ -31,6 +31,8 @@ RELAXATION = 0.1  # share of the normal force lost in the long run: a finger pre
 RIPPLE = 0.003  # [N], slow and real: the contact feels it
 FORCE_NOISE, NORMAL_NOISE = 5e-3, 1e-3  # [N], standard deviation, white
 SEED = 20260115
+LEVEL_SHARE = 0.1  # of an uneven track: standard deviation of its level, of the scatter of the strength
+TRACK = {"field_length": 1e-3, "loading_sd": 0.0, "field_seed": 1.0}  # [m], and which track
 GRAM_FORCE = 9.80665e-3  # [N]
 FIRST_INTERVAL = 0.635  # the first sampling interval of such a log is short
 STARTED = datetime(2026, 1, 15, 10, 0, 0)
@@ -38,7 +40,8 @@ STARTED = datetime(2026, 1, 15, 10, 0, 0)
 
 @dataclass(frozen=True)
 class Test:
-    """One log: drive speed [m/s], duration [s], rate [Hz], a hold at rest before it [s], direction of Fx."""
+    """One log: drive speed [m/s], duration [s], rate [Hz], a hold at rest before it [s], direction of Fx; scatter of
+    the strength from stick to stick (of its logarithm), on a track whose level wanders."""
 
     name: str
     speed: float
@@ -46,6 +49,7 @@ class Test:
     rate: float
     hold: float = 0.0
     sign: int = 1
+    scatter: float = 0.0
 
 
 TESTS = (
@@ -54,6 +58,7 @@ TESTS = (
     Test("1_mm_per_s.txt.gz", 1e-3, 4.0, 1000.0, hold=2.0),
     Test("5_mm_per_s.txt.gz", 5e-3, 1.5, 2000.0, sign=-1),
     Test("0.1_mm_per_s_at_50_Hz.txt.gz", 1e-4, 20.0, 50.0),
+    Test("0.5_mm_per_s_uneven.txt.gz", 5e-4, 24.0, 500.0, scatter=0.2),
 )
 
 
@@ -83,7 +88,9 @@ def record(test: Test) -> list[Samples]:
     normal = NORMAL_FORCE * (1.0 - RELAXATION * -np.expm1(-2.0 * grid / end))
     normal += RIPPLE * np.sin(2.0 * np.pi * 7.3 * grid / end)
     drive = ((0.0, 0.0), (test.hold, test.speed)) if test.hold else test.speed
-    motion = run(assemble(MAIN), FRICTION | RIG, drive, (grid, normal), end)
+    effects = (*MAIN, "friction_heterogeneity") if test.scatter else MAIN
+    track = TRACK | {"strength_sd": test.scatter, "field_sd": LEVEL_SHARE * test.scatter} if test.scatter else {}
+    motion = run(assemble(effects), FRICTION | RIG | track, drive, (grid, normal), end)
     steps = []
     for start, duration, speed in ((0.0, test.hold, 0.0), (test.hold, test.duration, test.speed)):
         if duration:
@@ -166,6 +173,7 @@ def truth(tests: tuple[Test, ...]) -> dict[str, object]:
                 "duration_s": test.duration,
                 "rate_Hz": test.rate,
                 "hold_s": test.hold,
+                "strength_scatter": test.scatter,
             }
             for test in tests
         },

@@ -17,17 +17,18 @@ RECOVERY = FOLDER / "run_recovery_study.py"  # by tests/estimation/test_fit.py
 FUZZ = FOLDER / "run_reader_fuzz.py"  # by tests/data_io/test_formats.py
 LAWS = FOLDER / "run_uneven_laws.py"  # adds a law to the table, which this process has in use: in one of its own
 NEXT_LOG = FOLDER / "run_next_log_study.py"
-# Of speeds and prices: what they time is tested where it stands, and a fit at every level is no quick one.
-TIMED = [FOLDER / f"run_{name}.py" for name in ("accuracy_price", "answer_price", "batch_faults", "fit_speed")]
+# Of speeds and prices: what they time is tested where it stands, and fits at every level take long; so does a twin.
+LONG = ("accuracy_price", "answer_price", "batch_faults", "fit_speed", "in_vivo_uneven")
+SLOW = [FOLDER / f"run_{name}.py" for name in LONG]
 SCRIPTS = sorted(
-    set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED, RECOVERY, FUZZ, NEXT_LOG, LAWS, *TIMED}
+    set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED, RECOVERY, FUZZ, NEXT_LOG, LAWS, *SLOW}
 )
 
 
 @pytest.mark.usefixtures("no_further_logs")
 @pytest.mark.parametrize(
     "script",
-    [*SCRIPTS, *(pytest.param(script, marks=pytest.mark.slow) for script in TIMED)],
+    [*SCRIPTS, *(pytest.param(script, marks=pytest.mark.slow) for script in SLOW)],
     ids=lambda path: path.stem,
 )
 def test_experiment_runs(script, capsys):

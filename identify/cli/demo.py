@@ -15,7 +15,15 @@ if TYPE_CHECKING:
 
 NAME = "demo"
 HELP = "the main job on example logs: fit, summary, report"
-SECOND = "at_50_Hz"
+# Beside the joint fit: folder and key of each further part, and what is said of it before its summary, and after.
+PARTS = {
+    "at_50_Hz": ("The same pair, one speed, sampled at 50 Hz: about four samples in each slip", ""),
+    "uneven": (
+        "The same pair on a surface that differs from place to place, as skin does",
+        "Simulated: a moving mass of 200 g, and friction that falls with sliding speed as well, which counts as "
+        "strength here and moves the mass by more than its interval says",
+    ),
+}
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -24,12 +32,13 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(arguments: Namespace, terminal: Terminal) -> Answer:
-    """Fit the four example logs together, then the one at 50 Hz alone; both reports go into one folder.
+    """Fit the four example logs together, then the one at 50 Hz and the uneven one; all reports go into one folder.
 
     Raises:
         CommandLineError, OSError: the folder cannot be written.
     """
     from identify import examples
+    from identify.base.wording import wrapped
     from identify.cli.folder import check_replaceable, result_folder
     from identify.cli.progress import Progress
     from identify.identification import fit
@@ -37,26 +46,34 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.report.summary import summary
     from identify.scene import Scene
 
-    scene, second = Scene.from_toml(examples.SCENE), Scene.from_toml(examples.SCENE_AT_50_HZ)
+    scene = Scene.from_toml(examples.SCENE)
     out = Path(arguments.out or f"stickslip-{scene.name}")
     check_replaceable(out)
     with Progress(terminal.notes, terminal.progress) as progress, result_folder(out) as folder:
         joint = fit(scene, progress=progress)
-        progress("the log at 50 Hz")
-        slow = fit(second, progress=progress)
+        further = {}
+        for part, path in zip(PARTS, (examples.SCENE_AT_50_HZ, examples.SCENE_UNEVEN), strict=True):
+            progress(f"the log {part.replace('_', ' ')}")
+            further[part] = fit(Scene.from_toml(path), progress=progress)
         progress("writing the reports")
         write_report(joint, folder)
-        write_report(slow, folder / SECOND)
+        for part, found in further.items():
+            write_report(found, folder / part)
     terminal.say("Four simulated example logs, 0.1 mm/min to 5 mm/s, fitted together")
     terminal.say(summary(joint.typed))
     _say_truth(joint, json.loads(examples.TRUTH.read_text(encoding="utf-8"))["parameters"], terminal)
     terminal.say(f"report: {out / 'report.html'}")
-    terminal.say()
-    terminal.say("The same pair, one speed, sampled at 50 Hz: about four samples in each slip")
-    terminal.say(summary(slow.typed))
-    terminal.say(f"report: {out / SECOND / 'report.html'}")
-    both = joint.converged and slow.converged
-    return Answer(DONE if both else NOT_SUCCEEDED, {**joint.result, SECOND: slow.result})
+    for part, found in further.items():
+        before, after = PARTS[part]
+        terminal.say()
+        terminal.say(before)
+        terminal.say(summary(found.typed))
+        if after:
+            terminal.say(wrapped(after))
+        terminal.say(f"report: {out / part / 'report.html'}")
+    converged = joint.converged and all(found.converged for found in further.values())
+    documents = {part: found.result for part, found in further.items()}
+    return Answer(DONE if converged else NOT_SUCCEEDED, {**joint.result, **documents})
 
 
 def _say_truth(fit: Fit, truth: Mapping[str, float], terminal: Terminal) -> None:

@@ -27,7 +27,7 @@ RESULT = Kind(
     frozenset(
         {
             *("result.json", "report.html", "result.h5", "figures", "classical.csv", "parameters.tex", "scene.toml"),
-            *("at_50_Hz", ".DS_Store"),
+            *("at_50_Hz", "uneven", ".DS_Store"),
         }
     ),
 )

@@ -248,7 +248,7 @@ def test_scene_file_of_another_encoding(tmp_path):
 
 def test_example_scenes_say_what_was_simulated():
     truth = json.loads(examples.TRUTH.read_text(encoding="utf-8"))
-    for path in (examples.SCENE, examples.SCENE_AT_50_HZ):
+    for path in (examples.SCENE, examples.SCENE_AT_50_HZ, examples.SCENE_UNEVEN):
         scene = Scene.from_toml(path)
         assert {name: getattr(scene.rig, name) for name in truth["rig"]} == truth["rig"]
         for log in scene.logs:
