@@ -41,7 +41,7 @@ COEFFICIENTS: Final = (
 )  # fmt: skip
 """Names of the coefficient of friction, as keys."""
 
-_DISTANCES: Final = (
+DISTANCES: Final = (
     "distance", "slidingdistance", "testdistance", "totaldistance", "weg", "gleitweg", "reibweg", "laufstrecke",
     "distanceparcourue", "distancia", "distanza", "droga", "drogatarcia", "滑动距离", "滑り距離", "摺動距離",
 )  # fmt: skip
@@ -187,7 +187,7 @@ def coefficient_column(header: Header) -> int | None:
 
 def distance_columns(header: Header) -> tuple[int, int] | None:
     """Return the indices of the sliding distance and of the sliding speed, None where a log lacks one of them."""
-    way = next((i for i, name in enumerate(header.names) if name.key in _DISTANCES), None)
+    way = next((i for i, name in enumerate(header.names) if name.key in DISTANCES), None)
     told = header.roles.get("drive_speed")
     speed = next((i for i, name in enumerate(header.names) if i == told or name.key in _SPEEDS), None)
     return None if way is None or speed is None else (way, speed)

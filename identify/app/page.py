@@ -114,6 +114,13 @@ class Page:
             handle.write(text.getvalue())
         return {"path": self.folder.name(path)}
 
+    def see_manifest(self, asked: Asked) -> dict[str, Any]:
+        """The rows of a manifest that the page has written; none where there is no such file."""
+        path = self.folder.path(asked.get("path"))
+        if not path.is_file() or not _is_manifest(path):
+            return {"rows": []}
+        return {"rows": list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))}
+
     # ---- one log -----------------------------------------------------------------------------------------------------
 
     def open_log(self, asked: Asked) -> dict[str, Any]:

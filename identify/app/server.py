@@ -94,6 +94,7 @@ def application(page: Page, token: str, port: int) -> ASGIApp:
         "residuals": ("GET", page.see_residuals),
         "examples": ("POST", page.put_examples),
         "manifest": ("POST", page.write_manifest),
+        "groups": ("GET", page.see_manifest),
         "log": ("GET", page.open_log),
         "curves": ("GET", page.see_curves),
         "cut": ("GET", page.see_cut),

@@ -18,7 +18,7 @@ from identify.logs.log_regime import LogRegime
 from identify.logs.regime import Regime
 from identify.logs.slip_frequency import slip_frequency
 from identify.logs.slips import line_slope
-from identify.logs.told_drive import told_drive
+from identify.logs.told_drive import UNTOLD, told_drive
 
 Array = NDArray[np.float64]
 
@@ -84,11 +84,13 @@ def sticks(record: Record, path: Path, speed: float | None, on_skin: bool = Fals
     harmonic = seen.regime is Regime.NEAR_HARMONIC  # the mass slides nearly all the time: its rises are no sticks
     if harmonic and swung:
         return swung
-    drive = told_drive(record).speed if speed is None else speed
+    told = told_drive(record)
+    drive = told.speed if speed is None else speed
     if not drive:
+        why = "" if told.trouble == UNTOLD else f" ({told.trouble})"
         raise IdentifyError(
-            f"{path.name}: no tap rings down in it, and it does not tell its drive speed, which turns the slope of a "
-            f'stick into a stiffness; for a pull give --drive-speed "{path.name}=0.1 mm/s"; a tap needs '
+            f"{path.name}: no tap rings down in it, and it does not tell its drive speed{why}, which turns the slope "
+            f'of a stick into a stiffness; for a pull give --drive-speed "{path.name}=0.1 mm/s"; a tap needs '
             f"{FEWEST_SWINGS:.0f} swings above the noise with {FEWEST_SAMPLES:.0f} samples each: sample faster"
         )
     slopes = np.abs(np.concatenate([verdict.found.stick_slopes for verdict in seen.verdicts] or [np.empty(0)]))

@@ -20,7 +20,7 @@ from identify.cli.scene import only
 from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, judge
 from identify.logs.log_regime import LogRegime, drive_of, joined, look, only_of
-from identify.logs.regime import SURE, Known
+from identify.logs.regime import SURE, Known, Regime
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 from identify.logs.slip_quality import RecordPart
 from identify.logs.told_drive import UNTOLD, ToldDrive, told_drive
@@ -176,9 +176,15 @@ def _say_step(seen: StepSeen, several: bool, terminal: Terminal) -> None:
         _say_regime(seen.seen, terminal)
     if seen.drive.stands:
         return
+    stands = _stands(seen)
     shares = ", ".join(
-        f"{100 * phases.share(phase):.1f} % {word}"
-        for phase, word in ((STICK, "rising as in stick"), (SLIP, "falling as in slip"), (SLIDING, "sliding"))
+        f"{100 * share:.1f} % {word}"
+        for share, word in (
+            (phases.share(STICK), "rising as in stick"),
+            (phases.share(SLIP), "falling as in slip"),
+            (max(phases.share(SLIDING) - stands, 0.0), "sliding"),
+            *(((stands, "while the drive stands"),) if stands else ()),
+        )
     )
     # The force rises on after the onset of slip, and again before the mass rests: a slip lasts longer than its fall.
     told = f"{phases.count} stick-slip cycles; force {shares}; noise {quantity(phases.noise, 'N', 3)}"
@@ -188,6 +194,13 @@ def _say_step(seen: StepSeen, several: bool, terminal: Terminal) -> None:
     falling, cycle = number(phases.samples_per_slip, 2), number(phases.samples_per_cycle, 4)
     samples = f"{falling} samples in each fall, peak to valley, {cycle} in each cycle"
     terminal.say(wrapped(samples, "  "))
+
+
+def _stands(seen: StepSeen) -> float:
+    """The share of a step in which the drive of a programme stands: what no stroke holds."""
+    if seen.seen.regime is not Regime.PROGRAMME:
+        return 0.0
+    return 1.0 - sum(stroke.stop - stroke.start for stroke in seen.seen.strokes) / (seen.step.stop - seen.step.start)
 
 
 def _say_classical(strokes: Sequence[Mapping[str, Any]], terminal: Terminal) -> None:

@@ -89,7 +89,7 @@ def _of_all(
 ) -> tuple[Regime | None, float, tuple[str, ...]]:
     """Regime, confidence and evidence of a log from those of its strokes: what holds for most of the time."""
     if changes:
-        return Regime.PROGRAMME, 0.99, ("the drive changes its speed or stands in between; see each part",)
+        return Regime.PROGRAMME, 0.99, ("the drive changes its speed or stands in between; strokes are seen apart",)
     if not verdicts:
         return None, 0.5, ("no rows",)
     lasts = np.array([stroke.stop - stroke.start for stroke in parts], float)

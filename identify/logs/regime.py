@@ -15,6 +15,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.wording import three_figures
 from identify.logs.segment import SLIDING, Segmentation, segment
 from identify.logs.spectrum import Spectrum
 
@@ -249,7 +250,7 @@ def _slips(shape: _Shape, found: Segmentation, known: Known) -> tuple[bool, floa
         return False, SURE, (*evidence, f"the swing comes once in {turns:.3g} turns")
     odds += np.log(shape.frequency / SLOW) + size
     odds -= 0.0 if shape.rises >= FEW else UNCOMPARED
-    says = f"it swings by {100 * shape.share:.2g} % of the force, {shape.frequency:.3g} times a second"
+    says = f"it swings by {three_figures(100 * shape.share)} % of the force, {shape.frequency:.3g} times a second"
     if odds <= 0.0:
         says += ", as a turning disc or an uneven track makes it; stiffness and drive speed of the rig would tell"
     return bool(odds > 0.0), _sure(float(odds)), (*evidence, says)

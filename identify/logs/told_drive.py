@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.arrays import true_runs
+from data_io.columns import DISTANCES
 from data_io.motion import Motion, motion_of
 from data_io.record import WINDOW_START, within
 from data_io.speed_steps import MOST, SAME, Programme, SpeedSteps, evened, steps_of
@@ -28,7 +29,7 @@ SPEED_NAMES = (
     "drivespeed", "drivevelocity", "stagespeed", "stagevelocity", "slidingspeed", "slidingvelocity", "linearspeed",
     "linearvelocity", "geschwindigkeit", "gleitgeschwindigkeit", "velocity", "speed",
 )  # fmt: skip
-POSITION_NAMES = ("stageposition", "driveposition", "position", "pos")
+POSITION_NAMES = ("stageposition", "driveposition", "position", "pos", *DISTANCES)
 AXES = ("v", "v1", "v2", "v3", "vx", "vy", "vz", "x", "y", "z")  # of carriages: any of them may be the drive, or none
 UNTOLD = "the log does not tell it"
 STEADY = 0.02  # relative scatter up to which a recorded speed counts as one speed

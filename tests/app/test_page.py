@@ -266,8 +266,31 @@ def test_a_study_is_made_of_the_chosen_logs_and_its_points_lead_to_the_fits(root
     page.wait("document.querySelector('#study iframe')", 240)
     go(page, "study?path=study")
     page.wait("document.querySelector('#groups a')")
+    assert page.ask("document.querySelector(\"[aria-label='group of 5_mm_per_s.csv']\").value") == "1_mm_per_s", "kept"
+    assert page.ask("document.querySelector(\"[aria-label='label of 5_mm_per_s.csv']\").value") == "steel"
     page.press("#groups a")
     page.wait("document.querySelector('#parameters tbody tr')")
+
+
+def test_groups_and_labels_of_a_study_are_kept_as_they_are_typed(root, page, serving):
+    page.wait("document.querySelectorAll('#logs tbody tr').length === 2")
+    go(page, "study?scene=pair.toml")
+    page.type("[aria-label='name of the label']", "volunteer")
+    page.type("[aria-label='label of 5_mm_per_s.csv']", "V02")
+    page.type("[aria-label='group of 5_mm_per_s.csv']", "second")
+    assert page.ask("document.querySelector(\"[aria-label='label of 5_mm_per_s.csv']\").placeholder") == "volunteer"
+    written = root / "study.manifest.csv"
+    for _ in range(200):
+        if written.is_file() and "second" in written.read_text():
+            break
+        time.sleep(0.05)
+    page.visit(f"{serving.address}#study?scene=pair.toml")
+    for name, kept in (
+        ("name of the label", "volunteer"),
+        ("label of 5_mm_per_s.csv", "V02"),
+        ("group of 5_mm_per_s.csv", "second"),
+    ):
+        page.wait(f"document.querySelector('[aria-label=\"{name}\"]')?.value === '{kept}'", 20)
 
 
 def test_nothing_is_wider_than_the_screen_by_day_and_by_night(root, page, serving):

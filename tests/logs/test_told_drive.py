@@ -69,6 +69,17 @@ def test_columns_are_known_by_name_and_unit(tmp_path, header):
     assert [t for t, _ in told] == pytest.approx([t for t, _ in PROGRAMME], abs=0.01)
 
 
+@pytest.mark.parametrize("header", ["Weg [mm]", "Sliding distance [mm]"])
+def test_a_distance_that_is_slid_is_that_of_the_drive(header):
+    """Also at one speed, where nothing else says that a column that grows evenly is the drive."""
+    time, _, position, force = driven(((0.0, 1e-3),))
+    name = header.removesuffix(" [mm]")
+    record = Record(time, np.ones(time.size), force, channels={name: position}, channel_units={name: "m"})
+    assert told_drive(record).speed == pytest.approx(1e-3, rel=1e-6)
+    other = Record(time, np.ones(time.size), force, channels={"Probe": position}, channel_units={"Probe": "m"})
+    assert told_drive(other).speed is None
+
+
 def test_strokes_of_a_position_are_drafted_with_their_signs(tmp_path):
     strokes = ((0.0, 1e-3), (6.0, -1e-3), (12.0, 1e-3))
     scene, _ = drafted(tmp_path, log(tmp_path / "a.csv", strokes, "Position [mm]"))
@@ -132,6 +143,14 @@ def test_a_column_of_any_name_is_the_drive_where_the_sticks_load_in_proportion_t
     (tmp_path / "x.toml").unlink()
     scene, text = drafted(tmp_path, wear)
     assert scene["logs"][0]["drive_speed"] == "TODO mm/s" and "the sticks do not load in proportion to it" in text
+
+
+def test_where_the_drive_stands_is_no_sliding(tmp_path, capsys):
+    assert cli.main(["inspect", log(tmp_path / "a.csv", ((0.0, 1e-3), (6.0, 0.0), (15.0, 1e-3)))]) == 0
+    words = " ".join(capsys.readouterr().out.split())
+    assert "50.0 % while the drive stands" in words and "0.0 % sliding" in words
+    assert cli.main(["inspect", log(tmp_path / "b.csv")]) == 0
+    assert "stands" not in capsys.readouterr().out.split("stick-slip cycles; force")[1].split("noise")[0]
 
 
 def test_inspect_says_the_programme_and_its_range(tmp_path, capsys):

@@ -1,5 +1,5 @@
 // Study: a batch from chosen logs, its fits as they finish, the comparison by a label, every point linked to its fit.
-import { address, button, choice, element, fileAddress, get, labelled, link, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
+import { address, button, choice, element, fileAddress, get, labelled, link, newestWins, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
 import { start, whenEnded } from "./jobs.js";
 import { meant } from "./logs.js";
 import { mark, picture, span } from "./plots.js";
@@ -25,12 +25,23 @@ function forest(host, groups, name, label) {
   host.onclick = (event) => { const row = rows[Math.round(made.y(event.offsetY))]; if (row?.fit) location.hash = address("fit", { path: row.fit }); };
 }
 
-function manifest(session, host, speeds) {
-  const paths = new Set(meant(session)), logs = session.folder.logs.filter((log) => paths.has(log.path)), labelName = element("input", { value: "material", size: 10, "aria-label": "name of the label" });
+/** Groups and labels of the chosen logs, as they were left: `kept`, rows of the manifest; `changed` is told of every change. */
+function manifest(session, host, speeds, kept, changed) {
+  const paths = new Set(meant(session)), logs = session.folder.logs.filter((log) => paths.has(log.path));
   if (!logs.length) { put(host, element("p", {}, "There is no log in this folder yet: add some in ", link("the table of logs", "logs"), ".")); return null; }
-  const cells = logs.map((log) => ({ path: log.path, group: element("input", { value: log.path.split("/").pop().replace(/\.[^.]*$/, "").replace(/\.txt$/, ""), size: 16, "aria-label": `group of ${log.path}` }),
-    speed: element("input", { value: speeds[log.path] || (log.speed && !log.speed.includes(",") ? log.speed : ""), size: 12, "aria-label": `drive speed of ${log.path}` }), step: element("input", { size: 3, "aria-label": `step of ${log.path}` }), label: element("input", { size: 12, "aria-label": `label of ${log.path}` }) }));
-  put(host, element("p", {}, "One fit is made for each group; logs with the same group are fitted together. The logs are those marked in the table, all where none is. ", button("all in one group", () => cells.forEach((cell) => { cell.group.value = cells[0].group.value; }))),
+  const given = Object.keys(kept[0] ?? {}).find((key) => !["path", "group", "drive_speed", "step"].includes(key)) ?? "material";
+  const labelName = element("input", { value: given, size: 10, "aria-label": "name of the label" });
+  const cells = logs.map((log) => {
+    const left = kept.find((row) => row.path === log.path), plainSpeed = log.speed && !log.speed.includes(",") ? log.speed : "";
+    const cell = (name, value, size) => element("input", { value, size, "aria-label": `${name} of ${log.path}` });
+    return { path: log.path, group: cell("group", left?.group ?? log.path.split("/").pop().replace(/\.[^.]*$/, "").replace(/\.txt$/, ""), 16),
+      speed: cell("drive speed", left?.drive_speed || speeds[log.path] || plainSpeed, 12), step: cell("step", left?.step ?? "", 3), label: cell("label", left?.[given] ?? "", 12) };
+  });
+  const named = () => cells.forEach((cell) => { cell.label.placeholder = labelName.value; });
+  labelName.addEventListener("input", named);
+  named();
+  host.onchange = changed;
+  put(host, element("p", {}, "One fit is made for each group; logs with the same group are fitted together. The logs are those marked in the table, all where none is. ", button("all in one group", () => { cells.forEach((cell) => { cell.group.value = cells[0].group.value; }); return changed(); })),
     table(["log", "group", "drive speed", "step", labelName], cells.map((cell) => [cell.path, cell.group, cell.speed, cell.step, cell.label]), { class: "cards" }));
   return () => cells.map((cell) => Object.fromEntries(Object.entries({ path: cell.path, group: cell.group.value, drive_speed: cell.speed.value, step: cell.step.value, [labelName.value]: cell.label.value }).filter(([key, value]) => key === "path" || key === "group" || value)));
 }
@@ -39,10 +50,12 @@ export async function studyView(host, asked, session) {
   const make = element("div", {}), seen = element("div", { id: "study" }), out = element("input", { value: "study", size: 14, "aria-label": "folder of the study" });
   let stop = () => {}, path = asked.path ?? "";
   const scene = session.scene ? await get("scene", { path: session.scene }) : null;
-  const rows = manifest(session, make, Object.fromEntries((scene?.form?.logs ?? []).map((log) => [log.path, log.drive_speed.startsWith("TODO") ? "" : log.drive_speed])));
+  const file = () => `${out.value}.manifest.csv`, keep = () => post("manifest", { path: file(), rows: rows() });
+  const kept = (await get("groups", { path: file() })).rows;
+  const rows = manifest(session, make, Object.fromEntries((scene?.form?.logs ?? []).map((log) => [log.path, log.drive_speed.startsWith("TODO") ? "" : log.drive_speed])), kept, newestWins(keep));
   if (rows) make.append(element("div", { class: "bar" }, button("fit all groups", async () => {
     await post("save", { path: session.scene });
-    const written = await post("manifest", { path: `${out.value}.manifest.csv`, rows: rows() });
+    const written = await keep();
     const job = await start(session, { command: "batch", source: [written.path], scene: session.scene, out: out.value, resume: session.folder.batches.includes(out.value) });
     path = out.value;
     remember({ path });
