@@ -16,13 +16,14 @@ from identify.report.stored_result import plain
 from identify.scene import Scene
 
 SPEED, LOAD = "drive_speed", "normal_force"
+EXAMPLES = {SPEED: '"1 mm/s"', LOAD: '"1 N"'}
 
 
 def site_of(scene: Scene, result: Result | None, number: int) -> Site:
     """The operating point of a log (from 0) of a scene, with the values of a fit where there is one.
 
     Raises:
-        PageError: a fit without values, or no speed or load that anybody told.
+        PageError: a fit without values, or no speed or load that is known.
     """
     entry = scene.logs[number] if number < len(scene.logs) else None
     values = scene.values(entry)
@@ -38,7 +39,13 @@ def site_of(scene: Scene, result: Result | None, number: int) -> Site:
     speeds = [abs(v) for _, v in drive if v] if isinstance(drive, tuple) else [abs(drive)] if drive else []
     load = log.normal_force_N or rig.normal_force
     if not speeds or not load:
-        raise PageError("neither the scene nor the fit tells drive speed and normal force; give them under [rig]")
+        missing = [*([SPEED] if not speeds else []), *([LOAD] if not load else [])]
+        words = " and ".join(name.replace("_", " ") for name in missing)
+        given = ", ".join(f"{name} = {EXAMPLES[name]}" for name in missing)
+        raise PageError(
+            f"the scene does not tell its {words}, which only a fit that has converged takes from the logs; map such a "
+            f"fit, or give under [rig]: {given}"
+        )
     area = scene.contact.area_at(load)
     return Site(scene.model, values, speeds[0], load, area, scene.contact.exponent or 0.0)
 

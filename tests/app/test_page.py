@@ -318,6 +318,12 @@ def test_a_log_is_seen_before_its_scene_is_filled_in(root, page):
     page.wait("document.querySelector('textarea').value.includes('mass = {lower = \"36 g\", upper = \"900 g\"}')")
 
 
+def test_the_ends_of_a_narrow_interval_are_told_apart(page):
+    shown = page.ask("import('./base.js').then((m) => m.interval([1499.7686, 1500.0012], 'N/m'))")
+    assert shown == "1499.77 N/m to 1500 N/m"
+    assert page.ask("import('./base.js').then((m) => m.interval([0.37, 0.44], ''))") == "0.37 to 0.44"
+
+
 def test_the_page_complains_to_the_browser_about_nothing_and_a_broken_script_is_seen(page):
     page.ask("new Promise((done) => setTimeout(() => { setTimeout(done); throw new Error('seen'); }))")
     assert any("seen" in complaint for complaint in page.errors)

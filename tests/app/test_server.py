@@ -74,6 +74,7 @@ def test_no_path_leads_out_of_the_folder(unchanged, path):
         client.get("scene", path=path),
         client.get("fit", path=path),
         client.get("batch", path=path),
+        client.get("groups", path=path),
         client.get("residuals", path=path),
         client.post("save", path=path),
         client.post("edit", path=path, text="a = 1"),
@@ -90,6 +91,12 @@ def test_no_path_leads_out_of_the_folder(unchanged, path):
     assert client.ask(f"files/{path}" if path else "files/%2e%2e/secret.txt")[0] == 404
     assert client.ask(f"api/add?name={path or '../x'}", b"1 2\n", method="POST")[0] == 400
     assert not (root.parent / "x").exists() and not list(root.parent.glob("*.toml"))
+
+
+def test_a_map_of_a_scene_names_what_only_a_fit_knows(unchanged):
+    status, answer = unchanged.post("point", scene="pair.toml", number=0, changes={})
+    assert status == 400
+    assert "does not tell its drive speed and normal force" in str(answer) and 'normal_force = "1 N"' in str(answer)
 
 
 def test_a_log_may_be_called_anything(client, root):

@@ -138,8 +138,13 @@ export function quantity(value, unit = "", digits = 4) {
   const [name, factor] = known.find(([, size]) => Math.abs(value) >= 0.0999 * size) ?? (value === 0 ? known[0] : known[known.length - 1]);
   return `${plain(value / factor, digits)} ${name}`.trim();
 }
+/** As many digits as tell the ends of an interval apart, with two of its width. */
+export function digitsOf(ends) {
+  const [low, high] = ends ?? [null, null], width = low === null || high === null ? 0 : high - low;
+  return width > 0 ? Math.min(8, Math.max(4, 2 + Math.ceil(Math.log10(Math.max(Math.abs(low), Math.abs(high)) / width)))) : 4;
+}
 export function interval(ends, unit) {
-  const [low, high] = (ends ?? [null, null]).map((end) => end === null ? null : quantity(end, unit));
+  const [low, high] = (ends ?? [null, null]).map((end) => end === null ? null : quantity(end, unit, digitsOf(ends)));
   return low !== null && high !== null ? `${low} to ${high}` : low !== null ? `above ${low}` : high !== null ? `below ${high}` : "open";
 }
 export const duration = (value) => value < 100 ? `${value.toFixed(value < 10 ? 1 : 0)} s` : `${Math.round(value / 60)} min`;
