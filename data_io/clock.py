@@ -199,7 +199,8 @@ def _fresh_rows(source: Source, time: FloatArray, of_step: str) -> npt.NDArray[n
     if repeated > max(LONGEST_GAP, _REPEATS_ALLOWED * time.size):
         raise source.error(
             f"the clock{of_step} repeats itself in {100 * repeated / time.size:.0f} % of the rows; a rising one was "
-            "expected; export the time with more digits"
+            "expected; export the time with more digits, or, if the rows follow each other evenly, give their rate, as "
+            'in --rate "100 Hz"'
         )
     return change > 0
 

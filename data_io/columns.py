@@ -51,6 +51,8 @@ _SPEEDS: Final = (
     "滑り速度",
 )  # fmt: skip
 
+_MILLISECONDS: Final = ("ms", "msec", "millisec", "millisecond", "milliseconds", "millisekunden", "millisecondes")
+
 KIND: Final = {"time": "time", "normal_force": "force", "friction_force": "force", "drive_speed": "speed"}
 """Kind of quantity (`units.SI_UNIT`) of each role."""
 
@@ -183,6 +185,11 @@ def find_column(names: Sequence[Name], wanted: str) -> int | None:
 def coefficient_column(header: Header) -> int | None:
     """Return the index of the coefficient of friction, None where a log holds none."""
     return next((i for i, name in enumerate(header.names) if name.key in COEFFICIENTS), None)
+
+
+def milliseconds_column(header: Header) -> int | None:
+    """Return the index of the milliseconds that stand apart from the seconds, None where a log holds none."""
+    return next((i for i, name in enumerate(header.names) if name.key in _MILLISECONDS), None)
 
 
 def distance_columns(header: Header) -> tuple[int, int] | None:

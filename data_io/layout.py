@@ -60,6 +60,8 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
     complaint: str | None = None
     for delimiter, fields, header in readings:
         named = _named(fields, request)
+        if not named and len(fields) < _last_numbered(request):
+            continue  # words of two or three fields above the table whose columns were numbered
         clear = delimiter in ("\t", ";", ",") and "time" in named and len(named) > 1
         if below.row is None and not clear:
             continue
@@ -69,9 +71,10 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
         layout = row_layout(below.row, delimiter, len(_trimmed(fields)))
         if layout is not None and layout[0] == ";" != delimiter and ";" in line:
             continue  # words that were torn apart where the rows below are not
+        between = below.between[:-1] if _ends_in_units(below, delimiter, fields, header) else below.between
         if (layout or clear) and any(
             lower and (not named or _named([name.raw for name in lower.header.names], request))
-            for lower in (head_at(source, text, here, request) for here, _ in below.between)
+            for lower in (head_at(source, text, here, request) for here, _ in between)
         ):
             return None  # words above the header row proper
         if layout is not None:
@@ -91,6 +94,11 @@ def _named(fields: Sequence[str], request: Request) -> Mapping[str, int]:
     """Return the roles that names tell, of columns that the user numbered as well."""
     by_name = {role: column for role, column in request.columns.items() if not column.isdecimal()}
     return match_header(fields, by_name).roles
+
+
+def _last_numbered(request: Request) -> int:
+    """Return the highest number by which the user names a column, 0 where none is numbered."""
+    return max((int(name) for name in request.columns.values() if name.isdecimal() and len(name) < 10), default=0)
 
 
 def _with_names_above(
@@ -182,13 +190,13 @@ def numbered_head(text: str, request: Request, *, goes_on: bool = False) -> tupl
     if not wanted or not all(name.isdecimal() and len(name) < 10 for name in wanted.values()):
         return None
     least = max(map(int, wanted.values())) if goes_on else 1 if request.rate is not None else 2
-    lines = list(lines_from(text, 0))
+    lines, numbers = list(lines_from(text, 0)), [int(name) - 1 for name in wanted.values()]
     best = (0, 0, "", 0)  # rows, where, delimiter, width
     for delimiter in DELIMITERS:
         rows, start, before = 0, 0, 0
         for position, line in lines:
             fields = split(line, delimiter)
-            width = len(fields) if len(fields) >= least and _is_bare_row(fields) else 0
+            width = len(fields) if len(fields) >= least and _is_numbered_row(fields, numbers) else 0
             if width != before or not width:
                 rows, start, before = 0, position, width
             rows += 1
@@ -206,9 +214,10 @@ def numbered_head(text: str, request: Request, *, goes_on: bool = False) -> tupl
     return Head(Header(tuple(names), roles), start, delimiter, width), rows
 
 
-def _is_bare_row(fields: Sequence[str]) -> bool:
-    """Tell a row of numbers, clock times, and units behind them."""
-    return is_row(fields) and all(is_number_like(f) or is_clock_time(f) or unit_word(f) for f in fields)
+def _is_numbered_row(fields: Sequence[str], numbers: Sequence[int]) -> bool:
+    """Tell a row of numbers and clock times with units behind them, words in columns that nobody asks for."""
+    asked = [fields[i] for i in numbers if i < len(fields)]
+    return is_row(fields) and all(is_number_like(f) or is_clock_time(f) or unit_word(f) for f in asked)
 
 
 def _readings(line: str) -> Iterator[tuple[str, list[str]]]:
@@ -250,6 +259,15 @@ def _units_row(line: str, delimiter: str, names: int) -> list[str]:
     fields = [field[1:-1].strip() if field[:1] in "([" and field[-1:] in ")]" else field for field in fields]
     known = any(field and field not in ("-", "1") and kind_of(field) is not None for field in fields)
     return fields if known and not any(fields[names:]) else []
+
+
+def _ends_in_units(below: _Below, delimiter: str, names: Sequence[str], header: Header) -> bool:
+    """Tell whether the line above the numbers is a units row that says Time below the column of times: as wide as the
+    names, with units of force, and without the name of any other role."""
+    line = below.between[-1][1] if below.between else ""
+    units = _units_row(line, delimiter, len(names))
+    roles = match_header(units, {}).roles if len(units) == len(names) else {}
+    return list(roles.items()) == [("time", header.roles.get("time"))] and any(kind_of(u) == "force" for u in units)
 
 
 def _trimmed(fields: Sequence[str]) -> list[str]:

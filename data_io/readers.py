@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from data_io import delimited, excel, hdf5, labview, matlab, parquet, stickslip_csv, umt_text
+from data_io import delimited, excel, hdf5, labview, matlab, parquet, stamped_lines, stickslip_csv, umt_text
 from data_io.contents import Contents
 from data_io.source import Request, Source
 from data_io.text import looks_like_text
@@ -36,5 +36,6 @@ READERS: Final = (
     Reader("anton-paar", delimited.is_anton_paar, delimited.read_delimited),
     Reader("ni-channels", labview.is_ni_channels, labview.read_ni_channels),
     Reader("interval-text", labview.is_interval_text, labview.read_interval_text),
+    Reader("stamped-lines", stamped_lines.is_stamped, stamped_lines.read_stamped),
     Reader("delimited", looks_like_text, delimited.read_delimited),
 )

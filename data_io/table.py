@@ -14,6 +14,7 @@ from data_io.columns import (
     coefficient_column,
     distance_columns,
     find_column,
+    milliseconds_column,
     parse_name,
     shown,
     with_unit,
@@ -109,7 +110,7 @@ class OpenTable:
             if header.names[index].unit is None:
                 header = with_unit(header, index, unit)
         header = _with_clock(header, columns, clocks)
-        remarks = list(dict.fromkeys(self.remarks))
+        remarks = list(dict.fromkeys(self.remarks + _milliseconds_added(header, columns, clocks)))
         if len(remarks) > _MOST_REMARKS:
             text = f"and {len(remarks) - _MOST_REMARKS} remarks more of this kind"
             remarks = [*remarks[:_MOST_REMARKS], Finding("text_in_rows", "warning", text)]
@@ -129,6 +130,23 @@ def _with_clock(header: Header, columns: Mapping[int, FloatArray], clocks: Set[i
     return replace(header, roles=roles, passed_over=passed)
 
 
+def _milliseconds_added(header: Header, columns: dict[int, FloatArray], clocks: Set[int]) -> list[Finding]:
+    """Add a column of milliseconds to the clock of whole seconds that it goes on from, and say so."""
+    time, part = header.roles.get("time"), milliseconds_column(header)
+    if time is None or time not in clocks or part is None or part not in columns:
+        return []
+    seconds, beyond = columns[time], columns[part] / 1e3
+    known = np.isfinite(seconds) & np.isfinite(beyond)
+    whole = seconds + beyond
+    if (seconds[known] % 1.0).any() or not np.all((beyond[known] >= 0.0) & (beyond[known] < 1.0)):
+        return []
+    if np.any(np.diff(whole[known]) < 0.0):
+        return []
+    columns[time] = whole
+    text = f"the clock is column {header.names[time].name} and the milliseconds in column {header.names[part].name}"
+    return [Finding("clock_with_milliseconds", "info", text)]
+
+
 def wanted_columns(header: Header, request: Request, keep: Sequence[str] = ()) -> frozenset[int] | None:
     """Return which columns of a header are to be read: None for all, else those with a role and those asked for."""
     if request.channels is None:
@@ -138,6 +156,8 @@ def wanted_columns(header: Header, request: Request, keep: Sequence[str] = ()) -
     own = {header.names[index] for index in (*header.roles.values(), *clocks)}
     if "friction_force" not in header.roles and (coefficient := coefficient_column(header)) is not None:
         own.add(header.names[coefficient])
+    if (part := milliseconds_column(header)) is not None:
+        own.add(header.names[part])
     if "time" not in header.roles and (way := distance_columns(header)) is not None:
         own |= {header.names[index] for index in way}
     twins = {index for index, name in enumerate(header.names) if name in own}

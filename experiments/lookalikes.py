@@ -8,6 +8,7 @@ numbers as text first, and the truth is computed from that text, so that reading
 
 from __future__ import annotations
 
+import functools
 import io
 import random
 import sys
@@ -380,6 +381,100 @@ def chinese(rows: Sequence[Row]) -> Made:
     return _truth(text.encode("gb18030"), table, (1, 1, 1))
 
 
+def _comma(number: str) -> str:
+    return number.replace(".", ",")
+
+
+BLOCK = {"normal_force": 3, "columns": {"friction_force": "Force"}}
+EXPORTS: Mapping[str, tuple[str, Callable[[str, str], str], Mapping[str, Any], str]] = {
+    "MTS 793": (
+        "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n\nData Acquisition\t\t\tTime:\t10.0\tSec\t3/29/2026 1:54:32 PM\n"
+        "Running Time\tAxial Displacement\tAxial Force\tLateral Force\nSec\tmm\tN\tN",
+        lambda t, f: f"{t}\t1.5\t3.0\t{f}", {}, "1,4,3",
+    ),
+    "Vernier Logger Pro": (
+        "Vernier Format 2\nblock.cmbl 11/28/2026 09:37:43 .\nRun 1\nTime\tForce\tPosition\nt\tF\tx\ns\tN\tm",
+        lambda t, f: f"{t}\t{f}\t0.01", {"normal_force": 3, "columns": {"friction_force": "F"}}, "1,2",
+    ),
+    "Vernier Graphical Analysis": (
+        '"Latest: Time (s)","Latest: Force (N)","Latest: Position (m)"', lambda t, f: f"{t},{f},0.01",
+        {"normal_force": 3, "columns": {"friction_force": "Latest: Force"}}, "1,2",
+    ),
+    "Arduino": (
+        "Vernier Format 2\nReadings taken using Arduino\nData Set\nTime\tForce\nseconds\tnewtons",
+        lambda t, f: f"{t}\t{f}", BLOCK, "1,2",
+    ),
+    "PASCO Capstone": (
+        '"Time (s) Run #1","Force (N) Run #1","Position (m) Run #1"',
+        lambda t, f: f"{t},{f},0.01", BLOCK, "1,2",
+    ),
+    "ZwickRoell testXpert": (
+        '"Norm";"DIN EN ISO 8295"\n"Probe";"PE-Folie 3"\n"Schlitten";0,1019;"kg"\n"µS";0,62;""\n\n'
+        '"Prüfzeit";"Standardweg";"Standardkraft"\n"s";"mm";"N"',
+        lambda t, f: f"{_comma(t)};1,5;{_comma(f)}",
+        {"normal_force": 3, "columns": {"friction_force": "Standardkraft"}}, "1,3",
+    ),
+    "Kistler DynoWare": (
+        "DynoWare\nFile name:\tfr3.dwd\nTime:\t9:37:43 AM\nMeasuring time [s]:\t4\nSampling rate [Hz]:\t500\n"
+        "Delay time [s]:\t0\n\nTime\tFx\tFy\tFz\n[s]\t[N]\t[N]\t[N]",
+        lambda t, f: f"{t}\t{f}\t0.004\t-3.0", {}, "1,2,4",
+    ),
+    "Dewesoft": (
+        "File name: fr3.dxd\nStart time: 28/11/2026 09:37:43.123\nSample rate: 500 Hz\n\nEvents\n"
+        "Event Type\tEvent\tTime\tComment\n1\tstoring started at\t0\t\n2\tstoring stopped at\t4\t\n\n"
+        "Data1\nTime (s)\tFx (N)\tFz (N)",
+        lambda t, f: f"{t}\t{f}\t3.0", {}, "1,2,3",
+    ),
+    "catman": (
+        "catman AP 5.4\tfr3\t28.11.2026 09:37:43\nKanalzahl: 3\nZeit  1 - Standardmessrate\tReibkraft\tNormalkraft\n"
+        "s\tN\tN\nWertezahl: 120\tWertezahl: 120\tWertezahl: 120\nMessrate: 10 Hz\tMessrate: 10 Hz\tMessrate: 10 Hz\n",
+        lambda t, f: f"{_comma(t)}\t{_comma(f)}\t3,0", {}, "1,2,3",
+    ),
+    "Anton Paar RheoCompass": (
+        "Project:\tSkin\nTest:\tTribo 1\nInterval and data points:\t1\t120\nInterval data:\tPoint No.\tTime\t"
+        "Sliding Velocity\tNormal Force\tFriction Force\tFriction Factor\tStatus\n\t\t[s]\t[mm/s]\t[N]\t[N]\t[1]\t\n",
+        lambda t, f: f"\t1\t{t}\t1.000\t3.0\t{f}\t0.1\tDy_auto", {}, "3,6,5",
+    ),
+}  # fmt: skip
+"""The form in which programmes of test machines, amplifiers and schools export: head, row, what has to be said, and the
+numbers of time, friction force and normal force."""
+
+
+def export(name: str, rows: Sequence[Row]) -> Made:
+    """What a programme exports: 3 N of load in each row, or stated beside it."""
+    head, row, _, _ = EXPORTS[name]
+    cells = [(number(each.time, 4), "3.0", number(each.friction, 6)) for each in rows]
+    text = head + "\n" + "".join(row(time, force) + "\n" for time, _, force in cells)
+    return _truth(text.encode(), cells, (1, 1, 1))
+
+
+def stamped(rows: Sequence[Row]) -> Made:
+    """The monitor of a serial line: each line with the time at which it came, a greeting above the names."""
+    text, table = "10:00:00.000 -> HX711 ready\n10:00:00.000 -> Fx_N,Fz_N\n", []
+    for row in rows:
+        fz, fx = number(row.normal, 6), number(row.friction, 6)
+        text += f"10:{row.time // 600_000:02}:{number(row.time % 600_000, 4).rjust(7, '0')} -> {fx},{fz}\n"
+        table.append((number(row.time, 4), fz, fx))
+    return _truth(text.encode(), table, (1, 1, 1))
+
+
+def data_logger(rows: Sequence[Row]) -> Made:
+    """Graphtec: settings in pairs, whole seconds and milliseconds apart, channels by number, units below, alarms."""
+    text, table = (
+        (
+            "Vendor,GRAPHTEC Corporation\nModel,GL980\nSampling interval,20ms\nCH,Signal name,Input,Range\n"
+            "CH1,Friction,DC,1V\nCH2,Normal,DC,1V\nData\nNumber,Date&Time,ms,CH1,CH2,Alarm\nNO.,Time,ms,N,N,A1234\n"
+        ),
+        [],
+    )
+    for i, row in enumerate(rows, 1):
+        seconds, rest = divmod(row.time, 10_000)
+        fz, fx = number(row.normal, 6), number(row.friction, 6)
+        text += f"{i},2026/01/15 10:{seconds // 60:02}:{seconds % 60:02},{number(rest, 1)},+{fx},+{fz},LLLL\n"
+        table.append((number(row.time, 4), fz, fx))
+    return _truth(text.encode(), table, (1, 1, 1))
+
+
 def _floats(rows: Sequence[Row]) -> tuple[Made, np.ndarray, np.ndarray, np.ndarray]:
     columns = [np.array(c) for c in zip(*((r.time / 1e4, r.normal / 1e6, r.friction / 1e6) for r in rows), strict=True)]
     made = Made(b"", *(tuple(Fraction(float(v)) for v in column) for column in columns))
@@ -461,6 +556,8 @@ NUMBERED = {
 }
 NAMED = {"columns": {"time": "/daq/t", "normal_force": "/daq/Fz", "friction_force": "/daq/Fx"}}
 
+CHANNELS = {"columns": {"friction_force": "CH1", "normal_force": "CH2"}}
+
 ALL: Mapping[str, LookAlike] = {
     "cetr": LookAlike("cetr-text", "cetr.txt", cetr),
     "cetr reordered": LookAlike("cetr-text", "cetr_reordered.txt", cetr_reordered),
@@ -485,6 +582,12 @@ ALL: Mapping[str, LookAlike] = {
     "cells": LookAlike("delimited", "cells.txt", cells),
     "settings": LookAlike("delimited", "settings.txt", settings, NUMBERED),
     "chinese": LookAlike("delimited", "chinese.csv", chinese),
+    **{
+        name: LookAlike("delimited", f"export_{i}.txt", functools.partial(export, name), told[2])
+        for i, (name, told) in enumerate(EXPORTS.items())
+    },
+    "stamped": LookAlike("stamped-lines", "monitor.txt", stamped),
+    "data logger": LookAlike("delimited", "240305-1.csv", data_logger, CHANNELS),
     "hdf5": LookAlike("hdf5", "daq.h5", hdf5, NAMED),
     "tdms": LookAlike("tdms", "pair.tdms", tdms),
     "parquet": LookAlike("parquet", "pair.parquet", parquet),

@@ -159,7 +159,7 @@ def no_units(data: bytes, _draw: random.Random) -> bytes:
     """Every unit gone: brackets, the row of units (whatever its line ends), suffixes."""
     data = re.sub(rb" ?[(\[][a-zA-Z\xb5\xc2]{1,4}[)\]]", b"", data)
     data = re.sub(rb"_N\b", b"", data)
-    return re.sub(rb"(?<=[\r\n])(?:(?:g|mm|sec|mm/sec|N|);?,?)+(?=[\r\n])", b"", data)
+    return re.sub(rb"(?<=[\r\n])(?:(?:g|mm|[Ss]ec|mm/sec|N|s|);?,?\t?)+(?=[\r\n])", b"", data)
 
 
 def bytes_changed(data: bytes, draw: random.Random) -> bytes:

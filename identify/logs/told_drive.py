@@ -134,9 +134,9 @@ def _along_friction(record: Record, stiffness: float) -> tuple[ToldDrive | None,
         if motion.is_drive:
             told = _of_speed(record, name) if unit == "m/s" else _of_position(record, name)
             return replace(told, source=f"{told.source}, which {motion.because}") if told.source else told, doubts
-        if _key(name) in AXES or motion.is_drive is False:
-            remedy = f'; if it is: --columns "drive_speed={_shown(name)}"' if unit == "m/s" else ""
-            doubts.append(f"column {_shown(name)} is not taken for the drive: {motion.because}{remedy}")
+        role = "drive_speed" if unit == "m/s" else "position"
+        remedy = f'; if it is: --columns "{role}={_shown(name)}"'
+        doubts.append(f"column {_shown(name)} is not taken for the drive: {motion.because}{remedy}")
     return None, doubts
 
 

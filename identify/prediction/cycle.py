@@ -157,6 +157,8 @@ def _to_blame(model: Model, what: Callable[[Model], bool]) -> list[str]:
 
 SLIDES_AFTER = 12.0  # half periods sqrt(m/k) pi without coming to rest: the mass slides
 CREEP = 1e-6  # of a half period: a slip this short is no slip, the contact creeps along with the drive
+RENEWED = 0.01  # of the saturation: of a contact that is almost renewed
+ALMOST = 1.0 - 1e-6  # of the elongation at which a contact breaks loose
 FLOOR, SPEED_FLOOR = 1e-2, 1e-4  # absolute over relative tolerance, of typical states: slips start from nothing
 
 
@@ -250,6 +252,19 @@ class CycleMap:
         """Where a test starts: spring unloaded, every state saturated (the strongest first kick)."""
         states = [0.0, *(s.start if s.upper is None else s.upper for s in self.model.states[2:])]
         return np.array(states)
+
+    def renewed(self, drive_speed: float) -> Array | None:
+        """Where a test of a contact that is almost renewed starts: spring about to break it loose at this speed [m/s];
+        None where nothing ages."""
+        if self.model.clamped is None:
+            return None
+        w, x = self.setting(drive_speed), np.insert(self.rested(), SPEED, 0.0)
+        x[self.model.clamped] = RENEWED
+        (slack, strength), step = self.slip_integrator.hold(x, w), float(self.scale[ELONGATION])
+        x[ELONGATION] = step
+        stretched, _ = self.slip_integrator.hold(x, w)
+        x[ELONGATION] = ALMOST * step * (strength - slack) / (stretched - slack)
+        return rest_state(x)
 
     def setting(self, drive_speed: float) -> Array:
         """w (n_w,), as `names`: parameters, normal force [N], drive speed [m/s]."""

@@ -96,7 +96,7 @@ def _slopes(model: Model, settings: Array, along: Array, jumps: NDArray[np.bool_
 
 Node = tuple[int, int]  # row, column
 
-SEEDS = 8  # along each axis: nodes from which a motion is started from a rested contact
+SEEDS = 8  # along each axis: nodes at which a motion is started, of a rested contact or an almost renewed one
 HALVINGS = 5  # of an edge
 HOVERS = 30  # cycles after which a motion near an unstable orbit is given up
 
@@ -186,7 +186,9 @@ class OrbitSearch:
             return 0.0
         since = process_time()
         try:
-            sticks = self._settled(node, None)
+            # Small stick-slip of a contact that never rests for long may be out of reach from a rested one.
+            renewed = self._map(node).renewed(self._speed(node))
+            sticks = self._settled(node, None) or (renewed is not None and self._settled(node, renewed))
         except SimulationError:
             self.known.refused.add(node)
             sticks = False

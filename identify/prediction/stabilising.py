@@ -27,7 +27,8 @@ from identify.prediction.wording import said, with_interval
 # The nearest value of one rig quantity at which sliding turns steady, or stops being so: a map over that one quantity.
 #
 # Steady means that small disturbances of sliding die out and that no stick-slip is found, neither from a rested contact
-# (the strongest kick a start can give) nor on the branches of orbits that other values have.
+# (the strongest kick a start can give), nor from one that is almost renewed, nor on the branches of orbits that other
+# values have.
 # ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]

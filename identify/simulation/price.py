@@ -72,7 +72,8 @@ def price(scene: Scene, motion: Trajectory, seconds: float) -> SimulationPrice:
             less = scene.with_effects([kept for kept in scene.model.effects if kept != name])
             without, motion_without = _spent(less, part, [first])
             each = without[first] / max(motion_without.onsets.size, 1)
-            share = 1.0 - each * max(short.onsets.size, 1) / spent[first]
+            whole = spent[first] / max(short.onsets.size, 1)
+            share = 1.0 - each / whole if whole > 0.0 else 0.0  # shorter than a tick of the processor's clock
             effects[name] = max(parts * own * share, 0.0)
     return SimulationPrice(taken, prices, effects)
 

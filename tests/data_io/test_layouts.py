@@ -8,6 +8,7 @@ import openpyxl
 import pytest
 
 from data_io import LogError, read_log
+from experiments.lookalikes import EXPORTS
 from identify.cli import main as cli
 from identify.logs.scene_records import with_records
 from identify.scene import Scene
@@ -357,69 +358,11 @@ def test_layouts_that_others_describe(tmp_path, head, row, more):
     right(read_log(table(tmp_path, head, row, "a.txt"), **more))
 
 
-def comma(number):
-    return str(number).replace(".", ",")
-
-
-BLOCK = {"normal_force": 3, "columns": {"friction_force": "Force"}}
-EXPORTS = {
-    "MTS 793": (
-        "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n\nData Acquisition\t\t\tTime:\t10.0\tSec\t3/29/2026 1:54:32 PM\n"
-        "Running Time\tAxial Displacement\tAxial Force\tLateral Force\nSec\tmm\tN\tN",
-        lambda i, f: f"{i / 10}\t{i / 100}\t3.0\t{f}", {}, "1,4,3",
-    ),
-    "Vernier Logger Pro": (
-        "Vernier Format 2\nblock.cmbl 11/28/2026 09:37:43 .\nRun 1\nTime\tForce\tPosition\nt\tF\tx\ns\tN\tm",
-        lambda i, f: f"{i / 10}\t{f}\t{i / 1e4}", {"normal_force": 3, "columns": {"friction_force": "F"}}, "1,2",
-    ),
-    "Vernier Graphical Analysis": (
-        '"Latest: Time (s)","Latest: Force (N)","Latest: Position (m)"', lambda i, f: f"{i / 10},{f},{i / 1e4}",
-        {"normal_force": 3, "columns": {"friction_force": "Latest: Force"}}, "1,2",
-    ),
-    "Arduino": (
-        "Vernier Format 2\nReadings taken using Arduino\nData Set\nTime\tForce\nseconds\tnewtons",
-        lambda i, f: f"{i / 10}\t{f}", BLOCK, "1,2",
-    ),
-    "PASCO Capstone": (
-        '"Time (s) Run #1","Force (N) Run #1","Position (m) Run #1"',
-        lambda i, f: f"{i / 10},{f},{i / 1e4}", BLOCK, "1,2",
-    ),
-    "ZwickRoell testXpert": (
-        '"Norm";"DIN EN ISO 8295"\n"Probe";"PE-Folie 3"\n"Schlitten";0,1019;"kg"\n"µS";0,62;""\n\n'
-        '"Prüfzeit";"Standardweg";"Standardkraft"\n"s";"mm";"N"',
-        lambda i, f: f"{comma(i / 10)};{comma(i / 100)};{comma(f)}",
-        {"normal_force": 3, "columns": {"friction_force": "Standardkraft"}}, "1,3",
-    ),
-    "Kistler DynoWare": (
-        "DynoWare\nFile name:\tfr3.dwd\nTime:\t9:37:43 AM\nMeasuring time [s]:\t4\nSampling rate [Hz]:\t500\n"
-        "Delay time [s]:\t0\n\nTime\tFx\tFy\tFz\n[s]\t[N]\t[N]\t[N]",
-        lambda i, f: f"{i / 10}\t{f}\t0.004\t-3.0", {}, "1,2,4",
-    ),
-    "Dewesoft": (
-        "File name: fr3.dxd\nStart time: 28/11/2026 09:37:43.123\nSample rate: 500 Hz\n\nEvents\n"
-        "Event Type\tEvent\tTime\tComment\n1\tstoring started at\t0\t\n2\tstoring stopped at\t4\t\n\n"
-        "Data1\nTime (s)\tFx (N)\tFz (N)",
-        lambda i, f: f"{i / 10}\t{f}\t3.0", {}, "1,2,3",
-    ),
-    "catman": (
-        "catman AP 5.4\tfr3\t28.11.2026 09:37:43\nKanalzahl: 3\nZeit  1 - Standardmessrate\tReibkraft\tNormalkraft\n"
-        "s\tN\tN\nWertezahl: 120\tWertezahl: 120\tWertezahl: 120\nMessrate: 10 Hz\tMessrate: 10 Hz\tMessrate: 10 Hz\n",
-        lambda i, f: f"{comma(i / 10)}\t{comma(f)}\t3,0", {}, "1,2,3",
-    ),
-    "Anton Paar RheoCompass": (
-        "Project:\tSkin\nTest:\tTribo 1\nInterval and data points:\t1\t120\nInterval data:\tPoint No.\tTime\t"
-        "Sliding Velocity\tNormal Force\tFriction Force\tFriction Factor\tStatus\n\t\t[s]\t[mm/s]\t[N]\t[N]\t[1]\t\n",
-        lambda i, f: f"\t{i + 1}\t{i / 10}\t1.000\t3.0\t{f}\t0.1\tDy_auto", {}, "3,6,5",
-    ),
-}  # fmt: skip
-"""The form in which programmes of test machines, amplifiers and schools export: head, row, what has to be said, and the
-numbers of time, friction force and normal force."""
-
-
 @pytest.mark.parametrize("name", EXPORTS)
 def test_exports_of_instruments(tmp_path, name):
     head, row, more, numbers = EXPORTS[name]
-    path = table(tmp_path, head, row, "a.txt", "utf-16" if name == "Anton Paar RheoCompass" else "utf-8")
+    encoding = "utf-16" if name == "Anton Paar RheoCompass" else "utf-8"
+    path = table(tmp_path, head, lambda i, force: row(str(i / 10), force), "a.txt", encoding)
     right(read_log(path, **more))
     columns = dict(zip(("time", "friction_force", "normal_force"), numbers.split(","), strict=False))
     by_number = read_log(path, columns=columns, normal_force=more.get("normal_force"))
@@ -429,5 +372,63 @@ def test_exports_of_instruments(tmp_path, name):
 
 def test_a_table_without_a_force_is_named(tmp_path):
     head, row, more, _ = EXPORTS["Dewesoft"]
-    (finding,) = (f for f in read_log(table(tmp_path, head, row), **more).findings if f.code == "tables_without_force")
+    record = read_log(table(tmp_path, head, lambda i, force: row(str(i / 10), force)), **more)
+    (finding,) = (f for f in record.findings if f.code == "tables_without_force")
     assert "'Event Type'" in finding.message
+
+
+STAMP = datetime(2024, 3, 5, 23, 59, 55)
+
+
+@pytest.mark.parametrize(
+    ("form", "mark"),
+    [("{:%H:%M:%S.%f} -> ", ","), ("{:%H:%M:%S.%f} -> ", "\t"), ("{:%H:%M:%S.%f} > ", " "), ("[{:%H:%M:%S.%f}] ", ";"),
+     ("[{:%Y-%m-%d %H:%M:%S.%f}] ", " "), ("{:%H:%M:%S,%f} -> ", ",")],
+)  # fmt: skip
+def test_lines_that_a_terminal_has_stamped(tmp_path, form, mark):
+    def row(i, force):
+        return form.format(STAMP + timedelta(seconds=i / 10)) + mark.join((force, "3.0"))
+
+    def stamped(words):
+        return form.format(STAMP) + words
+
+    named = table(tmp_path, f"{stamped('HX711 ready')}\n{stamped(mark.join(('Fx_N', 'Fz_N')))}", row)
+    right(read_log(named))
+    assert read_log(named).metadata["format"] == "stamped-lines"
+    bare = table(tmp_path, stamped("HX711 ready"), row, "bare.txt")
+    numbers = {"time": "1", "friction_force": "2", "normal_force": "3"}
+    right(read_log(bare, columns=numbers, units=dict.fromkeys(("friction_force", "normal_force"), "N")))
+
+
+def test_a_clock_of_the_board_is_preferred_to_the_stamps_of_its_lines(tmp_path):
+    path = table(tmp_path, "10:00:00.001 -> t_ms,Fx_N,Fz_N", lambda i, f: f"10:00:{i // 8:02}.5 -> {100 * i},{f},3.0")
+    right(read_log(path))
+
+
+DATA_LOGGER = (
+    "Vendor,GRAPHTEC Corporation\nSampling interval,100ms\nStart time,2024/03/05,23:59:55\n"
+    "CH,Signal name,Input,Range\nCH1,Friction,DC,1V\nCH2,Normal,DC,1V\nData\n"
+    "Number,Date&Time,ms,CH1,CH2,Alarm\nNO.,Time,ms,N,N,A1234"
+)
+
+
+def logged(i, force):
+    return f"{i + 1},{STAMP + timedelta(seconds=i // 10):%Y/%m/%d %H:%M:%S},{100 * (i % 10):03},+{force},+3.00,LLLL"
+
+
+def test_milliseconds_beside_a_clock_of_whole_seconds(tmp_path):
+    path, named = table(tmp_path, DATA_LOGGER, logged), {"friction_force": "CH1", "normal_force": "CH2"}
+    record = read_log(path, columns=named)
+    right(record)
+    assert "clock_with_milliseconds" in codes(record) and "clock_rounded" not in codes(record)
+    right(read_log(path, columns=named, channels=()))
+    numbers = {"friction_force": "4", "normal_force": "5"}  # settings in pairs and words in rows are no harm
+    right(read_log(path, columns=numbers, units=dict.fromkeys(numbers, "N"), rate="10 Hz"))
+
+
+def test_what_is_called_milliseconds_and_does_not_go_on_from_the_seconds_is_left_alone(tmp_path):
+    head = "Date/Time;ms;Fz [N];Fx [N]"
+    path = table(tmp_path, head, lambda i, f: f"{STAMP + timedelta(seconds=i)};{1000 * i};3.0;{f}")
+    record = read_log(path)
+    right(record, interval=1.0)
+    assert "clock_with_milliseconds" not in codes(record)

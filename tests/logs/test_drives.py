@@ -78,6 +78,9 @@ def test_a_column_that_does_not_tell_it_is_refused_in_a_sentence():
     creeping = replace(bare, channels={"Z": 1e-6 * TIME}, channel_units={"Z": "m"})
     with pytest.raises(FitError, match="column Z is not taken for the drive: nothing in the log says"):
         with_drives(scene_of(), [creeping])
+    crosshead = replace(bare, channels={"Extension": 1e-3 * TIME}, channel_units={"Extension": "m"})
+    with pytest.raises(FitError, match='if it is: --columns "position=Extension"'):
+        with_drives(scene_of(), [crosshead])
 
 
 @pytest.mark.parametrize("programme", [STEPS, HOLD, STROKES])

@@ -72,6 +72,21 @@ def test_a_window_with_two_ends_is_that_of_a_simulation():
         assert brute_force.settled(pair, outside, begun.end) is None
 
 
+def test_stick_slip_out_of_reach_from_a_rested_contact_is_found():
+    """The contact has to be almost renewed: simulated from rest the mass slides, from a worn contact it sticks."""
+    pair = {
+        "mass": 0.02134, "stiffness": 1857.0, "damping": 31.3, "a": 58.25, "D": 65.5e-6, "t_cr": 0.2226,
+        "normal_force": 0.116, "mu_s": 0.6732, "mu_k0": 0.3551, "delta_mu_k": 0.04821,
+    }  # fmt: skip
+    lanes = Lanes.of([pair] * 3, np.array([0.3e-3, 0.42e-3, 0.6e-3]))
+    rested = simulate(lanes, np.stack([np.zeros(3), np.ones(3)]), 30)
+    renewed = simulate(lanes, study.onsets(lanes, np.full(3, 0.02)), 30)
+    assert rested.slides.tolist() == [True, True, True] and renewed.slides.tolist() == [True, False, True]
+    document = ask(pair, 0.6e-3)
+    said = [study.said_at(document, float(speed)) for speed in lanes.drive]
+    assert said == ["never sticks", "bistable", "never sticks"]
+
+
 def test_irregular_motion_has_an_end_too():
     document = ask(FLIP, 2.6684923e-3)
     assert document["stability"]["outcome"] == "sticks irregularly"

@@ -27,6 +27,12 @@ def scene():
     return scene_at(5e-3)
 
 
+def test_what_is_over_within_a_tick_of_the_clock_has_no_share(scene, monkeypatch):
+    monkeypatch.setattr(room, "process_time", lambda: 0.0)
+    told = room.price(scene, simulate(scene, 1.0), 0.5)
+    assert told.effects and set(told.effects.values()) == {0.0}
+
+
 @pytest.mark.parametrize(("tick", "turns"), [(1.0, 1), (1e-3, 3)])
 def test_what_takes_long_is_timed_once(scene, monkeypatch, tick, turns):
     """One run builds the functions, one of each tolerance is timed; of what is over in no time, several."""
