@@ -17,8 +17,8 @@ RECOVERY = FOLDER / "run_recovery_study.py"  # by tests/estimation/test_fit.py
 FUZZ = FOLDER / "run_reader_fuzz.py"  # by tests/data_io/test_formats.py
 LAWS = FOLDER / "run_uneven_laws.py"  # adds a law to the table, which this process has in use: in one of its own
 NEXT_LOG = FOLDER / "run_next_log_study.py"
-# Of speeds and prices: what they time is tested where it stands, and fits at every level take long; so does a twin.
-LONG = ("accuracy_price", "answer_price", "batch_faults", "fit_speed", "in_vivo_uneven")
+# What these time, draw or recover is tested where it stands, and in their fast form they take 10 s all the same.
+LONG = ("accuracy_price", "answer_price", "batch_faults", "fit_speed", "in_vivo_uneven", "skew_study", "uneven_study")
 SLOW = [FOLDER / f"run_{name}.py" for name in LONG]
 SCRIPTS = sorted(
     set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED, RECOVERY, FUZZ, NEXT_LOG, LAWS, *SLOW}
