@@ -39,6 +39,7 @@ def test_the_study_of_next_logs_runs(capsys):
     runs(NEXT_LOG, capsys)
 
 
+@pytest.mark.slow
 def test_the_study_of_laws_runs():
     done = subprocess.run([sys.executable, str(LAWS), "--fast"], capture_output=True, text=True)
     assert "paper's       stiff   paper's 1" in done.stdout, done.stderr
