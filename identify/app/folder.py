@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from identify.base.errors import IdentifyError
+from identify.scene.toml import is_rig
 from identify.studies.planning import NOT_LOGS
 
 OWN = ".stickslip-app"  # what the page keeps: jobs, drafts of scenes, what was seen in logs
@@ -103,7 +105,8 @@ class Folder:
                 if deepest and not ours:
                     yield from self._walked(Path(entry.path), deepest - 1)
             elif entry.name.lower().endswith(".toml"):
-                yield "scenes", Path(entry.path)
+                if not _holds_a_rig(Path(entry.path)):
+                    yield "scenes", Path(entry.path)
             elif not ours and self._may_be_a_log(Path(entry.path)):
                 yield "logs", Path(entry.path)
 
@@ -111,6 +114,14 @@ class Folder:
         inside = path.resolve()
         named = not path.name.lower().endswith(NO_LOGS) and path.name != "index.csv"
         return named and inside.is_relative_to(self.root) and inside.is_file()
+
+
+def _holds_a_rig(path: Path) -> bool:
+    """Whether a TOML file is that of a rig, which scenes name; one that cannot be read is a scene to be mended."""
+    try:
+        return is_rig(tomllib.loads(path.read_text(encoding="utf-8-sig")))
+    except (OSError, ValueError, RecursionError):
+        return False
 
 
 def read_json(path: Path) -> dict[str, Any] | None:

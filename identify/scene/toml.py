@@ -80,6 +80,11 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     return document
 
 
+def is_rig(document: Mapping[str, object]) -> bool:
+    """Whether a TOML document is what `stickslip rig` writes, and no scene: it holds quantities of the rig alone."""
+    return bool(document) and not set(document) - set(RIG)
+
+
 def with_rig_file(document: Mapping[str, object], folder: Path) -> dict[str, Any]:
     """The tables with `rig = "RIG.toml"` replaced by what that file holds; its path is relative to the folder.
 
@@ -184,6 +189,11 @@ def read_parts(document: Mapping[str, object], folder: Path) -> Parts:
     Raises:
         SceneError: one sentence: what was found where, what was expected, what to do.
     """
+    if is_rig(document):
+        raise SceneError(
+            "it holds a rig, as stickslip rig writes it, and no scene; give a scene that names it: "
+            'rig = "RIG.toml" in place of its [rig] table'
+        )
     top = TomlTable.of(document, "the scene", TOP, '[rig] mass = "0.2 kg"')
     missing = list(to_fill_in(document))
     if missing:

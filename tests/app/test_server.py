@@ -99,6 +99,13 @@ def test_a_map_of_a_scene_names_what_only_a_fit_knows(unchanged):
     assert "does not tell its drive speed and normal force" in str(answer) and 'normal_force = "1 N"' in str(answer)
 
 
+def test_the_file_of_a_rig_is_not_listed_as_a_scene(tmp_path):
+    (tmp_path / "rig.toml").write_text('mass = "0.2 kg"\nstiffness = "1470 N/m"\nzeta = 0.05\n')
+    (tmp_path / "broken.toml").write_text("mass = [")
+    (tmp_path / "pair.toml").write_text('rig = "rig.toml"\neffects = ["inertia"]\n')
+    assert Folder.at(tmp_path).found().scenes == ("broken.toml", "pair.toml")
+
+
 def test_a_log_may_be_called_anything(client, root):
     (root / NASTY).write_text(
         "time,normal force,friction force\ns,N,N\n" + "".join(f"{i},1,{i % 7}\n" for i in range(99))

@@ -175,6 +175,11 @@ def _file_cases(folder):
         written(with_rig.replace("{}", "rig.toml")),
     )
     yield written(with_rig.replace("{}", "broken.toml")), "mend that line", written(with_rig.replace("{}", "rig.toml"))
+    yield (
+        lambda: Scene.from_toml(folder / "rig.toml"),
+        r'holds a rig.*rig = "RIG.toml" in place',
+        written(with_rig.replace("{}", "rig.toml")),
+    )
     yield lambda: good().choose(["nowhere.csv"]), "check its path", lambda: good().choose([log])
     twice = written(GOOD.replace("sub/fast.csv", "sub/slow.csv"))
     yield (
