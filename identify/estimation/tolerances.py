@@ -39,10 +39,11 @@ def added_by_tolerances(known: Information, values: Array, tolerances: Mapping[s
     known_of = {name: direction for name, direction in _directions(known, values) if tolerances.get(name)}
     moves = np.column_stack([np.eye(n_p)[:, free], *known_of.values()])
     matrix = moves.T @ (known.data / memory) @ moves
-    priors = np.diag(known.total - known.data)[free]
-    matrix[np.diag_indices_from(matrix)] += [*priors, *(1.0 / tolerances[name] ** 2 for name in known_of)]
-    exact = np.diag(inverse(matrix[: free.size, : free.size]))
-    return np.sqrt(np.maximum(np.diag(inverse(matrix))[: free.size] - exact, 0.0))
+    count = free.size
+    matrix[:count, :count] += (known.total - known.data)[np.ix_(free, free)]  # a tap ties mass and stiffness
+    matrix[np.arange(count, len(matrix)), np.arange(count, len(matrix))] += [1.0 / tolerances[n] ** 2 for n in known_of]
+    exact = np.diag(inverse(matrix[:count, :count]))
+    return np.sqrt(np.maximum(np.diag(inverse(matrix))[:count] - exact, 0.0))
 
 
 def _directions(known: Information, values: Array) -> Iterator[tuple[str, Array]]:

@@ -51,6 +51,21 @@ def test_a_gain_of_the_normal_force_goes_into_the_coefficients_alone(answer):
     assert max(found["D"], found["t_cr"], found["a"]) < 1e-5
 
 
+def test_an_error_of_the_speed_reaches_a_rig_whose_mass_and_stiffness_are_tied():
+    """A tap knows sqrt(k/m) to a thousandth of a percent and neither alone: drive speeds 1 % off put both 1 % off."""
+    tied = ["mass", "stiffness"]
+    rig = [f'rig.{name}={{value="{RIG[name]}", tolerance="1 %"}}' for name in tied]
+    scene = Scene.from_toml(examples.SCENE, [*rig, 'rig.natural_frequency_tolerance="0.001 %"'])
+    prepared, found = find(
+        scene.choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]), clock=Clock(), progress=lambda *_: None
+    )
+    assert found.information is not None and found.attempt is not None
+    values = found.unknowns.values(found.attempt.solved.theta, prepared[0].data.base)
+    free = added((found.information, values), drive_speed=0.01)
+    for name in tied:  # the data tell k/v alone, so that the prior of 1 % and the speed's share the error
+        assert free[name] == pytest.approx(0.01 / np.sqrt(2.0), rel=0.1)
+
+
 def test_what_the_data_tell_better_than_the_tolerance_is_not_believed(answer):
     """The stick slope tells the stiffness: a tolerance of 20 % adds no more than what the data leave of it."""
     information, _ = answer
