@@ -27,7 +27,8 @@ _SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 _LONGEST_CHAIN: Final = 16
 _HELD: Final = ("unable to lock file", "already open for write")
 """What the library says of a file that is sound, but not free."""
-_sound: set[tuple[str, int, int, int]] = set()  # files that have been walked through, as they were then
+_walked: dict[tuple[str, int, int, int], str] = {}
+"""Files that have been walked through, as they were then, and what was wrong with them, "" where nothing was."""
 
 
 def signature_at(head: bytes) -> int | None:
@@ -119,18 +120,23 @@ def _look_first(source: Source, target: Any) -> None:
     if not hasattr(os, "fork") or not hasattr(signal, "SIGXCPU"):
         return  # Windows: no way to limit the computing of a process
     known = _identity(target)
-    if known in _sound:
-        return
-    patience = PATIENCE + int(source.size / _BYTES_PER_SECOND)
+    wrong = _walked.get(known) if known is not None else None
+    if wrong is None:
+        wrong = _wrong_with(target, PATIENCE + int(source.size / _BYTES_PER_SECOND))
+        if known is not None:
+            _walked[known] = wrong
+    if wrong:
+        raise _damaged(source, wrong)
+
+
+def _wrong_with(target: Any, patience: int) -> str:
+    """What becomes of a process that walks through a file, "" where it gets through."""
     alone = sys.platform == "linux" and threading.active_count() == 1
     # a copy of this process would inherit the locks of its other threads
     status = _forked(target, patience) if alone or not isinstance(target, str) else _spawned(target, patience)
     if status is None or status == -signal.SIGXCPU:
-        raise _damaged(source, "the library hangs on it")
-    if status < 0:
-        raise _damaged(source, "the library crashes on it")
-    if known is not None:
-        _sound.add(known)
+        return "the library hangs on it"
+    return "the library crashes on it" if status < 0 else ""
 
 
 def _identity(target: Any) -> tuple[str, int, int, int] | None:

@@ -62,10 +62,10 @@ def packed(data: bytes, draw: random.Random) -> bytes:
 
 
 def blank_lines(data: bytes, draw: random.Random) -> bytes:
-    """Blank lines among the rows."""
+    """Blank lines among the rows; none behind the last, whose line end would be theirs if it was cut off."""
     lines = _lines(data)
     for _ in range(3):
-        lines.insert(draw.choice(_row_numbers(lines) or [len(lines)]), b"\n")
+        lines.insert(draw.choice(_row_numbers(lines) or [len(lines) - 1]), b"\n")
     return b"".join(lines)
 
 

@@ -211,3 +211,16 @@ def test_a_file_is_walked_through_once_and_again_when_it_has_changed(tmp_path, m
         file["more"] = np.arange(1000.0)
     read_log(path)
     assert len(walks) == 2
+
+
+def test_a_file_that_the_library_hangs_on_is_walked_through_once(tmp_path, monkeypatch):
+    """`inspect` opens a file twice, for its index and for its columns: the second time it is known."""
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["Fx"] = np.zeros(4)
+    walks = []
+    monkeypatch.setattr(hdf5_open, "_forked", lambda *_: walks.append(0))
+    monkeypatch.setattr(hdf5_open, "_spawned", lambda *_: walks.append(0))
+    for _ in range(2):
+        with pytest.raises(LogError, match="the library hangs on it"):
+            read_log(tmp_path / "log.h5")
+    assert len(walks) == 1
