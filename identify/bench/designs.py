@@ -117,6 +117,7 @@ class Rehearsals:
 
     knowledge: Knowledge
     made: dict[tuple[LogDesign, int], Rehearsal | None] = field(default_factory=dict)
+    informed: dict[tuple[LogDesign, int, int], Array] = field(default_factory=dict)
 
     def at(self, design: LogDesign, place: int) -> Rehearsal | None:
         """A log of this design at one of the places."""
@@ -137,9 +138,12 @@ class Rehearsals:
         k, first, made = self.knowledge, self.at(design, 0), self.at(design, place)
         if made is None or first is None:
             return np.zeros((k.kept.size, k.kept.size))
-        seconds = max(1.0 / self.rate(design), k.apart)
-        load_sd, long = k.load_error * design.normal_force, times * first.duration / made.duration
-        return made.information(1.0 / seconds, k.variance, load_sd, long)[np.ix_(k.kept, k.kept)]
+        if (design, times, place) not in self.informed:
+            seconds = max(1.0 / self.rate(design), k.apart)
+            load_sd, long = k.load_error * design.normal_force, times * first.duration / made.duration
+            told = made.information(1.0 / seconds, k.variance, load_sd, long)
+            self.informed[design, times, place] = told[np.ix_(k.kept, k.kept)]
+        return self.informed[design, times, place]
 
     def all(self, design: LogDesign, times: int) -> Array:
         """Information (d, k, k) of the log at every place."""

@@ -6,6 +6,10 @@ known of its start and of the load in each cycle is eliminated, as in a fit. The
 simulator, which locates every switch. Motions are compared at the same share of the way from switch to switch, where
 nothing kinks, and the slope at a fixed time follows from how far that moment has moved: compared at fixed times, a
 switch that passes one bends the difference, and combinations of parameters that the log hardly tells look known.
+
+A few cycles are simulated, and a longer log goes on with the last of them over and over: what moves the length of a
+cycle moves the later ones by as much more each time. That the times of many slips tell their period better than slips
+one by one is most of what a longer log tells of strength and ageing.
 """
 
 from __future__ import annotations
@@ -23,6 +27,7 @@ from identify.base.budget import time_is_up
 from identify.base.errors import SimulationError
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION
+from identify.shooting.transcription import BOUNDED_START_SD
 from identify.simulation.drive import Drive
 from identify.simulation.plan import scales
 from identify.simulation.simulate import run
@@ -30,7 +35,8 @@ from identify.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-CYCLES = 6  # that are simulated: of more, each tells as much as these do on average, at least
+CYCLES = 8  # that are simulated; the later ones are like the last
+FOLLOWED = 40  # of those later ones, one by one: of more, each tells as much as these do on average, at least
 SETTLES = 60.0  # times sqrt(m/k): a mass that slides so long after an onset slides on
 STEADY = 15.0  # times that: the end of it, in which it is steady
 MOST_CYCLES = 30  # of a programme, each of which has a normal force of its own
@@ -67,14 +73,45 @@ class LogDesign:
 
 
 @dataclass(frozen=True)
+class Again:
+    """How a log goes on: with its last cycle from moment `since` (of the t) on, of `period` [s], again and again.
+
+    later (l, f + s): what a further cycle adds to the slopes with respect to theta and start, as a cycle that is longer
+    puts off all that comes after it.
+    """
+
+    since: int
+    period: float
+    later: Array
+
+    def followed(self, slopes: Array, weights: Array, shared: int, count: int) -> tuple[Array, Array]:
+        """Slopes and weights with so many cycles more, of which `shared` columns belong to all of the log.
+
+        The normal force of a cycle acts on those after it as that of an earlier one does on the last that was
+        simulated: it moves them, all by the same.
+        """
+        last, long = slopes[self.since :], slopes.shape[1] - shared
+        out = np.zeros((slopes.shape[0] + count * len(last), slopes.shape[1] + count))
+        out[: slopes.shape[0], : slopes.shape[1]] = slopes
+        for i in range(1, count + 1):
+            rows = slice(slopes.shape[0] + (i - 1) * len(last), slopes.shape[0] + i * len(last))
+            out[rows, :shared] = last[:, :shared] + i * self.later
+            # The load of the first cycle, which is another one, moves all later ones alike; so does the second from here.
+            columns = np.maximum(np.arange(long + i) - i, 1)
+            columns[0] = 0
+            out[rows, shared : shared + long + i] = last[:, shared + columns]
+        return out, np.concatenate([weights, np.tile(weights[self.since :], count)])
+
+
+@dataclass(frozen=True)
 class Rehearsal:
     """What a log of a design would be: its duration [s], slips in it, how long one takes [s], by how much the force
     drops in one [N] and its slopes (f,) with respect to the free theta.
 
-    gram (f + s + c, f + s + c): integrals over time of the products of the slopes of the force, with respect to the f
-    free theta, to the s unknowns of the start (how far the spring is loaded, how fresh the contact is), and to the
-    normal force [N] in each of c cycles; settled (the same shape): over the time after the first slip, `lasts` [s]: the
-    first stick, from an unloaded spring and a fresh contact, is another one and comes once.
+    slopes (t, f + s + c): of the force with respect to the f free theta, to the s unknowns of the start (how far the
+    spring is loaded, how fresh the contact is), and to the normal force [N] in each of c cycles; weights (t,): seconds
+    that each counts for; start_sd (s,): what a fit takes the unknowns of the start to be within; again: how it goes on,
+    None where it does not repeat.
     """
 
     design: LogDesign
@@ -83,11 +120,10 @@ class Rehearsal:
     slip: float
     drop: float
     drop_slopes: Array
-    gram: Array
-    settled: Array
-    lasts: float
-    free: int
-    cycles: int
+    slopes: Array
+    weights: Array
+    start_sd: Array
+    again: Again | None
 
     def information(self, rate: float, variance: float, load_sd: float, times: float = 1.0) -> Array:
         """Information (f, f) of the free theta.
@@ -96,19 +132,25 @@ class Rehearsal:
             rate: samples that count per second; variance: of each [N^2]; load_sd: error of the normal force [N],
                 another one in each cycle (0: none); times: as long a log as so many of these.
         """
-        once = self._of(self.gram, rate / variance, load_sd)
-        if times <= 1.0 or self.lasts == 0.0:
-            return times * once
-        return once + (times - 1.0) * self.duration / self.lasts * self._of(self.settled, rate / variance, load_sd)
+        slopes, weights, duration = self.slopes, self.weights, self.duration
+        if self.again is not None and times > 1.0:
+            count = min(round((times - 1.0) * duration / self.again.period), FOLLOWED)
+            slopes, weights = self.again.followed(slopes, weights, self.shared, count)
+            duration += count * self.again.period
+        return times * self.duration / duration * self._of(slopes, weights * (rate / variance), load_sd)
 
-    def _of(self, gram: Array, density: float, load_sd: float) -> Array:
+    @property
+    def shared(self) -> int:
+        """Columns of the slopes that are no normal force of a cycle: f + s."""
+        return self.drop_slopes.size + self.start_sd.size
+
+    def _of(self, slopes: Array, weights: Array, load_sd: float) -> Array:
         """Information (f, f) of the free theta, with start and loads eliminated."""
-        count = gram.shape[0] - (0 if load_sd > 0.0 else self.cycles)
-        total = gram[:count, :count] * density
-        if load_sd > 0.0:
-            loads = np.arange(count - self.cycles, count)
-            total[loads, loads] += load_sd**-2
-        f = self.free
+        f, first = self.drop_slopes.size, self.shared
+        count = slopes.shape[1] if load_sd > 0.0 else first
+        total = slopes[:, :count].T @ (slopes[:, :count] * weights[:, None])
+        total[np.arange(f, first), np.arange(f, first)] += self.start_sd**-2
+        total[np.arange(first, count), np.arange(first, count)] += load_sd**-2 if load_sd > 0.0 else 0.0
         scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
         scaled = total * np.outer(scale, scale)
         across, own = scaled[:f, f:], scaled[f:, f:]
@@ -158,20 +200,26 @@ def rehearse(
             there = _same_moments(seen, other, times, until, (*drive, *changes))
             return np.asarray((other.sample(there)["force"] - force - rate * (there - times)) / step)
 
-        slopes, drop, drop_slopes = [], _drop(seen), []
+        def lengthens(other: Trajectory, step: float) -> float:
+            return (_period(other) - _period(seen)) / step
+
+        slopes, periods, drop, drop_slopes, start_sd = list[Array](), list[float](), _drop(seen), [], []
         for index in np.flatnonzero(unknowns.free).tolist():
             at = theta.copy()
             step = STEP * (1.0 if unknowns.logarithmic[index] else float(unknowns.spread[index]))
             at[index] += step
             other = motion(at, normal_force)
             slopes.append(slope(other, step))
+            periods.append(lengthens(other, step))
             drop_slopes.append((_drop(other) - drop) / step)
         for i, state in enumerate(model.states):
             if i == ELONGATION or state.lower is not None:
                 # The spring can only be loaded already, and the contact only be older.
                 step = STEP * (elongation if i == ELONGATION else 1.0)
-                slopes.append(slope(motion(theta, normal_force, {state.name: state.start + step}), step))
-        begun = len(slopes)
+                other = motion(theta, normal_force, {state.name: state.start + step})
+                slopes.append(slope(other, step))
+                periods.append(lengthens(other, step))
+                start_sd.append(np.inf if i == ELONGATION else BOUNDED_START_SD)
         for changes, on in _cycle_by_cycle(seen, until):
             other = motion(theta, (changes, normal_force * (1.0 + STEP * on)))
             slopes.append(slope(other, STEP * normal_force, changes.tolist()))
@@ -180,12 +228,12 @@ def rehearse(
     moves = np.column_stack(slopes)
     if not arrests.size:  # of a log that slides a fit may take the level only
         weights[times < until - STEADY * time] = 0.0
-    gram = moves.T @ (moves * weights[:, None])
-    if not np.all(np.isfinite(gram)):
+    if not np.all(np.isfinite(moves)):
         return None
-    begin = float(arrests[0]) if arrests.size > 1 else until
-    late = moves[times >= begin]
-    settled = late.T @ (late * weights[times >= begin, None])
+    again = None
+    if not told and seen.onsets.size > CYCLES:
+        since = int(np.searchsorted(times, seen.onsets[CYCLES - 1]))
+        again = Again(since, _period(seen), -np.outer(rate[since:], periods))
     return Rehearsal(
         design,
         until,
@@ -193,12 +241,16 @@ def rehearse(
         slip,
         drop,
         np.array(drop_slopes),
-        gram,
-        settled,
-        until - begin,
-        len(drop_slopes),
-        len(slopes) - begun,
+        moves,
+        weights,
+        np.array(start_sd),
+        again,
     )
+
+
+def _period(seen: Trajectory) -> float:
+    """How long the last cycle takes that counts [s]; 0 where there are fewer."""
+    return float(seen.onsets[CYCLES] - seen.onsets[CYCLES - 1]) if seen.onsets.size > CYCLES else 0.0
 
 
 def _drop(seen: Trajectory) -> float:

@@ -19,6 +19,7 @@ from identify.simulation.sliding import rate_slopes
 Array = NDArray[np.float64]
 NO_OFFSET = np.array([KNOWN])
 ZERO = np.zeros(1)
+BOUNDED_START, BOUNDED_START_SD = 0.5, 0.5  # of a state with bounds, such as a saturation, where a record begins
 
 
 class Footing:
@@ -303,8 +304,8 @@ class _LogWalk(Footing):
         extra = [] if begins_steady else [i for i in range(2, self.n_x) if i not in known]
         if extra:
             bounded = np.array([self.c.model.states[i].lower is not None for i in extra])
-            mean = np.where(bounded, 0.5, self.trajectory.start[extra])
-            sd = np.where(bounded, 0.5, self.size[extra])
+            mean = np.where(bounded, BOUNDED_START, self.trajectory.start[extra])
+            sd = np.where(bounded, BOUNDED_START_SD, self.size[extra])
             start[extra] = self.c.add(self.trajectory.start[extra], self.size[extra], mean=mean, sd=sd)
         self.node, self.value, self.offset = start, self.trajectory.start, NO_OFFSET
         return start

@@ -2,12 +2,14 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from experiments.study_problem import DEMO, RIG
 from identify import Scene
+from identify.bench import rehearsal
 from identify.bench.designs import base_of
 from identify.bench.plan import Choices, plan
 from identify.bench.plan_words import said, step_table, verdict
@@ -16,6 +18,7 @@ from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.unknowns import from_scene
 from identify.report.stored_result import as_json
+from identify.shooting.transcription import BOUNDED_START_SD
 from tests.support.fake_fit import fit_of_a_scene, with_verdicts
 
 EFFECTS = [*MAIN, "varying_normal_force"]
@@ -48,15 +51,36 @@ def test_holds_tell_the_ageing_that_one_peak_leaves_open(planned):
     assert planned.now[planned.knowledge.names.index("t_cr")] > 10.0
 
 
-def test_what_comes_after_the_first_slip_adds_in_proportion_to_its_time():
-    """The first stick, from an unloaded spring and a fresh contact, comes once and is not counted again."""
+def test_a_long_log_tells_what_its_simulation_to_the_end_does(monkeypatch):
+    """A shared period makes many slips tell more than as many logs of few; a part of a log tells that part."""
+    free = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
+    made = rehearsed(LogDesign(1e-3, 1.0), free)
+    assert made.again is not None and made.again.since > 0
+    monkeypatch.setattr(rehearsal, "CYCLES", 24)
+    whole = rehearsed(LogDesign(1e-3, 1.0), free)
+    assert whole.slips == 24
+    times = whole.duration / made.duration
+    for load_sd in (0.0, 1e-4, 1e-2):
+        sd, true, as_often = (
+            np.sqrt(np.diag(np.linalg.inv(told)))
+            for told in (
+                made.information(1000.0, 25e-6, load_sd, times),
+                whole.information(1000.0, 25e-6, load_sd),
+                times * made.information(1000.0, 25e-6, load_sd),
+            )
+        )
+        np.testing.assert_allclose(sd, true, rtol=0.03)
+        assert np.max(np.abs(as_often / true - 1.0)) > 0.05
+    np.testing.assert_allclose(made.information(1000.0, 25e-6, 1e-4, 0.5), 0.5 * made.information(1000.0, 25e-6, 1e-4))
+
+
+def test_the_contact_at_the_start_is_as_open_as_a_fit_takes_it_to_be():
+    """The first stick of a short log: what it tells hangs on how fresh the contact was, which a fit knows a little of."""
     made = rehearsed(LogDesign(1e-3, 1.0))
-    told = [made.information(1000.0, 25e-6, 1e-4, times) for times in (1.0, 2.0, 3.0, 0.5)]
-    more = told[1] - told[0]
-    np.testing.assert_allclose(told[2] - told[1], more, rtol=1e-9)
-    np.testing.assert_allclose(told[3], 0.5 * told[0])
-    # A part of a log tells no more than the whole does.
-    assert np.linalg.eigvalsh(told[0] - made.lasts / made.duration * more)[0] > -1e-6 * told[0].max()
+    assert made.start_sd.tolist() == [np.inf, BOUNDED_START_SD]
+    open_, known = (replace(made, start_sd=np.array([np.inf, sd])) for sd in (np.inf, 1e-9))
+    told = [np.linalg.inv(log.information(50.0, 1.0, 0.0))[1, 1] for log in (known, made, open_)]
+    assert 1.2 * told[0] < told[1] < told[2] / 1.2
 
 
 def test_the_drop_and_its_slopes_are_those_of_the_simulator():
