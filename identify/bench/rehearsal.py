@@ -96,7 +96,7 @@ class Again:
         for i in range(1, count + 1):
             rows = slice(slopes.shape[0] + (i - 1) * len(last), slopes.shape[0] + i * len(last))
             out[rows, :shared] = last[:, :shared] + i * self.later
-            # The load of the first cycle, which is another one, moves all later ones alike; so does the second from here.
+            # Loads long past move all that comes alike; that of the first cycle, which is another one, by its own.
             columns = np.maximum(np.arange(long + i) - i, 1)
             columns[0] = 0
             out[rows, shared : shared + long + i] = last[:, shared + columns]

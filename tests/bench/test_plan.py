@@ -75,7 +75,7 @@ def test_a_long_log_tells_what_its_simulation_to_the_end_does(monkeypatch):
 
 
 def test_the_contact_at_the_start_is_as_open_as_a_fit_takes_it_to_be():
-    """The first stick of a short log: what it tells hangs on how fresh the contact was, which a fit knows a little of."""
+    """What the first stick tells hangs on how fresh the contact was, of which a fit knows a little."""
     made = rehearsed(LogDesign(1e-3, 1.0))
     assert made.start_sd.tolist() == [np.inf, BOUNDED_START_SD]
     open_, known = (replace(made, start_sd=np.array([np.inf, sd])) for sd in (np.inf, 1e-9))
