@@ -1,8 +1,8 @@
 """What logs would tell before they are recorded, and the few that tell most in the time there is.
 
 One core for the plan before a first test and for the next log after a fit. What is not known may be anywhere among
-places of the parameters (draws of what is known beforehand): each log is rehearsed at them, and what it is expected to
-tell is the mean over the places. Logs are chosen one after the other, by what each lowers the variances of what is
+places of the parameters (draws of what is known beforehand): each log is rehearsed at them, and what counts as told is
+what is told at most places. Logs are chosen one after the other, by what each lowers the variances of what is
 asked for, relative and over the time it takes to set up and record; what turns out not to be needed is dropped.
 """
 
@@ -39,7 +39,7 @@ class Knowledge:
     places (d, n_p): theta, the first the likeliest; known (d, k, k): precision at each; base (n_p,): of the rig;
     variance of a sample [N^2]; load_error: of the normal force from cycle to cycle, relative; apart: seconds that count
     as one sample at least, for the memory of the noise; rate: to sample at least [Hz]; fastest: at most [Hz]; distance
-    per cycle [m]; longest log [s].
+    per cycle [m]; longest log [s]; most: the share of the places at which what is promised is to be reached.
     """
 
     unknowns: Unknowns
@@ -55,6 +55,7 @@ class Knowledge:
     longest: float
     apart: float = 0.0
     fastest: float = np.inf
+    most: float = 0.5
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -78,11 +79,12 @@ class Knowledge:
         return np.minimum(np.sqrt(np.diag(inverse(precision))) / self.sizes(theta), HUGE)
 
     def halves(self, precisions: Array) -> Array:
-        """Typical half lengths (k,) of the 95 % intervals, as those shares: the median over the places, at which the
+        """Half lengths (k,) of the 95 % intervals, as those shares, that `most` of the places keep to, at which the
         precisions (d, k, k) hold."""
         logarithmic = self.unknowns.logarithmic[np.flatnonzero(self.unknowns.free)[self.kept]]
         half = NORMAL * np.array([self.deviations(p, at) for p, at in zip(precisions, self.places, strict=True)])
-        return np.asarray(np.median(np.where(logarithmic, np.expm1(np.minimum(half, HUGE)), half), axis=0))
+        shares = np.where(logarithmic, np.expm1(np.minimum(half, HUGE)), half)
+        return np.asarray(np.quantile(shares, self.most, axis=0))
 
     def score(self, precision: Array, theta: Array) -> float:
         """Sum of the logarithms of the variances of what is asked for, which a log is to lower; level where a parameter
@@ -91,7 +93,7 @@ class Knowledge:
         return float(np.sum(np.log(self.deviations(precision, theta)[self.wanted] ** 2 + (0.5 * enough) ** 2)))
 
     def told(self, precisions: Array) -> dict[str, float]:
-        """What of it is asked for and typically known well enough: half lengths by name."""
+        """What of it is asked for and known well enough at most places: half lengths by name."""
         halves = self.halves(precisions)
         return {self.names[i]: float(halves[i]) for i in self.wanted if halves[i] <= SAFE * IDENTIFIED}
 
@@ -99,8 +101,8 @@ class Knowledge:
 @dataclass(frozen=True)
 class PlannedLog:
     """A log to record: its design, how many times over, sampling rate [Hz], duration [s], slips in it (at the first
-    place); halves (k,): typical half lengths of the intervals with this log and those before it; tells: those of all
-    logs together, by name, of what is asked for and would not be known well enough without this one."""
+    place); halves (k,): half lengths of the intervals, at most places, with this log and those before it; tells: those
+    of all logs together, by name, of what is asked for and would not be known well enough without this one."""
 
     design: LogDesign
     times: int

@@ -37,6 +37,7 @@ DIALS = (1.0, 3.0)  # of a decade
 HOLDS = (1.0, 3.0, 10.0), (10.0, 30.0, 100.0)  # [s]
 WRONG = 0.05  # relative, of which the price is told
 PRICED = ("mass", "stiffness", "damping", "drive_speed")
+MOST_PLACES = 0.8  # of the places, at which what is promised is reached: a median is right for every second pair only
 REACH = math.log(3.0)  # of a logarithm: how far draws go
 
 
@@ -59,10 +60,10 @@ class Choices:
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """knowledge before; now (k,): typical half lengths of the 95 % intervals, as shares of what each is judged by;
-    logs to record; drop_now, drop_then: half lengths of the mean drop at the drive speed of the scene, as shares, NaN
-    where no slip was rehearsed; price: by name of what is 5 % wrong, by how much each parameter (k,) would move, as the
-    same shares; tolerances: of the rig as stated, relative."""
+    """knowledge before; now (k,): half lengths of the 95 % intervals at most places, as shares of what each is judged
+    by; logs to record; drop_now, drop_then: half lengths of the mean drop at the drive speed of the scene, as shares,
+    NaN where no slip was rehearsed; price: by name of what is 5 % wrong, by how much each parameter (k,) would move, as
+    the same shares; tolerances: of the rig as stated, relative."""
 
     knowledge: Knowledge
     now: Array
@@ -159,6 +160,7 @@ def _knowledge(scene: Scene, logs: Sequence[Prepared], choices: Choices, fitted:
         distance,
         LONGEST,
         fastest=choices.fastest,
+        most=MOST_PLACES,
     )
 
 

@@ -44,7 +44,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--added-mass", action="append", default=[], metavar="LOG=MASS", help='fixed to the holder: "tap2.csv=50 g"'
     )
-    parser.add_argument("--skin", action="append", default=[], metavar="LOG", help="a stick on skin, not on the block")
+    parser.add_argument(
+        "--skin", action="append", default=[], metavar="LOG", help="one more log: a stick on skin, not on the block"
+    )
     parser.add_argument(
         "--known", action="append", default=[], metavar="NAME=VALUE±ERROR", help='such as mass="180 g ± 2 g"'
     )
@@ -96,6 +98,7 @@ def _measured(arguments: Namespace) -> list[Measured]:
     from identify.bench.records import rings, sticks
 
     logs = [Path(log) for log in arguments.logs]
+    logs += [Path(skin) for skin in arguments.skin if Path(skin).name not in {log.name for log in logs}]
     speeds = _by_log([text if "=" in text else f"*={text}" for text in arguments.drive_speed], "--drive-speed", logs)
     added = _by_log(arguments.added_mass, "--added-mass", logs)
     skins = _by_log([f"{log}=" for log in arguments.skin], "--skin", logs)

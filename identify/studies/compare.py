@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identify.scene.rig import DAMPING
 from identify.scene.values import EACH_LOG
 from identify.studies.fits import FitEntry, Quantity, Values, shared_labels, values
 from identify.studies.joint import outliers
@@ -80,6 +81,18 @@ def _group(entry: FitEntry, group: Group, keys: Mapping[str, str], searched: set
     )
 
 
+def _with_known_rig(entry: FitEntry) -> FitEntry:
+    """The fit with what its scene states of the rig, with a tolerance, as given: records of the rig told it, so that no
+    group differs in it, and testing it would only widen what is said of friction."""
+    rig = entry.result.scene.get("rig")
+    stated = rig.items() if isinstance(rig, Mapping) else ()
+    known = {
+        "damping" if n in DAMPING else n for n, told in stated if isinstance(told, Mapping) and "tolerance" in told
+    }
+    parameters = {n: replace(p, verdict="fixed") if n in known else p for n, p in entry.result.parameters.items()}
+    return replace(entry, result=replace(entry.result, parameters=parameters)) if known else entry
+
+
 FEW = 2  # fits that must tell a quantity
 
 
@@ -135,7 +148,7 @@ def compare(entries: Sequence[FitEntry], question: ComparisonQuestion) -> Compar
     Raises:
         CompareError: nothing to compare; the text says why.
     """
-    every = tuple(part for entry in entries for part in parts(entry))
+    every = tuple(part for entry in entries for part in parts(_with_known_rig(entry)))
     taken = take(every, question)
     told = values(taken.entries)
     if not told.quantities:

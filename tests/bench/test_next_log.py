@@ -206,7 +206,7 @@ def test_reasons_and_the_result_name_the_log(unseen, advice, monkeypatch):
     monkeypatch.setattr(identification, "next_logs", lambda found: advice if found.attempt is unseen.attempt else None)
     reason = estimate(words.advised(unseen, advice), "a").reason
     assert reason.startswith("slips hold at most 7 samples, so their shape is not seen: add a log of 2.8 s at 1 mm/s")
-    assert "and 1 N, sampled at 1000 Hz, which is expected to tell it to 6 %" in reason
+    assert "and 1 N, sampled at 1000 Hz, which is expected to tell it to 5 %" in reason
     (entry,) = map(asdict, advice.logs)
     assert set(entry) == {"drive_speed", "normal_force", "duration", "sampling_rate", "slips", "expected"}
     result = fit(scene(pair, free, [log[0]]), [recorded(pair, *log, 1)]).result

@@ -83,6 +83,15 @@ def test_the_contact_at_the_start_is_as_open_as_a_fit_takes_it_to_be():
     assert 1.2 * told[0] < told[1] < told[2] / 1.2
 
 
+def test_a_promise_holds_at_most_places_and_not_at_every_second_one():
+    """Before any test the pair may be another one: what is told at half of the places only is not told."""
+    made = plan(scene(), (), Choices(speeds=(2e-2,), holds=(0.2, 1.0, 5.0))).knowledge
+    precisions = np.array([np.diag([1e6, 1e6]) if place < 4 else np.diag([1e6, 1.0]) for place in range(6)])
+    assert made.places.shape[0] == 6 and set(made.told(precisions)) == {"mu_s"}
+    precisions[4] = precisions[0]
+    assert set(made.told(precisions)) == {"mu_s", "t_cr"}
+
+
 def test_the_drop_and_its_slopes_are_those_of_the_simulator():
     """Of a quasi-static slip without ageing the drop is twice the step of friction; with more mu_s it grows by two."""
     made = rehearsed(LogDesign(1e-4, 1.0), free=("mu_s", "mu_k0"))

@@ -177,3 +177,14 @@ def test_a_problem_counts_tied_priors_whatever_of_them_is_held(held):
     there = np.where(free, start + 0.01 * random.standard_normal(start.size), start)
     (here, whole), (other, all_of_it) = costs(start), costs(there)
     assert other - here == pytest.approx(all_of_it - whole, rel=1e-9)
+
+
+def test_a_stick_on_skin_is_a_log_of_its_own_and_need_not_be_named_twice(tmp_path, capsys):
+    """Against the stick on the block it tells the series: 1470 and 4400 N/m rise like 1102 N/m."""
+    random = np.random.default_rng(4)
+    for name, stiffness in (("block", 1470.0), ("skin", 1470.0 * 4400.0 / (1470.0 + 4400.0))):
+        record = pulled({**RIG, "stiffness": stiffness}, 1e-3, 200.0, 2e-3, random)
+        write_csv(replace(record, drive_speed=None), tmp_path / f"{name}.csv")
+    block, skin, out = (str(tmp_path / name) for name in ("block.csv", "skin.csv", "RIG.toml"))
+    assert cli.main(["rig", block, "--skin", skin, "--drive-speed", "0.1 mm/s", "--out", out]) == 0
+    assert "skin in series" in capsys.readouterr().out and "skin_stiffness" in (tmp_path / "RIG.toml").read_text()

@@ -420,3 +420,20 @@ def test_coefficients_of_several_materials_are_not_one_median(tmp_path):
     assert found["static coefficient, PTFE"].startswith("0.2 (median of")
     alone = {item.name: item.text for item in items(read_fits([tmp_path / "fit_0"]))}
     assert alone["static coefficient"].startswith("0.2 (median of")
+
+
+def test_what_records_of_the_rig_told_is_no_difference_of_materials(tmp_path):
+    """A stiffness with a tolerance is searched in each fit; a mass that is searched without one is a finding."""
+    for i, (group, mu_s) in enumerate((("glass", 0.5), ("glass", 0.51), ("steel", 0.7), ("steel", 0.71))):
+        values = np.array([mu_s, 0.4, -0.1, np.log(300.0), np.log(4e-5), np.log(0.5)])
+        told = document(values, np.diag(np.full(6, 1e-4)), {"material": group})
+        for name, value in (("mass", 0.2), ("stiffness", 1470.0)):
+            found = {"value": value * (1.0 + 0.01 * i), "standard_error": 0.01 * value, "interval": [None, None]}
+            told["parameters"][name] = told["parameters"]["mu_s"] | found
+        scene = told["provenance"]["scene"]
+        stated = {"stiffness": {"value": 1470.0, "tolerance": 0.01}, "damping": 147.0, "mass": 0.2}
+        told["provenance"] = {"scene": {**scene, "rig": stated}}
+        write_fit(tmp_path / f"{group}_{i}", told)
+    comparison = compare(read_fits([tmp_path]), ComparisonQuestion("material"))
+    assert {q.quantity.name for q in comparison.quantities} == {"mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr", "mass"}
+    assert all(not answer.reason for answer in group_answers(comparison, common(comparison)))
