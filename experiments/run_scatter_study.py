@@ -4,7 +4,7 @@ Random pairs of the usual kind, simulated by scattered_records.py, which shares 
 cause is one of FALSE in the sentence of a fit. Covered: of the six parameters told with an interval, how many hold the
 truth. Time limits count processor time.
 
-    python experiments/run_scatter_study.py [pairs per scatter [scatter...]]
+    python experiments/run_scatter_study.py [pairs per scatter, as 10 or 30-39 [scatter...]]
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ FALSE = (
 SEED = 53
 
 
-def main(fast: bool = False, count: int = 10, scatters: Sequence[float] = SCATTERS) -> list[dict[str, object]]:
+def main(
+    fast: bool = False, pairs: Sequence[int] = range(10), scatters: Sequence[float] = SCATTERS
+) -> list[dict[str, object]]:
     """One line per scatter; fast: one pair that scatters by 1 %, of which only the coefficients are searched."""
     print(
         f"{'scatter':>8} {'plain':>6} {'uneven':>7} {'none':>5} {'false causes':>13} {'covered':>9} {'found':>15}"
@@ -48,7 +50,7 @@ def main(fast: bool = False, count: int = 10, scatters: Sequence[float] = SCATTE
     )
     out = []
     for scatter in (0.01,) if fast else scatters:
-        rows = [one(scatter, pair, fast) for pair in range(1 if fast else count)]
+        rows = [one(scatter, pair, fast) for pair in (pairs[:1] if fast else pairs)]
         plain, uneven = (sum(r["estimator"] == name for r in rows) for name in ("plain", "uneven"))
         covered, told = (sum(int(r[name]) for r in rows) for name in ("covered", "told"))  # type: ignore[call-overload]
         found = [float(r["scatter"]) for r in rows if r["scatter"] is not None]  # type: ignore[arg-type]
@@ -101,5 +103,6 @@ def one(scatter: float, pair: int, known: bool = False) -> dict[str, object]:
 
 if __name__ == "__main__":
     by_processor_time()
-    count, asked = (sys.argv[1:] or ["10"])[0], tuple(float(word) for word in sys.argv[2:])
-    main(count=int(count), scatters=asked or SCATTERS)
+    first, _, last = (sys.argv[1:] or ["0-9"])[0].rpartition("-")
+    pairs = range(int(first), int(last) + 1) if first else range(int(last))
+    main(pairs=pairs, scatters=tuple(float(word) for word in sys.argv[2:]) or SCATTERS)
