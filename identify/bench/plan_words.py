@@ -177,6 +177,18 @@ def step_table(plan: RecordingPlan) -> str:
     return out.getvalue()
 
 
+def stated_drives(plan: RecordingPlan) -> str:
+    """How a scene states the drive of each log when it is recorded as the step table has it: lines to paste."""
+    lines = []
+    for number, log in enumerate(plan.logs, 1):
+        at, pairs = 0.0, list[str]()
+        for speed, seconds in _steps(log):
+            pairs.append(f'[{at:.6g}, "{1e3 * speed:.6g} mm/s"]')
+            at += float(f"{seconds:.4g}")
+        lines.append(f"drive_speed = [{', '.join(pairs)}]   # log {number}, times from its first row on")
+    return "\n".join(lines)
+
+
 def _steps(log: PlannedLog) -> list[tuple[float, float]]:
     """Speed [m/s] and duration [s] of each step."""
     drive = log.design.drive

@@ -55,7 +55,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     choices = _choices(arguments)
 
     from data_io.atomic import atomic_write
-    from identify.bench.plan_words import plan_document, said, step_table
+    from identify.bench.plan_words import plan_document, said, stated_drives, step_table
 
     made = _planned(arguments, choices)
     terminal.say(said(made))
@@ -63,7 +63,10 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     if out is not None and made.logs:
         with atomic_write(out) as handle:
             handle.write(step_table(made))
-        terminal.say(f"{out}: the step programme, {len(made.logs)} log(s)")
+        terminal.say(
+            f"{out}: the step programme, {len(made.logs)} log(s); in the scene of their fit, one [[logs]] each:"
+        )
+        terminal.say(stated_drives(made))
         document["out"] = str(out)
     enough = bool(made.logs) or all(v == "identified" for v in document["verdicts"].values())
     return Answer(0 if enough else NOT_SUCCEEDED, {"status": "done" if enough else "nothing_to_add", **document})

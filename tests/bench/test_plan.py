@@ -2,6 +2,7 @@
 
 import csv
 import json
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -12,13 +13,14 @@ from identify import Scene
 from identify.bench import rehearsal
 from identify.bench.designs import base_of
 from identify.bench.plan import Choices, plan
-from identify.bench.plan_words import said, step_table, verdict
+from identify.bench.plan_words import said, stated_drives, step_table, verdict
 from identify.bench.rehearsal import LogDesign, rehearse
 from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.unknowns import from_scene
 from identify.report.stored_result import as_json
 from identify.shooting.transcription import BOUNDED_START_SD
+from identify.simulation.drive import Drive
 from tests.support.fake_fit import fit_of_a_scene, with_verdicts
 
 EFFECTS = [*MAIN, "varying_normal_force"]
@@ -124,6 +126,19 @@ def test_the_table_holds_every_step(planned):
     total = sum(float(row["duration_s"]) for row in rows)
     assert total == pytest.approx(sum(log.duration for log in planned.logs), rel=1e-2)
     assert {float(row["drive_speed_mm_per_s"]) for row in rows} == {0.0, 20.0}
+
+
+def test_the_drives_that_are_said_are_those_of_the_table(planned):
+    """A scene takes the lines as they stand, and its programme has the steps of the table."""
+    rows = list(csv.DictReader(step_table(planned).splitlines()))
+    for number, line in enumerate(stated_drives(planned).splitlines(), 1):
+        document = scene().as_document() | {"logs": [{"path": "log.csv", **tomllib.loads(line)}]}
+        document["rig"].pop("drive_speed")
+        steps = [row for row in rows if row["log"] == str(number)]
+        drive = Drive.of(Scene.from_document(document).logs[0].drive_speed)
+        assert list(drive.speeds) == pytest.approx([1e-3 * float(row["drive_speed_mm_per_s"]) for row in steps])
+        lasts = [float(row["duration_s"]) for row in steps]
+        assert list(drive.starts) == pytest.approx([sum(lasts[:i]) for i in range(len(lasts))], abs=1e-4)
 
 
 def test_the_command_plans_and_says_what_is_wrong(tmp_path, monkeypatch, capsys):
