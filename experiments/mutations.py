@@ -31,7 +31,7 @@ def _lines(data: bytes) -> list[bytes]:
 
 
 def _row_numbers(lines: list[bytes]) -> list[int]:
-    return [i for i, line in enumerate(lines) if re.match(rb"[ \t]*[-0-9][-0-9.,;\t eE]*[\r\n]", line) and i > 0]
+    return [i for i, line in enumerate(lines) if re.match(rb"[ \t,;]*[-0-9][-0-9.,;\t eE]*[\r\n]", line) and i > 0]
 
 
 def _delimiter(line: bytes) -> bytes:

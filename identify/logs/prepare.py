@@ -39,6 +39,7 @@ SWINGS = 0.3  # times that: error of the load in fast rhythms from which on a sl
 LONGER = 1.5  # half periods that a slip takes, its slow beginning included
 UNTOLD = LoadSpline(NormalForce.of(1.0))  # [N], of a rejected log whose normal force is none
 UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
+CHANCE = 1.17  # standard error of 1.4826 times the median of n sizes of normal numbers, times sqrt(n), over their scale
 FED = 2.0  # times what the load does to the force at an onset: a slip that comes early finds a fresher contact
 
 
@@ -139,7 +140,9 @@ class Prepared:
         if drop.size < 3 or self.manner.name != "cycles":
             return 0.0
         step = np.diff(drop) / np.sqrt(2.0)
-        excess = float(1.4826 * np.median(np.abs(step))) ** 2 - (2.0 * self.data.noise) ** 2
+        # The median of few steps is large by chance: its standard error is CHANCE / sqrt(n) of what it estimates.
+        explained = max(4.0, 2.0 * (1.0 + 2.0 * CHANCE / np.sqrt(step.size)) ** 2) * self.data.noise**2
+        excess = float(1.4826 * np.median(np.abs(step))) ** 2 - explained
         return float(np.sqrt(max(excess, 0.0)) / max(float(np.mean(drop)), 1e-300))
 
     @property
