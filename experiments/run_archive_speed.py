@@ -91,7 +91,7 @@ def _by_turns(path: Path, turns: int, looked: bool) -> tuple[list[tuple[float, f
     for _ in range(turns):
         for work, kept in zip((_raw, lambda p: len(read_log(p))), spent, strict=True):
             if not looked:
-                hdf5_open._sound.clear()
+                hdf5_open._walked.clear()
             began, computed = time.perf_counter(), time.process_time()
             work(path)
             kept.append((time.perf_counter() - began, time.process_time() - computed))

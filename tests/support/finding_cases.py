@@ -163,6 +163,12 @@ def stamped(digits: int) -> Make:
     return log("T,Fx,Fz\ns,N,N\n" + rows)
 
 
+def with_milliseconds(beyond: int) -> Make:
+    """Clock times of whole seconds, with the milliseconds in a column of their own; beyond: what is added to these."""
+    rows = (f"12:00:{i // 10:02d},{100 * (i % 10) + beyond},{i % 7}.5,3.0\n" for i in range(30))
+    return log("Time,ms,Fx [N],Fz [N]\n" + "".join(rows))
+
+
 def paired(late: float = 0.0, interval: float = 0.2, gap: int = 0) -> Make:
     """Two forces, each with a clock of its own; late [s]: when the second begins; gap: rows it lacks."""
     clock = [late + (i + (gap if i > 5 else 0)) * interval for i in range(40)]
@@ -215,6 +221,7 @@ CASES: dict[str, list[tuple[Make, Make]]] = {
     ],
     "damaged_parts": [(cut_tdms(100), cut_tdms(0))],
     "clock_from_rate": [(log(GOOD, rate="4 Hz"), log(GOOD))],
+    "clock_with_milliseconds": [(with_milliseconds(0), with_milliseconds(1000))],
     "own_clocks": [(paired(), paired(interval=0.1))],
     "paired_over_gaps": [(paired(gap=1), paired(gap=0))],
     "rows_without_partner": [(paired(late=0.5), paired(late=0.0))],
