@@ -163,9 +163,10 @@ def stamped(digits: int) -> Make:
     return log("T,Fx,Fz\ns,N,N\n" + rows)
 
 
-def with_milliseconds(beyond: int) -> Make:
-    """Clock times of whole seconds, with the milliseconds in a column of their own; beyond: what is added to these."""
-    rows = (f"12:00:{i // 10:02d},{100 * (i % 10) + beyond},{i % 7}.5,3.0\n" for i in range(30))
+def with_milliseconds(step: int, beyond: int = 0) -> Make:
+    """A row every so many ms: clock times of whole seconds, and beside them what is left, with so much more."""
+    times = [divmod(i * step, 1000) for i in range(30)]
+    rows = (f"12:00:{whole:02d},{left + beyond},{i % 7}.5,3.0\n" for i, (whole, left) in enumerate(times))
     return log("Time,ms,Fx [N],Fz [N]\n" + "".join(rows))
 
 
@@ -221,7 +222,7 @@ CASES: dict[str, list[tuple[Make, Make]]] = {
     ],
     "damaged_parts": [(cut_tdms(100), cut_tdms(0))],
     "clock_from_rate": [(log(GOOD, rate="4 Hz"), log(GOOD))],
-    "clock_with_milliseconds": [(with_milliseconds(0), with_milliseconds(1000))],
+    "clock_with_milliseconds": [(with_milliseconds(100), with_milliseconds(1000, beyond=1000))],
     "own_clocks": [(paired(), paired(interval=0.1))],
     "paired_over_gaps": [(paired(gap=1), paired(gap=0))],
     "rows_without_partner": [(paired(late=0.5), paired(late=0.0))],
