@@ -13,6 +13,7 @@ from identify.estimation.tolerances import _directions, added_by_tolerances
 from identify.identification import find
 from identify.report.result import _farther
 from identify.report.summary import parameter_table, tolerances_text
+from identify.scene.values import USUAL_TOLERANCES
 from tests.support.fake_fit import EFFECTS, RIG, fake_fit
 
 NAMES = ("mu_s", "mu_k0", "D", "t_cr", "delta_mu_k", "a")
@@ -49,6 +50,12 @@ def test_a_gain_of_the_normal_force_goes_into_the_coefficients_alone(answer):
     for name in ("mu_s", "mu_k0", "delta_mu_k"):  # none of them is searched by its logarithm
         assert found[name] == pytest.approx(0.01 * abs(value[name]), rel=1e-3)
     assert max(found["D"], found["t_cr"], found["a"]) < 1e-5
+
+
+def test_by_default_each_force_is_known_to_a_percent(answer):
+    information, values = answer
+    mu_s = dict(zip(information.unknowns.names, values.tolist(), strict=True))["mu_s"]
+    assert added(answer, **USUAL_TOLERANCES)["mu_s"] >= 0.0141 * mu_s  # of two gains, 1 % each
 
 
 def test_an_error_of_the_speed_reaches_a_rig_whose_mass_and_stiffness_are_tied():
