@@ -51,28 +51,32 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     """
     plot = picture(arguments.plot)
     from data_io import LogError
-    from identify.cli.inspection import document, inspection, say
+    from identify.cli.inspection import document, inspection, overview, say
 
     rig, thresholds = _rig(arguments), _thresholds(arguments)
-    seen: list[Inspection] = []
+    found: dict[str, Inspection | None] = {}
     logs: list[Mapping[str, Any]] = []
     unread: list[str] = []
     listed = [item for path in arguments.logs for item in _logs_in(path, arguments)]
     for path, options in listed:
         try:
-            seen.append(inspection(path, read(options.path, options, terminal), rig, thresholds))
+            seen = inspection(path, read(options.path, options, terminal), rig, thresholds)
         except LogError as error:
             if len(listed) == 1:
                 raise
             unread.append(str(error))
+            found[path] = None
             logs.append(_unreadable(path, str(error), terminal))
             continue
-        say(seen[-1], terminal)
-        logs.append(document(seen[-1]))
-    if plot and seen:
+        found[path] = seen
+        say(seen, terminal)
+        logs.append(document(seen))
+    if len(listed) > 1:
+        terminal.say(overview(found))
+    if plot and any(found.values()):
         from identify.cli.inspection_plot import draw
 
-        draw(seen, plot)
+        draw([seen for seen in found.values() if seen is not None], plot)
         terminal.say(f"plot: {plot}")
     if unread:
         from identify.report.stored_result import plain

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from identify.report.quantity_text import DASH, number, quantity, speed, split_k
 
 HEADINGS = ("run", "step", "stroke", "regime")
 MOST_STROKES = 2  # fit beside each other in 80 columns
+LONGEST_NAME = 24  # of a log in the table of all, which is to fit in 80 columns
 
 
 @dataclass(frozen=True)
@@ -146,6 +148,28 @@ def say(seen: Inspection, terminal: Terminal) -> None:
     _say_classical(seen.classical.rows, terminal)
     _say_directions(seen.classical.directions, terminal)
     terminal.say()
+
+
+def overview(logs: Mapping[str, Inspection | None]) -> str:
+    """A line per log, by its path; None: it could not be read."""
+    rows = [["log", "rate", "drive speed", "regime", "cycles", "verdict"]]
+    for path, seen in logs.items():
+        name = Path(path).name
+        name = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1]}…"
+        if seen is None:
+            rows.append([name, DASH, DASH, DASH, DASH, "reject"])
+            continue
+        regime, told = seen.regime.regime, seen.drive.speed
+        row = [
+            name,
+            f"{seen.judgement.quality.sampling.rate:.4g} Hz",
+            speed(told) if told is not None else "several" if seen.drive.programme else DASH,
+            DASH if regime is None else regime.value.replace("_", " "),
+            str(sum(step.phases.count for step in seen.steps)),
+            seen.judgement.verdict.removeprefix("accept with "),
+        ]
+        rows.append(row)
+    return columns(rows)
 
 
 def _speed(seen: Inspection) -> str:

@@ -8,6 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from data_io import Record, write_csv, write_hdf5
+from identify import examples
 from identify.cli import inspection_plot
 from identify.cli import main as cli
 from identify.cli.inspection import StatedRig, inspection
@@ -115,6 +116,17 @@ def test_one_bad_log_among_many_is_rejected_and_the_others_are_seen(tmp_path, ca
     verdicts = [log["quality"]["verdict"] for log in told["logs"]]
     assert verdicts == ["reject", "accept with warnings"]
     assert "falls from" in told["logs"][0]["quality"]["findings"][0]["message"]
+
+
+def test_several_logs_end_in_a_table_of_all(tmp_path, capsys):
+    logs = [examples.FOLDER / name for name in ("1_mm_per_s.txt.gz", "0.1_mm_per_s_at_50_Hz.txt.gz")]
+    (tmp_path / "bad.csv").write_text("T,Fx,Fz\ns,N,N\n0,1,1\n1,1,1\n0.5,1,1\n")
+    assert cli.main(["inspect", *map(str, logs), str(tmp_path / "bad.csv")]) == 2
+    head, stepped, coarse, bad = capsys.readouterr().out.splitlines()[-4:]
+    assert head.split()[0] == "log" and max(map(len, (head, stepped, coarse, bad))) <= 80
+    assert stepped.split() == ["1_mm_per_s.txt.gz", "1000", "Hz", "several", "stick", "slip", "13", "accept"]
+    assert coarse.split()[:3] == ["0.1_mm_per_s_at_50_Hz.t…", "50", "Hz"] and coarse.endswith("warnings")
+    assert bad.split() == ["bad.csv", *["–"] * 4, "reject"]
 
 
 def test_thresholds_rig_and_window_of_the_command_line(tmp_path, capsys):
