@@ -94,6 +94,7 @@ def told(seen: Sequence[UnevenLog], maximum: Maximum, task: EstimationTask, left
     maxima = alone(records, maximum) if len(seen) > 1 and in_time(wording.COMPARED) else []
     if not all(m.in_time for m in maxima):
         no_time_for(wording.COMPARED)
+    if not all(m.in_time and m.converged for m in maxima):
         maxima = []
     transfer = left_out_in_turn([s.number for s in seen], records, maxima, task.seed) if maxima else []
     seen_so: dict[str, Any] = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,6 +143,8 @@ def maximise(records: Sequence[Sticks], start: Array | None = None, law: tuple[s
         in_time = now() < until
         if (converged and moved.max() < SETTLED) or not in_time:
             break
+    if not (converged or in_time):  # cut short: its answer is not taken
+        return replace(nothing, theta=theta, in_time=False, evaluations=objective.passes)
     covariance, scores, value = _covariance(objective, theta)
     if not np.isfinite(covariance).all():
         return nothing

@@ -52,7 +52,7 @@ def test_a_search_that_was_cut_says_so_and_its_answer_is_not_taken(track):
     whole = maximise([sticks])
     assert whole.converged and whole.in_time and not cut.in_time and not cut.converged
     assert cut.evaluations < whole.evaluations
-    assert np.all(np.isfinite(cut.covariance))
+    assert not np.any(np.isfinite(cut.covariance))  # nor is time spent on how sure it would be
 
 
 def test_a_stop_signal_ends_the_estimate():
