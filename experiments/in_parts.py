@@ -30,6 +30,15 @@ def read(paths: Sequence[str | Path]) -> list[dict[str, Any]]:
     return [json.loads(line) for path in paths for line in Path(path).read_text(encoding="utf-8").splitlines()]
 
 
+def cases(study: Callable[[int, int, Path], object]) -> Callable[[Sequence[str]], None]:
+    """The part of a study that a command line names: FIRST LAST FILE."""
+
+    def part(said: Sequence[str]) -> None:
+        study(int(said[0]), int(said[1]), Path(said[2]))
+
+    return part
+
+
 def kind_and_cases(study: Callable[[str, int, int, Path], object]) -> Callable[[Sequence[str]], None]:
     """The part of a study of several kinds that a command line names: KIND FIRST LAST FILE."""
 

@@ -22,7 +22,6 @@ where all are slow. A repair cures where no parameter is left not identifiable.
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections import Counter
@@ -36,7 +35,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record
-from experiments.in_parts import started
+from experiments.in_parts import append, cases, started
 from experiments.machine import describe
 from experiments.study_problem import NOISE, NORMAL_FORCE, RIG, USUAL
 from experiments.true_profile import OBJECTS, Claims, Truth, true_profiles
@@ -250,9 +249,7 @@ def study(first: int, last: int, file: Path | None = None, names: Sequence[str] 
             print(f"     {name}: {line['told'][name][0]}: {line['told'][name][1]}")
         if line["status"] != "converged":
             print(f"     {line['message']}")
-        if file is not None:
-            with file.open("a", encoding="utf-8") as stream:
-                stream.write(json.dumps(line) + "\n")
+        append(file, line)
     return out
 
 
@@ -310,10 +307,5 @@ def main(fast: bool = False) -> list[dict[str, Any]]:
     return lines
 
 
-def part(said: Sequence[str]) -> None:
-    """The designs that the words of a command line name."""
-    study(int(said[0]), int(said[1]), Path(said[2]))
-
-
 if __name__ == "__main__":
-    started(main, table, part)
+    started(main, table, cases(study))

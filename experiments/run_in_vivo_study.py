@@ -18,7 +18,6 @@ one of the six is off by more than 10 %.
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections import Counter
@@ -31,7 +30,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from experiments.in_parts import started
+from experiments.in_parts import append, cases, started
 from experiments.in_vivo import FRICTION, RATES, STATED, Twin, twin
 from experiments.machine import describe
 from identify.base.outcome import Status
@@ -148,9 +147,7 @@ def study(
             )
             if line["status"] != "converged":
                 print(f"     {line['message'][:300]}", flush=True)
-            if file is not None:
-                with file.open("a", encoding="utf-8") as stream:
-                    stream.write(json.dumps(line) + "\n")
+            append(file, line)
     return out
 
 
@@ -210,10 +207,5 @@ def main(fast: bool = False) -> list[dict[str, Any]]:
 FAST = 2  # a twin that is soon done, for the fast form
 
 
-def part(said: Sequence[str]) -> None:
-    """The twins that the words of a command line name."""
-    study(int(said[0]), int(said[1]), Path(said[2]))
-
-
 if __name__ == "__main__":
-    started(main, table, part)
+    started(main, table, cases(study))

@@ -12,7 +12,6 @@ tells a parameter whose truth lies farther from the middle of its interval than 
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections import Counter
@@ -24,7 +23,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from experiments.in_parts import started
+from experiments.in_parts import append, cases, started
 from experiments.in_vivo import FRICTION, RATES, Twin, twin
 from experiments.machine import describe
 from identify import fit
@@ -107,9 +106,7 @@ def study(first: int, last: int, file: Path | None = None, rates: Sequence[float
                 f"{line['seconds']:5.1f} s  not covered: {', '.join(missed) or 'none'}\n     {line['message'][:300]}",
                 flush=True,
             )
-            if file is not None:
-                with file.open("a", encoding="utf-8") as stream:
-                    stream.write(json.dumps(line) + "\n")
+            append(file, line)
     return out
 
 
@@ -120,10 +117,5 @@ def main(fast: bool = False) -> list[dict[str, Any]]:
     return lines
 
 
-def part(said: Sequence[str]) -> None:
-    """The twins that the words of a command line name."""
-    study(int(said[0]), int(said[1]), Path(said[2]))
-
-
 if __name__ == "__main__":
-    started(main, table, part)
+    started(main, table, cases(study))

@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 RECORDS = Path(__file__).resolve().parents[2] / "shared" / "data" / "paper_on_paper"
 MASS = 0.019  # [kg], from the ringing
-FAST_LIMIT = 12.0  # [s]
+FAST_LIMIT = 20.0  # [s]
 FILES = {"k168_v42": 168.0, "k168_v1100": 168.0, "k1002_v42": 1002.0, "k1002_v4300": 1002.0}
 TOGETHER = (("k168_v42", "k168_v1100"), ("k1002_v42", "k1002_v4300"))
 COMPARED = [i for i, name in enumerate(PARAMETERS) if name != "t_cr"]

@@ -1,8 +1,8 @@
 """What logs would tell before they are recorded, and the few that tell most in the time there is.
 
 One core for the plan before a first test and for the next log after a fit. What is not known may be anywhere among
-places of the parameters (draws of what is known beforehand): each log is rehearsed at them, and what counts as told is
-what is told at most places. Logs are chosen one after the other, by what each lowers the variances of what is
+places of the parameters (draws of what is known beforehand): each log is rehearsed at them, and what counts as known is
+what is known at most places. Logs are chosen one after the other, by what each lowers the variances of what is
 asked for, relative and over the time it takes to set up and record; what turns out not to be needed is dropped.
 """
 
@@ -143,8 +143,8 @@ class Rehearsals:
         if (design, times, place) not in self.informed:
             seconds = max(1.0 / self.rate(design), k.apart)
             load_sd, long = k.load_error * design.normal_force, times * first.duration / made.duration
-            told = made.information(1.0 / seconds, k.variance, load_sd, long)
-            self.informed[design, times, place] = told[np.ix_(k.kept, k.kept)]
+            every = made.information(1.0 / seconds, k.variance, load_sd, long)
+            self.informed[design, times, place] = every[np.ix_(k.kept, k.kept)]
         return self.informed[design, times, place]
 
     def all(self, design: LogDesign, times: int) -> Array:

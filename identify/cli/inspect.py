@@ -54,29 +54,30 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.cli.inspection import document, inspection, overview, say
 
     rig, thresholds = _rig(arguments), _thresholds(arguments)
-    found: dict[str, Inspection | None] = {}
+    found: list[tuple[str, Inspection | None]] = []
     logs: list[Mapping[str, Any]] = []
     unread: list[str] = []
     listed = [item for path in arguments.logs for item in _logs_in(path, arguments)]
     for path, options in listed:
+        name = f"{Path(options.path).name}{path.removeprefix(options.path)}"
         try:
             seen = inspection(path, read(options.path, options, terminal), rig, thresholds)
         except LogError as error:
             if len(listed) == 1:
                 raise
             unread.append(str(error))
-            found[path] = None
+            found.append((name, None))
             logs.append(_unreadable(path, str(error), terminal))
             continue
-        found[path] = seen
+        found.append((name, seen))
         say(seen, terminal)
         logs.append(document(seen))
     if len(listed) > 1:
         terminal.say(overview(found))
-    if plot and any(found.values()):
+    if plot and (drawn := [seen for _, seen in found if seen is not None]):
         from identify.cli.inspection_plot import draw
 
-        draw([seen for seen in found.values() if seen is not None], plot)
+        draw(drawn, plot)
         terminal.say(f"plot: {plot}")
     if unread:
         from identify.report.stored_result import plain

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -150,20 +149,19 @@ def say(seen: Inspection, terminal: Terminal) -> None:
     terminal.say()
 
 
-def overview(logs: Mapping[str, Inspection | None]) -> str:
-    """A line per log, by its path; None: it could not be read."""
+def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:
+    """A line per log, by its name; None: it could not be read."""
     rows = [["log", "rate", "drive speed", "regime", "cycles", "verdict"]]
-    for path, seen in logs.items():
-        name = Path(path).name
+    for name, seen in logs:
         name = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1]}…"
         if seen is None:
             rows.append([name, DASH, DASH, DASH, DASH, "reject"])
             continue
-        regime, told = seen.regime.regime, seen.drive.speed
+        regime, drive_speed = seen.regime.regime, seen.drive.speed
         row = [
             name,
             f"{seen.judgement.quality.sampling.rate:.4g} Hz",
-            speed(told) if told is not None else "several" if seen.drive.programme else DASH,
+            speed(drive_speed) if drive_speed is not None else "several" if seen.drive.programme else DASH,
             DASH if regime is None else regime.value.replace("_", " "),
             str(sum(step.phases.count for step in seen.steps)),
             seen.judgement.verdict.removeprefix("accept with "),

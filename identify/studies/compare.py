@@ -86,9 +86,7 @@ def _with_known_rig(entry: FitEntry) -> FitEntry:
     group differs in it, and testing it would only widen what is said of friction."""
     rig = entry.result.scene.get("rig")
     stated = rig.items() if isinstance(rig, Mapping) else ()
-    known = {
-        "damping" if n in DAMPING else n for n, told in stated if isinstance(told, Mapping) and "tolerance" in told
-    }
+    known = {"damping" if n in DAMPING else n for n, v in stated if isinstance(v, Mapping) and "tolerance" in v}
     parameters = {n: replace(p, verdict="fixed") if n in known else p for n, p in entry.result.parameters.items()}
     return replace(entry, result=replace(entry.result, parameters=parameters)) if known else entry
 

@@ -35,7 +35,7 @@ FEWEST = 12  # cycles of a log from which scatter and wander are told
 IDENTIFIED, WEAK = 1.2, 3.0  # factors within which both ends of an interval lie
 LARGEST_SCATTER = 0.6  # of the logarithm of the strength: beyond it the law of a stick is none
 ODD_FROM = 0.9  # probability from which a slip is named odd
-VELOCITY_LAW = "velocity law"  # role of the effects by which friction falls with sliding speed
+VELOCITY_LAW = "velocity law"  # role of the effects by which kinetic friction depends on velocity
 AT_RESTS = 25  # places of the curve of strength against rest
 
 
@@ -228,19 +228,19 @@ def _of_a_uniform_pair(unknowns: Unknowns, creep: CreepTime, rest: float, withhe
             value = float(unknowns.values(unknowns.start, np.where(unknowns.logarithmic, 1.0, 0.0))[i])
             out.append(Estimate(quantity.name, quantity.unit, value, None, None, None, "fixed", wording.FIXED_NOT_USED))
         elif quantity.name == "t_cr" and not withheld:
-            falls_with_speed = any(e.role == VELOCITY_LAW and e.name in unknowns.model.effects for e in ALL)
-            out.append(_creep_estimate(creep, rest, falls_with_speed))
+            velocity_dependent = any(e.role == VELOCITY_LAW and e.name in unknowns.model.effects for e in ALL)
+            out.append(_creep_estimate(creep, rest, velocity_dependent))
         else:
             reason = withheld if quantity.name == "t_cr" else wording.of_a_uniform_pair(quantity.name)
             out.append(Estimate(quantity.name, quantity.unit, None, None, None, None, "not identifiable", reason))
     return out
 
 
-def _creep_estimate(creep: CreepTime, rest: float, falls_with_speed: bool) -> Estimate:
-    """falls_with_speed: part of the strength may be lost to sliding speed instead of regained at rest. Then sticks that
-    are as strong as longer ones say nothing of how long it takes; that strength grows with rest bounds it as before."""
+def _creep_estimate(creep: CreepTime, rest: float, velocity_dependent: bool) -> Estimate:
+    """velocity_dependent: part of the strength may be lost to sliding speed instead of regained at rest. Then sticks
+    that are as strong as longer ones say nothing of how long it takes; that strength grows with rest bounds it yet."""
     low, high = creep.lower, creep.upper
-    if falls_with_speed and high is not None:
+    if velocity_dependent and high is not None:
         if low is None:
             why = wording.creep_if_rest_alone(high, rest)
             return Estimate("t_cr", "s", None, None, None, None, "not identifiable", why)

@@ -80,6 +80,8 @@ def left_out(numbers: Sequence[int], records: Sequence[Sticks], maxima: Sequence
         known = maxima[others[0]]
         if len(others) > 1:
             known = maximise([records[j] for j in others], known.theta)
+        if not known.converged:
+            continue
         middle, smallest = 0.5 * (sticks.line + sticks.arrest), float(np.min(sticks.drop))
         begin = Begin(middle, sticks.arrest, smallest, sticks.typical_rest)
         _, drop, period = drawn_distributions(sticks.rig, begin, known.theta, known.covariance, seed)

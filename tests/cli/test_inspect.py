@@ -129,6 +129,16 @@ def test_several_logs_end_in_a_table_of_all(tmp_path, capsys):
     assert bad.split() == ["bad.csv", *["–"] * 4, "reject"]
 
 
+def test_the_table_of_all_names_every_run_of_an_archive(tmp_path, capsys):
+    logs = [str(examples.FOLDER / f"{speed}_mm_per_s.txt.gz") for speed in (1, 5)]
+    archive = str(tmp_path / "a.h5")
+    assert cli.main(["convert", *logs, "--out", archive]) == 0
+    capsys.readouterr()
+    assert cli.main(["inspect", archive, archive]) == 0
+    lines = capsys.readouterr().out.splitlines()[-4:]
+    assert [line.strip()[:10] for line in lines] == ["a.h5 run 1", "a.h5 run 2"] * 2
+
+
 def test_thresholds_rig_and_window_of_the_command_line(tmp_path, capsys):
     record, _ = log_with_everything()
     write_hdf5(record, tmp_path / "a.h5")

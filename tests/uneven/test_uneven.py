@@ -14,6 +14,7 @@ from identify.base.errors import FitError
 from identify.report import write_report
 from identify.report.stored_result import plain
 from identify.studies.fits import FitEntry, values
+from identify.uneven import transfer
 from identify.uneven.answer import UnevenEstimator
 from identify.uneven.creep import creep_interval
 from identify.uneven.estimator import maximise
@@ -283,6 +284,16 @@ def test_records_that_share_nothing_are_told_apart(maxima):
     assert agreement([maximum for _, maximum in maxima]) > 0.01
     moved = replace(maxima[0][1], theta=maxima[0][1].theta + np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     assert agreement([moved, maxima[1][1]]) < 0.01
+
+
+def test_a_record_is_not_predicted_by_others_without_a_maximum(maxima, monkeypatch):
+    """As where the time is up while records are left out in turn."""
+    records, found = [sticks for sticks, _ in maxima], [maximum for _, maximum in maxima]
+    elsewhere = [replace(s, rig=replace(s.rig, rate=s.rig.rate * (i + 1))) for i, s in enumerate(records)]
+    unknown = np.full_like(found[0].covariance, np.nan)
+    cut = replace(found[0], converged=False, in_time=False, covariance=unknown)
+    monkeypatch.setattr(transfer, "maximise", lambda *_: cut)
+    assert transfer.left_out([0, 1, 2], elsewhere, found, 0) == []
 
 
 def test_compare_pools_what_uneven_pairs_have(answer):
