@@ -16,10 +16,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from identify.base.errors import FitError, IdentifyError
 from identify.effects.quantities import Effect
-from identify.logs.log_data import Grid, LogData, ShootingTrajectory
+from identify.logs.log_data import Grid, LogData
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.scene import Scene
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.transcription import lay_out
 from identify.simulation.drive import NormalForce
 from identify.simulation.phases import initial_states
@@ -109,4 +110,4 @@ def _guess(motion: Trajectory, grid: Grid) -> ShootingTrajectory:
         states(a[:, None] + np.linspace(0.0, 1.0, n + 1) * (b - a)[:, None])
         for a, b, n in ((onset, middle, grid.slip), (middle, arrest, grid.saturated))
     )
-    return ShootingTrajectory(states(np.zeros(1))[0], onset, saturation, arrest, np.zeros(CYCLES), first, second)
+    return ShootingTrajectory.train(states(np.zeros(1))[0], onset, saturation, arrest, first, second, np.empty(0))

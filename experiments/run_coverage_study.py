@@ -31,13 +31,14 @@ from identify.estimation.bootstrap import bootstrap
 from identify.estimation.influence import Influence, influence, sample_moves
 from identify.estimation.profile import CRITICAL, profile
 from identify.estimation.residual_autocorrelation import Remembering, colour, coloured_covariance
-from identify.logs.log_data import LogData, ShootingTrajectory
+from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import assemble
 from identify.scene import Scene
 from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.shooting import Problem
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.warm import Settled, Warm
 from identify.simulation.drive import NormalForce
 from identify.simulation.simulate import run

@@ -16,13 +16,14 @@ from scipy.stats import chi2
 
 from data_io import Record
 from experiments.study_problem import NOISE
-from identify.logs.log_data import LogData, ShootingTrajectory
+from identify.logs.log_data import LogData
 from identify.logs.prepare import LAST_STICK, REPEATABLE
 from identify.logs.unknowns import Unknowns, from_scene
 from identify.scene import Scene
 from identify.shooting.passes import COARSE, solve_in_passes
 from identify.shooting.placing import place
 from identify.shooting.shooting import transcribe
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.solve import solve
 from identify.simulation.drive import NormalForce
 from identify.simulation.trajectory import Trajectory

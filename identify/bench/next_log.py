@@ -24,9 +24,9 @@ from identify.diagnosis.findings import Findings
 from identify.estimation.covariance import IDENTIFIED, WEAK, Estimate, inverse
 from identify.estimation.hints import hints, onsets
 from identify.estimation.profile import CRITICAL, Profiles
-from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.vibration import rhythmic
 
 Array = NDArray[np.float64]
@@ -119,7 +119,7 @@ def _known(found: Findings) -> Knowledge | None:
 
 def _onsets(trajectory: ShootingTrajectory) -> Array:
     """When sticks of a log end in a slip [s]."""
-    return np.concatenate([trajectory.onset, [s.until for s in trajectory.tail if s.ended_by == "onset"]])
+    return trajectory.when("onset")
 
 
 def _load_sd(log: Prepared, trajectory: ShootingTrajectory) -> float:

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from identify.base.outcome import Status
 from identify.estimation.attempt import Attempt, usable
-from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import Model
 from identify.scene import Scene
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 MISFIT = 3.0  # standard deviations of the sum of squares that are still noise
 
@@ -154,8 +154,6 @@ def _translated(trajectory: ShootingTrajectory, large: Model, small: Model, p: A
     return replace(
         trajectory,
         start=states(trajectory.start),
-        slip=states(trajectory.slip),
-        saturated=states(trajectory.saturated),
+        nodes=states(trajectory.nodes),
         own=own,
-        tail=tuple(replace(stretch, nodes=states(stretch.nodes)) for stretch in trajectory.tail),
     )

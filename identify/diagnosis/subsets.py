@@ -19,9 +19,9 @@ from identify.diagnosis.fitted import Fitted, fits
 from identify.diagnosis.nested import fit_joined, fit_larger, fit_model, fit_shaken, fit_smaller, promise
 from identify.diagnosis.selection_numbers import CONFUSED, ENOUGH, better, penalty, searched, statistic
 from identify.diagnosis.selection_words import Gain
-from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.shooting.passes import Solved, solve_in_passes
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Cycles kept back from a fit, and how well it predicts them.

@@ -118,7 +118,7 @@ def logs_left_out(fitted: Fitted) -> float:
         return float("nan")
     total, count = 0.0, 0
     for number, (log, trajectory) in enumerate(zip(attempt.prepared, attempt.solved.trajectories, strict=True)):
-        if trajectory.cycles <= SHOWN or trajectory.tail:
+        if trajectory.cycles <= SHOWN:
             continue
         hidden = log.data.time > trajectory.arrest[SHOWN - 1]
         data = [other.data for other in attempt.prepared]

@@ -21,12 +21,12 @@ from identify.estimation.sequence import (
     resimulated,
     resimulated_whole,
 )
-from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared, beginning, cut_in_last_stick
 from identify.logs.unknowns import Unknowns
 from identify.shooting.following import glide
 from identify.shooting.passes import COARSE, Solved, solve_in_passes
 from identify.shooting.placing import place
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
 PlacedLog = tuple[

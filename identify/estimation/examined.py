@@ -32,10 +32,10 @@ from identify.estimation.other_optima import lowest_optimum, weakens
 from identify.estimation.profile import Profiles, profile
 from identify.estimation.profile_line import ProfilePoint
 from identify.estimation.strategies import Strategy, run_strategy
-from identify.logs.log_data import ShootingTrajectory
 from identify.logs.unknowns import Unknowns
 from identify.shooting.accuracy import FitOptions
 from identify.shooting.passes import Solved, goes_as_far_as_it_can
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.vibration import rhythmic
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -411,7 +411,7 @@ def active_event_bound(solved: Solved, names: Sequence[str]) -> str | None:
 
 def _shortest(trajectory: ShootingTrajectory) -> tuple[float, float]:
     """Begin and end [s] of the shortest phase of a motion after its first onset."""
-    if trajectory.times.size < 2:
-        return float(trajectory.times[0]), float(trajectory.times[0])
-    first = int(np.argmin(np.diff(trajectory.times)))
-    return float(trajectory.times[first]), float(trajectory.times[first + 1])
+    if trajectory.until.size < 2:
+        return float(trajectory.until[0]), float(trajectory.until[0])
+    first = int(np.argmin(np.diff(trajectory.until)))
+    return float(trajectory.until[first]), float(trajectory.until[first + 1])

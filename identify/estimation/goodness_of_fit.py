@@ -21,13 +21,14 @@ from identify.base.quantiles import normal
 from identify.base.wording import START_VALUES
 from identify.estimation.residual_autocorrelation import CLOSE, MORE, remembered
 from identify.estimation.strained import odd_stick, scatter_words, strained_load
-from identify.logs.log_data import LogData, ShootingTrajectory
+from identify.logs.log_data import LogData
 from identify.logs.spectrum import Swing, hidden_rhythm
 from identify.logs.unknowns import Unknowns
 from identify.logs.zigzag import running_means
 from identify.model.model import SPEED
 from identify.shooting.onsets import turned_back
 from identify.shooting.passes import SETTLED, Solved
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
 
@@ -128,12 +129,13 @@ def swing_left(
     if unknowns.model.vibrates:
         return None
     for number, (log, trajectory, curve) in enumerate(zip(logs, trajectories, fitted, strict=True)):
-        if not trajectory.tail or trajectory.tail[-1].kind == "rest":
+        if trajectory.rests_at_end:
             continue
         values = dict(zip(unknowns.names, unknowns.values(trajectory.theta(theta), log.base).tolist(), strict=True))
         if not values.get("mass", 0.0) > 0.0:
             continue
-        since = max((s.until for s in trajectory.tail if s.kind == "rest" or s.ended_by == "arrest"), default=log.begin)
+        rested = (s.until for s in trajectory.stretches if s.kind == "rest" or s.ended_by == "arrest")
+        since = max(rested, default=log.begin)
         rows = slice(*np.searchsorted(log.time, [since, log.end]))
         left = np.where(log.weight[rows] > 0.0, log.force[rows] - curve[rows], np.nan)
         found = hidden_rhythm(
@@ -174,15 +176,16 @@ def inconsistency(
     """
     for log, trajectory, name in zip(logs, trajectories, names, strict=True):
         p = unknowns.values(trajectory.theta(theta), log.base)
-        pulled, back = _at_arrests(log, trajectory, unknowns, p)
+        pulled, back, part = _at_arrests(log, trajectory, unknowns, p)
         noise = log.noise
         for excess, what, allowed in ((back, "back", -MARGIN * noise), (pulled, "on", MARGIN * noise)):
             worst = int(np.argmax(excess)) if excess.size else 0
             if excess.size and excess[worst] > allowed:
                 return (
-                    f"{name}, cycle {worst + 1}: at this answer the mass is pulled {what} as soon as it stops, or all "
-                    f"but ({excess[worst]:+.2g} N against what the contact holds, noise {noise:.2g} N), a motion that "
-                    "the fit does not follow; leave this log out, or measure with more damping or less normal force"
+                    f"{name}, cycle {part[worst] + 1}: at this answer the mass is pulled {what} as soon as it stops, "
+                    f"or all but ({excess[worst]:+.2g} N against what the contact holds, noise {noise:.2g} N), a "
+                    "motion that the fit does not follow; leave this log out, or measure with more damping or less "
+                    "normal force"
                 )
         cycle = _goes_back(trajectory)
         if cycle is not None:
@@ -193,31 +196,29 @@ def inconsistency(
     return None
 
 
-def _at_arrests(log: LogData, trajectory: ShootingTrajectory, unknowns: Unknowns, p: Array) -> tuple[Array, Array]:
-    """By how much the pull exceeds what the contact holds at every arrest (c,) [N], forward and back; cycles first."""
-    model = unknowns.model
-    ends = np.where(trajectory.saturates[:, None], trajectory.saturated[:, -1], trajectory.slip[:, -1])
-    rested = [(unit, s) for unit, s in zip(trajectory.units, trajectory.tail, strict=True) if s.ended_by == "arrest"]
-    ends = np.concatenate([ends, *(stretch.nodes[-1:] for _, stretch in rested)])
-    times = np.concatenate([trajectory.arrest, [stretch.until for _, stretch in rested]])
-    parts = np.concatenate([np.arange(trajectory.cycles), [unit for unit, _ in rested]]).astype(int)
+def _at_arrests(
+    log: LogData, trajectory: ShootingTrajectory, unknowns: Unknowns, p: Array
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    """By how much the pull exceeds what the contact holds at every arrest (c,) [N], forward and back; the number of the
+    part of the record that each ends."""
+    model, arrests = unknowns.model, trajectory.ending("arrest")
+    part = np.array(trajectory.part, dtype=np.int64)[arrests]
+    if arrests.size == 0:
+        return np.empty(0), np.empty(0), part
+    ends, times = trajectory.at_end(arrests), trajectory.until[arrests]
     ends[:, SPEED] = 0.0
-    count = times.size
-    if count == 0:
-        return np.empty(0), np.empty(0)
-    load = np.asarray(log.normal_force.at(times)) + trajectory.sliding_deviation[parts]
+    load = np.asarray(log.normal_force.at(times)) + trajectory.sliding_deviation[part]
     drive = np.array([log.speed_at(t) for t in times.tolist()])
-    u = np.column_stack([drive, load, np.ones(count), times])
-    lanes = [ends.T, np.repeat(p[:, None], count, axis=1), u.T]
+    u = np.column_stack([drive, load, np.ones(times.size), times])
+    lanes = [ends.T, np.repeat(p[:, None], times.size, axis=1), u.T]
     pull = np.array(model.driving_force(*lanes)).ravel()
     grip = np.array(model.grip(*lanes)).ravel()
-    return pull - grip, -pull - grip
+    return pull - grip, -pull - grip, part
 
 
 def _goes_back(trajectory: ShootingTrajectory) -> int | None:
-    """The first cycle with a node at which the mass moves backwards."""
-    found = np.any(np.concatenate(turned_back(trajectory), axis=1), axis=1)
-    return int(np.argmax(found)) if found.any() else None
+    """The first part with a slip on whose way the mass moves backwards."""
+    return next((part for part, back in zip(trajectory.part, turned_back(trajectory), strict=True) if back.any()), None)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

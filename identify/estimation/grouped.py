@@ -20,10 +20,10 @@ from identify.estimation.goodness_of_fit import pass_gate
 from identify.estimation.search import search
 from identify.estimation.starts import Sources
 from identify.estimation.strategies import Strategy, run_strategy
-from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.passes import solve_in_passes
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,11 @@ import numpy as np
 from identify.base.wording import speed_text
 from identify.estimation.covariance import Estimate
 from identify.estimation.residual_autocorrelation import Colour
-from identify.logs.log_data import LogData, ShootingTrajectory
+from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.prediction.wording import listed
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The friction of logs that slide: one coefficient for each stretch of steady sliding, at its own speed.
@@ -64,13 +65,10 @@ def levels(data: LogData, trajectory: ShootingTrajectory, colour: Colour = WHITE
 
 def steady(data: LogData, trajectory: ShootingTrajectory) -> list[tuple[float, float, float]]:
     """Begin [s], end [s] and speed [m/s] of every stretch of steady sliding; neighbours of one speed are one."""
-    begins = [
-        float(trajectory.arrest[-1]) if trajectory.cycles else data.begin,
-        *(stretch.until for stretch in trajectory.tail),
-    ]
+    begins = [data.begin, *trajectory.until.tolist()]
     slides = [
         (begin, stretch.until, data.speed_at(0.5 * (begin + stretch.until)) if stretch.steady else None)
-        for begin, stretch in zip(begins, trajectory.tail, strict=False)
+        for begin, stretch in zip(begins, trajectory.stretches, strict=False)
     ]
     out = []
     for speed, group in groupby(slides, key=lambda slide: slide[2]):
@@ -130,8 +128,7 @@ def hints(
 
 def onsets(trajectories: Sequence[ShootingTrajectory]) -> int:
     """How many sticks end within these motions."""
-    tails = sum(stretch.ended_by == "onset" for trajectory in trajectories for stretch in trajectory.tail)
-    return int(tails + sum(trajectory.cycles for trajectory in trajectories))
+    return sum(trajectory.ending("onset").size for trajectory in trajectories)
 
 
 def untold(
@@ -182,7 +179,7 @@ def what_is_held(
     else:
         steps = ", and how it follows a step of the speed" if any(len(of_log) > 1 for of_log in held) else ""
         held_words = f"what these logs hold is the friction coefficient at each speed, {told}{steps}"
-    rests = any(stretch.kind == "rest" for trajectory in trajectories for stretch in trajectory.tail)
+    rests = any(g.rests_at_end or any(kind == "rest" for kind, _, _ in g.modes) for g in trajectories)
     slides = "sliding, with no stick that ends" if rests else "sliding throughout"
     return f"{slides}: {held_words}; add a log that sticks and slips ({SLOWER})"
 

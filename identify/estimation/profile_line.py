@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
 from identify.estimation.residual_autocorrelation import UNCHANGED, CurveChange, Remembering
-from identify.logs.log_data import Grid, LogData, ShootingTrajectory
+from identify.logs.log_data import Grid, LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.layout import kept_parameters
 from identify.shooting.passes import Solved
 from identify.shooting.shooting import Problem, transcribe
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.solve import solve
 from identify.shooting.warm import Settled, Warm
 
@@ -120,8 +121,7 @@ class Ground:
             return None
         limits = np.full(problem.layout.size, np.inf)
         for place, log in zip(problem.layout.places, self.logs, strict=True):
-            index = np.concatenate([place.onset, place.saturation, place.arrest])
-            limits[index[index >= 0]] = MOVED * log.interval
+            limits[place.events] = MOVED * log.interval
         return Home(theta, trajectories, warm, limits)
 
     def settled(self, home: Home, found: Settled, held: int) -> ProfilePoint:

@@ -11,18 +11,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.following import follow
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 HAIR = 0.1  # of half a period: rests that are shorter are hardly any
 TRIES = 3  # how often a course is followed anew
 
 
 def modes_of(trajectory: ShootingTrajectory) -> tuple[tuple[str, str], ...]:
-    """Mode and end of every stretch of a tail."""
-    return tuple((stretch.kind, stretch.ended_by) for stretch in trajectory.tail)
+    """Mode and end of every stretch."""
+    return tuple((kind, ended_by) for kind, ended_by, _ in trajectory.modes)
 
 
 def followed(log: Prepared, unknowns: Unknowns) -> tuple[Prepared, ShootingTrajectory] | None:
@@ -77,14 +77,9 @@ def is_clear(log: Prepared, trajectory: ShootingTrajectory, other: ShootingTraje
 def hardly(log: Prepared, trajectory: ShootingTrajectory) -> bool:
     """Whether the mass comes to rest, or slides on, by a hair somewhere in a course: a contact re-ages in mid-slide, or
     a rest between two slips is hardly one."""
-    ends = [stretch.until for stretch in trajectory.tail]
-    rests = [
-        ends[i] - ends[i - 1]
-        for i in range(1, len(ends))
-        if trajectory.tail[i].kind == "rest" and trajectory.tail[i].ended_by == "onset"
-    ]
-    released = any(stretch.ended_by == "release" for stretch in trajectory.tail)
-    return released or min(rests, default=np.inf) < HAIR * log.rig.half_period
+    sticks = [i for i in trajectory.ending("onset").tolist() if i > 0]
+    shortest = np.min(np.diff(trajectory.until, prepend=0.0)[sticks], initial=np.inf)
+    return bool(trajectory.ending("release").size or shortest < HAIR * log.rig.half_period)
 
 
 def _courses(

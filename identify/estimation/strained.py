@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from identify.base.quantiles import student
 from identify.base.wording import three_figures
-from identify.logs.log_data import LogData, ShootingTrajectory
+from identify.logs.log_data import LogData
 from identify.shooting.passes import Solved
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
 

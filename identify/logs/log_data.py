@@ -1,10 +1,9 @@
-"""What a fit takes of one log, and the trajectory behind it: event times and states at the shooting nodes."""
+"""What a fit takes of one log."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,7 +34,7 @@ class StickLoading:
     slip: float
 
 
-def _own_or(shared: Array, own: Array) -> Array:
+def own_or(shared: Array, own: Array) -> Array:
     """What a log has for itself, and what it shares where that is NaN; all is shared where own is empty."""
     return shared if own.size == 0 else np.where(np.isfinite(own), own, shared)
 
@@ -80,7 +79,7 @@ class LogData:
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log before the search."""
-        return _own_or(shared, self.own)
+        return own_or(shared, self.own)
 
     def speed_at(self, time: float) -> float:
         """Drive speed at a time [m/s]."""
@@ -114,140 +113,3 @@ class LogData:
     def mean_normal_force(self) -> float:
         """Mean normal force over the window [N]."""
         return float(np.mean(self.normal_force.at(np.linspace(self.begin, self.end, 101))))
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """One stretch of a motion that is no whole cycle: a rest, a part of a slide, or steady sliding.
-
-    kind; until: its end [s]; ended_by: the guard that falls to zero there, or "time" where it is a time that is given
-    (the drive changes, the window ends); nodes (n + 1, n_x) from its start to its end; of steady sliding (2 n, n_x),
-    start and end of each of n pieces.
-    """
-
-    kind: Literal["rest", "slip", "saturated", "steady", "steady_saturated"]
-    until: float
-    ended_by: Literal["onset", "saturation", "release", "arrest", "time"]
-    nodes: Array
-
-    @property
-    def steady(self) -> bool:
-        """Whether the mass slides as fast as the drive."""
-        return self.kind.startswith("steady")
-
-
-@dataclass(frozen=True)
-class ShootingTrajectory:
-    """Event times and node states of one log, c cycles.
-
-    start (n_x,): state at the begin of the window; onset, saturation, arrest (c,) [s], saturation NaN where
-    the bounded state never reaches its bound; deviation (c,) of the normal force from its measured course [N];
-    slip_deviation (s,): that in every slip from rest (`slip_parts`), where it has one of its own (empty: as at the
-    onset);
-    slip (c, n1 + 1, n_x) nodes from onset to
-    saturation (or to arrest); saturated (c, n2 + 1, n_x) nodes from saturation to arrest; own (n_p,): search variables
-    this log has for itself (NaN: shared with the others; empty: all are); tail: what follows the last cycle where that
-    is not a rest up to the end (deviation then goes on, one for each slide); strength: theta of mu_s in every part
-    (empty: as for all).
-    """
-
-    start: Array
-    onset: Array
-    saturation: Array
-    arrest: Array
-    deviation: Array
-    slip: Array
-    saturated: Array
-    own: Array = field(default_factory=lambda: np.empty(0))
-    tail: tuple[Stretch, ...] = ()
-    slip_deviation: Array = field(default_factory=lambda: np.empty(0))
-    strength: Array = field(default_factory=lambda: np.empty(0))
-
-    def theta(self, shared: Array) -> Array:
-        """Theta (n_p,) of this log."""
-        return _own_or(shared, self.own)
-
-    @property
-    def cycles(self) -> int:
-        """Number of slips."""
-        return self.onset.size
-
-    @property
-    def times(self) -> Array:
-        """When each phase after the first rest begins, and the last one ends [s], in the order of the motion."""
-        times = np.stack([self.onset, self.saturation, self.arrest], axis=1)
-        there = np.ones(times.shape, dtype=bool)
-        there[:, 1] = self.saturates
-        return np.concatenate([times[there], [stretch.until for stretch in self.tail]])
-
-    @property
-    def sticks(self) -> Array:
-        """How long the mass sticks between slips (c - 1,) [s]."""
-        return self.onset[1:] - self.arrest[:-1]
-
-    @property
-    def slips(self) -> Array:
-        """How long the mass slides from an onset to the arrest after it [s]; of every slip that has both."""
-        followed, begun = list[float](), np.nan
-        for stretch in self.tail:
-            if stretch.ended_by == "onset":
-                begun = stretch.until
-            elif stretch.ended_by == "arrest":
-                followed.append(stretch.until - begun)
-        told = np.array(followed)
-        return np.concatenate([self.arrest - self.onset, told[np.isfinite(told)]])
-
-    @property
-    def arrests(self) -> int:
-        """How often the mass comes to rest."""
-        return self.cycles + sum(stretch.ended_by == "arrest" for stretch in self.tail)
-
-    @cached_property
-    def units(self) -> list[int]:
-        """Number (from 0) of the part of the record that each stretch of the tail is in: a rest begins a new one."""
-        out: list[int] = []
-        for i, stretch in enumerate(self.tail):
-            follows = i > 0 and not (stretch.kind == "rest" and self.tail[i - 1].kind != "rest")
-            out.append(self.cycles if not out else out[-1] if follows else out[-1] + 1)
-        return out
-
-    @property
-    def parts(self) -> int:
-        """Number of parts of the record that are judged one by one: cycles, then slides."""
-        return self.units[-1] + 1 if self.tail else self.cycles
-
-    @property
-    def loaded_at(self) -> Array:
-        """When the deviation of the normal force counts in every part (p,) [s]: at the onset, or early in a slide."""
-        first = {unit: stretch.until for unit, stretch in zip(self.units[::-1], self.tail[::-1], strict=True)}
-        return np.append(self.onset, [first[unit] for unit in sorted(first)])
-
-    @property
-    def saturates(self) -> NDArray[np.bool_]:
-        """Per cycle, whether the bounded state reaches its bound."""
-        return np.isfinite(self.saturation)
-
-    @property
-    def sliding_deviation(self) -> Array:
-        """Deviation of the normal force in every part (p,) [N] while the mass slides."""
-        out, own = self.deviation.copy(), self.slip_deviation
-        out[self.slip_parts[: own.size]] = own
-        return out
-
-    @property
-    def own_slips(self) -> list[int]:
-        """Places in the tail of the slips from rest in which the normal force may have a deviation of its own."""
-        ends, tail = ("saturation", "arrest"), self.tail
-        begun = [i for i in range(1, len(tail)) if tail[i - 1].ended_by == "onset"]
-        return [i for i in begun if tail[i].kind == "slip" and tail[i].ended_by in ends]
-
-    @property
-    def slip_parts(self) -> NDArray[np.int64]:
-        """Number of the part of the record of each such slip (s,), those of the cycles first."""
-        units = self.units
-        return np.array([*range(self.cycles), *(units[i] for i in self.own_slips)], dtype=np.int64)
-
-    @property
-    def slid_at(self) -> Array:
-        """When the deviation of its own counts in each of them (s,) [s]."""
-        return np.append(self.arrest, [self.tail[i].until for i in self.own_slips])

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
 from identify.base.outcome import LogCurves, SlipDetail
-from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting import batch as lanes
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
 
@@ -98,9 +98,9 @@ def _event_forces(log: Prepared, unknowns: Unknowns, p: Array, trajectory: Shoot
     """What the load cell sees at onset and arrest of every cycle (c,), (c,) [N]."""
     if trajectory.cycles == 0:
         return np.empty(0), np.empty(0)
-    ends = np.where(trajectory.saturates[:, None], trajectory.saturated[:, -1], trajectory.slip[:, -1])
     out = []
-    for times, states in ((trajectory.onset, trajectory.slip[:, 0]), (trajectory.arrest, ends)):
+    for which in (trajectory.ending("onset"), trajectory.ending("arrest")):
+        times, states = trajectory.until[which], trajectory.at_end(which)
         u = np.column_stack(
             [np.full(times.size, log.data.drive_speed), log.data.normal_force.at(times), np.ones(times.size), times]
         )
@@ -132,7 +132,8 @@ def _typical_slip(log: Prepared, unknowns: Unknowns, p: Array, trajectory: Shoot
     names = [s.name for s in model.states]
     load = float(log.data.normal_force.at(onset) + trajectory.deviation[cycle])
     lead = LEAD * duration
-    start = dict(zip(names, trajectory.slip[cycle, 0].tolist(), strict=True)) | {"sliding_speed": 0.0}
+    at_onset = trajectory.at_end(trajectory.ending("onset"))[cycle]
+    start = dict(zip(names, at_onset.tolist(), strict=True)) | {"sliding_speed": 0.0}
     values = dict(zip(model.parameter_names, p.tolist(), strict=True))
     try:
         motion = run(

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import FitError, SceneError
-from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import Model, assemble
@@ -20,6 +19,7 @@ from identify.shooting.blocks import block
 from identify.shooting.passes import COARSE as FIRST_GRID
 from identify.shooting.passes import ORDER, Solved, solve_in_passes
 from identify.shooting.placing import place
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
 
@@ -181,7 +181,7 @@ def _instructions(model: Model) -> int:
 
 def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tuple[Array, list[ShootingTrajectory]]:
     """A start as far from the answer as its motion can still be placed on every log."""
-    if any(trajectory.tail for trajectory in answer.trajectories):
+    if not all(trajectory.cycles for trajectory in answer.trajectories):
         return answer.theta, answer.trajectories
     for offset in OFFSETS:
         theta = np.where(unknowns.free, answer.theta + offset * unknowns.spread, answer.theta)

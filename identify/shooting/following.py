@@ -8,17 +8,18 @@ the shooting. A slide whose oscillation has faded goes on as steady sliding, whi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
-from identify.logs.log_data import LogData, ShootingTrajectory, Stretch
+from identify.logs.log_data import LogData
 from identify.model.model import Model
 from identify.shooting.onset_places import Along
 from identify.shooting.parts import SlideParts
 from identify.shooting.placing import first_state
+from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 from identify.simulation.phases import Phase
 from identify.simulation.trajectory import Trajectory
 
@@ -79,10 +80,7 @@ class _Course:
 
     def trajectory(self, start: Array) -> ShootingTrajectory:
         """The motion so far, from a state at the begin of the window."""
-        n, none = len(self.model.states), np.empty(0)
-        nothing = np.empty((0, 2, n))
-        made = ShootingTrajectory(start, none, none, none, none, nothing, nothing, self.log.own, tuple(self.stretches))
-        return replace(made, deviation=np.zeros(made.parts))
+        return ShootingTrajectory.of(start, self.stretches, self.log.own)
 
     def run(self, begins_sliding: bool) -> Followed | None:
         """Follow the motion to the end of the window."""
@@ -145,7 +143,6 @@ class _Course:
         end = made[-1].until
         if made[-1].ended_by == "arrest":
             end = min(end + AFTER * (end - made[self.last_rest() or 0].until), self.along.data.change_after(end))
-            made.append(Stretch("rest", end, "time", np.stack([made[-1].nodes[-1]] * 2)))
         return Followed(self.trajectory(self.start), end)
 
     def rest(self, t: float, x: Array, shown: float) -> tuple[float, Array, bool]:
@@ -155,16 +152,14 @@ class _Course:
             shown: how far the slip before it stands out of the noise.
         """
         onset, at_onset, legs = self.along.onset(t, x)
-        before = x
         for until, after in legs:
             if np.isfinite(onset) or until < self.log.end:
-                self.stretches.append(Stretch("rest", until, "time", np.stack([before, after])))
-                before, t = after, until
+                self.stretches.append(Stretch("rest", until, "time", after[None]))
+                t = until
         if not np.isfinite(onset):
-            self.stretches.append(Stretch("rest", self.log.end, "time", np.stack([before, legs[-1][1]])))
             return self.log.end, x, False
         found = self.along.placed(t, onset, at_onset, self.spread(onset, shown))
-        self.stretches.append(Stretch("rest", found, "onset", np.stack([before, at_onset])))
+        self.stretches.append(Stretch("rest", found, "onset", at_onset[None]))
         return found, at_onset, True
 
     def spread(self, onset: float, shown: float) -> float:

@@ -6,16 +6,16 @@ otherwise rows become redundant and the multipliers never converge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.log_data import ShootingTrajectory, Stretch
 from identify.logs.unknowns import Unknowns
 from identify.model.model import Model
 from identify.shooting.blocks import Block, BlockKind, block
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -47,41 +47,22 @@ class Family:
 
 
 @dataclass(frozen=True)
-class StretchPlaces:
-    """Where a stretch of a tail stands among the unknowns: the offset of its end, its nodes; KNOWN for constants."""
-
-    until: int
-    nodes: Indices
-
-    def read(self, stretch: Stretch, x: Array) -> Stretch:
-        """The stretch moved to the unknowns x (n,)."""
-        until = stretch.until + (float(x[self.until]) if self.until >= 0 else 0.0)
-        return replace(stretch, until=until, nodes=np.where(self.nodes >= 0, x[self.nodes], stretch.nodes))
-
-
-@dataclass(frozen=True)
 class Places:
     """Where the trajectory of one log stands among the unknowns: indices in the shapes of `ShootingTrajectory`, KNOWN
-    for constants; event times as the indices of their offsets."""
+    for constants; of `until` the indices of their offsets."""
 
     start: Indices
-    onset: Indices
-    saturation: Indices
-    arrest: Indices
+    until: Indices
+    nodes: Indices
     deviation: Indices
-    slip: Indices
-    saturated: Indices
     own: Indices
-    tail: tuple[StretchPlaces, ...] = ()
-    slip_deviation: Indices = field(default_factory=lambda: np.empty(0, np.int64))
-    strength: Indices = field(default_factory=lambda: np.empty(0, np.int64))
+    slip_deviation: Indices
+    strength: Indices
 
     @property
     def events(self) -> Indices:
         """All offsets of event times."""
-        tail = [place.until for place in self.tail]
-        index = np.concatenate([self.onset, self.saturation, self.arrest, np.array(tail, dtype=np.int64)])
-        return index[index >= 0]
+        return self.until[self.until >= 0]
 
     def read(self, trajectory: ShootingTrajectory, x: Array) -> ShootingTrajectory:
         """The trajectory moved to the unknowns x (n,), in physical units."""
@@ -89,21 +70,15 @@ class Places:
         def state(index: Indices, old: Array) -> Array:
             return np.where(index >= 0, x[index], old)
 
-        def time(index: Indices, old: Array) -> Array:
-            return old + np.where(index >= 0, x[index], 0.0)
-
-        return ShootingTrajectory(
-            state(self.start, trajectory.start),
-            time(self.onset, trajectory.onset),
-            time(self.saturation, trajectory.saturation),
-            time(self.arrest, trajectory.arrest),
-            state(self.deviation, trajectory.deviation),
-            state(self.slip, trajectory.slip),
-            state(self.saturated, trajectory.saturated),
-            state(self.own, trajectory.own) if trajectory.own.size else trajectory.own,
-            tuple(place.read(stretch, x) for place, stretch in zip(self.tail, trajectory.tail, strict=True)),
-            x[self.slip_deviation],
-            x[self.strength],
+        return replace(
+            trajectory,
+            start=state(self.start, trajectory.start),
+            until=trajectory.until + np.where(self.until >= 0, x[self.until], 0.0),
+            nodes=state(self.nodes, trajectory.nodes),
+            deviation=state(self.deviation, trajectory.deviation),
+            own=state(self.own, trajectory.own) if trajectory.own.size else trajectory.own,
+            slip_deviation=x[self.slip_deviation],
+            strength=x[self.strength],
         )
 
 

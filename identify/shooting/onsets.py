@@ -12,12 +12,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.log_data import Grid, LogData, ShootingTrajectory
+from identify.logs.log_data import Grid, LogData
 from identify.logs.unknowns import Unknowns
 from identify.model.model import SPEED, Model
 from identify.shooting import batch as lanes
 from identify.shooting.batch import Slips
 from identify.shooting.placing import PER_HALF_PERIOD, trajectory_of
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.simulation.resting import swing
 
 Array = NDArray[np.float64]
@@ -25,32 +26,41 @@ Array = NDArray[np.float64]
 BACKWARDS = 1e-3  # of the fastest speed of a slip
 
 
-def turned_back(trajectory: ShootingTrajectory) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Nodes at which the mass moves backwards: of the slips (c, n1 + 1), and of their saturated parts (c, n2 + 1)."""
-    least = -BACKWARDS * np.nanmax(np.abs(trajectory.slip[..., SPEED]), axis=1, initial=0.0)
-    # A slip that never saturates has nodes after its saturation that stand for nothing.
-    saturated = trajectory.saturates[:, None] & (trajectory.saturated[..., SPEED] < least[:, None])
-    return trajectory.slip[..., SPEED] < least[:, None], saturated
+def turned_back(trajectory: ShootingTrajectory) -> list[NDArray[np.bool_]]:
+    """Nodes at which the mass moves backwards: of every stretch (n,), none of rests and of steady sliding."""
+    slides = [stretch.kind in ("slip", "saturated") for stretch in trajectory.stretches]
+    fastest = np.zeros(trajectory.parts)
+    for part, stretch, slide in zip(trajectory.part, trajectory.stretches, slides, strict=True):
+        if slide:
+            fastest[part] = max(fastest[part], float(np.max(np.abs(stretch.nodes[:, SPEED]))))
+    least = -BACKWARDS * fastest
+    return [
+        (stretch.nodes[:, SPEED] < least[part]) & slide
+        for part, stretch, slide in zip(trajectory.part, trajectory.stretches, slides, strict=True)
+    ]
+
+
+def turns_back(trajectory: ShootingTrajectory) -> bool:
+    """Whether the mass moves backwards anywhere."""
+    return any(bool(np.any(back)) for back in turned_back(trajectory))
 
 
 def with_last_onsets(trajectory: ShootingTrajectory) -> ShootingTrajectory | None:
-    """The trajectory with the slips begun anew that turn back before they saturate; None where none does."""
-    back, _ = turned_back(trajectory)
-    again = np.flatnonzero(np.any(back[:, :-1], axis=1) & ~back[:, -1])
-    if again.size == 0:
-        return None
-    onset, slip = trajectory.onset.copy(), trajectory.slip.copy()
-    ends = np.where(trajectory.saturates, trajectory.saturation, trajectory.arrest)
-    last = back.shape[1] - 1
-    for i in again.tolist():
-        nodes, speed = trajectory.slip[i], trajectory.slip[i, :, SPEED]
-        stop = int(np.flatnonzero(back[i])[-1])
+    """The trajectory with the slips begun anew that turn back before they saturate or rest; None where none does."""
+    until, nodes = trajectory.until.copy(), trajectory.nodes.copy()
+    for i, back in enumerate(turned_back(trajectory)):
+        if not (i and trajectory.modes[i - 1][1] == "onset" and np.any(back[:-1]) and not back[-1]):
+            continue
+        onset, last = i - 1, len(back)
+        mine = slice(trajectory.first[i] - 1, trajectory.first[i + 1])  # with the state at the onset
+        old = trajectory.nodes[mine]
+        stop, speed = 1 + int(np.flatnonzero(back)[-1]), old[:, SPEED]
         forward = stop + float(speed[stop] / (speed[stop] - speed[stop + 1]))  # where it moves on, in nodes
-        onset[i] += (ends[i] - onset[i]) * forward / last
+        until[onset] += (until[i] - until[onset]) * forward / last
         places = np.linspace(forward, last, last + 1)
-        slip[i] = np.stack([np.interp(places, np.arange(last + 1), column) for column in nodes.T], axis=1)
-        slip[i, 0, SPEED] = 0.0
-    return replace(trajectory, onset=onset, slip=slip)
+        nodes[mine] = np.stack([np.interp(places, np.arange(last + 1), column) for column in old.T], axis=1)
+        nodes[trajectory.first[i] - 1, SPEED] = 0.0
+    return None if np.array_equal(until, trajectory.until) else replace(trajectory, until=until, nodes=nodes)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -79,20 +89,18 @@ def with_first_onsets(
     period, force = swing(model, p)
     if force == 0.0:
         return None
-    after = [
-        trajectory.saturated[i, -1] if trajectory.saturates[i] else trajectory.slip[i, -1]
-        for i in range(trajectory.cycles - 1)
-    ]
+    after = trajectory.at_end(trajectory.ending("arrest")[:-1])
     begins = np.concatenate([[log.begin], trajectory.arrest[:-1]])
-    time, slips = _simulated(model, log, np.stack([trajectory.start, *after]), p, begins)
+    time, slips = _simulated(model, log, np.concatenate([trajectory.start[None], after]), p, begins)
     late = np.flatnonzero(slips.rested & (begins + time < trajectory.onset - EARLIER * period))
     if late.size == 0:
         return None
     moved = trajectory_of(log, trajectory.start, slips, late, (begins + time)[late], grid)
-    new = {name: getattr(trajectory, name).copy() for name in ("onset", "saturation", "arrest", "slip", "saturated")}
-    for name, array in new.items():
-        array[late] = getattr(moved, name)
-    return replace(trajectory, **new)
+    cycles = trajectory.by_part()
+    for cycle, stretches in zip(late.tolist(), moved.by_part(), strict=True):
+        cycles[cycle] = stretches
+    made = ShootingTrajectory.of(trajectory.start, [s for cycle in cycles for s in cycle], trajectory.own)
+    return replace(trajectory, modes=made.modes, until=made.until, nodes=made.nodes)
 
 
 def _simulated(model: Model, log: LogData, x: Array, p: Array, begins: Array) -> tuple[Array, Slips]:

@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.log_data import Stretch
 from identify.model.model import SPEED, Model
 from identify.shooting.blocks import REST_CELLS, block
+from identify.shooting.shooting_trajectory import Stretch
 from identify.simulation.phases import Phase
 from identify.simulation.trajectory import Trajectory
 
@@ -109,7 +109,7 @@ class SlideParts:
         for i, (mode, end, ended) in enumerate(self._parts):
             first = i == 0 and mode == "slip" and after_rest
             count = max(ceil((end - since) / (INTERVAL * self.half)), FIRST_INTERVALS if first else 2)
-            nodes = at(np.linspace(since, end, count + 1))
+            nodes = at(np.linspace(since, end, count + 1)[1:])
             if i + 1 == len(self._parts):
                 ended = last
             if ended == "arrest":

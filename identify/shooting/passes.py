@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from identify.base.budget import time_is_up
 from identify.base.linear import optimality_matrix, solve_equilibrated
 from identify.logs.loads import calmed
-from identify.logs.log_data import Grid, LogData, ShootingTrajectory
+from identify.logs.log_data import Grid, LogData
 from identify.logs.unknowns import Unknowns
-from identify.shooting.onsets import turned_back, with_first_onsets, with_last_onsets
+from identify.shooting.onsets import turns_back, with_first_onsets, with_last_onsets
 from identify.shooting.shooting import Problem, transcribe
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.solve import Solution, solve
 
 Array = NDArray[np.float64]
@@ -153,9 +154,7 @@ def _better(other: Solved, than: Solved) -> bool:
     """Whether another motion is the one to go on with: of two that fit, the one in which no slip turns back."""
     if other.solution.success != than.solution.success:
         return other.solution.success
-    turns, turned = (
-        any(np.any(turned_back(trajectory)[0]) for trajectory in tried.trajectories) for tried in (other, than)
-    )
+    turns, turned = (any(turns_back(trajectory) for trajectory in tried.trajectories) for tried in (other, than))
     if turns != turned and _fits(other) and _fits(than):
         return turned
     return other.solution.cost < than.solution.cost
@@ -200,7 +199,8 @@ def _in_passes(
         pattern = None if solved is None else solved.problem.pattern
         problem = transcribe(calm if coarse else logs, trajectories, unknowns, grid, pattern=pattern)
         transcription_seconds += time.perf_counter() - since
-        tried = _tried(problem, tolerance, mu_init, bent)
+        slips = sum(trajectory.arrests for trajectory in trajectories)
+        tried = _tried(problem, tolerance, mu_init, bent, slips)
         solution, bent = tried.solution, tried.bent
         iterations += tried.iterations
         theta = unknowns.start.copy()
@@ -254,8 +254,7 @@ def _last(solved: Solved, cost_cutoff: float) -> bool:
 
 def _events(trajectories: Sequence[ShootingTrajectory]) -> Array:
     """When every phase of all motions ends (e,) [s]."""
-    ends = [np.concatenate([g.onset, g.arrest, [stretch.until for stretch in g.tail]]) for g in trajectories]
-    return np.concatenate(ends)
+    return np.concatenate([trajectory.until for trajectory in trajectories])
 
 
 @dataclass(frozen=True)
@@ -267,11 +266,12 @@ class _PassResult:
     bent: bool
 
 
-def _tried(problem: Problem, tolerance: float, mu_init: float, bent: bool) -> _PassResult:
+def _tried(problem: Problem, tolerance: float, mu_init: float, bent: bool, slips: int) -> _PassResult:
     """Solve one pass with Gauss-Newton, where that creeps or wanders with the exact Hessian.
 
     Args:
-        bent: the pass before took the exact Hessian: its answer is near, and Gauss-Newton would leave it again.
+        bent: the pass before took the exact Hessian: its answer is near, and Gauss-Newton would leave it again;
+            slips: in all logs.
     """
     iterations = 0
     if bent:
@@ -279,7 +279,6 @@ def _tried(problem: Problem, tolerance: float, mu_init: float, bent: bool) -> _P
         if solution.success:
             return _PassResult(solution, solution.iterations, True)
         iterations = solution.iterations
-    slips = sum(place.onset.size for place in problem.layout.places)
     for most in (PATIENCE,) if slips < MANY else (ENOUGH, BRIEF):
         solution = solve(problem, tolerance=tolerance, mu_init=mu_init, iterations=most)
         iterations += solution.iterations
@@ -322,7 +321,7 @@ def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unkno
 
 def _ordered(trajectory: ShootingTrajectory) -> bool:
     """Whether every event still follows the one before it."""
-    return bool(np.all(np.isfinite(trajectory.times)) and np.all(np.diff(trajectory.times) > 0))
+    return bool(np.all(np.isfinite(trajectory.until)) and np.all(np.diff(trajectory.until) > 0))
 
 
 def _interval(log: LogData, trajectory: ShootingTrajectory) -> float:

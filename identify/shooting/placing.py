@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from data_io.arrays import thinned
 from identify.base.errors import SimulationError
-from identify.logs.log_data import Grid, LogData, ShootingTrajectory
+from identify.logs.log_data import Grid, LogData
 from identify.model.model import ELONGATION, TIME, Model
 from identify.shooting import batch as lanes
 from identify.shooting.batch import Slips
 from identify.shooting.features import Waves, middle_of_fall
 from identify.shooting.onset_places import Along
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
 
@@ -251,9 +252,7 @@ def trajectory_of(
     ends = np.isfinite(saturation)
     first[:, -1] = np.where(ends[:, None], picked.at_saturation, picked.at_arrest)
     second[:, -1] = picked.at_arrest
-    return ShootingTrajectory(
-        start, onset, onset + saturation, onset + arrest, np.zeros_like(onset), first, second, log.own
-    )
+    return ShootingTrajectory.train(start, onset, onset + saturation, onset + arrest, first, second, log.own)
 
 
 def _begin_state(model: Model, log: LogData, p: Array, start: Array, onset: float) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from identify.logs.unknowns import Unknowns
 from identify.shooting.blocks import SLIDES, block
-from identify.shooting.layout import KNOWN, Family, Indices, Layout, Places
+from identify.shooting.layout import KNOWN, Family, Layout, Places
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def with_every_parameter(layout: Layout, unknowns: Unknowns) -> Layout:
 
     start = widened(unknowns.start, layout.start)
     mean, sd = widened(unknowns.prior_mean, layout.prior_mean), widened(unknowns.prior_sd, layout.prior_sd)
-    places = tuple(_moved(place, moved) for place in layout.places)
+    places = tuple(Places(**{name: moved[index] for name, index in vars(place).items()}) for place in layout.places)
     for place in places:
         for i in np.flatnonzero(place.own >= n_p).tolist():
             j = place.own[i]
@@ -55,13 +55,6 @@ def with_every_parameter(layout: Layout, unknowns: Unknowns) -> Layout:
         prior_about=np.concatenate([unknowns.prior_about, moved[layout.prior_about[free.size :]]]),
         places=places,
     )
-
-
-def _moved(place: Places, moved: Indices) -> Places:
-    """The places of a log where each unknown stands elsewhere."""
-    arrays = {name: moved[value] for name, value in vars(place).items() if isinstance(value, np.ndarray)}
-    tail = tuple(replace(s, until=int(moved[s.until]), nodes=moved[s.nodes]) for s in place.tail)
-    return replace(place, **arrays, tail=tail)
 
 
 def with_finer_steps(layout: Layout) -> Layout:

@@ -13,11 +13,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from identify.logs.log_data import Grid, LogData, ShootingTrajectory
+from identify.logs.log_data import Grid, LogData
 from identify.logs.unknowns import Unknowns
 from identify.shooting.layout import Family, Layout
 from identify.shooting.pattern import Moments, Pattern, compressed, samples_of
 from identify.shooting.relaid import with_coarser_steps, with_every_parameter, with_finer_steps
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.transcription import lay_out
 
 Array = NDArray[np.float64]

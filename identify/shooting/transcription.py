@@ -8,12 +8,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.log_data import Grid, LogData, ShootingTrajectory, Stretch
+from identify.logs.log_data import Grid, LogData
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION, SPEED
 from identify.shooting.blocks import BlockKind
-from identify.shooting.layout import KNOWN, Collector, Indices, Layout, Places, StretchPlaces
+from identify.shooting.layout import KNOWN, Collector, Indices, Layout, Places
 from identify.shooting.parts import after_reageing, cut, parts_of_rest
+from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 from identify.simulation.sliding import rate_slopes
 
 Array = NDArray[np.float64]
@@ -170,8 +171,8 @@ class Footing:
             known: states that are at their bounds inside, and at the end; end: index of the event that ends it, KNOWN
                 at a given time; local: constants of each interval in place of those of the whole span.
         """
-        intervals, steps, n_x = nodes.shape[0] - 1, self.grid.steps, self.n_x
-        values, index = nodes[1:].copy(), np.full((intervals, n_x), KNOWN)
+        intervals, steps, n_x = nodes.shape[0], self.grid.steps, self.n_x
+        values, index = nodes.copy(), np.full((intervals, n_x), KNOWN)
         for row, bound in zip((slice(None, -1), slice(-1, None)), known, strict=True):
             for component in bound:
                 values[row, component] = self.c.model.states[component].lower or 0.0
@@ -254,47 +255,44 @@ class _LogWalk(Footing):
         self, collector: Collector, number: int, log: LogData, trajectory: ShootingTrajectory, grid: Grid
     ) -> None:
         super().__init__(collector, number, log, trajectory, grid)
-        self.events = {name: np.full(trajectory.cycles, KNOWN) for name in ("onset", "saturation", "arrest")}
-        self.loads = np.full(trajectory.parts, KNOWN)
+        parts = trajectory.loaded_at.size
+        self.loads = np.full(parts, KNOWN)
         self.loads_in_slips: list[int] = []
-        self.strengths, self.shared = np.full(trajectory.parts if log.strength_sd > 0.0 else 0, KNOWN), self.own
+        self.strengths, self.shared = np.full(parts if log.strength_sd > 0.0 else 0, KNOWN), self.own
         self.sliding_deviation = trajectory.sliding_deviation
-        self.tail: list[StretchPlaces] = []
-        self.slip = np.full(trajectory.slip.shape, KNOWN)
-        self.saturated = np.full(trajectory.saturated.shape, KNOWN)
 
     def walk(self) -> Places:
         """Note everything of this log."""
         self._own()
         self.shared = self.own
-        start = self._begin()
-        for cycle in range(self.trajectory.cycles):
-            self._load(cycle, self.log.expected[0])
-            self._stick(cycle)
-            self._slide(cycle)
-        if self.trajectory.tail:
-            self._tail()
-        else:
-            self._last_rest(self.trajectory.cycles)
-        events = self.events
-        return Places(
-            start,
-            events["onset"],
-            events["saturation"],
-            events["arrest"],
-            self.loads,
-            self.slip,
-            self.saturated,
-            self.shared,
-            tuple(self.tail),
-            np.array(self.loads_in_slips, dtype=np.int64),
-            self.strengths,
-        )
+        start, trajectory = self._begin(), self.trajectory
+        until, nodes = np.full(trajectory.until.shape, KNOWN), np.full(trajectory.nodes.shape, KNOWN)
+        slips, swings = trajectory.slip_parts, trajectory.own_slips if self.log.tremor_sd > 0.0 else []
+        ends = [*trajectory.until.tolist(), self.log.end]
+        for i, (part, stretch) in enumerate(zip(trajectory.part, trajectory.stretches, strict=True)):
+            mine = slice(*trajectory.first[i : i + 2].tolist())
+            if i == 0 or part != trajectory.part[i - 1]:
+                self._load(part, self.log.expected[0] if part in slips else 0.0)
+            if stretch.steady:
+                nodes[mine] = self._steady(part, stretch)
+                continue
+            if stretch.ended_by != "time":
+                until[i] = self.c.event(self.tick, stretch.until - self.since, ends[i + 1] - stretch.until)
+            if stretch.kind == "rest":
+                nodes[mine] = self._rest_until(part, stretch.until, int(until[i]), stretch.nodes[-1])
+                self.reaged = False
+            else:
+                nodes[mine] = self._sliding(part, stretch, int(until[i]), trembling=i in swings)
+            self.since = stretch.until
+        if trajectory.rests_at_end and self.since < self.log.end:
+            self._last_rest(trajectory.parts)
+        loads_in_slips = np.array(self.loads_in_slips, dtype=np.int64)
+        return Places(start, until, nodes, self.loads, self.shared, loads_in_slips, self.strengths)
 
     def _begin(self) -> Indices:
         """The state the record starts from: elongation free, the other states with a weak prior."""
         start = np.full(self.n_x, KNOWN)
-        first = self.trajectory.tail[0] if self.trajectory.tail and not self.trajectory.cycles else None
+        first = next(iter(self.trajectory.stretches), None)
         begins_steady = first is not None and first.steady
         if not begins_steady:
             start[[0]] = self.c.add(self.trajectory.start[[0]], self.size[[0]])
@@ -334,19 +332,6 @@ class _LogWalk(Footing):
         self.own = self.shared.copy()
         self.own[at] = self.strengths[part]
 
-    def _falling(self, cycle: int, span: tuple[float, float], end: int, known_at_end: tuple[int, ...]) -> None:
-        """The slip until the bounded state is at its bound, or all of it.
-
-        Where the measured normal force misses fast rhythms, its deviation becomes another one on the way: a tremor goes
-        through half a period while a slip lasts.
-        """
-        kind: BlockKind = "slip"
-        if self.log.tremor_sd > 0.0:
-            kind = "slip_trembling"
-            self._swing(cycle, float(self.trajectory.arrest[cycle]))
-        self._part(kind, cycle, self.slip, self.trajectory.slip[cycle], span, end, ((), known_at_end))
-        self.load, self.load_value = self.load[-1:], self.load_value[-1:]
-
     def _swing(self, part: int, at: float) -> None:
         """The deviation of the normal force to which that at the onset goes over in a slip, as it is at a time [s]."""
         sd, mean = self.log.load_sd_at([at]), np.array([self.log.expected[1]])
@@ -355,88 +340,13 @@ class _LogWalk(Footing):
         self.loads_in_slips.append(int(index[0]))
         self.load, self.load_value = np.append(self.load, index), np.append(self.load_value, value)
 
-    def _middle(self, cycle: int) -> float:
-        """When the slip saturates, or its end where it never does [s]."""
-        return float(
-            self.trajectory.saturation[cycle] if self.trajectory.saturates[cycle] else self.trajectory.arrest[cycle]
-        )
+    def _sliding(self, part: int, stretch: Stretch, index: int, *, trembling: bool) -> Indices:
+        """A part of a slide in one mode, whatever ends it.
 
-    def _stick(self, cycle: int) -> None:
-        """The stick before a slip: continuity and the onset guard."""
-        on = float(self.trajectory.onset[cycle])
-        index = self.c.event(self.tick, on - self.since, self._middle(cycle) - on)
-        self.slip[cycle, 0] = self._rest_until(cycle, on, index, self.trajectory.slip[cycle, 0])
-        self.events["onset"][cycle] = index
-
-    def _slide(self, cycle: int) -> None:
-        """The slip: until the bounded state is at its bound, then until the mass rests."""
-        on, arrest, middle = (
-            float(self.trajectory.onset[cycle]),
-            float(self.trajectory.arrest[cycle]),
-            self._middle(cycle),
-        )
-        following = self.trajectory.onset[cycle + 1] if cycle + 1 < self.trajectory.cycles else self.log.end
-        room = float(following) - arrest
-        if self.trajectory.saturates[cycle] and self.held:
-            index = self.c.event(self.tick, middle - on, arrest - middle)
-            self.events["saturation"][cycle] = index
-            self._falling(cycle, (on, middle), index, self.held)
-            index = self.c.event(self.tick, arrest - middle, room)
-            both = (*self.held, SPEED)
-            nodes, known = self.trajectory.saturated[cycle], (self.held, both)
-            self._part("saturated", cycle, self.saturated, nodes, (middle, arrest), index, known)
-            self.reaged = True
-        else:
-            index = self.c.event(self.tick, arrest - on, room)
-            self._falling(cycle, (on, arrest), index, (SPEED,))
-            self.reaged = False
-        self.events["arrest"][cycle] = index
-        self.since = arrest
-
-    def _part(
-        self,
-        kind: BlockKind,
-        cycle: int,
-        places: Indices,
-        nodes: Array,
-        span: tuple[float, float],
-        end: int,
-        known: tuple[tuple[int, ...], tuple[int, ...]],
-    ) -> None:
-        """The shooting intervals of one part of the slip of a cycle."""
-        local = self._line_by_line(self.size, span, nodes.shape[0] - 1)
-        places[cycle, 1:] = self._intervals(kind, cycle, nodes, span, end, known, local)
-
-    def _tail(self) -> None:
-        """What follows the last cycle: rests and slides as they come."""
-        stretches, units = self.trajectory.tail, self.trajectory.units
-        swings, slips = self.trajectory.own_slips, self.trajectory.slip_parts
-        for i, (unit, stretch) in enumerate(zip(units, stretches, strict=True)):
-            if i == 0 or unit != units[i - 1]:
-                self._load(unit, self.log.expected[0] if unit in slips else 0.0)
-            if stretch.steady:
-                self._steady(unit, stretch)
-                continue
-            last = i + 1 == len(stretches)
-            if stretch.kind == "rest" and last:
-                self._last_rest(unit)
-                self.tail.append(StretchPlaces(KNOWN, np.full(stretch.nodes.shape, KNOWN)))
-                continue
-            index = KNOWN
-            if stretch.ended_by != "time":
-                room = (self.log.end if last else stretches[i + 1].until) - stretch.until
-                index = self.c.event(self.tick, stretch.until - self.since, room)
-            nodes = np.full(stretch.nodes.shape, KNOWN)
-            if stretch.kind == "rest":
-                nodes[-1] = self._rest_until(unit, stretch.until, index, stretch.nodes[-1])
-                self.reaged = False
-            else:
-                nodes[1:] = self._sliding(unit, stretch, index, trembling=i in swings and self.log.tremor_sd > 0.0)
-            self.tail.append(StretchPlaces(index, nodes))
-            self.since = stretch.until
-
-    def _sliding(self, unit: int, stretch: Stretch, index: int, *, trembling: bool) -> Indices:
-        """A part of a slide in one mode, whatever ends it; trembling: a slip as `_falling` has it."""
+        Args:
+            trembling: where the measured normal force misses fast rhythms, its deviation becomes another one on the
+                way: a tremor goes through half a period while a slip lasts.
+        """
         saturated = stretch.kind == "saturated"
         inside = self.held if saturated else ()
         arrests = (SPEED,) if stretch.ended_by == "arrest" else ()
@@ -448,14 +358,15 @@ class _LogWalk(Footing):
             rows[list(self.held)] = self._pace_of_bound(stretch.nodes[-1], stretch.until)
         if trembling:
             kind = "slip_trembling"
-            self._swing(unit, stretch.until)
-        local = self._line_by_line(rows, (self.since, stretch.until), stretch.nodes.shape[0] - 1)
+            self._swing(part, stretch.until)
+        span = (self.since, stretch.until)
+        local = self._line_by_line(rows, span, len(stretch.nodes))
         self.reaged = saturated
-        places = self._intervals(kind, unit, stretch.nodes, (self.since, stretch.until), index, (inside, at_end), local)
+        places = self._intervals(kind, part, stretch.nodes, span, index, (inside, at_end), local)
         self.load, self.load_value = self.load[-1:], self.load_value[-1:]
         return places
 
-    def _steady(self, unit: int, stretch: Stretch) -> None:
+    def _steady(self, part: int, stretch: Stretch) -> Indices:
         """Pieces of steady sliding, each with the states at its ends; what came before has faded."""
         saturated = stretch.kind == "steady_saturated"
         known = (SPEED, *(self.held if saturated else ()))
@@ -470,17 +381,17 @@ class _LogWalk(Footing):
                 places[i, j] = self.c.state(ends[j], self.size, known)
             self.c.put(
                 (kind, 1),
-                (self.number, unit),
+                (self.number, part),
                 [places[i, 0], places[i, 1], NO_OFFSET, NO_OFFSET, self.load],
                 [ends[0], ends[1], ZERO, ZERO, self.load_value],
                 self._constants(rows, *span, span[1]),
                 np.array([span]),
                 self.own,
             )
-        self.tail.append(StretchPlaces(KNOWN, places.reshape(stretch.nodes.shape)))
         self.node, self.value, self.offset = places[-1, 1], pieces[-1, 1].copy(), NO_OFFSET
         self.value[SPEED] = self.log.speed_at(0.5 * (edges[-2] + edges[-1]))
         self.since, self.reaged = stretch.until, saturated
+        return places.reshape(stretch.nodes.shape)
 
 
 def lay_out(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns, grid: Grid) -> Layout:

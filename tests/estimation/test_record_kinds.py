@@ -358,7 +358,7 @@ def test_a_level_that_never_settles_is_left_out_with_its_reason():
 def test_gliding_needs_a_drive_that_moves():
     (prepared,), unknowns = _prepared(_kind(SLIDING))
     p = np.array([(DEMO | RIG)[n] for n in unknowns.names])
-    assert glide(unknowns.model, prepared.data, p).tail[0].steady
+    assert glide(unknowns.model, prepared.data, p).stretches[0].steady
     assert glide(unknowns.model, replace(prepared.data, drive_speed=0.0), p) is None
 
 

@@ -13,9 +13,9 @@ from identify.estimation import attempt
 from identify.estimation.attempt import Clock
 from identify.estimation.sequence import hardly, is_clear
 from identify.identification import find
-from identify.logs.log_data import ShootingTrajectory, Stretch
 from identify.model.model import assemble
 from identify.shooting.parts import SlideParts
+from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 from identify.simulation.simulate import run
 
 MODEL = assemble(MAIN)
@@ -48,7 +48,8 @@ def off(record: Record) -> tuple[float, list[str]]:
     """By how many standard errors t_cr is off, the only one that is searched, and what ends each saturated part."""
     found = searched(record, PAIR, RIG, SPEED, {"t_cr": BELIEVED})
     error = found.attempt.solved.theta[MODEL.parameter_names.index("t_cr")] - np.log(PAIR["t_cr"])
-    ends = [stretch.ended_by for stretch in found.attempt.solved.trajectories[0].tail if stretch.kind == "saturated"]
+    modes = found.attempt.solved.trajectories[0].modes
+    ends = [ended_by for kind, ended_by, _ in modes if kind == "saturated"]
     return float(error / np.sqrt(found.covariance[0, 0])), ends
 
 
@@ -90,18 +91,15 @@ def test_a_course_of_another_sequence_at_the_start_is_met_by_way_of_its_beginnin
         index = MODEL.parameter_names.index("a")  # the last of the two that are searched
         errors.append((found.attempt.solved.theta[index] - np.log(OTHER["a"])) / np.sqrt(found.covariance[-1, -1]))
         excess.append(found.attempt.excess)
-        stretches.append(len(found.attempt.solved.trajectories[0].tail))
+        stretches.append(len(found.attempt.solved.trajectories[0].stretches))
     assert abs(errors[0]) < 3.0 and stretches[0] > 12
     assert stretches[1] == 1 and excess[0] < excess[1] - 10.0, "else its steady end alone is described"
 
 
 def test_sequences_differ_by_a_hair_only_where_contacts_re_age_or_rests_are_short() -> None:
     def course(*stretches: tuple[str, float, str]) -> ShootingTrajectory:
-        tail = tuple(Stretch(kind, until, ended, np.zeros((2, 3))) for kind, until, ended in stretches)
-        none = np.empty(0)
-        return ShootingTrajectory(
-            np.zeros(3), none, none, none, none, np.empty((0, 9, 3)), np.empty((0, 5, 3)), tail=tail
-        )
+        made = [Stretch(kind, until, ended, np.zeros((2, 3))) for kind, until, ended in stretches]
+        return ShootingTrajectory.of(np.zeros(3), made, np.empty(0))
 
     log = SimpleNamespace(rig=SimpleNamespace(half_period=0.05))
     slides = course(("rest", 1.0, "onset"), ("slip", 1.05, "arrest"), ("rest", 2.0, "onset"), ("slip", 2.1, "time"))

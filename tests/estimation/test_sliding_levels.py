@@ -10,7 +10,8 @@ from experiments.record_kinds import MILD, STIFF, Kind, Log
 from identify import fit
 from identify.estimation.hints import WHITE, hints, levels, steady, what_is_held
 from identify.estimation.residual_autocorrelation import colour
-from identify.logs.log_data import LogData, ShootingTrajectory, Stretch
+from identify.logs.log_data import LogData
+from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 from identify.simulation.drive import Drive, NormalForce
 from tests.support import shooting_case as case
 
@@ -22,9 +23,8 @@ RATE, LOAD, NOISE = 500.0, 2.0, 5e-3
 
 def _motion(*stretches):
     """Of stretches given as kind and end."""
-    empty = np.empty((0, 1, 3))
-    tail = tuple(Stretch(kind, until, "time", np.zeros((2, 3))) for kind, until in stretches)
-    return ShootingTrajectory(np.zeros(3), NONE, NONE, NONE, NONE, empty, empty, tail=tail)
+    made = [Stretch(kind, until, "time", np.zeros((2, 3))) for kind, until in stretches]
+    return ShootingTrajectory.of(np.zeros(3), made, NONE)
 
 
 def _log(parts, noise, load_sd=0.0):

@@ -19,7 +19,7 @@ from identify.estimation.attempt import Clock, solve_from
 from identify.identification import find, fit
 from identify.logs import loads
 from identify.logs.loads import as_far_as_told, calmed, smooth
-from identify.logs.log_data import LogData, ShootingTrajectory, StickLoading
+from identify.logs.log_data import LogData, StickLoading
 from identify.logs.prepare import UNEQUAL, prepare
 from identify.logs.segment import segment
 from identify.logs.slips import noise_on_lines
@@ -29,6 +29,7 @@ from identify.report.log_document import _quality, load_trembles
 from identify.scene import Scene
 from identify.shooting.passes import COARSE, solve_in_passes
 from identify.shooting.placing import place
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.simulation.drive import NormalForce
 from identify.simulation.simulate import run
 from tests.support import shooting_case as case

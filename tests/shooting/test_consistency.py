@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from identify.estimation.goodness_of_fit import inconsistency
-from identify.logs.log_data import ShootingTrajectory
 from identify.model.model import SPEED
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from tests.support import shooting_case as case
 
 UNKNOWNS = case.search_space(case.PAIR, case.FRICTION)
@@ -23,7 +23,7 @@ def motion(*, saturates: bool, slip: float, after: float) -> ShootingTrajectory:
     nodes[1, 4, SPEED], later[1, 4, SPEED] = slip, after
     onset = np.array([0.5, 0.8])
     saturation = onset + 0.02 if saturates else np.full(2, np.nan)
-    return ShootingTrajectory(nodes[0, 0], onset, saturation, onset + 0.05, np.zeros(2), nodes, later)
+    return ShootingTrajectory.train(nodes[0, 0], onset, saturation, onset + 0.05, nodes, later, np.empty(0))
 
 
 def said(trajectory: ShootingTrajectory) -> str | None:

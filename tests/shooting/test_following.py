@@ -37,7 +37,7 @@ def test_an_onset_is_found_where_a_stick_rises_by_less_than_the_noise(error: flo
     log = LogData(time, force, weight, p, SPEED, NormalForce.of(1.0), 0.0, 0.0, DURATION)
     found = follow(MODEL, log, p, begins_sliding=False)
     assert found is not None
-    first = next(s for s in found.trajectory.tail if s.ended_by == "onset")
+    first = next(s for s in found.trajectory.stretches if s.ended_by == "onset")
     assert abs(first.until - onset) < 2.0 / RATE
     believed_onset = onset + error / (RIG["stiffness"] * SPEED)
     assert abs(first.until - believed_onset) > 10.0 / RATE  # the parameters alone are a second off
@@ -94,14 +94,14 @@ def test_a_rest_goes_on_under_a_load_that_trembles(line_by_line: bool, monkeypat
         monkeypatch.setattr(along, "bisect_right", lambda times, _t: len(times))  # no knot comes after
     found = follow(MODEL, log, p, begins_sliding=False)
     assert found is not None and begun.size > 4
-    onsets = np.array([s.until for s in found.trajectory.tail if s.ended_by == "onset"])
+    onsets = found.trajectory.when("onset")
     right = onsets.size == begun.size and bool(np.max(np.abs(onsets - begun)) < 0.02)
     assert right == line_by_line
     if right:  # under the least load of many knots, or from each to the next: the same
         monkeypatch.setattr(Along, "_quiet", lambda *_given: None)
         again = follow(MODEL, log, p, begins_sliding=False)
         assert again is not None
-        np.testing.assert_allclose(onsets, [s.until for s in again.trajectory.tail if s.ended_by == "onset"], atol=1e-9)
+        np.testing.assert_allclose(onsets, again.trajectory.when("onset"), atol=1e-9)
 
 
 def test_an_onset_is_not_moved_along_a_level_force() -> None:
@@ -111,7 +111,7 @@ def test_an_onset_is_not_moved_along_a_level_force() -> None:
     assert abs(float(log.time[np.argmax(log.force)]) - onset) > 20.0
     found = follow(MODEL, log, log.base, begins_sliding=False)
     assert found is not None and found.end == DURATION
-    first = next(s for s in found.trajectory.tail if s.ended_by == "onset")
+    first = next(s for s in found.trajectory.stretches if s.ended_by == "onset")
     loading = FAINT_RIG["stiffness"] * SPEED
     assert abs(first.until - onset) * loading < 0.1 * NOISE
     assert abs(found.trajectory.start[0]) * FAINT_RIG["stiffness"] < 0.1 * NOISE  # it began unloaded
@@ -121,7 +121,7 @@ def test_hundreds_of_slips_below_the_noise_are_followed() -> None:
     motion, log = faint(1e-4, 20.0, 500.0)
     found = follow(MODEL, log, log.base, begins_sliding=False)
     assert found is not None
-    arrests = np.array([s.until for s in found.trajectory.tail if s.ended_by == "arrest"])
+    arrests = found.trajectory.when("arrest")
     assert arrests.size == motion.arrests.size == 166
     period = float(np.median(np.diff(motion.arrests)))
     assert np.max(np.abs(arrests - motion.arrests)) < 0.5 * period
@@ -140,7 +140,7 @@ def test_an_onset_that_the_noise_hides_stays_where_it_is_expected(monkeypatch: p
             noise = NOISE * np.random.default_rng(seed).standard_normal(log.time.size)
             found = follow(MODEL, replace(log, force=clean + noise), log.base, begins_sliding=False)
             assert found is not None
-            errors.append(next(s for s in found.trajectory.tail if s.ended_by == "onset").until - onset)
+            errors.append(found.trajectory.when("onset")[0] - onset)
         return float(np.sqrt(np.mean(np.square(errors))))
 
     limited = scatter()
@@ -165,7 +165,7 @@ def test_slips_that_the_noise_hides_are_not_counted(monkeypatch: pytest.MonkeyPa
     quiet = replace(log, weight=1e10 * log.weight)
     assert quiet.noise == pytest.approx(1e-5 * NOISE)
     seen = follow(MODEL, quiet, p, begins_sliding=False)
-    assert seen is not None and sum(s.ended_by == "arrest" for s in seen.trajectory.tail) > 100
+    assert seen is not None and seen.trajectory.arrests > 100
     monkeypatch.setattr(following, "SHOWN", 0.0)
     monkeypatch.setattr(following, "SURE", 0.0)
     counted = follow(MODEL, log, p, begins_sliding=False)
@@ -193,7 +193,7 @@ def test_a_first_stick_ends_before_the_force_is_highest(monkeypatch: pytest.Monk
         """How aged the contact is at the begin, and how long the mass rests after the first slip, over the truth."""
         found = follow(MODEL, log, p, begins_sliding=False)
         assert found is not None and MODEL.clamped is not None
-        slip, rest = found.trajectory.tail[1:3]
+        slip, rest = found.trajectory.stretches[1:3]
         assert (slip.ended_by, rest.ended_by) == ("arrest", "onset")
         return float(found.trajectory.start[MODEL.clamped]), (rest.until - slip.until) / rests[0][1]
 
@@ -220,7 +220,7 @@ def test_rests_of_a_few_samples_are_followed(monkeypatch: pytest.MonkeyPatch) ->
     def arrests() -> np.ndarray:
         found = follow(MODEL, log, p, begins_sliding=False)
         assert found is not None
-        return np.array([s.until for s in found.trajectory.tail if s.ended_by == "arrest"])
+        return found.trajectory.when("arrest")
 
     assert arrests().size == motion.arrests.size == 52
     assert np.max(np.abs(arrests() - motion.arrests)) < 2e-3
@@ -246,7 +246,7 @@ def test_slips_that_only_show_together_are_followed_through(wrong: float, monkey
     def arrests() -> np.ndarray:
         found = follow(MODEL, log, p, begins_sliding=False)
         assert found is not None and found.end == 14.0
-        return np.array([s.until for s in found.trajectory.tail if s.ended_by == "arrest"])
+        return found.trajectory.when("arrest")
 
     assert motion.arrests.size == 200
     through = arrests()

@@ -10,11 +10,11 @@ from data_io import Record
 from identify import Scene
 from identify.base.outcome import Status
 from identify.estimation.attempt import Clock, solve_again, solve_from
-from identify.logs.log_data import ShootingTrajectory
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import SPEED, assemble
-from identify.shooting.onsets import turned_back, with_last_onsets
+from identify.shooting.onsets import turned_back, turns_back, with_last_onsets
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.simulation.simulate import run
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
@@ -47,16 +47,21 @@ def trembling():
 
 def begun_early(trajectory: ShootingTrajectory, cycle: int, early: float) -> ShootingTrajectory:
     """The motion with one onset earlier [s]: the mass stands until it moved before."""
-    onset, slip, last = trajectory.onset.copy(), trajectory.slip.copy(), trajectory.slip.shape[1] - 1
-    end = trajectory.saturation[cycle] if trajectory.saturates[cycle] else trajectory.arrest[cycle]
-    onset[cycle] -= early
-    place = (
-        (np.linspace(onset[cycle], end, last + 1) - trajectory.onset[cycle]) / (end - trajectory.onset[cycle]) * last
-    )
-    nodes = [np.interp(place, np.arange(last + 1), column) for column in trajectory.slip[cycle].T]
-    slip[cycle] = np.stack(nodes, axis=1)
-    slip[cycle, place < 0.0, SPEED] = 0.0
-    return replace(trajectory, onset=onset, slip=slip)
+    until, nodes, onset = trajectory.until.copy(), trajectory.nodes.copy(), int(trajectory.ending("onset")[cycle])
+    begun, end, slip = until[onset], until[onset + 1], slip_nodes(trajectory, cycle)
+    until[onset] -= early
+    last = slip.stop - slip.start - 1
+    place = (np.linspace(until[onset], end, last + 1) - begun) / (end - begun) * last
+    moved = np.stack([np.interp(place, np.arange(last + 1), column) for column in trajectory.nodes[slip].T], axis=1)
+    moved[place < 0.0, SPEED] = 0.0
+    nodes[slip] = moved
+    return replace(trajectory, until=until, nodes=nodes)
+
+
+def slip_nodes(trajectory: ShootingTrajectory, cycle: int) -> slice:
+    """Where the nodes of a slip stand, from its onset until it saturates or rests."""
+    slip = int(trajectory.ending("onset")[cycle]) + 1
+    return slice(int(trajectory.first[slip]) - 1, int(trajectory.first[slip + 1]))
 
 
 @pytest.mark.parametrize("cycle", [1, 2])
@@ -69,7 +74,7 @@ def test_an_onset_at_an_earlier_dip_is_put_where_the_slip_begins(trembling, cycl
     found = solve_again(replace(right, solved=placed), start)
     assert found.gate.status is Status.CONVERGED
     np.testing.assert_allclose(found.solved.trajectories[0].onset, onsets, atol=4e-3)
-    assert not np.any(turned_back(found.solved.trajectories[0])[0])
+    assert not turns_back(found.solved.trajectories[0])
     monkeypatch.setattr(room, "with_last_onsets", lambda _guess: None)  # who leaves it there
     left = solve_again(replace(right, solved=placed), start)
     assert left.gate.status is Status.WRONG_EVENT_COUNT and "runs backwards" in left.gate.message
@@ -78,18 +83,21 @@ def test_an_onset_at_an_earlier_dip_is_put_where_the_slip_begins(trembling, cycl
 
 def test_a_slip_begins_anew_where_its_speed_rises_through_zero(trembling):
     trajectory = trembling[0].solved.trajectories[0]
-    assert with_last_onsets(trajectory) is None and not np.any(turned_back(trajectory)[0])
-    slip, n = trajectory.slip.copy(), trajectory.slip.shape[1] - 1
-    slip[1, :, SPEED] = 0.05 * np.linspace(-1.0, n - 1.0, n + 1)  # zero at the second node
-    slip[1, 0, SPEED] = 0.0
-    slip[1, 1, SPEED] = -0.05
-    back = replace(trajectory, slip=slip)
+    assert with_last_onsets(trajectory) is None and not turns_back(trajectory)
+    mine, onset = slip_nodes(trajectory, 1), int(trajectory.ending("onset")[1])
+    nodes, n = trajectory.nodes.copy(), mine.stop - mine.start - 1
+    slip = nodes[mine]
+    slip[:, SPEED] = 0.05 * np.linspace(-1.0, n - 1.0, n + 1)  # zero at the second node
+    slip[0, SPEED] = 0.0
+    slip[1, SPEED] = -0.05
+    back = replace(trajectory, nodes=nodes)
     mended = with_last_onsets(back)
-    assert turned_back(back)[0][1].sum() == 1 and mended is not None
-    end = trajectory.saturation[1] if trajectory.saturates[1] else trajectory.arrest[1]
-    share = (1.0 + 0.05 / (0.05 + slip[1, 2, SPEED])) / n
-    assert mended.onset[1] == pytest.approx(trajectory.onset[1] + share * (end - trajectory.onset[1]))
-    assert np.all(mended.slip[1, 1:, SPEED] > 0.0) and mended.slip[1, 0, SPEED] == 0.0
-    np.testing.assert_array_equal(mended.slip[1, -1], slip[1, -1])
-    np.testing.assert_array_equal(mended.slip[[0, 2]], slip[[0, 2]])
+    assert sum(int(found.sum()) for found in turned_back(back)) == 1 and mended is not None
+    begun, end = trajectory.until[onset : onset + 2]
+    share = (1.0 + 0.05 / (0.05 + slip[2, SPEED])) / n
+    assert mended.onset[1] == pytest.approx(begun + share * (end - begun))
+    assert np.all(mended.nodes[mine][1:, SPEED] > 0.0) and mended.nodes[mine][0, SPEED] == 0.0
+    np.testing.assert_array_equal(mended.nodes[mine][-1], slip[-1])
+    others = np.delete(np.arange(len(nodes)), mine)
+    np.testing.assert_array_equal(mended.nodes[others], nodes[others])
     np.testing.assert_array_equal(mended.arrest, trajectory.arrest)

@@ -27,8 +27,8 @@ def test_among_hundreds_of_slips_the_exact_hessian_comes_sooner(monkeypatch, sli
 
     monkeypatch.setattr(passes, "solve", creeping)
     unknowns = SimpleNamespace(model=SimpleNamespace(vibrates=False))
-    layout = SimpleNamespace(places=[SimpleNamespace(onset=np.zeros(slips))], unknowns=unknowns)
-    tried = passes._tried(SimpleNamespace(layout=layout, samples=1), 1e-8, 1e-4, False)
+    layout = SimpleNamespace(unknowns=unknowns)
+    tried = passes._tried(SimpleNamespace(layout=layout, samples=1), 1e-8, 1e-4, False, slips)
     assert asked[:-1] == [(most, False) for most in patience] and asked[-1][1] and tried.bent
     assert tried.iterations == sum(iterations for iterations, _ in asked)
 
@@ -46,7 +46,7 @@ def test_a_motion_that_hangs_together_is_followed_to_the_end_of_its_valley(monke
     monkeypatch.setattr(passes, "solve", in_a_valley)
     unknowns = SimpleNamespace(model=SimpleNamespace(vibrates=False))
     problem = SimpleNamespace(layout=SimpleNamespace(places=[], unknowns=unknowns), samples=1)
-    tried = passes._tried(problem, 1e-8, 1e-4, False)
+    tried = passes._tried(problem, 1e-8, 1e-4, False, 0)
     assert tried.solution.success == goes_on
     assert asked == [(False, None), (True, "plain"), *([(True, "exact")] if goes_on else [])]
 

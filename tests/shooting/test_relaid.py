@@ -55,7 +55,7 @@ def test_every_parameter_is_where_a_walk_would_put_it(per, tremor):
     for name in ("free", "scale", "start", "lower", "upper", "events", "prior_mean", "prior_sd"):
         np.testing.assert_array_equal(getattr(again.layout, name), getattr(walked, name), err_msg=name)
     for mine, theirs in zip(again.layout.places, walked.places, strict=True):
-        for name in ("start", "onset", "saturation", "arrest", "deviation", "slip", "saturated", "own"):
+        for name in ("start", "until", "nodes", "deviation", "own", "slip_deviation", "strength"):
             np.testing.assert_array_equal(getattr(mine, name), getattr(theirs, name), err_msg=name)
     _same(again, Problem(data, walked), at)
     assert again.evaluate(at, derivatives=False).cost == pytest.approx(problem.evaluate(z, derivatives=False).cost)

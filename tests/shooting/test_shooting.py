@@ -261,9 +261,9 @@ def test_the_truth_solves_the_rows_and_has_the_event_times_of_the_independent_in
     for log, trajectory in zip(logs, trajectories, strict=True):
         assert np.max(np.abs(trajectory.onset - log.truth.onsets[: log.cycles])) < 1e-6
         assert np.max(np.abs(trajectory.arrest - log.truth.arrests)) < 1e-6
-        assert np.count_nonzero(trajectory.saturates) == log.truth.saturations.size
-        if np.any(trajectory.saturates):
-            assert np.max(np.abs(trajectory.saturation[trajectory.saturates] - log.truth.saturations)) < 1e-6
+        worn = trajectory.until[trajectory.ending("saturation")]
+        assert worn.size == log.truth.saturations.size
+        assert np.max(np.abs(worn - log.truth.saturations), initial=0.0) < 1e-6
     np.testing.assert_allclose(solution.x[:6], unknowns.start[unknowns.free], atol=1e-4)
 
 
@@ -284,9 +284,9 @@ def test_a_guess_whose_events_are_out_of_order_is_a_failed_solve():
     problem, logs = _problem(load_sd=1e-4)
     unknowns = problem.layout.unknowns
     trajectories = case.placed(unknowns, logs, problem.logs, COARSE)
-    late = trajectories[0].arrest.copy()
-    late[0] = trajectories[0].onset[1] + 0.5
-    solved = solve_in_passes(problem.logs, [replace(trajectories[0], arrest=late), trajectories[1]], unknowns)
+    late = trajectories[0].until.copy()
+    late[trajectories[0].ending("arrest")[0]] = trajectories[0].onset[1] + 0.5
+    solved = solve_in_passes(problem.logs, [replace(trajectories[0], until=late), trajectories[1]], unknowns)
     assert not solved.solution.success and solved.solution.cost == np.inf
     assert solved.solution.words == "Events_Out_Of_Order"
     assert solve_in_passes(problem.logs, trajectories, unknowns).solution.success
@@ -296,10 +296,10 @@ def test_a_guess_with_a_slide_of_no_length_is_a_failed_solve(recwarn):
     # Its normal force was 0/0 as well, with a warning of numpy's for the user.
     problem, logs = _problem(load_sd=1e-4)
     trajectories = case.placed(problem.layout.unknowns, logs, problem.logs, COARSE)
-    cycle = int(np.flatnonzero(trajectories[1].saturates)[0])
-    pinched = trajectories[1].saturation.copy()
-    pinched[cycle] = trajectories[1].arrest[cycle]
-    trajectories[1] = replace(trajectories[1], saturation=pinched)
+    worn = int(trajectories[1].ending("saturation")[0])
+    pinched = trajectories[1].until.copy()
+    pinched[worn] = pinched[worn + 1]
+    trajectories[1] = replace(trajectories[1], until=pinched)
     solution = solve(transcribe(problem.logs, trajectories, problem.layout.unknowns, COARSE))
     assert not solution.success and solution.cost == np.inf
     assert solution.words == "Events_Out_Of_Order"

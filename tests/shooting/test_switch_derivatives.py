@@ -89,13 +89,13 @@ def _differences(unknowns, index, log, wanted, h):
 @pytest.mark.parametrize("kind", CASES)
 def test_derivatives_through_every_switch_are_those_of_the_integrator(kind):
     pair, log, worn, of_arrests, in_moment = CASES[kind]
-    problem, x, follows, _ = _solved(pair, log)
+    problem, x, follows, trajectory = _solved(pair, log)
     moved = _moved(problem, x, follows)
     layout, place = problem.layout, problem.layout.places[0]
     data = problem.logs[0]
     inside = data.time <= data.end
     slopes = sample_moves(problem, x / layout.scale, moved)[0] / data.weight[:, None]
-    switches = {name: getattr(place, name[:-1])[getattr(place, name[:-1]) != KNOWN] for name in KINDS}
+    switches = {name: place.until[trajectory.ending(name[:-1])] for name in KINDS}
     assert switches["onsets"].size >= 2
     assert bool(switches["saturations"].size) == worn
     count = sum(which.size for which in switches.values())

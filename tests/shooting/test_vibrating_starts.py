@@ -92,13 +92,8 @@ def _solved():
 def _late():
     """The solved motion with its second slip a period of the drive late."""
     trajectory = _solved().trajectories[0]
-    shift = (np.arange(trajectory.cycles) == 1) / VIBRATION["excitation_frequency"]
-    return replace(
-        trajectory,
-        onset=trajectory.onset + shift,
-        saturation=trajectory.saturation + shift,
-        arrest=trajectory.arrest + shift,
-    )
+    second = np.array(trajectory.part) == 1
+    return replace(trajectory, until=trajectory.until + second / VIBRATION["excitation_frequency"])
 
 
 def test_a_slip_that_begins_a_period_too_late_is_put_where_the_grip_is_first_overcome():
@@ -143,7 +138,7 @@ def test_a_rest_of_many_blocks_goes_through_the_re_ageing_once():
     problem = _problem()
     kinds = {family.block.kind: family for family in problem.layout.families}
     assert "reageing" in kinds and not {"rest_reaged", "stick_reaged"} & set(kinds)
-    arrests = int(np.count_nonzero(_placed().saturates))
+    arrests = _placed().ending("saturation").size
     assert kinds["reageing"].slots.shape[0] == arrests
     assert kinds["rest"].slots.shape[0] > 10 * arrests
     rows = problem.evaluate(problem.start, derivatives=False).rows
@@ -181,4 +176,6 @@ def test_a_slip_that_never_ends_does_not_keep_the_others_from_being_moved(monkey
     monkeypatch.setattr(lanes, "break_away", with_one_that_slides_on)
     mended = with_first_onsets(log, late, replace(unknowns, start=_solved().theta), COARSE)
     assert mended is not None
-    assert np.all(np.isfinite(mended.slip)) and mended.onset == pytest.approx(_solved().trajectories[0].onset, abs=2e-3)
+    assert np.all(np.isfinite(mended.nodes)) and mended.onset == pytest.approx(
+        _solved().trajectories[0].onset, abs=2e-3
+    )

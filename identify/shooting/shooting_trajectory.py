@@ -1,0 +1,243 @@
+"""The motion behind one log: what it goes through one after the other, when each ends, and its states in between."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import groupby
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.logs.log_data import own_or
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+Kind = Literal["rest", "slip", "saturated", "steady", "steady_saturated"]
+End = Literal["onset", "saturation", "release", "arrest", "time"]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One stretch of a motion: a rest, a part of a slide, or steady sliding.
+
+    kind; until: its end [s]; ended_by: the guard that falls to zero there, or "time" where it is a time that is given
+    (the drive changes, the window ends); nodes (n, n_x): of a rest its end; of a slide the ends of its shooting
+    intervals; of steady sliding start and end of each piece.
+    """
+
+    kind: Kind
+    until: float
+    ended_by: End
+    nodes: Array
+
+    @property
+    def steady(self) -> bool:
+        """Whether the mass slides as fast as the drive."""
+        return self.kind.startswith("steady")
+
+
+@dataclass(frozen=True)
+class ShootingTrajectory:
+    """Event times and node states of one log, of s stretches with N nodes in all and p parts.
+
+    start (n_x,): state at the begin of the window; modes: kind, end and number of nodes of every stretch; until (s,):
+    when each ends [s]; nodes (N, n_x) of one stretch after the other; a rest up to the end of the window is no stretch;
+    deviation (p,) of the normal force from its measured course in every part [N]; own (n_p,): search variables this log
+    has for itself (NaN: shared with the others; empty: all are); slip_deviation (q,): that in every slip from rest
+    (`slip_parts`), where it has one of its own (empty: as at the onset); strength (p,): theta of mu_s in every part
+    (empty: as for all).
+    """
+
+    start: Array
+    modes: tuple[tuple[Kind, End, int], ...]
+    until: Array
+    nodes: Array
+    deviation: Array
+    own: Array = field(default_factory=lambda: np.empty(0))
+    slip_deviation: Array = field(default_factory=lambda: np.empty(0))
+    strength: Array = field(default_factory=lambda: np.empty(0))
+
+    @staticmethod
+    def of(start: Array, stretches: Sequence[Stretch], own: Array) -> ShootingTrajectory:
+        """The motion that is made of these stretches, with the normal force as it was measured."""
+        made = ShootingTrajectory(
+            start,
+            tuple((stretch.kind, stretch.ended_by, len(stretch.nodes)) for stretch in stretches),
+            np.array([stretch.until for stretch in stretches]),
+            np.concatenate([start[None, :][:0], *(stretch.nodes for stretch in stretches)]),
+            np.empty(0),
+            own,
+        )
+        return ShootingTrajectory(start, made.modes, made.until, made.nodes, np.zeros(made.loaded_at.size), own)
+
+    @staticmethod
+    def train(
+        start: Array, onset: Array, saturation: Array, arrest: Array, slip: Array, saturated: Array, own: Array
+    ) -> ShootingTrajectory:
+        """A train of c cycles, each a rest and a slip.
+
+        Args:
+            onset, saturation (NaN: none), arrest (c,) [s]; slip (c, n + 1, n_x): nodes from the onset to the
+            saturation, or to the arrest; saturated (c, n + 1, n_x): from the saturation to the arrest.
+        """
+        made = list[Stretch]()
+        for i, (begun, worn, rested) in enumerate(zip(*(x.tolist() for x in (onset, saturation, arrest)), strict=True)):
+            made.append(Stretch("rest", begun, "onset", slip[i, :1]))
+            if np.isnan(worn):
+                made.append(Stretch("slip", rested, "arrest", slip[i, 1:]))
+            else:
+                made.append(Stretch("slip", worn, "saturation", slip[i, 1:]))
+                made.append(Stretch("saturated", rested, "arrest", saturated[i, 1:]))
+        return ShootingTrajectory.of(start, made, own)
+
+    def theta(self, shared: Array) -> Array:
+        """Theta (n_p,) of this log."""
+        return own_or(shared, self.own)
+
+    @cached_property
+    def first(self) -> Indices:
+        """Number of the first node of each stretch, and of all nodes (s + 1,)."""
+        return np.cumsum([0, *(count for _, _, count in self.modes)])
+
+    @cached_property
+    def stretches(self) -> tuple[Stretch, ...]:
+        """The stretches one by one."""
+        nodes = np.split(self.nodes, self.first[1:-1]) if self.modes else []
+        return tuple(
+            Stretch(kind, until, ended_by, own)
+            for (kind, ended_by, _), until, own in zip(self.modes, self.until.tolist(), nodes, strict=True)
+        )
+
+    @property
+    def rests_at_end(self) -> bool:
+        """Whether the mass rests when the window ends."""
+        return not self.modes or self.modes[-1][0] == "rest" or self.modes[-1][1] == "arrest"
+
+    def ending(self, ended_by: End) -> Indices:
+        """Which stretches end so."""
+        return np.array([i for i, mode in enumerate(self.modes) if mode[1] == ended_by], dtype=np.int64)
+
+    def when(self, ended_by: End) -> Array:
+        """When stretches end so [s]."""
+        return self.until[self.ending(ended_by)]
+
+    def at_end(self, which: Indices) -> Array:
+        """The states (k, n_x) in which some stretches (k,) end."""
+        return self.nodes[self.first[1:][which] - 1]
+
+    # ------------------------------------------------------------------------------------------------------------------
+    # Parts of the record that are judged one by one, with a normal force each: a rest begins a new one.
+    # ------------------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def part(self) -> list[int]:
+        """Number (from 0) of the part that each stretch is in."""
+        out: list[int] = []
+        for i, (kind, _, _) in enumerate(self.modes):
+            begins = kind == "rest" and i > 0 and self.modes[i - 1][0] != "rest"
+            out.append(out[-1] + begins if out else 0)
+        return out
+
+    def by_part(self) -> list[list[Stretch]]:
+        """The stretches of every part."""
+        zipped = zip(self.part, self.stretches, strict=True)
+        return [[stretch for _, stretch in some] for _, some in groupby(zipped, key=lambda pair: pair[0])]
+
+    @property
+    def parts(self) -> int:
+        """Number of parts; what is nothing but a rest is one."""
+        return self.part[-1] + 1 if self.modes else 1
+
+    @cached_property
+    def loaded_at(self) -> Array:
+        """When the deviation of the normal force counts in every part (p,) [s]: at the onset, or early in a slide."""
+        return self.until[np.unique(np.array(self.part, dtype=np.int64), return_index=True)[1]]
+
+    @cached_property
+    def own_slips(self) -> list[int]:
+        """The slips from rest in which the normal force may have a deviation of its own, by their stretches."""
+        begun = [i for i in range(1, len(self.modes)) if self.modes[i - 1][1] == "onset"]
+        return [i for i in begun if self.modes[i][0] == "slip" and self.modes[i][1] in ("saturation", "arrest")]
+
+    @property
+    def slip_parts(self) -> Indices:
+        """Number of the part of each such slip (q,)."""
+        return np.array([self.part[i] for i in self.own_slips], dtype=np.int64)
+
+    @property
+    def slid_at(self) -> Array:
+        """When the deviation of its own counts in each of them (q,) [s]."""
+        return self.until[self.own_slips]
+
+    @property
+    def sliding_deviation(self) -> Array:
+        """Deviation of the normal force in every part (p,) [N] while the mass slides."""
+        out, own = self.deviation.copy(), self.slip_deviation
+        out[self.slip_parts[: own.size]] = own
+        return out
+
+    # ------------------------------------------------------------------------------------------------------------------
+    # Sticks and slips.
+    # ------------------------------------------------------------------------------------------------------------------
+
+    @property
+    def slips(self) -> Array:
+        """How long the mass slides from an onset to the arrest after it [s]; of every slip that has both."""
+        found, begun = list[float](), np.nan
+        for (_, ended_by, _), until in zip(self.modes, self.until.tolist(), strict=True):
+            if ended_by == "onset":
+                begun = until
+            elif ended_by == "arrest":
+                found.append(until - begun)
+        told = np.array(found)
+        return told[np.isfinite(told)]
+
+    @property
+    def arrests(self) -> int:
+        """How often the mass comes to rest."""
+        return self.ending("arrest").size
+
+    @cached_property
+    def _train(self) -> Array:
+        """Onset, saturation and arrest (c, 3) of every slip of a train of whole cycles; empty of any other motion."""
+        rows, i, nan = list[tuple[float, float, float]](), 0, float("nan")
+        whats, until = [mode[:2] for mode in self.modes], self.until.tolist()
+        while i < len(whats):
+            if whats[i : i + 2] == [("rest", "onset"), ("slip", "arrest")]:
+                rows.append((until[i], nan, until[i + 1]))
+                i += 2
+            elif whats[i : i + 3] == [("rest", "onset"), ("slip", "saturation"), ("saturated", "arrest")]:
+                rows.append((until[i], until[i + 1], until[i + 2]))
+                i += 3
+            else:
+                return np.empty((0, 3))
+        return np.array(rows).reshape(-1, 3)
+
+    @property
+    def cycles(self) -> int:
+        """Number of cycles of a train of them, each a rest and a slip; 0 of any other motion."""
+        return len(self._train)
+
+    @property
+    def onset(self) -> Array:
+        """When each slip of such a train begins (c,) [s]."""
+        return self._train[:, 0]
+
+    @property
+    def saturation(self) -> Array:
+        """When the bounded state of each of its slips reaches its bound (c,) [s]; NaN where it never does."""
+        return self._train[:, 1]
+
+    @property
+    def arrest(self) -> Array:
+        """When each of its slips ends (c,) [s]."""
+        return self._train[:, 2]
+
+    @property
+    def sticks(self) -> Array:
+        """How long the mass sticks between its slips (c - 1,) [s]."""
+        return self.onset[1:] - self.arrest[:-1]
