@@ -172,7 +172,9 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
     force = np.asarray(record.friction_force, float)
     used = corrected.used & np.isfinite(force) & np.isfinite(record.normal_force)
     refuse_too_few(entry, record, used, name)
-    sign = _sign(entry, kept(force, used))
+    # A slip may swing the spring past its rest, and a hold keeps it there: it pulls the other way while nothing slides.
+    driven = used & _moves(drive, record.time)
+    sign = _sign(entry, kept(force, driven if np.any(driven) else used))
     force = -force if sign < 0 else force
     inner = slice(int(np.argmax(used)), used.size - int(np.argmax(used[::-1])))
     time, measured = record.time[inner], shown(force, used)[inner]
@@ -212,7 +214,7 @@ def _verdict(time: Array, force: Array, rig: Rig, drive: Drive, elastic: bool) -
         found = segment(time, force, half_period=rig.half_period or None, noise=rig.noise)
         if changes_speed(tuple(zip(drive.starts, drive.speeds, strict=True))):
             return Verdict(Regime.PROGRAMME, SURE, ("the drive changes its speed",), found)
-        moves = np.array(drive.speeds)[np.searchsorted(drive.starts, time, side="right") - 1] > 0.0
+        moves = _moves(drive, time)
         return replace(judged(time[moves], force[moves], known, noise=rig.noise), found=found)
     strokes = turns_of_sign(force)
     if len(strokes) < 2:
@@ -242,7 +244,13 @@ def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:
     return Drive.of(tuple(kept))
 
 
+def _moves(drive: Drive, time: Array) -> NDArray[np.bool_]:
+    """Whether the drive moves at times (n,) [s]."""
+    return np.asarray(np.array(drive.speeds)[np.searchsorted(drive.starts, time, side="right") - 1] > 0.0)
+
+
 def _sign(entry: LogEntry, force: Array) -> int:
+    """1 or -1, by which the friction force is to be multiplied: `force` (n,) [N] is that while the drive moves."""
     if entry.flip_sign is not None:
         return -1 if entry.flip_sign else 1
     return -1 if float(np.nanmedian(thinned(force))) < 0.0 else 1

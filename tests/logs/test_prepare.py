@@ -58,6 +58,16 @@ def test_the_sign_of_the_stroke_is_turned_and_remembered():
     assert _prepared(_record(), flip_sign=True).sign == -1
 
 
+def test_a_spring_that_pulls_the_other_way_in_a_hold_turns_no_log_over():
+    drive = ((0.0, 3e-3), (0.12, 0.0), (1.12, 3e-3), (1.27, 0.0))  # it stops in the sticks after slips
+    light = {"mu_s": 0.41, "mu_k0": 0.23, "delta_mu_k": -0.1, "a": 700.0, "D": 50e-6, "t_cr": 0.3}
+    times = np.arange(4000) / 1000.0
+    force = run(assemble(MAIN), light | RIG, drive, 1.0, 4.0).sample(times)["force"]
+    assert np.median(force) < -0.02 and np.median(force[:120]) > 0.1
+    log = _prepared(Record(times, np.ones(times.size), force), drive_speed=[list(step) for step in drive])
+    assert log.sign == 1 and log.falls.size == 2
+
+
 def test_tare_from_a_value_and_from_a_quiet_interval_agree():
     record = _record(quiet=QUIET, offset=0.3)
     by_value, by_interval = _prepared(record, tare="0.3 N"), _prepared(record, tare=[0.0, 0.35])
