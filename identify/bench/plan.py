@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from identify.base.errors import IdentifyError
 from identify.base.quantiles import NORMAL
 from identify.bench.designs import Knowledge, PlannedLog, Rehearsals, base_of, choose, dials, driven, told_by
-from identify.bench.rehearsal import LogDesign, rehearse
+from identify.bench.rehearsal import LogDesign, at_rest, rehearse
 from identify.estimation.covariance import inverse
 from identify.estimation.tolerances import by_drive_speed
 from identify.logs.prepare import Prepared
@@ -35,6 +35,9 @@ LONGEST = 300.0  # [s] of a log at one speed
 BEYOND = 30.0  # times the drive speed of the scene, up and down
 DIALS = (1.0, 3.0)  # of a decade
 HOLDS = (1.0, 3.0, 10.0), (10.0, 30.0, 100.0)  # [s]
+ENDS, LONGEST_RUN = 120, 1.5  # of a run between holds, that are looked at; up to so many of the longest first cycles
+CLEAR = 0.25  # of a stick: an end of a run that far from its slips is clear
+ALMOST = 0.95  # of the best end: the earliest that is as good is taken
 WRONG = 0.05  # relative, of which the price is told
 PRICED = ("mass", "stiffness", "damping", "drive_speed")
 MOST_PLACES = 0.8  # of the places, at which what is promised is reached: a median is right for every second pair only
@@ -205,29 +208,36 @@ def _speed(scene: Scene, logs: Sequence[Prepared]) -> float:
 def _designs(known: Knowledge, speed: float, load: float, choices: Choices) -> list[LogDesign]:
     """Among which is chosen: steady drives, and drives with holds, at about three times the speed of the scene."""
     speeds = choices.speeds or tuple(dials(speed / BEYOND, speed * BEYOND, DIALS))
-    values = dict(zip(known.unknowns.names, known.unknowns.values(known.places[0], known.base).tolist(), strict=True))
     out = []
     for spring in choices.stiffnesses or (None,):
         for normal_force in choices.loads or (load,):
             out += [LogDesign(v, normal_force, spring) for v in speeds]
-            stiffness = spring or values["stiffness"]
-            # As far as the spring is let go at most, in a slip that meets the friction of a fast one all along.
-            weakest = values["mu_k0"] + min(values.get("delta_mu_k", 0.0), 0.0)
-            cycle = 2.0 * (values["mu_s"] - weakest) * normal_force / stiffness
-            first = values["mu_s"] * normal_force / stiffness + cycle
             fast = min(speeds, key=lambda v: abs(math.log(v / (3.0 * speed))))
             steady = LogDesign(fast, normal_force, spring)
-            for holds in (choices.holds,) if choices.holds else HOLDS:
-                out.append(_held(steady, holds, first / fast, 1.5 * cycle / fast))
+            out += [with_holds(known, steady, holds) for holds in ((choices.holds,) if choices.holds else HOLDS)]
     return out
 
 
-def _held(steady: LogDesign, holds: Sequence[float], first: float, run: float) -> LogDesign:
-    """A drive that stands for so long each [s], after a first run [s], and runs in between [s]."""
-    programme, at = [(0.0, steady.speed)], first
-    for hold in holds:
-        programme += [(at, 0.0), (at + hold, steady.speed)]
-        at += hold + run
+def with_holds(known: Knowledge, steady: LogDesign, holds: Sequence[float]) -> LogDesign:
+    """A drive that stands for so long each [s] between runs that end in a stick, after a slip at least: clear of any
+    slip at the likeliest place, and at the others as far as can be. A slip in which the drive stops, or that begins
+    just before, is another one where the pair is a little different. Where it slides on, runs reach past the peak."""
+    base, unknowns = base_of(known.unknowns, known.base, steady), known.unknowns
+    values = [dict(zip(unknowns.names, unknowns.values(at, base).tolist(), strict=True)) for at in known.places]
+    # As far as the spring is pulled and let go at most, in a slip that meets the friction of a fast one all along.
+    weakest = [v["mu_k0"] + min(v.get("delta_mu_k", 0.0), 0.0) for v in values]
+    reach = max((3.0 * v["mu_s"] - 2.0 * w) / v["stiffness"] for v, w in zip(values, weakest, strict=True))
+    longest = reach * steady.normal_force / steady.speed  # a first cycle
+    runs = np.linspace(0.0, LONGEST_RUN * longest, ENDS)[1:]
+    programme, at = list[tuple[float, float]](), 0.0
+    for hold in (*holds, 0.0):
+        programme.append((at, steady.speed))
+        run = replace(steady, drive=tuple(programme))
+        clear = np.minimum([at_rest(unknowns, theta, base, run, at + runs) for theta in known.places], CLEAR)
+        score = np.where(clear[0] >= np.max(clear[0]), np.mean(clear, axis=0), -1.0)
+        at += float(runs[int(np.argmax(score >= ALMOST * np.max(score)))]) if np.any(score > 0.0) else longest
+        programme += [(at, 0.0)] if hold else []
+        at += hold
     return replace(steady, drive=tuple(programme), duration=at)
 
 

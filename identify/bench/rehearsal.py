@@ -248,6 +248,29 @@ def rehearse(
     )
 
 
+def at_rest(unknowns: Unknowns, theta: Array, base: Array, design: LogDesign, times: Array) -> Array:
+    """How far times (n,) [s] after the last step of a drive are from the slips before and after, as shares of the stick
+    that they lie in (n,); 0 while nothing has slipped since, within a slip, and where the model refuses.
+
+    Args:
+        theta (n_p,), base (n_p,): as in `rehearse`.
+    """
+    values = dict(zip(unknowns.names, unknowns.values(theta, base).tolist(), strict=True))
+    assert isinstance(design.drive, tuple)
+    try:
+        seen = run(unknowns.model, values, design.drive, design.normal_force, float(times[-1]))
+    except SimulationError:
+        return np.zeros(times.size)
+    arrests = seen.arrests[seen.arrests > design.drive[-1][0]]
+    last = np.searchsorted(arrests, times) - 1
+    began = np.where(last >= 0, np.append(arrests, np.inf)[last], np.inf)
+    ends = np.append(seen.onsets, np.inf)[np.searchsorted(seen.onsets, began)]
+    ends = np.minimum(ends, seen.duration)
+    with np.errstate(invalid="ignore"):
+        share = np.minimum(times - began, ends - times) / (ends - began)
+    return np.asarray(np.where(np.isfinite(began), np.clip(np.nan_to_num(share), 0.0, 0.5), 0.0))
+
+
 def _period(seen: Trajectory) -> float:
     """How long the last cycle takes that counts [s]; 0 where there are fewer."""
     return float(seen.onsets[CYCLES] - seen.onsets[CYCLES - 1]) if seen.onsets.size > CYCLES else 0.0

@@ -21,7 +21,7 @@ from identify.base.progress import Progress, to_nobody
 from identify.estimation.attempt import FIRST, Attempt, Clock, solve_from, solve_held, stalled
 from identify.estimation.events import join, with_events_mended
 from identify.estimation.goodness_of_fit import PER_CYCLE
-from identify.estimation.starts import Sources, starts_of
+from identify.estimation.starts import Sources, slips_one_by_one, starts_of
 from identify.estimation.stick_strength import with_own_strengths, with_strengths
 from identify.estimation.strained import loads_stand_in
 from identify.estimation.strategies import Strategy, may_run, run_strategy
@@ -31,7 +31,9 @@ from identify.shooting.starts import level_starts
 
 Array = NDArray[np.float64]
 
-LEAST = (1, 3)  # cycles a log must show to take part in the start; where the short logs mislead it, they come after
+# Cycles a log must show to take part in the start, where it is no drive programme that slips; where the short logs
+# mislead it, they come after.
+LEAST = (1, 3)
 SLIPS = 2  # of a log that is not left out before it was looked at together with all others
 FURTHER = 3  # feature starts that are solved beside the first
 COST_CUTOFF = 8.0  # cost per residual of a start that no solve will save
@@ -78,7 +80,8 @@ def search(
         return None, left_out
     cycling = [[i for i in able if prepared[i].typical >= least] for least in LEAST]
     faint = {i for i in able if prepared[i].manner.faint}
-    choices = [[i for i in cycling[0] if i not in faint], *cycling, able]
+    starting = [i for i in able if (i in cycling[0] or slips_one_by_one(prepared[i])) and i not in faint]
+    choices = [starting, [i for i in cycling[0] if i not in faint], *cycling, able]
     slips = {i for i in able if prepared[i].falls.size >= SLIPS}
     best: Attempt | None = None
     for number, logs in enumerate([some for n, some in enumerate(choices) if some and some not in choices[:n]]):

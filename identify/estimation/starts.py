@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from identify.estimation.attempt import HORIZONS, Clock, place_on
 from identify.logs.prepare import Prepared, beginning
 from identify.logs.unknowns import Unknowns
-from identify.shooting.features import Features, extract
+from identify.shooting.features import Features, extract, extract_one_by_one
 from identify.shooting.passes import COARSE
 from identify.shooting.shooting import transcribe
 from identify.shooting.starts import GOOD, Start, candidates, fit_features, level_starts, random_starts
@@ -84,6 +84,8 @@ def starts_of(
         return
     own = [unknowns.start[None, :]] if sources != "data" else []
     made = [candidates(unknowns, features, bases)] if sources != "user" else []
+    if made and not any(f.settled for f in features):  # slips that are all unlike tell no level of their own
+        made.append(level_starts(prepared, unknowns))
     tried = np.concatenate(own + made)
     settled = quieted(unknowns)
     starts = fit_features(settled, features, bases, tried)
@@ -103,15 +105,24 @@ def starts_of(
 
 
 def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Array]]:
-    """What the logs with repeating cycles show of them, and the base values (n_p,) of each such log."""
+    """What the logs show of repeating cycles, and of each slip of a drive programme; with the base values (n_p,) of the
+    log of each."""
     features: list[Features] = []
     bases: list[Array] = []
     for i, log in enumerate(prepared):
-        found = extract(i, log.data, log.falls, log.rig.half_period) if log.manner.name == "cycles" else None
-        if found is not None:
-            features.append(found)
-            bases.append(log.data.base)
+        found = list[Features | None]()
+        if log.manner.name == "cycles":
+            found = [extract(i, log.data, log.falls, log.rig.half_period)]
+        elif slips_one_by_one(log):
+            found = [*extract_one_by_one(i, log.data, log.segmentation.cycles, log.rig.half_period)]
+        features += [f for f in found if f is not None]
+        bases += [log.data.base] * sum(f is not None for f in found)
     return features, bases
+
+
+def slips_one_by_one(log: Prepared) -> bool:
+    """Whether a drive programme shows slips that follow others, so that each tells what the rest before it did."""
+    return log.manner.name == "course" and log.data.programme is not None and log.segmentation.count > 1
 
 
 def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:

@@ -362,6 +362,11 @@ def _later(u: Array, t: Array) -> Array:
     return np.column_stack([u[:, :TIME], u[:, TIME] + np.nan_to_num(t)])
 
 
+def rested(model: Model, x: Array, p: Array, u: Array, t: Array) -> Array:
+    """States (n, n_x) of lanes that have rested for t (n,) [s] more, whatever the drive pulls."""
+    return _functions(model)["spare"]([x, p, u, t])[2]
+
+
 def at_force(model: Model, force: Array, p: Array, u: Array) -> Array:
     """States (n, n_x) in which resting lanes settle at these load cell forces (n,) [N]."""
     return _functions(model)["at_force"]([force, p, u])[0]

@@ -1,17 +1,20 @@
 """The force of one simulated cycle, and drift-free features of a log: what one settled cycle of it looks like.
 
 Per log the period, and the mean waveform folded around the fall, every cycle shifted onto the mean by its
-own samples. A level that drifts and a normal force that relaxes leave them alone.
+own samples. A level that drifts and a normal force that relaxes leave them alone. Of a drive programme no two cycles
+are alike: there every slip has features of its own, and the rest before it, with the steps of the drive in it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.logs.log_data import LogData
+from identify.logs.segment import DetectedCycles
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The force of one simulated cycle as a function of time: stick line, slip, stick line.
@@ -101,7 +104,12 @@ MOST_SAMPLES = 1 << 14  # of one log in the fold: enough for any mean
 class Features:
     """One settled cycle of one log. times (b,) [s] from the middle of the fall, waveform (b,) [N] at the mean
     normal force, sd (b,); period [s] and its sd (period_sd infinite where a log shows one fall only); arrest:
-    valley force [N]; drop [N]; cycles folded; time of its middle cycle [s]."""
+    valley force [N]; drop [N]; cycles folded; time of its middle cycle [s].
+
+    Of a slip that is like no other (`after` is a number) arrest is the force at which the rest before it begins, after
+    that at which it ends [N] (infinite: not known); legs: drive speed [m/s] and duration [s] of each part of the rest
+    but the last; period the time from the begin of the rest to the middle of the fall.
+    """
 
     log: int
     drive_speed: float
@@ -115,6 +123,13 @@ class Features:
     drop: float
     cycles: int
     time: float
+    after: float = np.nan
+    legs: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def settled(self) -> bool:
+        """Whether the cycle repeats itself."""
+        return bool(np.isnan(self.after))
 
 
 def extract(number: int, log: LogData, falls: Array, half_period: float) -> Features | None:
@@ -170,6 +185,34 @@ def extract(number: int, log: LogData, falls: Array, half_period: float) -> Feat
         int(settled.size),
         float(np.mean(settled)),
     )
+
+
+def extract_one_by_one(number: int, log: LogData, cycles: DetectedCycles, half_period: float) -> list[Features]:
+    """The features of every slip of a drive programme that follows another one while the drive moves on."""
+    assert log.programme is not None
+    drive, out = log.programme, list[Features]()
+    for i in range(1, cycles.count):
+        begin, fall = float(cycles.arrest[i - 1]), float(cycles.fall[i])
+        edges = [begin, *drive.changes(begin, fall), fall]
+        speeds = [drive.at(0.5 * (since + until)) for since, until in itertools.pairwise(edges)]
+        later = cycles.onset[i + 1] if i + 1 < cycles.count else log.end
+        until = min([later, *drive.changes(fall, later)])
+        mine = (log.time > edges[-2]) & (log.time < until)
+        shown = replace(log, drive_speed=speeds[-1], weight=np.where(mine, log.weight, 0.0))
+        found = extract(number, shown, cycles.fall[i : i + 1], half_period) if speeds[-1] > 0.0 else None
+        if found is not None:
+            rests = until > cycles.arrest[i]
+            out.append(
+                replace(
+                    found,
+                    period=fall - begin,
+                    period_sd=0.003 * (fall - edges[-2]) + log.interval + TIMING * half_period / BINS,
+                    arrest=float(cycles.arrest_force[i - 1]),
+                    after=float(cycles.arrest_force[i]) if rests else np.inf,
+                    legs=tuple(zip(speeds[:-1], np.diff(edges[:-1]).tolist(), strict=True)),
+                )
+            )
+    return out
 
 
 def _fold(log: LogData, falls: Array, edges: Array) -> tuple[Array, Array, Array, NDArray[np.int64]]:

@@ -120,8 +120,10 @@ def _levels(logs: Sequence[Prepared]) -> tuple[Array, Array]:
 # The start of a fit from the data alone: many small least-squares fits of one settled cycle per log.
 #
 # Unknowns of each: the search variables, and per log the arrest force and a time shift. One cycle is simulated from the
-# arrest force; that it ends at the same force is one more residual, so no limit cycle is iterated. Levenberg-Marquardt
-# runs for all starts at once; all their perturbations are lanes of one batch.
+# arrest force; that it ends at the same force is one more residual, so no limit cycle is iterated. Of a drive programme
+# every slip is simulated from the force at which the rest before it begins, through the holds, to that after it: how it
+# grows with the rest tells strength and ageing apart, which cycles of one speed do not. Levenberg-Marquardt runs for
+# all starts at once; all their perturbations are lanes of one batch.
 # ----------------------------------------------------------------------------------------------------------------------
 
 PER_HALF_PERIOD = 24  # steps of a slip in the start fit
@@ -142,7 +144,8 @@ class Start:
 
 
 class _Fold:
-    """The residuals of all features as functions of the unknowns, for many candidates at once."""
+    """The residuals of all features as functions of the unknowns, for many candidates at once. A slip that is like no
+    other starts and ends at the forces that the log shows, in place of those that its own cycle repeats."""
 
     def __init__(self, unknowns: Unknowns, features: list[Features], bases: list[Array]) -> None:
         self.unknowns, self.features = unknowns, features
@@ -162,6 +165,14 @@ class _Fold:
         self.period = np.array([f.period if np.isfinite(f.period_sd) else 0.0 for f in features])
         self.period_weight = np.array([1.0 / f.period_sd for f in features])
         self.u = np.stack([[f.drive_speed, f.normal_force, 1.0, f.time] for f in features])
+        # Of slips that are like no other: the force at the ends, speeds and seconds of the legs of the rest before.
+        self.settled = np.array([f.settled for f in features])
+        self.begun_at, self.after = np.array([f.arrest for f in features]), np.array([f.after for f in features])
+        most = max(len(f.legs) for f in features)
+        padded = [[*f.legs, *[(f.drive_speed, 0.0)] * (most - len(f.legs))] for f in features]
+        self.legs = np.array(padded).reshape(self.n_logs, most, 2).transpose(1, 2, 0)  # (legs, 2, L)
+        first = self.legs[0, 0] if len(self.legs) else self.u[:, 0]
+        self.u_begin = np.column_stack([first, self.u[:, 1:]])
 
     @property
     def count(self) -> int:
@@ -175,7 +186,11 @@ class _Fold:
         s = theta.shape[0]
         p = self.unknowns.values(theta[:, None, :], self.base[None]).reshape(s * self.n_logs, -1)
         u = np.tile(self.u, (s, 1))
-        x = lanes.at_force(model, arrest.ravel(), p, u)
+        arrest = np.where(self.settled, arrest, self.begun_at)
+        x, before = lanes.at_force(model, arrest.ravel(), p, np.tile(self.u_begin, (s, 1))), np.zeros(u.shape[0])
+        for speed, seconds in self.legs:
+            leg = np.tile(np.column_stack([speed, self.u[:, 1:]]), (s, 1))
+            x, before = lanes.rested(model, x, p, leg, np.tile(seconds, s)), before + np.tile(seconds, s)
         stick, at_onset = lanes.stick(model, x, p, u)
         slips = slip(model, at_onset, p, u, PER_HALF_PERIOD)  # settled: the time of day hardly moves in a cycle
         steps = slips.states.shape[0]
@@ -196,8 +211,11 @@ class _Fold:
         weight = np.tile(self.weight, (s, 1))
         out[:, :-2] = (value - np.tile(self.wave, (s, 1))) * weight
         d_shift[:, :-2] = slope * weight
-        out[:, -2] = (stick + duration - np.tile(self.period, s)) * np.tile(self.period_weight, s)
-        out[:, -1] = (end_force - arrest.ravel()) / (CLOSURE * np.tile(self.drops, s))
+        settled, after = np.tile(self.settled, s), np.tile(self.after, s)
+        taken = before + stick + np.where(settled, duration, middle)
+        out[:, -2] = (taken - np.tile(self.period, s)) * np.tile(self.period_weight, s)
+        ends = np.where(settled, arrest.ravel(), np.where(np.isfinite(after), after, end_force))
+        out[:, -1] = (end_force - ends) / (CLOSURE * np.tile(self.drops, s))
         bad = ~ok
         out[bad, :-2] = np.where(weight[bad] > 0, BAD_RESIDUAL, 0.0)
         out[bad, -2:], d_shift[bad] = BAD_RESIDUAL, 0.0

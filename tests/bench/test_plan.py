@@ -12,15 +12,17 @@ from experiments.study_problem import DEMO, RIG
 from identify import Scene
 from identify.bench import rehearsal
 from identify.bench.designs import base_of
-from identify.bench.plan import Choices, plan
+from identify.bench.plan import Choices, plan, with_holds
 from identify.bench.plan_words import said, stated_drives, step_table, verdict
 from identify.bench.rehearsal import LogDesign, rehearse
 from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.unknowns import from_scene
+from identify.model.model import assemble
 from identify.report.stored_result import as_json
 from identify.shooting.transcription import BOUNDED_START_SD
 from identify.simulation.drive import Drive
+from identify.simulation.simulate import run
 from tests.support.fake_fit import fit_of_a_scene, with_verdicts
 
 EFFECTS = [*MAIN, "varying_normal_force"]
@@ -83,6 +85,19 @@ def test_the_contact_at_the_start_is_as_open_as_a_fit_takes_it_to_be():
     open_, known = (replace(made, start_sd=np.array([np.inf, sd])) for sd in (np.inf, 1e-9))
     told = [np.linalg.inv(log.information(50.0, 1.0, 0.0))[1, 1] for log in (known, made, open_)]
     assert 1.2 * told[0] < told[1] < told[2] / 1.2
+
+
+def test_the_drive_stops_where_no_slip_is_near(planned):
+    """A slip in which the drive stops tells little, and is another one where the pair is a little different."""
+    design = with_holds(planned.knowledge, LogDesign(3e-3, 1.0), (1.0, 3.0, 10.0))
+    assert design.holds == pytest.approx((1.0, 3.0, 10.0))
+    drive = [*design.drive, (design.duration, 0.0)]
+    for number in range(1, len(drive), 2):
+        stop, restart = drive[number][0], drive[number - 1][0]
+        seen = run(assemble(MAIN), DEMO | RIG, tuple(drive[:number]), 1.0, stop + 1.0)  # as if it ran on
+        arrest = float(seen.arrests[seen.arrests < stop][-1])
+        onset = float(seen.onsets[seen.onsets > arrest][0])
+        assert arrest > restart and min(stop - arrest, onset - stop) > 0.2 * (onset - arrest)
 
 
 def test_a_promise_holds_at_most_places_and_not_at_every_second_one():
