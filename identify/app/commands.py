@@ -32,6 +32,8 @@ KINDS = {
         PageCommand("fit", "logs", ("scene", "out"), ("accuracy", "time-limit", "starts"), ("set",),
              ("profile", "effects-table", "accuracy-table")),
         PageCommand("scene", "logs", ("out",)),
+        PageCommand("rig", "logs", ("out",), (), ("drive-speed", "added-mass")),
+        PageCommand("plan", "source", ("out",), ("budget",), ("set",)),
         PageCommand("batch", "source", ("scene", "out"), ("jobs", "time-limit"), (), ("resume",)),
         PageCommand("compare", "fits", ("out",), ("by",)),
         PageCommand("stability", "", ("scene", "result", "plot", "data"), ("points",), ("map", "at", "range"),

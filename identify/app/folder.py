@@ -17,7 +17,7 @@ from identify.studies.planning import NOT_LOGS
 OWN = ".stickslip-app"  # what the page keeps: jobs, drafts of scenes, what was seen in logs
 DEEPEST = 3  # folders within each other that are listed
 MOST_FILES = 5_000
-OWN_TABLES = (".map.csv", ".map_boundaries.csv", ".manifest.csv")  # as the page names what it has written
+OWN_TABLES = (".map.csv", ".map_boundaries.csv", ".manifest.csv", ".steps.csv")  # as the page names what it has written
 NO_LOGS = (*NOT_LOGS, ".tex", ".zip", ".log", *OWN_TABLES)
 
 
@@ -27,10 +27,12 @@ class PageError(IdentifyError):
 
 @dataclass(frozen=True)
 class Found:
-    """What lies in a folder, as paths relative to it: logs, scene files, folders of fits and of batches."""
+    """What lies in a folder, as paths relative to it: logs, scene files, files of rigs, folders of fits and of
+    batches."""
 
     logs: tuple[str, ...]
     scenes: tuple[str, ...]
+    rigs: tuple[str, ...]
     fits: tuple[str, ...]
     batches: tuple[str, ...]
 
@@ -84,7 +86,7 @@ class Folder:
 
     def found(self) -> Found:
         """What lies in it, sorted by name."""
-        kinds: dict[str, list[str]] = {"logs": [], "scenes": [], "fits": [], "batches": []}
+        kinds: dict[str, list[str]] = {"logs": [], "scenes": [], "rigs": [], "fits": [], "batches": []}
         for number, (kind, path) in enumerate(self._walked(self.root, DEEPEST)):
             if number >= MOST_FILES:
                 break
@@ -105,8 +107,7 @@ class Folder:
                 if deepest and not ours:
                     yield from self._walked(Path(entry.path), deepest - 1)
             elif entry.name.lower().endswith(".toml"):
-                if not _holds_a_rig(Path(entry.path)):
-                    yield "scenes", Path(entry.path)
+                yield "rigs" if _holds_a_rig(Path(entry.path)) else "scenes", Path(entry.path)
             elif not ours and self._may_be_a_log(Path(entry.path)):
                 yield "logs", Path(entry.path)
 

@@ -54,6 +54,7 @@ class Page:
             "folder": str(self.folder.root),
             "logs": logs,
             "scenes": list(found.scenes),
+            "rigs": list(found.rigs),
             "fits": [fit_row(self.folder, name) for name in found.fits],
             "batches": list(found.batches),
             "jobs": self.jobs.listed(),

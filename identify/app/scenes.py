@@ -176,6 +176,8 @@ def edited(text: str, keys: Sequence[str], value: Any) -> str:
         if keys[-1] in place:
             del place[keys[-1]]
     else:
+        if keys[-1] in place and isinstance(place[keys[-1]], Table) and not isinstance(value, Mapping):
+            del place[keys[-1]]  # a value stands before all tables, wherever the table was
         _put(place, keys[-1], _typed(value))
     return tomlkit.dumps(document)
 
@@ -258,6 +260,7 @@ def form_of(document: Mapping[str, Any], scene: Scene | None) -> dict[str, Any]:
         "name": _shown(document.get("name")),
         "auto": listed == "auto",
         "rig": fields,
+        "rig_file": document["rig"] if isinstance(document.get("rig"), str) else "",
         "time_limit": _shown(_table(document.get("fit")).get("time_limit")),
         "effects": [_effect(effect, effect.name in on, scene) for effect in ALL],
         "parameters": _parameters(on if listed != "auto" else MAIN, said, scene),

@@ -24,6 +24,10 @@ TABLE = (
     "stiffness_N_per_m",
     "what",
 )
+NOISE_ALONE = (
+    "these are intervals of noise alone, as the first ones of a fit; errors of sensors, and of what is taken as exact "
+    "of the rig, come on top (its second ones)"
+)
 RIG_WORDS = {
     "mass": "the mass",
     "stiffness": "the stiffness",
@@ -36,7 +40,12 @@ def shown_half(half: float) -> str:
     """A half length as "± 8 %", or that it is not told."""
     if not math.isfinite(half) or half > WEAK - 1.0:
         return "not told"
-    return f"± {100.0 * half:.2g} %"
+    return f"± {_percent(half)}"
+
+
+def _percent(share: float) -> str:
+    """Two digits of a share, without a power of ten."""
+    return f"{float(f'{100.0 * share:.2g}'):.15g} %"
 
 
 def verdict(half: float) -> str:
@@ -52,7 +61,8 @@ def described(log: PlannedLog) -> str:
     if design.holds:
         holds = listed([f"{hold:.4g}" for hold in design.holds])
         again = f", {log.times} times over" if log.times > 1 else ""
-        return f"holds of {holds} s between runs at {speed_text(design.speed, 3)}{again}, {load}, at {log.rate:.0f} Hz"
+        runs = f"holds of {holds} s between runs at {speed_text(design.speed, 3)}{again}"
+        return f"{runs}, {seconds_text(log.duration)} in all, {load}, at {log.rate:.0f} Hz"
     at = f"{speed_text(design.speed, 3)}, {load}, at {log.rate:.0f} Hz"
     return f"a log of {seconds_text(log.duration)} at {at} ({log.slips} slips)"
 
@@ -69,7 +79,7 @@ def said(plan: RecordingPlan) -> str:
     """The whole plan for a terminal."""
     lines = [wrapped(_sentence(plan))]
     lines += [wrapped(f"{number}. {described(log)}", "  ") for number, log in enumerate(plan.logs, 1)]
-    lines += ["", columns(_rows(plan))]
+    lines += ["", columns(_rows(plan)), wrapped(NOISE_ALONE)]
     open_ = [name for name, half in _asked(plan) if half > IDENTIFIED]
     if open_:
         lines.append(wrapped(_open_words(plan, open_)))
@@ -145,23 +155,20 @@ def _price_lines(plan: RecordingPlan) -> list[str]:
     worst = max(exact, key=lambda name: max(float(plan.price[name][i]) for i in wanted))
     most = max(wanted, key=lambda i: float(plan.price[worst][i]))
     moves, half = float(plan.price[worst][most]), float(plan.then[most])
-    name = plan.knowledge.names[most]
+    moved = f"moves {plan.knowledge.names[most]} by {_moved(moves)}"
     if moves > max(half, IDENTIFIED):
         remedy = "time a stroke of known length" if worst == "drive_speed" else "make the records of docs/measuring.md"
-        lines.append(
-            wrapped(
-                f"measure {RIG_WORDS[worst]} first: 5 % of it moves {name} by {_moved(moves)}, which the "
-                f"logs tell to {shown_half(half)}; {remedy}, and state what stays open as a tolerance"
-            )
+        words = (
+            f"measure {RIG_WORDS[worst]} first: 5 % of it {moved}, which the logs tell to {shown_half(half)}; {remedy}"
         )
-    else:
-        lines.append(wrapped("a rig known to 5 % is good enough for these logs: no record of it is needed first"))
-    return lines
+        return [*lines, wrapped(f"{words}, and state what stays open as a tolerance")]
+    taken = f"of what is taken as exact ({listed([RIG_WORDS[name] for name in exact])}) nothing needs a record first"
+    return [*lines, wrapped(f"{taken}: 5 % of {RIG_WORDS[worst]} {moved}, and no error does more")]
 
 
 def _moved(shift: float) -> str:
     """A shift as a share; a linear one beyond the whole is only known to be that large."""
-    return f"{100.0 * shift:.2g} %" if shift < 1.0 else "over 100 %"
+    return _percent(shift) if shift < 1.0 else "over 100 %"
 
 
 def step_table(plan: RecordingPlan) -> str:

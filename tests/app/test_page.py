@@ -293,8 +293,45 @@ def test_groups_and_labels_of_a_study_are_kept_as_they_are_typed(root, page, ser
         page.wait(f"document.querySelector('[aria-label=\"{name}\"]')?.value === '{kept}'", 20)
 
 
+def test_a_rig_is_measured_in_the_page_and_scenes_take_it(root, page):
+    time, rows = np.arange(2400) / 200.0, ["t [s],Fx [N]"]
+    rung, omega = np.maximum(time - 1.0, 0.0), np.sqrt(1470.0 / 0.2)
+    tap = np.exp(-0.05 * omega * rung) * np.sin(omega * rung)
+    for name, force in (("tap.csv", tap), ("pull.csv", 0.147 * rung)):
+        force = force + 0.003 * np.random.default_rng(1).standard_normal(time.size)
+        rows[1:] = [f"{t:.4f},{f:.5f}" for t, f in zip(time, force, strict=True)]
+        (root / name).write_text("\n".join(rows))
+    go(page, "bench")
+    for name in ("tap.csv", "pull.csv"):
+        page.wait(f"document.querySelector('[aria-label=\"a record of the rig: {name}\"]')")
+        page.ask(f"document.querySelector('[aria-label=\"a record of the rig: {name}\"]').click()")
+    page.type("[aria-label='speed of pull.csv']", "0.1 mm/s")
+    page.press("measure the rig")
+    page.wait("document.querySelector('[data-said=rig]')?.textContent.includes('moving mass')")
+    page.press("make a scene before any test")
+    page.wait("document.getElementById('said').textContent.includes('before.toml')")
+    assert tomllib.loads((root / "before.toml").read_text())["rig"] == "rig.toml"
+    go(page, "scene")
+    text, place = "document.querySelector('textarea')?.value", "[data-place=rig]"
+    page.wait(f"{text}?.includes('rig = \"rig.toml\"') && document.querySelector('{place}').value === 'rig.toml'")
+    page.type(place, "")
+    page.wait(f"!{text}.includes('rig.toml') && document.querySelector('[data-place=\"rig.mass\"]')")
+    page.type("[data-place='rig.mass']", "180 g")
+    page.wait(f"{text}.includes('[rig]')")
+    page.type(place, "rig.toml")
+    page.wait(f"{text}.includes('rig = \"rig.toml\"') && !{text}.includes('180 g')")
+
+
 def test_nothing_is_wider_than_the_screen_by_day_and_by_night(root, page, serving):
-    for view in ("logs", "log?path=1_mm_per_s.csv", "scene?scene=pair.toml", "try?scene=pair.toml", "fit", "study"):
+    for view in (
+        "logs",
+        "log?path=1_mm_per_s.csv",
+        "scene?scene=pair.toml",
+        "try?scene=pair.toml",
+        "fit",
+        "study",
+        "bench",
+    ):
         page.size(1280, 800)
         page.visit(f"{serving.address}#{view}")
         for width, dark in ((1280, True), (400, False), (400, True)):

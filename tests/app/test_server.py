@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -103,7 +104,8 @@ def test_the_file_of_a_rig_is_not_listed_as_a_scene(tmp_path):
     (tmp_path / "rig.toml").write_text('mass = "0.2 kg"\nstiffness = "1470 N/m"\nzeta = 0.05\n')
     (tmp_path / "broken.toml").write_text("mass = [")
     (tmp_path / "pair.toml").write_text('rig = "rig.toml"\neffects = ["inertia"]\n')
-    assert Folder.at(tmp_path).found().scenes == ("broken.toml", "pair.toml")
+    found = Folder.at(tmp_path).found()
+    assert (found.scenes, found.rigs) == (("broken.toml", "pair.toml"), ("rig.toml",))
 
 
 def test_a_log_may_be_called_anything(client, root):
@@ -128,9 +130,16 @@ def test_a_log_may_be_called_anything(client, root):
 
 def test_only_commands_of_the_page_are_run(tmp_path):
     (tmp_path / "pair.toml").write_text("")
+    (tmp_path / "next.steps.csv").write_text("log,step\n")
     folder = Folder.at(tmp_path)
     words, out = words_of(folder, {"command": "fit", "scene": "pair.toml", "out": "--evil", "time-limit": "5 s"})
     assert out == "--evil" and words == ["fit", "--scene", "pair.toml", "--out", "./--evil", "--time-limit=5 s"]
+    plan = {"command": "plan", "source": "pair.toml", "out": "next.steps.csv", "set": ["rig.drive_speed=1 mm/s"]}
+    words, out = words_of(folder, plan)
+    assert (
+        words == ["plan", "pair.toml", "--out", "next.steps.csv", "--set=rig.drive_speed=1 mm/s"]
+        and out == "next.steps.csv"
+    )
     for asked in (
         {"command": "cache"},
         {"command": "fit", "debug": True},
@@ -162,6 +171,10 @@ def test_a_field_is_written_and_the_rest_of_the_text_stays():
     assert edited(made, ["rig", "mass"], "0.2 kg") == text
     assert 'window = ["1 s", "2 s"]' in edited(text, ["logs", "1", "window"], ["1 s", "2 s"])
     assert "mu_s = {start = 0.6}" in edited(text, ["parameters", "mu_s", "start"], "0.6")
+    later = text.replace("[rig]", "[fit]\ntime_limit = 9\n[rig]")  # a value would end up in the table before
+    filed = edited(later, ["rig"], "rig.toml")
+    assert tomllib.loads(filed)["rig"] == "rig.toml" and tomllib.loads(filed)["fit"] == {"time_limit": 9}
+    assert "rig" not in tomllib.loads(edited(filed, ["rig"], None))
     for keys in (["logs", "2", "path"], ["rig", "mass", "x"], ["a b"], []):
         with pytest.raises(PageError):
             edited(text, keys, "1")

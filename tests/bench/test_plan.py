@@ -13,7 +13,7 @@ from identify import Scene
 from identify.bench import rehearsal
 from identify.bench.designs import base_of
 from identify.bench.plan import Choices, plan, with_holds
-from identify.bench.plan_words import said, stated_drives, step_table, verdict
+from identify.bench.plan_words import said, shown_half, stated_drives, step_table, verdict
 from identify.bench.rehearsal import LogDesign, rehearse
 from identify.cli import main as cli
 from identify.effects import MAIN
@@ -131,6 +131,9 @@ def test_the_price_of_a_wrong_rig_and_the_logs_are_said(planned):
     assert all(np.all(np.isfinite(shift)) and np.all(shift >= 0.0) for shift in planned.price.values())
     text = said(planned)
     assert "the price of a wrong rig" in text and "holds of 0.2, 1 and 5 s between runs at 20 mm/s" in text
+    known = said(replace(planned, tolerances={"mass": 0.01, "stiffness": 0.01, "damping": 0.01}))
+    assert "taken as exact (the drive speed) nothing needs a record first" in " ".join(known.split())
+    assert (shown_half(1.93), shown_half(0.0022), shown_half(5.0)) == ("± 190 %", "± 0.22 %", "not told")
     assert (verdict(0.1), verdict(0.5), verdict(5.0)) == ("identified", "weak", "not identifiable")
 
 

@@ -8,17 +8,18 @@ import { tryView } from "./try.js";
 import { fitView } from "./fit.js";
 import { mapView } from "./map.js";
 import { studyView } from "./study.js";
+import { benchView } from "./bench.js";
 
 const VIEWS = {
   logs: ["Logs", logsView], log: ["One log", logView], scene: ["Scene", sceneView], try: ["Try", tryView],
-  fit: ["Fit", fitView], map: ["Map", mapView], study: ["Study", studyView],
+  fit: ["Fit", fitView], map: ["Map", mapView], study: ["Study", studyView], bench: ["Bench", benchView],
 };
 const SOON = 700, LATER = 4000; // milliseconds between looks at the folder while something is at work, and else
 const SHOWN = 8; // jobs that have ended
 
 /** What all views work on: the folder as it was listed last, and the scene. */
 const session = {
-  folder: { folder: "", logs: [], scenes: [], fits: [], batches: [], jobs: [] },
+  folder: { folder: "", logs: [], scenes: [], rigs: [], fits: [], batches: [], jobs: [] },
   scene: "",
   use(scene) {
     this.scene = scene;

@@ -11,6 +11,7 @@ function result(job) {
   if (job.kind === "fit") return link("see the fit", "fit", { path: job.out });
   if (job.kind === "batch" || job.kind === "compare") return link("see the study", "study", { path: job.out, kind: job.kind });
   if (job.kind === "scene") return link("see the scene", "scene", { scene: job.out });
+  if (job.kind === "rig" || job.kind === "plan") return link(`see the ${job.kind}`, "bench");
   return link("see the map", "map", { job: job.id });
 }
 

@@ -1,5 +1,5 @@
 // The scene: a form with units as typed, effects as switches, and the text beside it; what one side says the other shows.
-import { button, command, element, get, inOrder, link, plain, post, put, quantity, refill, say, settled, table } from "./base.js";
+import { button, choice, command, element, get, inOrder, labelled, link, plain, post, put, quantity, refill, say, settled, table } from "./base.js";
 
 const LOG_COLUMNS = [["path", "file"], ["drive_speed", "drive speed"], ["step", "step"], ["window", "window"], ["exclude", "left out"], ["skip_cycles", "skip"], ["tare", "zero"], ["labels", "labels"]];
 const EXAMPLES = { mass: "200 g", stiffness: "1.5 N/mm", zeta: "0.05", damping: "147 N/m", drive_speed: "0.1 mm/s", normal_force: "2 N", noise: "2 mN" };
@@ -86,10 +86,12 @@ export async function sceneView(host, asked, session) {
       element("span", { class: "quiet" }, seen.saved ? "saved" : "changed; kept here, and saved when you fit"), seen.error ? "" : element("span", {}, "Complete. Next: ", link("look at the logs", "log"), ", ", link("try values", "try"), " or ", link("fit", "fit"), "."));
     text.setAttribute("aria-invalid", String(Boolean(seen.error)));
     if (seen.form) {
-      const { rig, time_limit: limit } = seen.form;
+      const { rig, rig_file: file, time_limit: limit } = seen.form;
+      const files = [...new Set([...session.folder.rigs, ...(file ? [file] : [])])];
       refill(form, 
-        element("h3", {}, "Rig"), rig.filter((field) => field.needed).map(rigField), element("h3", {}, "Logs"), logs(seen.form),
-        folded("optional", "More of the rig, and time", rig.filter((field) => !field.needed).map(rigField),
+        element("h3", {}, "Rig"), files.length ? labelled("rig from", choice([["", "what is typed here"], ...files], file, (name) => change(["rig"], name || null), { "data-place": "rig" })) : null,
+        file ? element("p", { class: "quiet" }, `Mass, stiffness and damping are those of ${file}; its tolerances are the priors of every fit.`) : rig.filter((field) => field.needed).map(rigField), element("h3", {}, "Logs"), logs(seen.form),
+        folded("optional", "More of the rig, and time", file ? null : rig.filter((field) => !field.needed).map(rigField),
           element("div", { class: "field" }, element("label", {}, "time for a fit"), input(["fit", "time_limit"], limit, { placeholder: "60 s" }))),
         element("h3", {}, "Effects: what the model is made of ", button("measure what each costs", async () => { costs = await post("costs", { scene: path }); show(seen); })),
         costs.text ? element("p", { class: "quiet" }, costs.text) : null,

@@ -1,0 +1,82 @@
+// At the bench: a rig from short records of it, and which logs to record next; both in the words of the command line.
+import { button, command, element, fileAddress, get, labelled, link, post, put, refill, say, table } from "./base.js";
+import { start } from "./jobs.js";
+
+const BEFORE = "before.toml"; // a scene of no log: what a first plan starts from
+const EFFECTS = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force"];
+
+/** What is typed here is kept: a page that is loaded again has it still. */
+function kept(key, attributes) {
+  const name = `bench ${key}`;
+  const made = element("input", { spellcheck: "false", "data-kept": key, ...attributes, value: localStorage.getItem(name) ?? attributes.value ?? "", oninput: () => localStorage.setItem(name, made.value) });
+  return made;
+}
+
+export function benchView(host, asked, session) {
+  const rows = element("div", {}), rigs = element("div", {}), plans = element("div", {});
+  const out = kept("rig", { value: "rig.toml", "aria-label": "file of the rig", size: 14 }), steps = kept("steps", { value: "next.steps.csv", "aria-label": "file of the programme", size: 14 });
+  const speed = kept("speed", { placeholder: "1 mm/s", "aria-label": "drive speed of the test", size: 9 }), load = kept("load", { placeholder: "1 N", "aria-label": "normal force of the test", size: 9 });
+  const budget = kept("budget", { placeholder: "15 min", "aria-label": "time there is", size: 9 });
+  const of = element("strong", {}, session.scene || "none yet");
+  let listed = "", shown = {};
+
+  const fields = new Map();
+  const field = (path, what, example) => { const made = kept(`${what} of ${path}`, { placeholder: example, "aria-label": `${what} of ${path}`, size: 9 }); fields.set(`${what} ${path}`, made); return made; };
+  const boxes = new Map();
+  const said = (what, logs) => logs.map((path) => [path, fields.get(`${what} ${path}`).value.trim()]).filter(([, value]) => value).map(([path, value]) => `${path}=${value}`);
+
+  async function measure() {
+    const logs = [...boxes].filter(([, box]) => box.checked).map(([path]) => path);
+    if (!logs.length) { say("choose the records of the rig first"); return; }
+    await start(session, { command: "rig", logs, out: out.value, "drive-speed": said("speed", logs), "added-mass": said("mass", logs) });
+  }
+  async function scene() {
+    await post("edit", { path: BEFORE, text: `effects = [${EFFECTS.map((name) => JSON.stringify(name)).join(", ")}]\n${session.folder.rigs.length ? `rig = ${JSON.stringify(session.folder.rigs[0])}\n` : ""}` });
+    await post("save", { path: BEFORE });
+    await session.look();
+    session.use(BEFORE);
+    of.textContent = BEFORE;
+    say(`${BEFORE} is the scene now: type the drive speed and the normal force of the test, and plan`);
+  }
+  async function plan() {
+    if (!session.scene) { say("a plan needs a scene: make one of logs, or the one before any test"); return; }
+    await post("save", { path: session.scene });
+    const set = [["rig.drive_speed", speed], ["rig.normal_force", load]].filter(([, input]) => input.value.trim()).map(([key, input]) => `${key}=${input.value.trim()}`);
+    await start(session, { command: "plan", source: session.scene, out: steps.value, budget: budget.value.trim() || undefined, set });
+  }
+
+  /** The newest job of a kind that has ended: what it said, and its file. */
+  async function tell(kind, place, words, more) {
+    const job = session.folder.jobs.find((one) => one.kind === kind && one.state !== "running");
+    if (!job || shown[kind] === job.id) return;
+    shown[kind] = job.id;
+    const there = job.state === "done" && job.out && (await get("job", { id: job.id })).out;
+    refill(place, element(job.state === "done" ? "pre" : "p", { "data-said": kind }, job.state === "done" ? job.words : job.message),
+      there ? element("p", {}, element("a", { href: fileAddress(job.out, true) }, job.out), words, more) : null, command(job.command));
+  }
+  const fill = () => {
+    const key = JSON.stringify(session.folder.logs.map((log) => log.path));
+    if (key !== listed) {
+      listed = key;
+      const on = Object.fromEntries([...boxes].map(([path, box]) => [path, box.checked]));
+      boxes.clear();
+      refill(rows, table(["record", "drive speed of a pull", "mass fixed to the holder"], session.folder.logs.map(({ path }) => {
+        const box = element("input", { type: "checkbox", checked: on[path] ?? false, "aria-label": `a record of the rig: ${path}` });
+        boxes.set(path, box);
+        return [element("label", {}, box, " ", path), field(path, "speed", "0.1 mm/s"), field(path, "mass", "50 g")];
+      }), { class: "cards" }));
+    }
+    tell("rig", rigs, " holds the rig; a scene takes it at its field “rig from”. ").catch((error) => say(error.message));
+    tell("plan", plans, " is the programme, a row for each step of the drive. ").catch((error) => say(error.message));
+  };
+
+  put(host, element("h2", {}, "The rig, from short records of it"),
+    element("p", { class: "quiet" }, "Taps that ring down with the drive at rest, a tap with a known mass fixed to the holder, a slow pull on a rigid block: any two tell mass, stiffness and damping with their intervals, which are the priors of every fit. Choose them, and give what they do not tell."),
+    rows, element("div", { class: "bar" }, button("measure the rig", measure, { class: "main" }), labelled("as", out)), rigs,
+    element("h2", {}, "Which logs to record next"),
+    element("p", { class: "quiet" }, "Of the scene ", of, ": what its logs tell and what to add; before any test, the few logs that tell most. ", button("make a scene before any test", scene)),
+    element("div", { class: "bar" }, button("plan", plan, { class: "main" }), labelled("drive speed", speed), labelled("normal force", load), labelled("time there is", budget), labelled("as", steps)), plans);
+  document.addEventListener("folder", fill);
+  fill();
+  return () => document.removeEventListener("folder", fill);
+}
