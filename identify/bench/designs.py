@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 SAFE = 0.9  # of what `identified` allows
 TRIED = 6  # designs that are rehearsed at all places, each time one is chosen
 LEAST = 0.1  # by which the logarithms of the variances have to fall for a log to be worth its time
+MOST_SLIPS = 300  # of one log: a fit follows them in seconds; of thousands it does not know what they promise
 HUGE = 50.0  # standard deviation of a logarithm that is as good as infinite
 DECADES = range(-8, 1)  # of drive speeds [m/s]
 
@@ -207,7 +208,7 @@ def choose(tried: Rehearsals, designs: Sequence[LogDesign], budget: float, setup
     chosen: list[tuple[LogDesign, int]] = []
     left = budget
     while len(chosen) < most and len(tried.knowledge.told(_known(tried, chosen))) < len(tried.knowledge.wanted):
-        best = _best(tried, designs, _known(tried, chosen), left, setup)
+        best = _best(tried, designs, chosen, left, setup)
         if best is None:
             break
         chosen.append(best)
@@ -225,10 +226,12 @@ def _seconds(tried: Rehearsals, log: tuple[LogDesign, int]) -> float:
 
 
 def _best(
-    tried: Rehearsals, designs: Sequence[LogDesign], known: Array, left: float, setup: float
+    tried: Rehearsals, designs: Sequence[LogDesign], chosen: Sequence[tuple[LogDesign, int]], left: float, setup: float
 ) -> tuple[LogDesign, int] | None:
-    """The log that lowers the variances most for its time; None where none is worth it."""
-    k = tried.knowledge
+    """The log that lowers the variances most for its time; None where none is worth it. One that was chosen before
+    becomes longer, up to what a log may be."""
+    k, known = tried.knowledge, _known(tried, chosen)
+    before = {design: sum(times for other, times in chosen if other == design) for design, _ in chosen}
 
     def gain(log: tuple[LogDesign, int], place: int) -> float:
         theta = k.places[place]
@@ -240,8 +243,11 @@ def _best(
     possible: list[tuple[float, tuple[LogDesign, int]]] = []
     for design in designs:
         made = tried.at(design, 0)
-        time = min(left - setup, k.longest if not design.holds else np.inf)
-        most = 0 if made is None else 1 if not made.slips else int(time / made.duration)
+        most = 0 if made is None else 1
+        if made is not None and made.slips:
+            used = before.get(design, 0)
+            room = np.inf if design.holds else min(k.longest / made.duration, MOST_SLIPS / made.slips) - used
+            most = int(max(min((left - setup) / made.duration, room), 0.0))
         logs = [(design, 2**i) for i in range(most.bit_length())]
         possible += [(rate(g, log), log) for log in logs if (g := gain(log, 0)) > LEAST]
     possible.sort(key=lambda option: -option[0])

@@ -11,7 +11,7 @@ import pytest
 from experiments.study_problem import DEMO, RIG
 from identify import Scene
 from identify.bench import rehearsal
-from identify.bench.designs import base_of
+from identify.bench.designs import MOST_SLIPS, Rehearsals, base_of, choose
 from identify.bench.plan import Choices, plan, with_holds
 from identify.bench.plan_words import said, shown_half, stated_drives, step_table, verdict
 from identify.bench.rehearsal import LogDesign, rehearse
@@ -98,6 +98,15 @@ def test_the_drive_stops_where_no_slip_is_near(planned):
         arrest = float(seen.arrests[seen.arrests < stop][-1])
         onset = float(seen.onsets[seen.onsets > arrest][0])
         assert arrest > restart and min(stop - arrest, onset - stop) > 0.2 * (onset - arrest)
+
+
+def test_no_log_is_planned_that_a_fit_cannot_follow(planned):
+    """Chosen again, a log becomes longer: of thousands of slips, in eight minutes, a fit at its limit knew nothing."""
+    before = planned.knowledge
+    known = replace(before, variance=1.0, places=before.places[:1], known=before.known[:1])
+    for design in (LogDesign(3e-3, 1.0), LogDesign(1e-4, 1.0)):
+        (log,) = choose(Rehearsals(known), [design], 3600.0, 60.0, 6)
+        assert log.times > 6 and log.slips <= MOST_SLIPS and log.duration <= known.longest
 
 
 def test_a_promise_holds_at_most_places_and_not_at_every_second_one():
