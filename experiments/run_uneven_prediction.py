@@ -60,7 +60,7 @@ def predicted(fitted: Sticks, other: Sticks, seed: int) -> tuple[Compared, Compa
     if not maximum.converged:
         return None
     cycles = Likelihood(fitted, maximum.nodes[0])(maximum.theta)
-    begin = Begin(cycles.level_after, fitted.arrest, float(np.min(fitted.drop)), fitted.typical_rest)
+    begin = Begin(cycles.level_after, fitted.arrest, float(np.min(fitted.drop)), fitted.usual_rest)
     _, drop, period = drawn_distributions(fitted.rig, begin, maximum.theta, maximum.covariance, seed)
     follows = other.follows[1:]
     return compared(drop, other.drop, seed), compared(period, np.diff(other.anchor)[follows], seed)

@@ -64,7 +64,7 @@ def truth_of(pair: Pair, rest: float) -> Array:
     """Logarithms of PARAMETERS (7,); strength after a rest [s]."""
     strength = pair.strength * -np.expm1(-rest / pair.creep_time)
     scales = (pair.level_wander, max(pair.scatter, 1e-6), max(pair.roughness, 1e-6))
-    return np.log([strength, pair.weakening_rate, pair.creep_time, pair.mass / pair.load, *scales])
+    return np.log([strength, pair.weakening_rate, pair.creep_time, pair.mass, *scales])
 
 
 def recovered(pair: Pair, track: Simulated) -> tuple[Array, Array, bool, bool, float]:
@@ -74,7 +74,7 @@ def recovered(pair: Pair, track: Simulated) -> tuple[Array, Array, bool, bool, f
     maximum = maximise([sticks])
     creep = creep_interval([sticks], maximum)
     took = time.process_time() - began
-    error = maximum.theta - truth_of(pair, sticks.typical_rest)
+    error = maximum.theta - truth_of(pair, sticks.usual_rest)
     nearest = np.abs(track.onset[:, None] - sticks.anchor).argmin(axis=0)
     effective = maximum.theta[0] - np.log(np.median(track.effective[nearest]))
     sd = np.sqrt(np.diag(maximum.covariance))

@@ -22,7 +22,7 @@ from identify.uneven import wording
 from identify.uneven.creep import CreepTime, creep_interval
 from identify.uneven.drawn import Begin, Distribution, drawn_distributions
 from identify.uneven.estimator import Maximum, maximise
-from identify.uneven.events import Sticks, sticks_of
+from identify.uneven.events import Sticks, of_one_rest, sticks_of
 from identify.uneven.likelihood import Cycles, Likelihood
 from identify.uneven.slip_functions import LAW, PARAMETERS, slip_functions
 from identify.uneven.transfer import APART, agreement, alone
@@ -74,7 +74,7 @@ class UnevenEstimator:
         if not taken:
             return Estimated(Status.NO_CYCLES, "; ".join(left_out.values()), (), left_out=left_out)
         task.progress("cycles that differ", 0.6)
-        records = [sticks for _, sticks in taken]
+        records = of_one_rest([sticks for _, sticks in taken])
         maximum = maximise(records)
         if not maximum.converged:
             if not maximum.in_time:
@@ -83,7 +83,7 @@ class UnevenEstimator:
             return Estimated(Status.SOLVER_FAILED, why, (), left_out=left_out)
         seen = [
             UnevenLog(number, task.logs[number], sticks, Likelihood(sticks, nodes)(maximum.theta))
-            for (number, sticks), nodes in zip(taken, maximum.nodes, strict=True)
+            for (number, _), sticks, nodes in zip(taken, records, maximum.nodes, strict=True)
         ]
         return told(seen, maximum, task, left_out)
 
@@ -107,9 +107,8 @@ def told(seen: Sequence[UnevenLog], maximum: Maximum, task: EstimationTask, left
     tells_creep = not withheld and in_time(wording.CREEP)
     creep = creep_interval(records, maximum) if tells_creep else CreepTime(None, None)
     untold = withheld or ("" if in_time(wording.CREEP) else wording.CUT_SHORT)
-    load = first.log.data.mean_normal_force
     followed = any(sticks.resolved for sticks in records)
-    own, names, covariance = _quantities(maximum, load, withheld, followed)
+    own, names, covariance = _quantities(maximum, withheld, followed)
     distributions: dict[str, Any] = {}
     curve = None
     if not withheld and in_time(wording.DRAWN):
@@ -123,7 +122,7 @@ def told(seen: Sequence[UnevenLog], maximum: Maximum, task: EstimationTask, left
         "log_likelihood": maximum.log_likelihood,
         **seen_so,
     }
-    estimates = [*own, *_of_a_uniform_pair(task.unknowns, creep, first.sticks.typical_rest, untold)]
+    estimates = [*own, *_of_a_uniform_pair(task.unknowns, creep, first.sticks.usual_rest, untold)]
     return Estimated(
         status=Status.CONVERGED,
         message=wording.answered([s.log for s in seen], sum(s.sticks.count for s in seen), withheld),
@@ -172,9 +171,7 @@ def why_withheld(maximum: Maximum, records: Sequence[Sticks]) -> str:
     return ""
 
 
-def _quantities(
-    maximum: Maximum, load: float, withheld: str, followed: bool
-) -> tuple[list[Estimate], list[str], Array]:
+def _quantities(maximum: Maximum, withheld: str, followed: bool) -> tuple[list[Estimate], list[str], Array]:
     """The estimates of this estimator, and names and covariance [SI] of those with a standard error; followed: whether
     slips were."""
     theta, n = maximum.theta, len(PARAMETERS)
@@ -190,7 +187,7 @@ def _quantities(
     units = {"weakening_length": "m", "mass": "kg", "level_wander": "1/m^0.5"}
     estimates, names, errors = [], [], []
     for name, row in rows.items():
-        value = float(np.exp(row @ theta)) * (load if name == "mass" else 1.0)
+        value = float(np.exp(row @ theta))
         sd = float(np.sqrt(row @ maximum.covariance @ row))
         refused = withheld if name in ("strength", "strength_scatter", "weakening_length") else ""
         if not followed and name in ("weakening_length", "mass"):
@@ -259,19 +256,18 @@ def _creep_estimate(creep: CreepTime, rest: float, velocity_dependent: bool) -> 
 
 def _drawn(seen: UnevenLog, maximum: Maximum, seed: int) -> tuple[Distribution, Distribution, Distribution]:
     sticks = seen.sticks
-    begin = Begin(seen.cycles.level_after, sticks.arrest, float(np.min(sticks.drop)), sticks.typical_rest)
+    begin = Begin(seen.cycles.level_after, sticks.arrest, float(np.min(sticks.drop)), sticks.usual_rest)
     return drawn_distributions(sticks.rig, begin, maximum.theta, maximum.covariance, seed)
 
 
 def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[str, Any]:
     """Usual strength over the load after rests within the observed range (5 to 95 %), with its 95 % band."""
     rests = np.concatenate([sticks.rest[np.isfinite(sticks.rest)] for sticks in records])
-    typical = float(np.median([sticks.typical_rest for sticks in records]))
     shortest, longest = np.quantile(rests, (0.05, 0.95)).tolist()
     at = np.linspace(shortest, longest, AT_RESTS)
 
     def logarithm(theta: Array) -> Array:
-        contact = np.column_stack([at, np.full(AT_RESTS, typical), np.zeros(AT_RESTS)])
+        contact = np.column_stack([at, np.full(AT_RESTS, records[0].usual_rest), np.zeros(AT_RESTS)])
         return np.log(slip_functions(LAW).aged([np.tile(theta, (AT_RESTS, 1)), contact])[0][:, 0])
 
     middle, step = logarithm(maximum.theta), 1e-4

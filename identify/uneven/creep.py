@@ -34,9 +34,9 @@ class CreepTime:
 
 
 def creep_interval(records: Sequence[Sticks], maximum: Maximum) -> CreepTime:
-    """The interval from the profile over creep times from a twentieth to twenty times the typical rest."""
+    """The interval from the profile over creep times from a twentieth to twenty times the usual rest."""
     objective = Objective(records, maximum.start, maximum.nodes)
-    typical = float(np.log(np.median([sticks.typical_rest for sticks in records])))
+    typical = float(np.log(records[0].usual_rest))
     below, above = (_walked(objective, maximum, typical, side) for side in (-1.0, 1.0))
     best = max(max(profile) for _, profile in (below, above))
     ends = [_end(places, 2.0 * (best - np.array(profile))) for places, profile in (below, above)]

@@ -29,6 +29,7 @@ SETS, CHAINS = 40, 60  # sets of parameters, and chains of cycles for each
 SEEN = 0.5e-6  # [m] of sliding from which a slip is followed in steps
 STEP = 0.06
 LONGEST = 12.0  # half periods after which a slip that has not ended is given up
+RECORDS = 10  # of each set of parameters, whose medians tell how far one is off by chance
 QUANTILES = (0.05, 0.5, 0.95)
 
 
@@ -43,6 +44,14 @@ class Distribution:
     intervals: Array
     draws: Array
 
+    def median_of(self, cycles: int, seed: int) -> tuple[float, float]:
+        """95 % interval of the median over so many cycles of a record: by the parameters' errors, and by chance."""
+        random, chains = np.random.default_rng(seed), self.draws.reshape(SETS, CHAINS, -1)
+        picked = random.integers(CHAINS, size=(RECORDS, SETS, -(-cycles // chains.shape[2])))
+        made = chains[np.arange(SETS)[None, :, None], picked].reshape(RECORDS * SETS, -1)[:, :cycles]
+        low, high = np.nanquantile(np.nanmedian(made, axis=1), (0.025, 0.975)).tolist()
+        return low, high
+
     def to_dict(self) -> dict[str, object]:
         """As in `distributions` of result.json."""
         quantiles = {
@@ -55,12 +64,12 @@ class Distribution:
 @dataclass(frozen=True)
 class Begin:
     """Where chains may begin: level and force over the load after slips of a record, each (c,), and its smallest drop;
-    typical rest [s]."""
+    usual rest [s] after which the strength is told."""
 
     level: Array
     force: Array
     smallest: float
-    typical_rest: float
+    usual_rest: float
 
 
 def drawn_distributions(
@@ -137,7 +146,7 @@ class _Chains:
 
     def _usual(self, rest: Array) -> Array:
         """Strength after a rest [s] without scatter, and after a long one (n, 2)."""
-        contact = np.column_stack([rest, np.full(rest.size, self.begin.typical_rest), self.left])
+        contact = np.column_stack([rest, np.full(rest.size, self.begin.usual_rest), self.left])
         return self.functions.aged([self.theta, contact])[0]
 
     def _slip(self, rest: Array, strength: Array, usual: Array) -> Array:
@@ -145,7 +154,7 @@ class _Chains:
         rig, f, size = self.rig, self.functions, self.level.size
         odd = np.where(self.random.random(size) < ODD, ODD_WANDER, 1.0)
         same = np.ones(size)
-        stick = np.column_stack([SEEN * same, self.force, rest, self.begin.typical_rest * same, same])
+        stick = np.column_stack([SEEN * same, self.force, rest, self.begin.usual_rest * same, same])
         met = f.met([self.theta, self.over_load, stick])[0]
         met[:, len(MET) + f.own.index("gamma")] += (usual - met[:, MET.index("regained")]) / met[:, MET.index("full")]
         met[:, MET.index("onset")], met[:, MET.index("regained")] = self.force, usual
@@ -154,7 +163,7 @@ class _Chains:
         x, kept = begun[:, : len(f.states)].copy(), begun[:, f.state_size :].copy()
         speed, worn, change, fine = (f.states.index(n) for n in ("sliding_speed", "gamma", "level_change", "fine"))
         t, start = met[:, MET.index("earlier")].copy(), x[:, 0] - rig.drive_speed * met[:, MET.index("earlier")] + SEEN
-        h = STEP * np.sqrt(self.mass / rig.stiffness)
+        h = STEP * np.sqrt(self.mass / rig.load / rig.stiffness)
         moving = np.ones(size, bool)
         for _ in range(int(LONGEST * np.pi / STEP)):
             rows = np.flatnonzero(moving)

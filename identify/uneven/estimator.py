@@ -101,8 +101,8 @@ def start_from_features(records: Sequence[Sticks]) -> Array:
         [
             strength,
             2.0 * max(rig.stiffness for rig in rigs),
-            max(0.5 * float(np.median([s.typical_rest for s in records])), 1e-3),
-            float(np.median([rig.mass for rig in rigs])),
+            max(0.5 * records[0].usual_rest, 1e-3),
+            float(np.median([rig.mass * rig.load for rig in rigs])),
             max(wander, 1e-3 * strength / np.sqrt(float(np.median(slid)) if slid.size else 1e-4)),
             np.clip(scatter, 0.02, 0.6),
             0.3 * strength,

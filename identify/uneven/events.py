@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,22 +28,24 @@ LOST = 3.0  # times the typical stick: a longer one hides a cycle that was not s
 
 @dataclass(frozen=True)
 class RigConstants:
-    """The rig over the load: stiffness [1/m], damping [s/m], mass as stated [s^2/m]; rate of the sticks [1/s]."""
+    """The rig over the load: stiffness [1/m], damping [s/m], mass as stated [s^2/m]; rate of the sticks [1/s]; and the
+    load [N]."""
 
     stiffness: float
     damping: float
     mass: float
     rate: float
+    load: float = 1.0
 
     @property
     def drive_speed(self) -> float:
         """Speed at which the spring is loaded, as the sticks show it [m/s]."""
         return self.rate / self.stiffness
 
-    def over_load(self, noise: float) -> tuple[float, float, float, float]:
-        """As functions of a slip take it: stiffness [1/m], h [1/m], drive speed [m/s], and the sd of a sample [1]."""
+    def over_load(self, noise: float) -> tuple[float, ...]:
+        """As functions of a slip take it, as `slip_functions.RIG` has it; noise: sd of a sample [1]."""
         hysteresis = self.damping * float(np.sqrt(self.stiffness / self.mass))
-        return self.stiffness, hysteresis, self.drive_speed, noise
+        return self.stiffness, hysteresis, self.drive_speed, noise, self.load
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,8 @@ class Sticks:
     from the arrest before to the anchor [s], NaN where that arrest was not seen; last: time of the last sample above
     the line of the next stick [s]; above: by how much; arrest: the next line at the arrest; end: sliding at the arrest
     [m]; time, force, counts (c, n): the samples of a slip from the anchor to the last one, padded at the end, from the
-    anchor [s]; samples (c,): how many; noise: sd of a sample [1].
+    anchor [s]; samples (c,): how many; noise: sd of a sample [1]; usual_rest: the rest after which the strength is told
+    [s], the same for all records of a fit.
     """
 
     number: NDArray[np.int64]
@@ -73,6 +77,7 @@ class Sticks:
     samples: NDArray[np.int64]
     noise: float
     rig: RigConstants
+    usual_rest: float
 
     @property
     def count(self) -> int:
@@ -94,19 +99,14 @@ class Sticks:
         """From the stick line at the onset to that of the next stick at the arrest (c,)."""
         return self.line - self.arrest
 
-    @property
-    def typical_rest(self) -> float:
-        """Median stick time [s]."""
-        return float(np.nanmedian(self.rest))
-
     def part(self, rows: NDArray[np.int64]) -> Sticks:
         """Some of the cycles, in the order given; a cycle whose predecessor is left out starts anew."""
         kept = {name: getattr(self, name)[rows] for name in _PER_CYCLE}
         kept["follows"] = kept["follows"] & np.append(False, np.diff(rows) == 1)
-        return Sticks(**kept, noise=self.noise, rig=self.rig)
+        return replace(self, **kept)
 
 
-_PER_CYCLE = tuple(name for name in Sticks.__annotations__ if name not in ("noise", "rig"))
+_PER_CYCLE = tuple(name for name in Sticks.__annotations__ if name not in ("noise", "rig", "usual_rest"))
 
 
 def sticks_of(log: Prepared, in_series: bool = False) -> Sticks:
@@ -123,6 +123,7 @@ def sticks_of(log: Prepared, in_series: bool = False) -> Sticks:
         log.rig.damping * float(np.sqrt(log.rig.mass / log.rig.stiffness)) / mean,
         log.rig.mass / mean,
         rate,
+        mean,
     )
     resolved = log.segmentation.samples_per_slip >= LEAST_SAMPLES
     trace = _Trace(data.time, data.force / load, data.weight > 0.0, data.noise / mean, rig, resolved)
@@ -135,6 +136,13 @@ def sticks_of(log: Prepared, in_series: bool = False) -> Sticks:
         if row is not None:
             rows.append(row)
     return _assembled(rows, trace.noise, rig)
+
+
+def of_one_rest(records: Sequence[Sticks]) -> list[Sticks]:
+    """Records of one pair with the strength told after the same rest, the median of all: faster records rest for
+    shorter, and are weaker for that."""
+    rests = np.concatenate([sticks.rest[np.isfinite(sticks.rest)] for sticks in records])
+    return [replace(sticks, usual_rest=float(np.median(rests))) for sticks in records] if rests.size else list(records)
 
 
 @dataclass(frozen=True)
@@ -297,6 +305,7 @@ def _assembled(rows: list[_Row], noise: float, rig: RigConstants) -> Sticks:
         samples=np.array([t.size for t, _, _ in thin], dtype=np.int64),
         noise=NOISE * noise / np.sqrt(averaged),
         rig=rig,
+        usual_rest=float(np.nanmedian(rest)) if np.isfinite(rest).any() else 1.0,
         **column,
     )
 

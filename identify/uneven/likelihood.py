@@ -77,10 +77,9 @@ class Likelihood:
         self.order, self.back = order, np.argsort(order)
         self.samples, self.time, self.force = sticks.samples[order], sticks.time[order], sticks.force[order]
         self.rig = np.array(sticks.rig.over_load(sticks.noise))
-        typical = sticks.typical_rest if np.isfinite(sticks.rest).any() else 1.0
         known = np.isfinite(sticks.rest) & sticks.follows
-        rest = np.where(known, sticks.rest, typical)
-        self.stick = np.column_stack([sticks.slid, sticks.line, rest, np.full(count, typical), known])
+        rest = np.where(known, sticks.rest, np.median(sticks.rest[known]) if known.any() else sticks.usual_rest)
+        self.stick = np.column_stack([sticks.slid, sticks.line, rest, np.full(count, sticks.usual_rest), known])
         place = np.empty((count, 2, width, 3))
         place[..., 0] = nodes.log_strength[:, None, :]
         place[..., 1] = np.array([1.0, ODD_WANDER**2])[:, None]
@@ -101,7 +100,7 @@ class Likelihood:
         return lanes.reshape(self.order.size, self.block, -1)[self.back]
 
     def __call__(self, theta: Array) -> Cycles:
-        """Of every cycle, given those before; theta (p,): logarithms of the law's names, SI, mass over the load."""
+        """Of every cycle, given those before; theta (p,): logarithms of the law's names, SI."""
         return self._forward(theta).cycles
 
     def with_scores(self, theta: Array) -> tuple[Cycles, Array]:

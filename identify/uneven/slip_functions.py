@@ -24,7 +24,8 @@ from identify.model.model import assemble
 
 # Logarithms of these are searched, in this order; after them those of a law's own parameters.
 PARAMETERS = ("strength", "weakening_rate", "t_cr", "mass", "level_wander", "strength_scatter", "level_roughness")
-RIG = ("stiffness", "damping", "drive_speed", "noise")  # over the load: [1/m], h [1/m], [m/s], sd of a sample [1]
+# Over the load: [1/m], h [1/m], [m/s], sd of a sample [1]; and the load itself [N].
+RIG = ("stiffness", "damping", "drive_speed", "noise", "load")
 LAW = ("inertia", "hysteresis_damping", "contact_ageing")
 ROUGHNESS_LENGTH = 6e-6  # [m] 3 to 8 um fit measured records about equally
 ROUNDED = 0.05  # of a saturated contact: over which the end of the weakening is rounded, for smooth derivatives
@@ -58,12 +59,12 @@ class Track(Effect):
 class SlipFunctions:
     """Of one law, for many lanes at once; names: what is searched, in the order of theta (logarithms, SI).
 
-    met: (theta, rig, stick (5,): slid [m], line [1], rest [s], typical rest [s], 1 where the rest is known) -> MET;
+    met: (theta, rig, stick (5,): slid [m], line [1], rest [s], usual rest [s], 1 where the rest is known) -> MET;
     begin: (theta, rig, met, place (3,): log strength, variance factor of the wander, slid) -> state of the filter and
     what a lane keeps; step: (state, kept, rig, sample (2,): time step [s], force [1]) -> state; arrest: (state, kept,
     rig, end (2,): height above the next line [1], that line [1]) -> log likelihood, level's change, its variance;
     whole: the same of a slip that was not followed, from its begin; end (2,): its sliding [m], the next line [1].
-    aged: (theta, contact (3,): rest [s], typical rest [s], strength left before [1]) -> usual strength after the rest,
+    aged: (theta, contact (3,): rest [s], usual rest [s], strength left before [1]) -> usual strength after the rest,
     and after a long one; motion: (state of the model, kept, rig) -> its rate [1/s].
     *_back: (arguments, derivatives by the result) -> derivatives by all arguments that depend on theta.
     """
@@ -120,7 +121,8 @@ class _Slip:
         self.names = (*PARAMETERS, *self.extra)
         self.theta, self.rig = ca.SX.sym("theta", len(self.names)), ca.SX.sym("rig", len(RIG))
         self.value = dict(zip(self.names, ca.vertsplit(ca.exp(self.theta)), strict=True))
-        self.k, self.h, self.drive, self.noise = ca.vertsplit(self.rig)
+        self.k, self.h, self.drive, self.noise, load = ca.vertsplit(self.rig)
+        self.value["mass"] /= load
         self.slip = ca.Function("slip", [m.x, m.p, m.u], [m.motion(held=False)])
         self.shown = ca.Function("shown", [m.x, m.p, m.u], [m.shown(m.x, m.rig(m.x, m.speed(m.x))[0])])
         self.pull = ca.Function("pull", [m.x, m.p, m.u], [m.rig(m.x, 0.0)[0]])
@@ -157,9 +159,9 @@ class _Slip:
     def at(self, x: ca.SX, name: str) -> ca.SX:
         return x[self.m.names.index(name)]
 
-    def full_strength(self, typical: ca.SX) -> ca.SX:
-        """Strength after a long rest, from that after the typical one."""
-        return self.value["strength"] / self.regained(1.0, 0.0, typical)
+    def full_strength(self, usual: ca.SX) -> ca.SX:
+        """Strength after a long rest, from that after the usual one."""
+        return self.value["strength"] / self.regained(1.0, 0.0, usual)
 
     def regained(self, full: Expression, left: Expression, rest: ca.SX) -> ca.SX:
         """Strength after a rest [s]: by the ageing of the effects."""
@@ -198,8 +200,8 @@ class _Slip:
     def aged(self) -> Mapped:
         """Strength after a rest."""
         contact = ca.SX.sym("contact", 3)
-        rest, typical, left = ca.vertsplit(contact)
-        full = self.full_strength(typical)
+        rest, usual, left = ca.vertsplit(contact)
+        full = self.full_strength(usual)
         result = ca.vertcat(self.regained(full, left / full, rest), full)
         return Mapped(ca.Function("aged", [self.theta, contact], [ca.densify(result)]))
 
@@ -211,14 +213,14 @@ class _Slip:
     def met(self) -> tuple[Mapped, Mapped]:
         """The onset of every stick."""
         stick = ca.SX.sym("stick", 5)
-        slid, line, rest, typical, known = ca.vertsplit(stick)
-        full, time = self.full_strength(typical), ca.SX.sym("time")
+        slid, line, rest, usual, known = ca.vertsplit(stick)
+        full, time = self.full_strength(usual), ca.SX.sym("time")
         worn = {s.name: ca.SX(s.start) for s in self.m.states if s.name in self.own}
         first = self.regained(1.0, 0.0, rest)
         kept = {**self.value, "stick_factor": 0.0, "level": 0.0, "full": full, "D": full / self.value["weakening_rate"]}
         y = self.onset(slid, kept, {**worn, "gamma": first})
         strength = self.regained(full, 0.0, time)
-        rested = ca.fmax(rest - y[0], 1e-3 * typical)
+        rested = ca.fmax(rest - y[0], 1e-3 * usual)
         strength, growth = (
             ca.substitute(value, time, rested) for value in (strength, known * ca.jacobian(strength, time))
         )

@@ -83,9 +83,9 @@ def left_out(numbers: Sequence[int], records: Sequence[Sticks], maxima: Sequence
         if not known.converged:
             continue
         middle, smallest = 0.5 * (sticks.line + sticks.arrest), float(np.min(sticks.drop))
-        begin = Begin(middle, sticks.arrest, smallest, sticks.typical_rest)
+        begin = Begin(middle, sticks.arrest, smallest, sticks.usual_rest)
         _, drop, period = drawn_distributions(sticks.rig, begin, known.theta, known.covariance, seed)
-        predicted = {d.name: (d.values[1], d.intervals[1][0], d.intervals[1][1]) for d in (drop, period)}
+        predicted = {d.name: (d.values[1], *d.median_of(sticks.count, seed)) for d in (drop, period)}
         whole = np.diff(sticks.anchor)[sticks.follows[1:]]
         measured = {"drop": float(np.median(sticks.drop)), "period": float(np.median(whole))}
         out.append(

@@ -18,10 +18,10 @@ from identify.uneven import transfer
 from identify.uneven.answer import UnevenEstimator
 from identify.uneven.creep import creep_interval
 from identify.uneven.estimator import maximise
-from identify.uneven.events import RigConstants, sticks_of
+from identify.uneven.events import RigConstants, of_one_rest, sticks_of
 from identify.uneven.likelihood import Likelihood, Nodes
 from identify.uneven.slip_functions import LAW, MET, PARAMETERS, slip_functions
-from identify.uneven.transfer import agreement
+from identify.uneven.transfer import APART, agreement
 from tests.support.document_check import validator
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
@@ -43,7 +43,7 @@ def maxima(tracks):
 
 
 def test_strength_weakening_and_mass_are_recovered(maxima):
-    truths = np.array([truth_of(STIFF, sticks.typical_rest) for sticks, _ in maxima])
+    truths = np.array([truth_of(STIFF, sticks.usual_rest) for sticks, _ in maxima])
     found = np.array([maximum.theta for _, maximum in maxima])
     sd = np.sqrt([np.diag(maximum.covariance) for _, maximum in maxima])
     assert all(maximum.converged for _, maximum in maxima)
@@ -72,7 +72,7 @@ def test_slips_that_are_not_followed_tell_strength_and_wander_alone(tracks, maxi
     assert not any(sticks.resolved for sticks in coarse) and all(sticks.resolved for sticks, _ in maxima)
     found = [maximise([sticks]) for sticks in coarse]
     told = [PARAMETERS.index(name) for name in ("strength", "level_wander", "strength_scatter")]
-    truths = np.array([truth_of(STIFF, sticks.typical_rest) for sticks in coarse])
+    truths = np.array([truth_of(STIFF, sticks.usual_rest) for sticks in coarse])
     sd = np.sqrt([np.diag(maximum.covariance) for maximum in found])
     assert all(maximum.converged for maximum in found)
     assert np.abs(np.array([m.theta for m in found]) - truths)[:, told[0]].max() < 0.25 and sd[:, told[0]].max() < 0.15
@@ -116,7 +116,7 @@ def test_a_mass_that_is_stated_wrong_is_found(maxima):
     sticks = sticks_of(prepared(STIFF, simulated(heavier, 24, [4])[0].record))
     other = maximise([sticks])
     place = PARAMETERS.index("mass")
-    assert other.theta[place] == pytest.approx(np.log(heavier.mass / heavier.load), abs=0.15)
+    assert other.theta[place] == pytest.approx(np.log(heavier.mass), abs=0.15)
     for _, maximum in maxima:
         gap = other.theta[place] - maximum.theta[place]
         assert gap > 3.0 * np.sqrt(other.covariance[place, place] + maximum.covariance[place, place])
@@ -125,7 +125,7 @@ def test_a_mass_that_is_stated_wrong_is_found(maxima):
 def test_a_creep_time_beyond_all_rests_is_no_bound(maxima):
     sticks, maximum = maxima[0]
     told = creep_interval([sticks], maximum)
-    assert told.upper is not None and told.upper < 100.0 * sticks.typical_rest
+    assert told.upper is not None and told.upper < 100.0 * sticks.usual_rest
     place, unknown = PARAMETERS.index("t_cr"), maximum.covariance.copy()
     unknown[place, place] = 50.0**2  # of its logarithm
     beyond = creep_interval([sticks], replace(maximum, covariance=unknown))
@@ -284,6 +284,20 @@ def test_records_that_share_nothing_are_told_apart(maxima):
     assert agreement([maximum for _, maximum in maxima]) > 0.01
     moved = replace(maxima[0][1], theta=maxima[0][1].theta + np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     assert agreement([moved, maxima[1][1]]) < 0.01
+
+
+def test_records_of_two_speeds_and_loads_share_strength_and_mass(tracks, maxima):
+    """Twice as fast, rests are a third as long and sticks half as strong; twice the load, the mass is the same."""
+    fast = replace(STIFF, drive_speed=2.0 * STIFF.drive_speed, load=2.0 * STIFF.load, stiffness=2.0 * STIFF.stiffness)
+    other = sticks_of(prepared(fast, simulated(fast, 36, [11])[0].record))
+    slow, found = maxima[0]
+    each = [maximise([sticks]) for sticks in of_one_rest([slow, other])]
+    assert agreement(each) > APART
+    assert other.usual_rest < 0.5 * slow.usual_rest
+    apart = agreement([found, maximise([other])])
+    assert apart < APART, "each with the strength after its own rests"
+    mass = PARAMETERS.index("mass")
+    assert each[1].theta[mass] == pytest.approx(np.log(fast.mass), abs=3.0 * np.sqrt(each[1].covariance[mass, mass]))
 
 
 def test_a_record_is_not_predicted_by_others_without_a_maximum(maxima, monkeypatch):
