@@ -21,7 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from experiments.in_parts import append, by_processor_time, cases, started
+from experiments.in_parts import append, by_processor_time, cases, read, started
 from experiments.run_uneven_study import scene_of, truth_of
 from experiments.uneven_records import STIFF, simulated
 from identify import fit
@@ -32,7 +32,7 @@ from identify.uneven.answer import UnevenEstimator
 STRENGTHS = (0.030, 0.045, 0.060)
 CYCLES, STUDIES, VOLUNTEERS = 40, 200, 8
 PEOPLE, CROSSED = 0.20, 0.15  # sd of the logarithm: between people, and of a person on one material
-FAST = 2  # seeds
+STORED = Path(__file__).parent / "results" / "uneven_materials.jsonl"
 
 
 def fitted(seed: int) -> list[dict[str, Any]]:
@@ -103,8 +103,8 @@ def table(lines: Sequence[Mapping[str, Any]], studies: int = STUDIES) -> tuple[i
 
 
 def main(fast: bool = False) -> tuple[int, int, int]:
-    """Fits of some seeds, and the studies made of them."""
-    return table(fits(0, FAST - 1 if fast else 39), 8 if fast else STUDIES)
+    """Fits of thirty seeds, and the studies made of them; fast: studies made of the fits that are stored."""
+    return table(read([STORED]), 8) if fast else table(fits(0, 29))
 
 
 if __name__ == "__main__":
