@@ -101,7 +101,7 @@ def told(seen: Sequence[UnevenLog], maximum: Maximum, task: EstimationTask, left
         "uneven_cycles": [_cycle_table(s) for s in seen],
         "transfer": [t.to_dict() for t in transfer],
     }
-    if maxima and agreement(maxima) < APART:
+    if maxima and agreement(maximum, maxima) < APART:
         return Estimated(Status.MODEL_MISFIT, _apart(seen, maxima), (), left_out=left_out, more=seen_so)
     withheld = why_withheld(maximum, records)
     tells_creep = not withheld and in_time(wording.CREEP)

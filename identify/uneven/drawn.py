@@ -49,7 +49,8 @@ class Distribution:
         random, chains = np.random.default_rng(seed), self.draws.reshape(SETS, CHAINS, -1)
         picked = random.integers(CHAINS, size=(RECORDS, SETS, -(-cycles // chains.shape[2])))
         made = chains[np.arange(SETS)[None, :, None], picked].reshape(RECORDS * SETS, -1)[:, :cycles]
-        low, high = np.nanquantile(np.nanmedian(made, axis=1), (0.025, 0.975)).tolist()
+        made = made[np.isfinite(made).any(axis=1)]  # with some parameters no slip is one that would be counted
+        low, high = np.quantile(np.nanmedian(made, axis=1), (0.025, 0.975)).tolist() if len(made) else (np.nan, np.nan)
         return low, high
 
     def to_dict(self) -> dict[str, object]:

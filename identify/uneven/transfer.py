@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from identify.estimation.strategies import in_time
@@ -14,12 +13,7 @@ from identify.uneven import wording
 from identify.uneven.drawn import Begin, drawn_distributions
 from identify.uneven.estimator import Maximum, maximise
 from identify.uneven.events import Sticks
-from identify.uneven.slip_functions import PARAMETERS
 
-Array = NDArray[np.float64]
-
-# What records of one pair share; the creep time is mostly a bound, and the level's wander may differ along a track.
-SHARED = [PARAMETERS.index(name) for name in ("strength", "weakening_rate", "mass", "strength_scatter")]
 APART = 0.01  # probability of the difference, below which records do not share them
 
 
@@ -54,13 +48,15 @@ def alone(records: Sequence[Sticks], maximum: Maximum) -> list[Maximum]:
     return [maximise([sticks], maximum.theta) for sticks in records]
 
 
-def agreement(maxima: Sequence[Maximum]) -> float:
-    """Probability that records differ by as much in what they share, if they do share it."""
-    weights = [np.linalg.inv(m.covariance[np.ix_(SHARED, SHARED)]) for m in maxima]
-    theta = [m.theta[SHARED] for m in maxima]
-    middle = np.linalg.solve(sum(weights), sum(w @ t for w, t in zip(weights, theta, strict=True)))
-    statistic = sum(float((t - middle) @ w @ (t - middle)) for w, t in zip(weights, theta, strict=True))
-    return float(chdtrc(len(SHARED) * (len(maxima) - 1), statistic))
+def agreement(joint: Maximum, each: Sequence[Maximum]) -> float:
+    """Probability that records differ by as much, if they share their parameters: by the ratio of likelihoods, which
+    asks how well one set of parameters describes all of them, however crookedly each tells its own.
+
+    Args:
+        joint: maximum of all records together; each: of every one by itself.
+    """
+    ratio = 2.0 * (sum(maximum.log_likelihood for maximum in each) - joint.log_likelihood)
+    return float(chdtrc(joint.theta.size * (len(each) - 1), max(ratio, 0.0)))
 
 
 def left_out(numbers: Sequence[int], records: Sequence[Sticks], maxima: Sequence[Maximum], seed: int) -> list[Transfer]:
