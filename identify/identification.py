@@ -46,6 +46,8 @@ Array = NDArray[np.float64]
 
 CHOICE_SHARE = 0.5  # of the time limit, for the comparison of effects that are to be chosen
 PLAIN_SHARE = 0.75  # of the time limit, where cycles differ: what the estimator of uneven records needs is left
+TIMES_LONGER = 4.0  # a limit that is advised, of one that did not suffice
+LONGEST_ADVISED = 600.0  # [s]: a fit that takes longer wants less to do, not more time
 UNEVEN_EFFECT = "friction_heterogeneity"  # asks for the estimator of uneven records
 
 
@@ -237,13 +239,21 @@ def asks_for_uneven(scene: Scene) -> bool:
 def _traced(findings: Findings, trace: Trace, limit: float) -> Findings:
     """Findings with what was tried for them; and said, what the time [s] did not suffice for."""
     trace.found_by = () if findings.attempt is None else findings.attempt.found_by
-    late = (
-        f"; the time limit of {limit:g} s left no time for: {', '.join(trace.not_tried)} (see search in result.json); "
-        f'a longer one: --time-limit "{10 * limit:g} s", or time_limit under [fit] in the scene'
-        if trace.not_tried
-        else ""
-    )
+    late = ""
+    if trace.not_tried:
+        begun = tuple(trial.strategy for trial in trace.trials)
+        parts = [f"more {part}" if any(t.startswith(part) for t in begun) else part for part in trace.not_tried]
+        late = f"; the time limit of {limit:g} s left no time for: {', '.join(parts)} (see search in result.json); "
+        late += _more_time(limit)
     return replace(findings, trace=trace, message=f"{findings.message}{late}")
+
+
+def _more_time(limit: float) -> str:
+    """What to do where the time [s] did not suffice."""
+    if limit < LONGEST_ADVISED:
+        longer = min(TIMES_LONGER * limit, LONGEST_ADVISED)
+        return f'a longer one: --time-limit "{longer:g} s", or time_limit under [fit] in the scene'
+    return "fit fewer or shorter logs together, or fix under [parameters] what is known otherwise"
 
 
 def _default_starts(scene: Scene) -> Sources:

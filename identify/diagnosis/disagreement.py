@@ -21,6 +21,7 @@ from identify.estimation.goodness_of_fit import PER_CYCLE
 from identify.estimation.strategies import Strategy, as_one_trial, may_run
 from identify.logs.parting import name_of_recording, recordings
 from identify.scene import Scene
+from identify.simulation.drive import Drive
 
 # ----------------------------------------------------------------------------------------------------------------------
 # What explains a misfit.
@@ -58,6 +59,7 @@ def misfits_of_logs(fitted: Fitted) -> list[float]:
 OTHERS = 2  # logs that have to be left: one is described by many answers
 TELLING = 5  # cycles of a log that mean something if they fit alone
 TRIED = 4  # logs that are left out, each once
+SAME_SPEED = 0.2  # relative difference of drive speeds at which friction is about the same
 FAR = 2.0  # times the noise variance: nearer the answer of the others is for any log that took no part in it
 
 
@@ -73,7 +75,7 @@ def disagreement(scene: Scene, records: Sequence[Record], ended: Fitted) -> Caus
     if len(logs) <= OTHERS:
         return None
     asked = [some for some in logs if max(misfits[i] for i in some) > PER_CYCLE and _tells(ended, some)][:TRIED]
-    named = []
+    named = list[tuple[Sequence[int], float]]()
     for some in asked:
         if not may_run(Strategy.ONE_LOG_OUT):
             break
@@ -87,10 +89,30 @@ def disagreement(scene: Scene, records: Sequence[Record], ended: Fitted) -> Caus
             return Cause(ANOTHER_ANSWER, back.attempt)
         off = _off(back, others, some)
         if off > FAR:
-            named.append((name_of_recording(scene, some), off))
+            named.append((some, off))
     if not named or len(named) == len(logs):
         return None
-    return Cause(_sentence(named))
+    sentence = _sentence([(name_of_recording(scene, some), off) for some, off in named])
+    return Cause(f"{sentence}{_law(scene, named, logs)}")
+
+
+def _law(scene: Scene, named: Sequence[tuple[Sequence[int], float]], logs: Sequence[Sequence[int]]) -> str:
+    """What else than a log may be wrong: what friction does at its speeds, where no other log has them; "" where one
+    does."""
+    apart = [i for some, _ in named for i in some]
+    known = [v for some in logs for i in some if i not in apart for v in _speeds(scene, i)]
+    if all(any(abs(v - u) <= SAME_SPEED * abs(u) for u in known) for i in apart for v in _speeds(scene, i)):
+        return ""
+    return (
+        "; or friction follows another law than the effects say, which a second log of the same pair at its speed "
+        "would tell"
+    )
+
+
+def _speeds(scene: Scene, number: int) -> tuple[float, ...]:
+    """The drive speeds of a log [m/s]."""
+    said = scene.logs[number].drive_speed
+    return Drive.of(scene.rig.drive_speed or 0.0 if said is None else said).speeds
 
 
 def _tells(ended: Fitted, log: Sequence[int]) -> bool:

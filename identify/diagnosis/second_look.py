@@ -19,6 +19,7 @@ from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import unexamined
 from identify.estimation.known_early import wrong_unit
 from identify.estimation.status_words import EXCHANGE
+from identify.estimation.strategies import cut_short
 from identify.logs.prepare import Prepared
 from identify.logs.spectrum import Spectrum
 from identify.model.model import RIG_PARAMETERS
@@ -150,7 +151,7 @@ def looked_into(
         if findings.attempt is None and (unit := wrong_unit(prepared, placed=False)):
             return replace(findings, status=Status.MODEL_MISFIT, message=unit), None
         if any(log.unlike for log in prepared):
-            return findings, None
+            return replace(findings, message=f"{findings.message}{_suspected(findings)}"), None
         progress("looking for what is wrong", 0.95)
         cause = diagnose(scene, read, prepared, findings.unknowns, findings.attempt)
         if cause is not None:
@@ -178,8 +179,17 @@ def _unexamined(findings: Findings) -> Findings:
 
 
 def _unexplained(findings: Findings, scene: Scene) -> str:
-    """What else a misfit may come of that nothing explains; of a search that found no end nothing is said."""
-    return "" if findings.status is Status.SOLVER_FAILED else f"{left_unsaid(scene)}{hum(findings.attempt)}"
+    """What a misfit may come of that nothing explains; of a search that found no end, or had no time for it, nothing is
+    said: better values may leave no misfit."""
+    if findings.status is Status.SOLVER_FAILED or cut_short():
+        return hum(findings.attempt)
+    return f"{_suspected(findings)}{left_unsaid(scene)}{hum(findings.attempt)}"
+
+
+def _suspected(findings: Findings) -> str:
+    """What the gate suspects of a misfit, to go behind its sentence; "" where the search was cut short."""
+    gate = None if findings.attempt is None else findings.attempt.gate
+    return "" if gate is None or not gate.suspects or cut_short() else f"; {gate.suspects}"
 
 
 def _placed(findings: Findings) -> bool:

@@ -28,6 +28,7 @@ from identify.estimation.examined import AtBound, Question, examine, fine_enough
 from identify.estimation.influence import influence
 from identify.estimation.profile import Profiles
 from identify.estimation.residual_autocorrelation import Colour
+from identify.estimation.strategies import no_time_for
 from identify.logs.unknowns import Unknowns
 from identify.shooting.accuracy import AccuracyRow, FitOptions, accuracy_table
 
@@ -118,9 +119,10 @@ def certainty(
 def unexamined(attempt: Attempt) -> Attempt:
     """An answer that fits, and that there was no time to examine as far as it calls for: it is none to rely on."""
     gate = attempt.gate
+    no_time_for("whether other values fit as well")
     message = (
         f"an answer fits ({gate.message}), but the time limit ended the look at whether other values, or another "
-        "cause, describe the logs as well; give more time"
+        "cause, describe the logs as well"
     )
     return replace(attempt, gate=replace(gate, status=Status.SOLVER_FAILED, message=message))
 

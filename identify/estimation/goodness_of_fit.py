@@ -234,13 +234,15 @@ QUIETEST = 0.7  # of the variance measured in the sticks: less is no error of me
 NOISELESS = 1e-5  # of the force, by which the curve misses a log without noise: no sensor is as good
 JUMP = 30.0  # z of a cycle above which an event is more likely missing than the law wrong,
 ALONE = 20.0  # if the others are this many times better: a missed slip spoils its neighbours a little
-OR_ELSE = "; or friction differs from cycle to cycle, or the drive moves otherwise than stated"
+WHOLE = 0.5  # of a drop: a curve that is off by less has as many slips as the data
+OTHERWISE = "perhaps friction follows another law than the effects say or differs from cycle to cycle"
 
 
 @dataclass(frozen=True)
 class Gate:
     """What the gate found. chi2 per sample; z (c,) per cycle with log and cycle numbers (from 1); the status,
-    and a sentence that says what failed, where, and what to do; levels (logs,) of noise with a memory: its variance
+    and a sentence that says what failed, where, and what to do; suspects: what a misfit may come of, to go behind that
+    sentence once the search came to its end without another cause; levels (logs,) of noise with a memory: its variance
     over that measured in the sticks, 1 for white noise."""
 
     chi2_per_sample: float
@@ -251,6 +253,7 @@ class Gate:
     event_shift: float
     status: Status
     message: str
+    suspects: str = ""
     levels: Array = field(default_factory=lambda: np.ones(1))
 
     @property
@@ -283,6 +286,13 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     expected = quiet[log] * counts
     z = (squares - expected) / (quiet[log] * spread)
     status, message = _judge(solved, total / max(float(expected.sum()), 1.0), allowed, z, log, cycle, names)
+    misfits = solved.solution.success and (chi2 > 1.0 or bool(np.any(z > PER_CYCLE)))
+    suspects = ""
+    if status is Status.WRONG_EVENT_COUNT and misfits:
+        suspects = _of_one_cycle(solved, z, log, cycle)
+    elif status is Status.MODEL_MISFIT and misfits:
+        noise = ", or the noise level is wrong" if _one_level(squares, counts, spread) else ""
+        suspects = f"{OTHERWISE}, or a rig value is wrong, or the drive moves otherwise than stated{noise}"
     if status is Status.CONVERGED:
         variance = "its variance" if np.min(quiet) > 1.0 - 4.0 * NOISE_ERROR else "the variance measured in the sticks"
         message = message or f"the misfit is noise ({chi2:.3f} of {variance}) in all {z.size} cycles"
@@ -296,7 +306,7 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
             again = (squares - level * counts) / (known.slowness[log] * level * spread)
             likely = _judge(solved, 1.0, allowed, again, log, cycle, names)[0]
             if likely is Status.CONVERGED:
-                levels, z, status = known.levels, again, likely
+                levels, z, status, suspects = known.levels, again, likely, ""
                 message = (
                     f"the misfit is noise with a memory ({chi2:.3f} of the variance measured in the sticks) in all "
                     f"{z.size} cycles{', which have nothing in common' if np.max(levels) > 1.0 + CLOSE else ''}"
@@ -312,7 +322,45 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     if status is Status.CONVERGED:
         strained = strained_load(solved, names) or odd_stick(solved, names)
         status, message = (Status.MODEL_MISFIT, strained) if strained else (status, message + scatter_words(solved))
-    return Gate(chi2, z, log + 1, cycle + 1, solved.solution.words, solved.event_shift, status, message, levels)
+    found = solved.solution.words, solved.event_shift
+    return Gate(chi2, z, log + 1, cycle + 1, *found, status, message, suspects, levels)
+
+
+def _one_level(squares: Array, counts: Array, spread: Array) -> bool:
+    """Whether the misfit is the same in all cycles, but for chance: a noise of another level would leave it so."""
+    level = float(np.median(squares / np.maximum(counts, 1.0)))
+    return bool(np.all(np.abs(squares - level * counts) <= PER_CYCLE * level * spread))
+
+
+def _of_others(z: Array, worst: int) -> float:
+    """By how many standard deviations the cycles but one misfit, in the middle of them."""
+    return float(np.median(np.delete(np.abs(z), worst))) if z.size > 1 else 0.0
+
+
+def _of_one_cycle(solved: Solved, z: Array, log: NDArray[np.int64], cycle: NDArray[np.int64]) -> str:
+    """What the misfit of one cycle may come of that stands out of the others."""
+    worst = int(np.argmax(np.abs(z)))
+    if _of_others(z, worst) > PER_CYCLE:
+        return f"{OTHERWISE}, or the drive moves otherwise than stated"
+    off = _drops_off(solved, int(log[worst]), int(cycle[worst]))
+    told = f"the curve is off by up to {100.0 * off:.0f} % of a drop there: perhaps"
+    if off < WHOLE:
+        return f"{told} one stick was stronger or weaker than the others, or the force was disturbed"
+    return f"{told} a slip was missed or invented, or the force was cut off or disturbed"
+
+
+def _drops_off(solved: Solved, log: int, cycle: int) -> float:
+    """By how much the curve misses a cycle (from 0) of a log at most, in the mean over about a slip, over how far the
+    force falls in a cycle of that log."""
+    data, curve, trajectory = solved.problem.logs[log], solved.fitted[log], solved.trajectories[log]
+    last = dict(zip(trajectory.units, [stretch.until for stretch in trajectory.tail], strict=True))
+    ends = [*trajectory.arrest.tolist(), *last.values()]
+    told = np.flatnonzero((data.weight > 0) & np.isfinite(curve))
+    parts = np.split(told, np.searchsorted(data.time[told], ends[:-1]))
+    left = data.force[parts[cycle]] - curve[parts[cycle]]
+    width = max(round(float(np.median(trajectory.slips)) / data.interval), 1) if trajectory.slips.size else 1
+    off = float(np.max(np.abs(running_means(left, min(width, left.size)))))
+    return off / float(np.median([np.ptp(curve[rows]) for rows in parts if rows.size]))
 
 
 def _below_measured(squares: Array, log: NDArray[np.int64], by_log: Array, noise_estimated: Sequence[bool]) -> Array:
@@ -390,8 +438,7 @@ def _judge(
         if share < NOISELESS:
             return Status.CONVERGED, (
                 f"the logs hold no noise: the curve misses them by {share:.1g} of their force in all {z.size} "
-                "cycles, as "
-                "a simulation does; the intervals are those of the noise that was assumed"
+                "cycles, as a simulation does; the intervals are those of the noise that was assumed"
             )
     bad = abs(chi2 - 1.0) > allowed
     if not solution.success and not bad and np.max(np.abs(z)) <= PER_CYCLE:
@@ -400,18 +447,15 @@ def _judge(
             f"{START_VALUES}, or fix a parameter that these logs cannot tell"
         )
     if bad or np.max(np.abs(z), initial=0.0) > PER_CYCLE:
-        others = np.delete(np.abs(z), worst)
-        typical = float(np.median(others)) if others.size else 0.0
+        typical = _of_others(z, worst)
         if z[worst] > max(JUMP, ALONE * typical):
-            # Where the others misfit too, other causes than a slip are as likely.
-            fit = typical < PER_CYCLE
-            beside, or_else = (
-                ("while the others fit", "") if fit else (f"where the others do by {typical:.0f}", OR_ELSE)
+            beside, exclude = (
+                ("while the others fit", " and exclude that stretch")
+                if typical <= PER_CYCLE
+                else (f"where the others do by {typical:.0f}", "")
             )
             return Status.WRONG_EVENT_COUNT, (
-                f"{where} misfits by {z[worst]:.0f} standard deviations {beside}: as where a slip was missed "
-                "or invented, the force was cut off or disturbed, or one stick was stronger or weaker than the others; "
-                f"look at it in the report and exclude that stretch{or_else}"
+                f"{where} misfits by {z[worst]:.0f} standard deviations {beside}; look at it in the report{exclude}"
             )
         failing = int(np.count_nonzero(np.abs(z) > PER_CYCLE))
         if chi2 < 1.0 and not np.any(z > PER_CYCLE) and solution.success:
@@ -423,8 +467,7 @@ def _judge(
         return Status.MODEL_MISFIT, (
             f"the model does not describe these data: misfit {chi2:.3g} times the noise variance, "
             f"{failing} of {z.size} cycles beyond {PER_CYCLE:g} standard deviations, worst {where} ({z[worst]:.0f}); "
-            "friction that differs from cycle to cycle, a wrong rig value, a drive that moves otherwise than stated or "
-            "a wrong noise level do this: see the cycle scatter in the report"
+            "see the cycle scatter in the report"
             + (
                 ""
                 if solution.success

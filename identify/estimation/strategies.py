@@ -142,6 +142,12 @@ def no_time_for(part: str) -> None:
         trace.not_tried.append(part)
 
 
+def cut_short() -> bool:
+    """Whether something was due that the time did not suffice for."""
+    trace = _trace.get()
+    return trace is not None and bool(trace.not_tried)
+
+
 def run_strategy(
     strategy: Strategy, make: Callable[[], Attempt | None], since: Attempt | None = None, logs: Sequence[int] = ()
 ) -> Attempt | None:

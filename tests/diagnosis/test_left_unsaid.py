@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -15,6 +16,7 @@ from identify.diagnosis.findings import Findings
 from identify.diagnosis.second_look import left_unsaid
 from identify.effects import MAIN
 from identify.estimation.attempt import Attempt
+from identify.estimation.strategies import no_time_for, tracing
 from identify.logs.unknowns import from_scene
 
 EVERY = ("mu_s", "mu_k0", "D", "t_cr", "delta_mu_k", "a")
@@ -49,7 +51,12 @@ def test_it_follows_the_sentence_of_a_misfit_alone(status: Status, monkeypatch: 
     monkeypatch.setattr(second_look, "diagnose", lambda *_: None)
     monkeypatch.setattr(second_look, "hum", lambda _attempt: "")
     monkeypatch.setattr(second_look, "doubt", lambda *_args, **_options: None)
-    found = Findings(status, "it does not fit", from_scene(stated), cast(Attempt, object()), None, None, [], {}, {})
+    ended = cast(Attempt, SimpleNamespace(gate=SimpleNamespace(suspects="perhaps this or that")))
+    found = Findings(status, "it does not fit", from_scene(stated), ended, None, None, [], {}, {})
     told, _ = second_look.looked_into(found, stated, [], [], lambda *_: None)
-    more = "" if status is Status.SOLVER_FAILED else left_unsaid(stated)
+    more = "" if status is Status.SOLVER_FAILED else f"; perhaps this or that{left_unsaid(stated)}"
     assert told.message == f"it does not fit{more}" and told.status is status
+    with tracing():
+        no_time_for("hypotheses")
+        told, _ = second_look.looked_into(found, stated, [], [], lambda *_: None)
+    assert told.message == "it does not fit", "a search that was cut short knows no cause"

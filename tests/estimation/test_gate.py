@@ -126,7 +126,8 @@ def test_a_wrong_noise_level_is_refused_unless_it_was_estimated_and_could_be_wro
     assert pass_gate(slightly, NAMES, EXACT).status is Status.CONVERGED
     assert pass_gate(plainly, NAMES, EXACT).status is Status.MODEL_MISFIT
     assert pass_gate(plainly, NAMES, (True, True)).status is Status.MODEL_MISFIT
-    assert "noise level" in pass_gate(plainly, NAMES, EXACT).message
+    assert "noise level" in pass_gate(plainly, NAMES, EXACT).suspects
+    assert "noise level" not in pass_gate(_fit(lambda data: _scaled(data, mass=1.2)), NAMES, EXACT).suspects
 
 
 def _dip(data):
@@ -138,8 +139,23 @@ def _dip(data):
 def test_one_bad_stretch_is_named():
     gate = pass_gate(_fit(_dip), NAMES, EXACT)
     assert gate.status is Status.WRONG_EVENT_COUNT
-    assert "calm.csv, cycle 4" in gate.message
+    assert "calm.csv, cycle 4" in gate.message and "exclude that stretch" in gate.message
     assert gate.z[gate.worst] > 30
+    assert "a slip was missed or invented" in gate.suspects
+
+
+def test_a_stretch_that_is_off_by_less_than_a_slip_lacks_none():
+    """The same dip, a tenth as deep, with a tenth of the noise: as far out, and no slip is as small."""
+
+    def shallow(data):
+        noise = [case.NOISE * np.random.default_rng(seed).standard_normal(d.time.size) for seed, d in enumerate(data)]
+        quiet = [replace(d, weight=100.0 * d.weight, force=d.force - 0.9 * n) for d, n in zip(data, noise, strict=True)]
+        shape = 0.02 * np.exp(-(((data[0].time - 1.18) / 0.01) ** 2))
+        return [replace(quiet[0], force=quiet[0].force - shape), quiet[1]]
+
+    gate = pass_gate(_fit(shallow), NAMES, EXACT)
+    assert gate.status is Status.WRONG_EVENT_COUNT and "calm.csv, cycle 4" in gate.message
+    assert "one stick was stronger or weaker" in gate.suspects and "slip" not in gate.suspects
 
 
 def test_the_others_are_not_said_to_fit_where_they_do_not():
@@ -148,7 +164,8 @@ def test_the_others_are_not_said_to_fit_where_they_do_not():
     typical = float(np.median(np.abs(np.delete(gate.z, gate.worst))))
     assert typical > 6 and gate.z[gate.worst] > max(30.0, 20.0 * typical)  # so far out it stands where the others fit
     assert gate.status is Status.WRONG_EVENT_COUNT and "while the others fit" not in gate.message
-    assert f"where the others do by {typical:.0f}" in gate.message and "differs from cycle to cycle" in gate.message
+    assert f"where the others do by {typical:.0f}" in gate.message and "exclude" not in gate.message
+    assert "another law" in gate.suspects and "slip" not in gate.suspects
 
 
 def _without(falls):

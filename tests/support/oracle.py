@@ -9,8 +9,8 @@ at zero with every piece and in increments from the state at its start, so that 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -214,6 +214,7 @@ def simulate(
     initial: State = (0.0, 0.0, 0.0),
     rtol: float = RTOL,
     method: str = "DOP853",
+    strengths: Iterator[float] | None = None,
 ) -> Oracle:
     """Run the oscillator.
 
@@ -225,8 +226,10 @@ def simulate(
         initial: elongation [m], sliding speed [m/s], gamma.
         rtol: relative tolerance of the slips.
         method: of scipy's solve_ivp; "Radau" for stiff slips (at a looser rtol).
+        strengths: by what mu_s - mu_k0 is multiplied in every stick and the sliding after it; None: by nothing.
     """
-    law = Law(**{name: float(parameters[name]) for name in Law.__annotations__})
+    alike = Law(**{name: float(parameters[name]) for name in Law.__annotations__})
+    law = _of_strength(alike, strengths)
     speeds, loads = _programme(drive), _programme(normal_force)
     load_t, load_f = np.array(loads, dtype=float).T
     events: dict[str, list[tuple[float, State]]] = {"onset": [], "arrest": [], "saturation": []}
@@ -258,14 +261,14 @@ def simulate(
             state, broke_loose = (state[0] + float(inc[0]), state[1] + float(inc[1]), gamma), False
             now = end if ended == "room" else now + length
             if ended == "arrest":
-                mode, state = "stick", (state[0], 0.0, max(state[2], 0.0))
+                mode, state, law = "stick", (state[0], 0.0, max(state[2], 0.0)), _of_strength(alike, strengths)
                 events["arrest"].append((now, state))
             elif ended == "switch":
                 if mode == "slip":
                     events["saturation"].append((now, (state[0], state[1], 0.0)))
                 mode, state = "saturated" if mode == "slip" else "slip", (state[0], state[1], 0.0)
     return Oracle(
-        law,
+        alike,
         tuple(pieces),
         onsets=_times(events["onset"]),
         onset_states=_states(events["onset"]),
@@ -274,6 +277,10 @@ def simulate(
         saturations=_times(events["saturation"]),
         directions=np.array(directions, dtype=float),
     )
+
+
+def _of_strength(law: Law, strengths: Iterator[float] | None) -> Law:
+    return law if strengths is None else replace(law, mu_s=law.mu_k0 + next(strengths) * (law.mu_s - law.mu_k0))
 
 
 def _times(events: list[tuple[float, State]]) -> Array:
