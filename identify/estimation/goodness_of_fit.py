@@ -233,8 +233,9 @@ NOISE_ERROR = 0.015  # relative error of an estimated noise level
 QUIETEST = 0.7  # of the variance measured in the sticks: less is no error of measuring noise
 NOISELESS = 1e-5  # of the force, by which the curve misses a log without noise: no sensor is as good
 JUMP = 30.0  # z of a cycle above which an event is more likely missing than the law wrong,
-ALONE = 20.0  # if the others are this many times better: a missed slip spoils its neighbours a little
-WHOLE = 0.5  # of a drop: a curve that is off by less has as many slips as the data
+ALONE = 20.0  # if the others are this many times better,
+SPOILED = 2  # but those next to it on each side: a slip that is missed bends them too
+WHOLE = 0.25  # of a drop: a curve that is off by less has as many slips as the data; one drawn straight leaves half
 OTHERWISE = "perhaps friction follows another law than the effects say or differs from cycle to cycle"
 
 
@@ -286,11 +287,10 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     expected = quiet[log] * counts
     z = (squares - expected) / (quiet[log] * spread)
     status, message = _judge(solved, total / max(float(expected.sum()), 1.0), allowed, z, log, cycle, names)
-    misfits = solved.solution.success and (chi2 > 1.0 or bool(np.any(z > PER_CYCLE)))
     suspects = ""
-    if status is Status.WRONG_EVENT_COUNT and misfits:
+    if status is Status.WRONG_EVENT_COUNT:
         suspects = _of_one_cycle(solved, z, log, cycle)
-    elif status is Status.MODEL_MISFIT and misfits:
+    elif status is Status.MODEL_MISFIT and solved.solution.success and (chi2 > 1.0 or np.any(z > PER_CYCLE)):
         noise = ", or the noise level is wrong" if _one_level(squares, counts, spread) else ""
         suspects = f"{OTHERWISE}, or a rig value is wrong, or the drive moves otherwise than stated{noise}"
     if status is Status.CONVERGED:
@@ -332,16 +332,17 @@ def _one_level(squares: Array, counts: Array, spread: Array) -> bool:
     return bool(np.all(np.abs(squares - level * counts) <= PER_CYCLE * level * spread))
 
 
-def _of_others(z: Array, worst: int) -> float:
-    """By how many standard deviations the cycles but one misfit, in the middle of them."""
-    return float(np.median(np.delete(np.abs(z), worst))) if z.size > 1 else 0.0
+def _alone(z: Array, log: NDArray[np.int64], cycle: NDArray[np.int64]) -> bool:
+    """Whether no cycle misfits nearly as much as the worst one, but those beside it: what is wrong with one spoils
+    these."""
+    worst = int(np.argmax(np.abs(z)))
+    apart = (log != log[worst]) | (np.abs(cycle - cycle[worst]) > SPOILED)
+    return bool(ALONE * np.max(np.abs(z[apart]), initial=0.0) < max(z[worst], ALONE * PER_CYCLE))
 
 
 def _of_one_cycle(solved: Solved, z: Array, log: NDArray[np.int64], cycle: NDArray[np.int64]) -> str:
-    """What the misfit of one cycle may come of that stands out of the others."""
+    """What the misfit of one cycle may come of that stands out of all others."""
     worst = int(np.argmax(np.abs(z)))
-    if _of_others(z, worst) > PER_CYCLE:
-        return f"{OTHERWISE}, or the drive moves otherwise than stated"
     off = _drops_off(solved, int(log[worst]), int(cycle[worst]))
     told = f"the curve is off by up to {100.0 * off:.0f} % of a drop there: perhaps"
     if off < WHOLE:
@@ -350,15 +351,14 @@ def _of_one_cycle(solved: Solved, z: Array, log: NDArray[np.int64], cycle: NDArr
 
 
 def _drops_off(solved: Solved, log: int, cycle: int) -> float:
-    """By how much the curve misses a cycle (from 0) of a log at most, in the mean over about a slip, over how far the
+    """By how much the curve misses a cycle (from 0) of a log at most, in the mean over half a slip, over how far the
     force falls in a cycle of that log."""
     data, curve, trajectory = solved.problem.logs[log], solved.fitted[log], solved.trajectories[log]
-    last = dict(zip(trajectory.units, [stretch.until for stretch in trajectory.tail], strict=True))
-    ends = [*trajectory.arrest.tolist(), *last.values()]
+    ends = [part[-1].until for part in trajectory.by_part()]
     told = np.flatnonzero((data.weight > 0) & np.isfinite(curve))
     parts = np.split(told, np.searchsorted(data.time[told], ends[:-1]))
     left = data.force[parts[cycle]] - curve[parts[cycle]]
-    width = max(round(float(np.median(trajectory.slips)) / data.interval), 1) if trajectory.slips.size else 1
+    width = max(round(0.5 * float(np.median(trajectory.slips)) / data.interval), 1) if trajectory.slips.size else 1
     off = float(np.max(np.abs(running_means(left, min(width, left.size)))))
     return off / float(np.median([np.ptp(curve[rows]) for rows in parts if rows.size]))
 
@@ -447,15 +447,12 @@ def _judge(
             f"{START_VALUES}, or fix a parameter that these logs cannot tell"
         )
     if bad or np.max(np.abs(z), initial=0.0) > PER_CYCLE:
-        typical = _of_others(z, worst)
-        if z[worst] > max(JUMP, ALONE * typical):
-            beside, exclude = (
-                ("while the others fit", " and exclude that stretch")
-                if typical <= PER_CYCLE
-                else (f"where the others do by {typical:.0f}", "")
-            )
+        if z[worst] > JUMP and _alone(z, log, cycle):
+            typical = float(np.median(np.delete(np.abs(z), worst))) if z.size > 1 else 0.0
+            beside = "while the others fit" if typical < PER_CYCLE else f"where the others do by {typical:.0f}"
             return Status.WRONG_EVENT_COUNT, (
-                f"{where} misfits by {z[worst]:.0f} standard deviations {beside}; look at it in the report{exclude}"
+                f"{where} misfits by {z[worst]:.0f} standard deviations {beside}; look at it in the report and exclude "
+                "that stretch"
             )
         failing = int(np.count_nonzero(np.abs(z) > PER_CYCLE))
         if chi2 < 1.0 and not np.any(z > PER_CYCLE) and solution.success:

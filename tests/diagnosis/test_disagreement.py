@@ -104,3 +104,15 @@ def test_a_missed_slip_makes_no_stranger(of_one_pair):
     force[inside] = np.interp(time[inside], time[~inside], force[~inside])
     hidden = [*of_one_pair[:2], Record(time, of_one_pair[2].normal_force, force)]
     assert _disagreement(hidden) is None
+
+
+@pytest.mark.parametrize(("speeds", "law"), [((1e-4, 1e-3, 5e-3), True), ((1e-4, 5.2e-3, 5e-3), False)])
+def test_a_log_alone_at_its_speed_may_tell_another_law(speeds, law):
+    """What friction does at a speed that no other log has, the others cannot tell."""
+    logs = [{"path": f"log_{i}.csv", "drive_speed": v} for i, v in enumerate(speeds, 1)]
+    scene = Scene.from_document({"effects": list(NAMES), "rig": RIG, "logs": logs})
+    told = disagreeing._law(scene, [([2], 9.0)], [[0], [1], [2]])
+    assert ("another law" in told) is law and bool(told) is law
+    programme = ((0.0, speeds[1]), (1.0, 0.0), (2.0, speeds[2]))
+    stepped = replace(scene, logs=(scene.logs[0], replace(scene.logs[1], drive_speed=programme), scene.logs[2]))
+    assert disagreeing._law(stepped, [([2], 9.0)], [[0], [1], [2]]) == ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -147,7 +148,17 @@ def test_noise_with_a_memory_widens_what_is_said():
 
 
 def test_logs_that_contradict_each_other_are_asked_what_would_reconcile_them(monkeypatch):
-    refused = Findings(Status.MODEL_MISFIT, "log_3 contradicts the others", None, object(), None, None, [], {}, {})
+    refused = Findings(
+        Status.MODEL_MISFIT,
+        "log_3 contradicts the others",
+        None,
+        SimpleNamespace(gate=SimpleNamespace(suspects="")),
+        None,
+        None,
+        [],
+        {},
+        {},
+    )
     lag = Doubt("a lag of the force sensor of 5 ms", 326.0, 0.032, "D")
     monkeypatch.setattr(second_look, "hum", lambda _attempt: "")
     monkeypatch.setattr(second_look, "diagnose", lambda *_: None)

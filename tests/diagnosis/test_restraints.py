@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -80,7 +81,17 @@ def test_an_answer_within_the_noise_is_refused_for_what_the_data_contradict(
 
 def ended(status: Status, message: str) -> Findings:
     """What a fit found, with an answer that nobody looks into."""
-    return Findings(status, message, from_scene(scene()), cast(Attempt, object()), None, None, [], {}, {})
+    return Findings(
+        status,
+        message,
+        from_scene(scene()),
+        cast(Attempt, SimpleNamespace(gate=SimpleNamespace(suspects=""))),
+        None,
+        None,
+        [],
+        {},
+        {},
+    )
 
 
 def two_people(**d: Any) -> Scene:

@@ -141,7 +141,7 @@ def test_one_bad_stretch_is_named():
     assert gate.status is Status.WRONG_EVENT_COUNT
     assert "calm.csv, cycle 4" in gate.message and "exclude that stretch" in gate.message
     assert gate.z[gate.worst] > 30
-    assert "a slip was missed or invented" in gate.suspects
+    assert "the force was cut off or disturbed" in gate.suspects
 
 
 def test_a_stretch_that_is_off_by_less_than_a_slip_lacks_none():
@@ -164,8 +164,7 @@ def test_the_others_are_not_said_to_fit_where_they_do_not():
     typical = float(np.median(np.abs(np.delete(gate.z, gate.worst))))
     assert typical > 6 and gate.z[gate.worst] > max(30.0, 20.0 * typical)  # so far out it stands where the others fit
     assert gate.status is Status.WRONG_EVENT_COUNT and "while the others fit" not in gate.message
-    assert f"where the others do by {typical:.0f}" in gate.message and "exclude" not in gate.message
-    assert "another law" in gate.suspects and "slip" not in gate.suspects
+    assert f"where the others do by {typical:.0f}" in gate.message
 
 
 def _without(falls):
@@ -182,6 +181,28 @@ def test_a_slip_missed_or_invented_is_refused(falls):
     assert gate.status in (Status.WRONG_EVENT_COUNT, Status.MODEL_MISFIT)
     assert "calm.csv" in gate.message
     assert abs(gate.cycle[gate.worst] - 4) <= 1
+    assert "perhaps a slip was missed or invented" in gate.suspects
+
+
+def test_a_slip_that_is_flattened_in_the_record_is_one_that_may_be_missed():
+    def flattened(data):
+        fall = case.simulated(case.PAIR, *case.MIDDLE).falls[3]
+        inside = (data[0].time > fall - 0.02) & (data[0].time < fall + 0.06)
+        force = data[0].force.copy()
+        force[inside] = np.interp(data[0].time[inside], data[0].time[~inside], force[~inside])
+        return [replace(data[0], force=force), data[1]]
+
+    assert "perhaps a slip was missed or invented" in pass_gate(_fit(flattened), NAMES, EXACT).suspects
+
+
+def test_sticks_that_scatter_leave_no_cycle_alone():
+    """As where one stick of many scatters most: the worst cycle stands out of the middle, and not of all others."""
+    z, log = np.array([0.5, 1.0, 50.0, -0.5, 0.8, 33.0, 1.2]), np.zeros(7, dtype=np.int64)
+    assert not room._alone(z, log, np.arange(7))
+    z[5] = 2.0
+    assert room._alone(z, log, np.arange(7))
+    z[3:5] = 40.0, 9.0  # the cycles beside it, which it spoils
+    assert room._alone(z, log, np.arange(7))
 
 
 def test_noise_measured_too_large_is_no_misfit_unless_it_was_stated():

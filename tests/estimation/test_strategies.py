@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -15,9 +16,11 @@ from identify import Scene, SceneError, fit
 from identify.base import budget
 from identify.base.budget import no_time_limit, seconds_left, time_is_up, time_limit
 from identify.base.outcome import Status
+from identify.diagnosis.findings import Findings
 from identify.estimation import search
-from identify.estimation.strategies import STRATEGIES, Strategy, may_run, run_strategy, tracing
+from identify.estimation.strategies import STRATEGIES, Strategy, Trace, Trial, may_run, run_strategy, tracing
 from identify.examples import FOLDER
+from identify.identification import _traced
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.scene.toml import read_toml
@@ -82,6 +85,36 @@ def test_a_fit_whose_time_is_up_ends_with_what_it_has(limit: float) -> None:
             and "--time-limit" in result["message"]
         )
         assert result["not_tried"] and all(p["value"] is None for p in result["parameters"].values())
+
+
+def _advised(message: str) -> float | None:
+    """The time limit [s] that a message advises."""
+    said = re.findall(r'--time-limit "(\S+) s"', message)
+    return float(said[0]) if said else None
+
+
+def test_a_longer_time_that_is_advised_leads_to_an_answer() -> None:
+    limit, tried = 0.02, list[float]()
+    while limit is not None and len(tried) < 8:
+        tried.append(limit)
+        result = fit(Scene.from_toml(FOLDER / "pair.toml", [f"fit.time_limit={limit}"])).result
+        limit = _advised(str(result["message"])) if result["not_tried"] else None
+    assert result["status"] == "converged" and not result["not_tried"]
+    assert len(tried) > 1 and tried == sorted(set(tried)), "advice was followed, and none was given twice"
+
+
+def test_advice_of_more_time_ends_before_it_is_beyond_belief() -> None:
+    """A fit that is never done: the sentence changes from time to time that is tried, and ends without more of it."""
+    unknowns = from_scene(Scene.from_toml(FOLDER / "pair.toml"))
+    findings = Findings(Status.MODEL_MISFIT, "it does not fit", unknowns, None, None, None, [], {}, {})
+    tried = [Trial("hypotheses: mass", (), "examined", None, 1.0)]
+    said, limit = list[str](), 60.0
+    while limit is not None:
+        said.append(_traced(findings, Trace(tried, ["hypotheses", "one log out"]), limit).message)
+        limit = _advised(said[-1])
+    assert "left no time for: more hypotheses, one log out" in said[0]
+    assert len(said) == len(set(said)) <= 3
+    assert "fewer or shorter logs" in said[-1] and "a longer one" not in said[-1]
 
 
 def test_without_a_repair_a_missed_slip_costs_the_answer() -> None:
