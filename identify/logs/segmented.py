@@ -24,6 +24,7 @@ from identify.simulation.drive import Drive
 # What a scene cuts and corrects of one log, and the account of it.
 
 FEWEST = 8  # samples of a log that can be looked at at all
+GAP = 2.0  # rows of a record without the rests of the drive, as long as which a rest is counted at most
 
 
 @dataclass(frozen=True)
@@ -211,7 +212,7 @@ def _verdict(time: Array, force: Array, rig: Rig, drive: Drive, elastic: bool) -
     """The regime of a log; one whose drive changes its speed is a programme, whose phases are looked at as they are."""
     known = Known(rig.stiffness if elastic else 0.0, max(drive.speeds), rig.half_period or 0.0)
     if not drive.constant:
-        found = segment(time, force, half_period=rig.half_period or None, noise=rig.noise)
+        found = _slips_of_moves(time, force, _moves(drive, time), rig)
         if changes_speed(tuple(zip(drive.starts, drive.speeds, strict=True))):
             return Verdict(Regime.PROGRAMME, SURE, ("the drive changes its speed",), found)
         moves = _moves(drive, time)
@@ -220,6 +221,26 @@ def _verdict(time: Array, force: Array, rig: Rig, drive: Drive, elastic: bool) -
     if len(strokes) < 2:
         return judged(time, force, known, noise=rig.noise)
     return of_strokes(time, force, strokes, known)
+
+
+def _slips_of_moves(time: Array, force: Array, moves: NDArray[np.bool_], rig: Rig) -> Segmentation:
+    """The phases of a drive programme, with the slips of its record without the rests of the drive, in which the spring
+    stays as it is: what is told of rises and falls by their lengths is not that of holds."""
+    found = segment(time, force, half_period=rig.half_period or None, noise=rig.noise)
+    if np.all(moves) or np.count_nonzero(moves) < FEWEST:
+        return found
+    moved, steps = time[moves], np.diff(time[moves])
+    run = np.concatenate([[0.0], np.cumsum(np.minimum(steps, GAP * float(np.median(steps))))])
+    cycles = segment(run, force[moves], half_period=rig.half_period or None, noise=found.noise).cycles
+
+    def when(at: Array) -> Array:
+        # From the row before: what ends where the drive stops ends there, and not where it starts again.
+        before = np.maximum(np.searchsorted(run, at, side="left") - 1, 0)
+        return np.asarray(moved[before] + at - run[before])
+
+    return replace(
+        found, cycles=replace(cycles, onset=when(cycles.onset), fall=when(cycles.fall), arrest=when(cycles.arrest))
+    )
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:

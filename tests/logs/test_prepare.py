@@ -68,6 +68,21 @@ def test_a_spring_that_pulls_the_other_way_in_a_hold_turns_no_log_over():
     assert log.sign == 1 and log.falls.size == 2
 
 
+def test_slips_between_holds_are_found_whatever_the_holds_are():
+    """Rests of ten seconds between rises of a tenth say nothing of what a rise is; here no slip was found."""
+    drive = ((0.0, 3e-3), (0.379, 0.0), (1.379, 3e-3), (1.663, 0.0), (4.663, 3e-3), (4.947, 0.0), (14.947, 3e-3))
+    soft = {"mu_s": 0.627, "mu_k0": 0.4185, "delta_mu_k": -0.0973, "a": 150.0, "D": 21.6e-6, "t_cr": 0.573}
+    soft |= {"mass": 0.155, "stiffness": 1056.0, "damping": 136.0}
+    times = np.arange(7600) / 500.0
+    motion = run(assemble(MAIN), soft, drive, 1.0, times[-1])
+    noise = 3e-3 * np.random.default_rng(0).standard_normal(times.size)
+    record = Record(times, np.ones(times.size), motion.sample(times)["force"] + noise)
+    found = _prepared(record, drive_speed=[list(step) for step in drive]).segmentation.cycles
+    slips = [np.any((motion.onsets < fall) & (fall < motion.onsets + 0.06)) for fall in found.fall]
+    assert found.count >= 6 and all(slips)
+    assert np.all(found.arrest - found.fall < 0.06), "a slip in which the drive stops ends there, not where it restarts"
+
+
 def test_tare_from_a_value_and_from_a_quiet_interval_agree():
     record = _record(quiet=QUIET, offset=0.3)
     by_value, by_interval = _prepared(record, tare="0.3 N"), _prepared(record, tare=[0.0, 0.35])
