@@ -25,14 +25,27 @@ USUAL_TOLERANCES: Mapping[str, float] = {
 }
 
 
+LARGEST = 1e18  # of an SI unit, and its inverse the least: no rig has it, and what is made of several is a number still
+
+
 def _positive(where: str, unit: str, value: float | None) -> None:
-    if value is not None and not (value > 0.0 and math.isfinite(value)):
+    if value is not None and not value > 0.0:
         raise SceneError(f"{where} is {_said(value, unit)}; expected a positive number: correct it")
+    _of_a_rig(where, unit, value)
 
 
 def _not_negative(where: str, unit: str, value: float | None) -> None:
-    if value is not None and not (value >= 0.0 and math.isfinite(value)):
+    if value is not None and not value >= 0.0:
         raise SceneError(f"{where} is {_said(value, unit)}; expected zero or a positive number: correct it")
+    _of_a_rig(where, unit, value)
+
+
+def _of_a_rig(where: str, unit: str, value: float | None) -> None:
+    if value and not 1.0 / LARGEST <= abs(value) <= LARGEST:
+        raise SceneError(
+            f"{where} is {_said(value, unit)}, which no rig has; expected a number between {1.0 / LARGEST:g} and "
+            f"{LARGEST:g}: correct it, or its unit"
+        )
 
 
 def _said(value: float, unit: str) -> str:
@@ -46,8 +59,9 @@ def _check_speed(where: str, speed: DriveSpeed | None) -> None:
         raise SceneError(
             f"the programme of {where} starts at {starts} s; expected rising times from 0: begin it with [0, speed]"
         )
-    if not all(math.isfinite(value) for pair in steps for value in pair):
-        raise SceneError(f"{where} holds a number that is not finite; expected speeds in m/s: correct it")
+    for start, value in steps:
+        _of_a_rig(f"the start of a step of {where}", "s", start)
+        _of_a_rig(where, "m/s", value)
 
 
 @dataclass(frozen=True)
@@ -146,6 +160,8 @@ class Initial:
     gamma: float = 0.0
 
     def __post_init__(self) -> None:
+        _of_a_rig("the initial elongation", "m", self.elongation)
+        _of_a_rig("the initial sliding_speed", "m/s", self.sliding_speed)
         if not 0.0 <= self.gamma <= 1.0:
             raise SceneError(f"the initial gamma is {self.gamma:g}; expected a share between 0 and 1: correct it")
 

@@ -81,6 +81,12 @@ CASES = [
     (["rig.mass=0"], "take inertia out of effects", ["rig.mass=0", RESTING]),
     (["logs.1.columns={time=[7]}"], "expected a text in quotes", ["logs.1.columns={time=7}"]),
     (["rig.stiffness=-1"], "expected a positive number: correct it", ["rig.stiffness=1"]),
+    (['rig.mass="1e308 kg"'], "between 1e-18 and .*: correct it, or its unit", ['rig.mass="0.2 kg"']),
+    (['rig.drive_speed="1e308 m/s"'], "correct it, or its unit", ['rig.drive_speed="1 mm/s"']),
+    (['logs.1.noise="1e308 N"'], "correct it, or its unit", ['logs.1.noise="1 mN"']),
+    (['logs.1.drive_speed=[[0, "1 mm/s"], ["1e308 s", "2 mm/s"]]'], "correct it, or its unit",
+     ['logs.1.drive_speed=[[0, "1 mm/s"], ["1 s", "2 mm/s"]]']),
+    (['initial.elongation="1e308 m"'], "correct it, or its unit", ['initial.elongation="1 mm"']),
     (["rig.stiffness=true"], "expected a quantity such as .*or a bare SI number", ["rig.stiffness=1470"]),
     (['rig.stiffness="1470"'], 'write for instance "1470 N/m"', ['rig.stiffness="1470 N/m"']),
     (['rig.stiffness="1.47 mm"'], "N/m", ['rig.stiffness="1.47 N/m"']),
@@ -190,7 +196,7 @@ def _file_cases(folder):
     auto = written(GOOD.replace(MAIN + "]", '"auto"'))
     yield lambda: auto().model, "list them by name", lambda: good().model
     yield lambda: Scene.from_toml(folder / f"{'a' * 300}.toml"), "check its path", good
-    yield lambda: LogEntry(log, drive_speed=math.nan), "expected speeds in m/s", lambda: LogEntry(log, drive_speed=1e-3)
+    yield lambda: LogEntry(log, drive_speed=math.nan), "correct it, or its unit", lambda: LogEntry(log, drive_speed=1e-3)
     yield lambda: Initial(gamma=2.0), "between 0 and 1", lambda: Initial(gamma=1.0)
 
 
