@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from data_io.arrays import longest_run, thinned
-from data_io.record import rising
+from data_io.record import BLOCK, rising
 from data_io.source import Source
 from data_io.values import LONGEST_GAP, Finding, FloatArray
 
@@ -38,9 +38,9 @@ def evened(time: FloatArray, of_step: str = "") -> tuple[FloatArray, list[Findin
     if time.size < _FEWEST:
         return time, []
     interval = float(time[-1] - time[0]) / (time.size - 1)
-    change = np.diff(time)
-    if np.ptp(change) <= _MATTERS * interval:
+    if _spread(time) <= _MATTERS * interval:
         return time, []
+    change = np.diff(time)
     step, kind = _rounding(time, change)
     if not 2.0 * _MATTERS * interval < step <= max(2.0, time.size / _STAMPS) * interval:
         return time, []
@@ -53,6 +53,14 @@ def evened(time: FloatArray, of_step: str = "") -> tuple[FloatArray, list[Findin
         return time, []
     text = f"the time stamps{of_step} are {kind}; they are those of an even clock of {1.0 / slope:.5g} Hz"
     return even, [Finding("clock_rounded", "info", f"{text}, which is used")]
+
+
+def _spread(time: FloatArray) -> float:
+    """By how much the intervals of a clock (n,) differ at most [s]. Block by block: those of ten million rows are made
+    in the cache, not in memory."""
+    blocks = (np.diff(time[i : i + BLOCK + 1]) for i in range(0, time.size - 1, BLOCK))
+    ends = np.array([(block.min(), block.max()) for block in blocks])
+    return float(ends[:, 1].max() - ends[:, 0].min())
 
 
 def _rounding(time: FloatArray, change: FloatArray) -> tuple[float, str]:

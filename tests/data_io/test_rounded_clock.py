@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from data_io import clock
 from data_io import read_log as read
 from data_io.clock import evened
 from data_io.quality import assess
+from data_io.record import BLOCK
 
 EVEN = np.arange(4000) / 800.0
 
@@ -49,3 +51,13 @@ def test_one_row_lost_or_repeated_is_no_rounding(tmp_path, fault, code):
     findings = {finding.code for finding in (*record.findings, *assess(record).findings)}
     assert code in findings and "clock_rounded" not in findings
     assert np.diff(record.time).min() == pytest.approx(0.02) and np.isclose(np.diff(record.time), 0.02).sum() >= 80
+
+
+def test_an_odd_interval_anywhere_in_a_long_clock_is_seen() -> None:
+    """Intervals are made block by block: none between two blocks is lost."""
+    rows = 3 * BLOCK + 7
+    for place in (1, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK, rows - 1):
+        time = np.arange(rows) / 1000.0
+        time[place:] += 0.25
+        assert clock._spread(time) == np.ptp(np.diff(time))
+    assert clock._spread(np.arange(rows) * 0.5) == 0.0
