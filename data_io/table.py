@@ -109,7 +109,7 @@ class OpenTable:
         for index, unit in self._units.items():
             if header.names[index].unit is None:
                 header = with_unit(header, index, unit)
-        header = _with_clock(header, columns, clocks)
+        header = _since_1970(_with_clock(header, columns, clocks), columns)
         remarks = list(dict.fromkeys(self.remarks + _milliseconds_added(header, columns, clocks)))
         if len(remarks) > _MOST_REMARKS:
             text = f"and {len(remarks) - _MOST_REMARKS} remarks more of this kind"
@@ -128,6 +128,28 @@ def _with_clock(header: Header, columns: Mapping[int, FloatArray], clocks: Set[i
     roles = {**header.roles, "time": elapsed[0]}
     passed = {**header.passed_over, "time": tuple(i for i in (taken, *others) if i is not None and i != elapsed[0])}
     return replace(header, roles=roles, passed_over=passed)
+
+
+_YEARS_2000_TO_2100: Final = (9.5e8, 4.1e9)  # seconds since 1970
+_PARTS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # of a second
+
+
+def _since_1970(header: Header, columns: Mapping[int, FloatArray]) -> Header:
+    """Return a header in which a clock without a unit that counts from 1970, as computers and robots write it, has the
+    one in which it tells a time of our days. A counter of something else may stand there for a while; its rows would
+    then be seconds apart and more, and its unit is asked for."""
+    index = header.roles.get("time")
+    if index is None or header.names[index].unit is not None or index not in columns:
+        return header
+    stamps = columns[index][np.isfinite(columns[index])]
+    if stamps.size < 2:
+        return header
+    low, high = (float(end) for end in (np.min(stamps), np.max(stamps)))
+    apart = (high - low) / (stamps.size - 1)
+    for unit, part in _PARTS.items():
+        if _YEARS_2000_TO_2100[0] * part < low and high < _YEARS_2000_TO_2100[1] * part and apart < part:
+            return with_unit(header, index, unit)
+    return header
 
 
 def _milliseconds_added(header: Header, columns: dict[int, FloatArray], clocks: Set[int]) -> list[Finding]:

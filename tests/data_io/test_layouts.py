@@ -432,3 +432,24 @@ def test_what_is_called_milliseconds_and_does_not_go_on_from_the_seconds_is_left
     record = read_log(path)
     right(record, interval=1.0)
     assert "clock_with_milliseconds" not in codes(record)
+
+
+@pytest.mark.parametrize("part", [1, 10**3, 10**6, 10**9])
+def test_a_clock_that_counts_from_1970_tells_its_unit(tmp_path, part):
+    """As robots and computers write it: `rostopic echo -p` of a force sensor, in nanoseconds."""
+    stamps = [f"{1_710_253_695 + 2 * i / 1000:.3f}" if part == 1 else str(1_710_253_695 * part + 2 * i * part // 1000)
+              for i in range(60)]  # fmt: skip
+    rows = "".join(f"{stamp},{4711 + i},-0.{3 + i % 3}00,-1.000\n" for i, stamp in enumerate(stamps))
+    path = tmp_path / "wrench.csv"
+    path.write_text("%time,field.header.seq,force.x,force.z\n" + rows)
+    columns = {"normal_force": "force.z", "friction_force": "force.x"}
+    record = read_log(path, columns=columns, units={"normal_force": "N", "friction_force": "N"})
+    assert record.time[-1] - record.time[0] == pytest.approx(0.118, abs=1e-6)
+
+
+def test_a_counter_of_microseconds_that_passes_by_a_date_is_asked_for_its_unit(tmp_path):
+    rows = "".join(f"{1_710_253_695 + 2000 * i},0.{3 + i % 3}00,1.000\n" for i in range(60))
+    path = tmp_path / "micros.csv"
+    path.write_text("Time,Fx [N],Fz [N]\n" + rows)
+    with pytest.raises(LogError, match="no unit was found for column 'Time'"):
+        read_log(path)
