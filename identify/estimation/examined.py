@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -28,7 +28,7 @@ from identify.estimation.covariance import (
 )
 from identify.estimation.goodness_of_fit import Gate
 from identify.estimation.hints import hints, onsets, untold
-from identify.estimation.other_optima import lowest_optimum, weakens
+from identify.estimation.other_optima import lowest_optimum, weakens, within
 from identify.estimation.profile import Profiles, profile
 from identify.estimation.profile_line import ProfilePoint
 from identify.estimation.strategies import Strategy, run_strategy
@@ -284,25 +284,45 @@ def _walked(here: Examined, q: Question, *, last: bool) -> Examined | None:
     along = _along(here, q)
     if along == []:
         return None
-    attempt, seen, trail = here.attempt, here.view.allowed, here.trail
-    samples = attempt.solved.problem.samples
+    trail, samples = here.trail, here.attempt.solved.problem.samples
     with no_time_limit() if q.asked.profile else nullcontext():
-        walked = profile(
-            attempt.prepared,
-            attempt.solved,
-            q.unknowns,
-            seen.white,
-            q.progress,
-            seen.noise,
-            memory=seen.remembered,
-            beside=seen.memory / seen.remembered,
-            steps=CURVE_STEPS if q.asked.profile else 1,
-            only=along,
-            optima=[optimum.solved for optimum in trail.optima],
-            before=trail.met if trail.samples == samples else (),
-        )
+        walked = _profile(here, here, along, q)
+        for optimum in trail.optima:
+            sides = walked.outside(q.unknowns, optimum.solved.theta)
+            noise = here.view.allowed.noise
+            if walked.better is None and sides and within(here.attempt, optimum, q.unknowns, noise):
+                there = _profile(_moved(optimum, q, Trail()), here, along, q, sides)
+                walked = walked.joined(there, q.unknowns)
     here = replace(here, trail=replace(trail, met=walked.met, samples=samples))
     return _with_walk(here, walked, q) if walked.better is None else _at_better(here, walked, walked.better, q, last)
+
+
+def _profile(
+    place: Examined,
+    answer: Examined,
+    along: list[int] | None,
+    q: Question,
+    sides: Collection[tuple[int, float]] | None = None,
+) -> Profiles:
+    """The walks from a place: the answer, or an optimum beside it that the data hardly tell from it. That is walked
+    from for itself, on the sides that do not hold it: where a slip has another phase the curves have another form,
+    and no walk leads from the one to the other."""
+    seen, trail = place.view.allowed, answer.trail
+    return profile(
+        place.attempt.prepared,
+        place.attempt.solved,
+        q.unknowns,
+        seen.white,
+        q.progress,
+        answer.view.allowed.noise,
+        memory=seen.remembered,
+        beside=seen.memory / seen.remembered,
+        steps=CURVE_STEPS if q.asked.profile and place is answer else 1,
+        only=along,
+        sides=sides,
+        optima=[optimum.solved for optimum in trail.optima] if place is answer else (),
+        before=trail.met if place is answer and trail.samples == place.attempt.solved.problem.samples else (),
+    )
 
 
 def _with_walk(here: Examined, walked: Profiles, q: Question) -> Examined:

@@ -26,7 +26,15 @@ from identify.estimation.attempt import (
     usable,
 )
 from identify.estimation.residual_autocorrelation import Remembering
-from identify.estimation.starts import apart, features_of, own_starts, ranked, suggested_starts
+from identify.estimation.starts import (
+    apart,
+    features_of,
+    held_starts,
+    own_starts,
+    ranked,
+    suggested_starts,
+    told_apart,
+)
 from identify.estimation.strategies import Strategy, run_strategy
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
@@ -124,6 +132,7 @@ def _by_features(
 
 THROWN = 16  # starts about each place
 SOLVED = 3  # of each kind, those that fit best before they are solved
+HELD = 6  # of those with a parameter held: each on another side of the answer
 ALIKE = chi_square(LEVEL, 1)  # what the data object to an answer at most that a single parameter could as well have
 LOWER = 0.1  # by which chi^2 must fall for an optimum to be a lower one
 LOOKS = 3  # how often starts are thrown about an answer, each time about a lower one
@@ -218,7 +227,8 @@ def objection(attempt: Attempt, other: Attempt, noise: Remembering) -> float:
 
 
 def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Iterator[Array]:
-    """The starts (n_p,) worth a solve: about the answer, about the data's own start, from the levels, by turns."""
+    """The starts (n_p,) worth a solve, by turns: with one parameter held in turn beside the answer, thrown about it and
+    about the data's own start, from the levels."""
     logs, rng = list(attempt.prepared), np.random.default_rng(seed)
     far = FAR * unknowns.spread * np.where(unknowns.logarithmic, 1.0, 0.5)
     far = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(far, unknowns.prior_deviation), 0.0)
@@ -228,7 +238,9 @@ def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Itera
         kinds.append(np.where(unknowns.free, np.clip(about, unknowns.lower, unknowns.upper), place))
     if own:
         kinds.append(suggested_starts(logs, unknowns))
-    best = [ranked(logs, unknowns, starts)[:SOLVED] for starts in kinds]
+    apart_by = chi_square(LEVEL, int(np.sum(unknowns.free)))
+    held = told_apart(ranked(logs, unknowns, held_starts(logs, unknowns, attempt.solved.theta)), apart_by)
+    best = [list(islice(held, HELD)), *(ranked(logs, unknowns, starts)[:SOLVED] for starts in kinds)]
     yield from (start.theta for turn in zip_longest(*best) for start in turn if start is not None)
 
 

@@ -7,7 +7,7 @@ optimum is handed back. A bound that the scene gives ends an interval; a bound o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -166,14 +166,16 @@ class Curve:
 @dataclass(frozen=True)
 class Profiles:
     """Interval ends and curves per parameter name, the point of a better optimum where one was met, the
-    likelihood-ratio statistic by which it is better, theta (n_p,) at the middle of the walks, the points met that the
-    data hardly object to, from there (m, f), the squared distance (m,) at which each should lie, and these points."""
+    likelihood-ratio statistic by which it is better, theta (n_p,) at the middle of the walks and the cost there, the
+    points met that the data hardly object to, from there (m, f), the squared distance (m,) at which each should lie,
+    and these points."""
 
     ends: dict[str, tuple[Side, Side]]
     better: ProfilePoint | None
     curves: Mapping[str, Curve] = field(default_factory=dict)
     gain: float = 0.0
     middle: Array = field(default_factory=lambda: np.empty(0))
+    cost: float = np.inf
     likely: Array = field(default_factory=lambda: np.empty((0, 0)))
     objection: Array = field(default_factory=lambda: np.empty(0))
     met: tuple[ProfilePoint, ...] = ()
@@ -182,6 +184,36 @@ class Profiles:
     def clear(self) -> float:
         """What the memory of the noise leaves of the gain."""
         return 0.0 if self.better is None else self.better.change.objection(self.gain)
+
+    def outside(self, unknowns: Unknowns, theta: Array) -> list[tuple[int, float]]:
+        """The sides of intervals beyond which a place (n_p,) lies: index of the parameter, -1 below or 1 above."""
+        out = []
+        for name, (low, high) in self.ends.items():
+            index = unknowns.names.index(name)
+            out += [(index, -1.0)] if low.end is not None and theta[index] < low.end else []
+            out += [(index, 1.0)] if high.end is not None and theta[index] > high.end else []
+        return out
+
+    def joined(self, other: Profiles, unknowns: Unknowns) -> Profiles:
+        """With the walks from another optimum that the data do not rule out: intervals that hold both, or the lower
+        place that these walks met."""
+        lowest = min(other.met, key=lambda point: point.cost, default=None)
+        gain = 0.0 if lowest is None else 2.0 * (self.cost - lowest.cost)
+        if gain > BETTER:
+            return replace(self, better=lowest, gain=gain)
+        ends = {
+            name: (_farther(self.ends[name][0], low, min), _farther(self.ends[name][1], high, max))
+            for name, (low, high) in other.ends.items()
+        }
+        above = max(2.0 * (other.cost - self.cost), 0.0)
+        moved = (other.middle - self.middle)[unknowns.free]
+        return replace(
+            self,
+            ends=self.ends | ends,
+            likely=np.concatenate([self.likely, other.likely + moved]),
+            objection=np.concatenate([self.objection, other.objection + above]),
+            met=(*self.met, *other.met),
+        )
 
     def seen_from(self, unknowns: Unknowns, answer: Array) -> Profiles:
         """The same points seen from an answer (n_p,) that is not their middle: what they say where no walk comes to an
@@ -211,6 +243,7 @@ def profile(
     beside: Array | None = None,
     steps: int = 1,
     only: Sequence[int] | None = None,
+    sides: Collection[tuple[int, float]] | None = None,
     optima: Sequence[Solved] = (),
     before: Sequence[ProfilePoint] = (),
 ) -> Profiles:
@@ -222,7 +255,8 @@ def profile(
         memory: (f,) by how much that memory widens the variance of each; beside: (f,) by how much all else that is
             allowed for widens it.
         steps: of a side, at least: one finds the ends, more draw the curve.
-        only: indices of parameters, where not all are asked.
+        only: indices of parameters, where not all are asked. sides: of these, where not both of each are: one that is
+            not walked ends at the farthest point met.
         optima: other places that count as points met, as far as the data do not object to them.
         before: points met by walks from another answer of the same samples; their change of the curves is from there.
     """
@@ -236,7 +270,8 @@ def profile(
     place = {index: number for number, index in enumerate(searched.tolist())}
     wait = {i: 1.0 if beside is None else float(beside[place[i]]) for i in free}
     wide = sizes if memory is None else sizes * np.sqrt(memory)
-    walks = _walks(line, {i: float(wide[place[i]]) for i in free}, wait, steps, progress)
+    asked = [(i, sign) for i in free for sign in (-1.0, 1.0) if sides is None or (i, sign) in sides]
+    walks = _walks(line, asked, {i: float(wide[place[i]]) for i in free}, wait, steps, progress)
     for (index, sign), walk in walks.items():
         mark_past(line, index, sign, walk)
     lowest = min(line.seen, key=lambda point: point.cost, default=line.best)
@@ -246,32 +281,33 @@ def profile(
     for i in free:
         inside = [point.theta[i] for point in line.seen if line.loss_root(point) ** 2 < CRITICAL * wait[i]]
         inside.append(line.best.theta[i])
+        here = ProfileBranch(Side(float(line.best.theta[i]), False), line.best)
         ends[unknowns.names[i]] = (
-            _stretched(walks[i, -1.0].side, min(inside), min),
-            _stretched(walks[i, 1.0].side, max(inside), max),
+            _stretched(walks.get((i, -1.0), here).side, min(inside), min),
+            _stretched(walks.get((i, 1.0), here).side, max(inside), max),
         )
         curves[unknowns.names[i]] = _curve(line, i, wait[i])
     slow = max(wait.values(), default=1.0)
     likely = [point for point in line.seen if line.loss_root(point) < FARTHEST * np.sqrt(slow)]
     away = np.array([point.theta[searched] for point in likely]).reshape(-1, searched.size) - line.best.theta[searched]
     objection = np.array([max(line.loss_root(point) ** 2 / slow, CRITICAL) for point in likely])
-    return Profiles(ends, better, curves, gain, line.best.theta, away, objection, tuple(likely))
+    return Profiles(ends, better, curves, gain, line.best.theta, line.best.cost, away, objection, tuple(likely))
 
 
 def _walks(
     line: ProfileLine,
+    asked: Sequence[tuple[int, float]],
     sizes: Mapping[int, float],
     wait: Mapping[int, float],
     steps: int,
     progress: Progress,
 ) -> dict[tuple[int, float], ProfileBranch]:
-    """Both sides of every parameter, by its index, from the best point; on from a point beyond an end, where the data
+    """The sides asked for, by parameter and sign, from the best point; on from a point beyond an end, where the data
     object to neither: behind a rise of the likelihood lies another optimum, and the side ends behind that."""
     walks: dict[tuple[int, float], ProfileBranch] = {}
-    for index, size in sizes.items():
+    for index, sign in asked:
         progress(f"profile of {line.unknowns.names[index]}", None)
-        for sign in (-1.0, 1.0):
-            walks[index, sign] = walk_one_way(line, index, sign, size, line.best, wait[index], steps)
+        walks[index, sign] = walk_one_way(line, index, sign, sizes[index], line.best, wait[index], steps)
     for (index, sign), walk in walks.items():
         beyond = _beyond(line, index, sign, walk.side, wait[index])
         if beyond is not None:
@@ -299,6 +335,13 @@ def _curve(line: ProfileLine, index: int, wait: float) -> Curve:
     mine = [point for point, counts in zip(mine, first.tolist(), strict=True) if counts]
     theta = np.array([point.theta[index] for point in mine])
     return Curve(theta, np.array([line.loss_root(point) ** 2 / wait for point in mine]))
+
+
+def _farther(one: Side, other: Side, farther: Callable[[float, float], float]) -> Side:
+    """The end of an interval that holds two; open where one of them is."""
+    if one.end is None or other.end is None:
+        return one if one.end is None else other
+    return one if farther(one.end, other.end) == one.end else other
 
 
 def _stretched(side: Side, farthest: float, farther: Callable[[float, float], float]) -> Side:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.arrays import thinned
 from identify.estimation.attempt import HORIZONS, Clock, place_on
 from identify.logs.prepare import Prepared, beginning
 from identify.logs.unknowns import Unknowns
@@ -17,7 +18,7 @@ from identify.shooting.features import Features, extract, extract_one_by_one
 from identify.shooting.passes import COARSE
 from identify.shooting.shooting import transcribe
 from identify.shooting.starts import GOOD, Start, candidates, fit_features, level_starts, random_starts
-from identify.shooting.vibration import quieted
+from identify.shooting.vibration import quieted, rhythmic
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Starts in the order in which they deserve a solve: how well the motion that follows from each fits before any is.
@@ -28,7 +29,25 @@ Array = NDArray[np.float64]
 MISSING = 1e6  # cost per residual of a log on which a start cannot be placed
 
 
-def ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Array]) -> list[Start]:
+@dataclass(frozen=True)
+class PlacedStart(Start):
+    """A start and the motion that follows from it, before any solve.
+
+    seen: by the number of each log it can be placed on, what the load cell sees of that motion in standard deviations
+    of the noise (m,): of a long log a share of its samples, which stands for all of them.
+    """
+
+    seen: Mapping[int, Array]
+
+    def differs(self, other: PlacedStart) -> float:
+        """How far apart two motions are, a sum of squares as the data weigh them; infinite where they are not of the
+        same logs."""
+        if self.seen.keys() != other.seen.keys():
+            return np.inf
+        return float(sum(np.nansum((mine - other.seen[log]) ** 2) for log, mine in self.seen.items()))
+
+
+def ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Array]) -> list[PlacedStart]:
     """Thetas (n_p,) by the cost per residual of the motions that follow from them, of courses by that of their first
     beginning; those that can be placed on fewer logs last, those that can on none left out."""
     prepared = [beginning(log, HORIZONS[0]) if log.manner.name == "course" else log for log in prepared]
@@ -40,8 +59,25 @@ def ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Array])
             logs = [log.data for _, log, _ in placed]
             problem = transcribe(logs, [trajectory for _, _, trajectory in placed], at, COARSE)
             cost = problem.evaluate(problem.start, derivatives=False).cost / max(problem.samples, 1)
-            out.append(Start(theta, float(cost) + MISSING * (len(prepared) - len(placed))))
+            curves = zip(placed, problem.fitted(problem.start), strict=True)
+            seen = {number: _weighted(curve * np.sqrt(log.data.weight)) for (number, log, _), curve in curves}
+            out.append(PlacedStart(theta, float(cost) + MISSING * (len(prepared) - len(placed)), seen))
     return sorted(out, key=lambda start: start.cost)
+
+
+def _weighted(curve: Array) -> Array:
+    """Some of the values (n,) of a curve, so weighted that their squares add up to about those of all."""
+    some = thinned(curve)
+    return np.asarray(some * np.sqrt(curve.size / max(some.size, 1)))
+
+
+def told_apart(starts: Iterable[PlacedStart], least: float) -> Iterator[PlacedStart]:
+    """Those of some starts whose motions the data tell from that of each one before: by more than `least` squares."""
+    before: list[PlacedStart] = []
+    for start in starts:
+        if all(start.differs(other) > least for other in before):
+            before.append(start)
+            yield start
 
 
 Sources = Literal["data", "user", "both"]
@@ -49,6 +85,8 @@ Sources = Literal["data", "user", "both"]
 RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
 WORTH = 0.7  # of the cost before: what random starts must gain for more of them to be tried
 SAME = 0.02  # of the spread: starts closer than that are one
+HELD_AT = (-0.5, 0.5, -1.0, 1.0)  # spreads, of a coefficient half as much: where one is held beside a place
+STRANGE = 20.0  # cost per residual of a start with a wrong cycle
 
 
 def own_starts(prepared: list[Prepared], unknowns: Unknowns) -> Iterator[Array]:
@@ -60,6 +98,30 @@ def suggested_starts(prepared: Sequence[Prepared], unknowns: Unknowns) -> Array:
     """What the levels of the data suggest (S, n_p), before any fit of a settled cycle rolls it into some optimum."""
     features, bases = features_of(prepared)
     return candidates(unknowns, features, bases) if features else np.empty((0, unknowns.start.size))
+
+
+def held_starts(prepared: Sequence[Prepared], unknowns: Unknowns, about: Array) -> list[Array]:
+    """Starts (n_p,) over what the settled cycles of the logs leave open about a place (n_p,): each parameter is held
+    at values below and above in turn, and the others are fitted to these cycles.
+
+    Starts drawn by lot in all parameters at once hardly meet a narrow valley, and a fit of all of them to the cycles
+    rolls out of it: of slips that hold few samples, one settled cycle tells less than the record does.
+    """
+    features, bases = features_of(prepared)
+    settled = quieted(unknowns)
+    out = []
+    for index in np.flatnonzero(settled.free & ~rhythmic(unknowns)).tolist() if features else []:
+        free = settled.free.copy()
+        free[index] = False
+        spread = unknowns.spread[index] * (1.0 if unknowns.logarithmic[index] else 0.5)
+        step = min(spread, unknowns.prior_deviation[index])
+        for side in HELD_AT:
+            held = np.where(settled.free, about, settled.start)
+            held[index] = np.clip(held[index] + side * step, unknowns.lower[index], unknowns.upper[index])
+            (start,) = fit_features(replace(settled, free=free, start=held), features, bases, held[None, :])
+            if start.cost < STRANGE:
+                out.append(np.where(settled.free, start.theta, about))
+    return out
 
 
 def starts_of(
@@ -125,7 +187,7 @@ def slips_one_by_one(log: Prepared) -> bool:
     return log.manner.name == "course" and log.data.programme is not None and log.segmentation.count > 1
 
 
-def _distinct(starts: list[Start], unknowns: Unknowns) -> Iterator[Array]:
+def _distinct(starts: Sequence[Start], unknowns: Unknowns) -> Iterator[Array]:
     return apart((start.theta for start in starts), np.where(unknowns.free, SAME * unknowns.spread, np.inf))
 
 

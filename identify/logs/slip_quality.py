@@ -86,6 +86,54 @@ def harmonic_share(time: Array, force: Array, found: Segmentation) -> float | No
     return float(np.median(shares)) if len(shares) >= FEWEST_SLIPS - 1 else None
 
 
+BAND = 6.0  # of the noise: samples of a cycle so near below its highest one are its top
+TOP_ROWS = 10  # of a top, at least
+SLOWER = 4.0  # times: how long a level top lasts at least against a stick that rises through the band, and its tilt
+BENT = 1.0  # of the noise, by which the middle of a level top may stand above both its ends; a rounded one has 2.7
+ALIKE = 3.0  # standard errors by which the levels of tops may scatter
+MOST_OF = 0.8  # of the cycles: those with a level top
+
+
+@dataclass(frozen=True)
+class LevelTops:
+    """level [N] at which the force stands before it falls, for how long [s] (median), in how many cycles."""
+
+    level: float
+    duration: float
+    cycles: int
+
+
+def level_tops(time: Array, force: Array, found: Segmentation) -> LevelTops | None:
+    """Where nearly every stick ends on one and the same level, as behind a sensor at its end with noise on top; None
+    where they do not. Strength differs from stick to stick on real surfaces, and a swing or a slow slip is round.
+
+    Arguments as `sharpness`.
+    """
+    fall, noise, slope = found.cycles.fall, found.noise, found.stick_slope
+    if found.count < FEWEST_SLIPS or slope is None or not (slope[0] > 0.0 and noise > 0.0):
+        return None
+    durations, levels, errors = [], [], []
+    looked = range(0, fall.size - 1, max(fall.size // MOST_CYCLES, 1))
+    for i in looked:
+        rows = slice(*np.searchsorted(time, fall[i : i + 2]).tolist())
+        good = np.isfinite(force[rows]) & ~found.spikes[rows]
+        t, top = time[rows][good], force[rows][good]
+        near = np.flatnonzero(top > np.max(top, initial=-np.inf) - BAND * noise)
+        if near.size < TOP_ROWS:
+            continue
+        t, top, third = t[near[0] : near[-1] + 1], top[near[0] : near[-1] + 1], near.size // 3
+        middle = float(np.mean(top[third:-third]))
+        bent = middle - float(np.mean(np.concatenate([top[:third], top[-third:]])))
+        lasts, tilt = float(t[-1] - t[0]), float(np.polyfit(t - t[0], top, 1)[0])
+        if lasts * slope[0] > SLOWER * BAND * noise and bent < BENT * noise and abs(tilt) * SLOWER < slope[0]:
+            durations.append(lasts)
+            levels.append(middle)
+            errors.append(noise / math.sqrt(third))
+    if len(levels) < max(MOST_OF * len(looked), FEWEST_SLIPS - 1) or np.std(levels) > ALIKE * np.mean(errors):
+        return None
+    return LevelTops(float(np.mean(levels)), float(np.median(durations)), len(levels))
+
+
 def _mean_slip(time: Array, force: Array, found: Segmentation, slip: float) -> tuple[Array, Array, int] | None:
     """Time about the middle of the fall, mean force there without the stick slope, and how many slips."""
     cycles = found.cycles
@@ -200,6 +248,12 @@ def look_at_slips(part: RecordPart, limits: Thresholds) -> SlipQuality:
     notes = [_spikes(part, limits), *_samples(found, limits), _few(found, limits)]
     if loading:
         notes.append(Finding("still_loading", "warning", f"no slip was found: {ENDS_LOADING}; {REMEDY}"))
+    if (tops := level_tops(part.time, part.force, found)) is not None:
+        text = (
+            f"in {tops.cycles} cycles the force stands at {tops.level:.4g} N for {tops.duration:.3g} s before it "
+            "falls: the sensor or its amplifier was at its end, with noise on top; use a larger measuring range"
+        )
+        notes.append(Finding("level_tops", "warning", text))
     if lag is not None and (severity := limits.severity("sensor_lag", lag.share)):
         text = (
             f"the slips end in a tail, as behind a sensor or filter with a lag of {1e3 * lag.lag:.2g} ms "

@@ -196,7 +196,11 @@ def _file_cases(folder):
     auto = written(GOOD.replace(MAIN + "]", '"auto"'))
     yield lambda: auto().model, "list them by name", lambda: good().model
     yield lambda: Scene.from_toml(folder / f"{'a' * 300}.toml"), "check its path", good
-    yield lambda: LogEntry(log, drive_speed=math.nan), "correct it, or its unit", lambda: LogEntry(log, drive_speed=1e-3)
+    yield (
+        lambda: LogEntry(log, drive_speed=math.nan),
+        "correct it, or its unit",
+        lambda: LogEntry(log, drive_speed=1e-3),
+    )
     yield lambda: Initial(gamma=2.0), "between 0 and 1", lambda: Initial(gamma=1.0)
 
 
