@@ -19,6 +19,7 @@ from identify.scene.rig import DAMPING
 from identify.scene.values import USUAL_TOLERANCES
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
+UNEVEN = ("strength", "strength_scatter", "weakening_length", "mass", "level_wander", "level_roughness")
 PAGES = ("measuring.md", "glossary.md", "faq.md", "python.md")
 
 
@@ -26,10 +27,25 @@ PAGES = ("measuring.md", "glossary.md", "faq.md", "python.md")
 def test_commands_and_options_are_there(page):
     text = " ".join((DOCS / page).read_text(encoding="utf-8").split())
     commands = cli.build_parser().commands
-    for name, rest in re.findall(r"`stickslip ([a-z]+)([^`]*)`", text):
+    said = re.findall(r"`(?:\S*/)?stickslip ([a-z]+)([^`]*)`", text)
+    blocks = "\n".join(re.findall(r"```sh\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL))
+    for name, rest in [*said, *re.findall(r"stickslip ([a-z]+)(.*)", blocks)]:
         assert name in commands, name
         for option in re.findall(r"--[a-z-]+", rest):
             assert option in commands[name]._option_string_actions, (name, option)
+
+
+def test_how_to_cite_is_told_by_what_there_is():
+    text = (DOCS / "faq.md").read_text(encoding="utf-8").partition("## How to cite")[2]
+    assert "result.json" in text and "stickslip verify" in text and "parameters.tex" in text
+    assert "(equations.md)" in text and (DOCS / "equations.md").is_file()
+
+
+def test_the_glossary_has_every_parameter_and_verdict():
+    text = (DOCS / "glossary.md").read_text(encoding="utf-8")
+    words = [*DEMO, *(name for name in UNEVEN if name != "mass")]
+    assert not [word for word in words if f"`{word}`" not in text]
+    assert "identified, weak, not identifiable" in text
 
 
 def test_every_way_to_state_the_damping_is_told():

@@ -62,30 +62,51 @@ def test_a_picture_is_one_journal_column_wide(tmp_path, speed_and_stiffness, par
     assert shape[1] == pytest.approx(90 / 25.4 * 300, rel=0.01)
 
 
+def _labels_apart(axes):
+    """The numbers on contours, none of which stands where another one is."""
+    from identify.report.map_parts import ROOM
+
+    labels = [t for t in axes.texts if t.get_text().replace(".", "").isdigit()]
+    places = [axes.transAxes.inverted().transform(axes.transData.transform(t.get_position())) for t in labels]
+    for i, one in enumerate(places):
+        for other in places[:i]:
+            assert np.hypot(*((one - other) / ROOM)) > 0.95
+    return labels
+
+
+def test_contours_side_by_side_are_not_all_labelled(speed_and_stiffness):
+    """A step within one column of nodes: nine contours, and room for the numbers of few of them."""
+    from identify.report.draw_map import map_figure
+
+    made = speed_and_stiffness
+    step = (
+        np.where(np.arange(made.growth.shape[1]) < 3, 1.0, 1e3) + np.linspace(0.0, 1e-3, made.growth.shape[0])[:, None]
+    )
+    figure = map_figure(replace(made, figures={**made.figures, "period": step}), "amplitude")
+    figure.canvas.draw()
+    assert 1 <= len(_labels_apart(figure.axes[0])) <= 4
+
+
 def test_labels_stand_apart_and_the_star_says_whose_it_is(speed_and_stiffness):
     from identify.report.draw_map import map_figure
-    from identify.report.map_parts import ROOM
 
     seen = tested.Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1470.0, 1470.0)})
     made = speed_and_stiffness
-    steep = np.geomspace(1e-3, 9.0, made.growth.size).reshape(made.growth.shape)  # contours side by side
+    steep = np.geomspace(1e-3, 9.0, made.growth.size).reshape(made.growth.shape)
     crowded = replace(made, figures={**made.figures, "period": np.where(np.isnan(made.multiplier), np.nan, steep)})
     figure = map_figure(crowded, "amplitude", Marks(tested=seen, whose="log 2 (a very long name of a file.csv)"))
     axes = figure.axes[0]
     figure.canvas.draw()
-    places = [axes.transAxes.inverted().transform(axes.transData.transform(t.get_position())) for t in axes.texts]
-    labels = [p for p, t in zip(places, axes.texts, strict=True) if t.get_text().replace(".", "").isdigit()]
-    assert len(labels) >= 3
-    for i, one in enumerate(labels):
-        for other in labels[:i]:
-            assert np.hypot(*((one - other) / ROOM)) > 0.95
+    assert len(_labels_apart(axes)) >= 3
     words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert "operating point of\nlog 2 (a very long name o…" in words
     (legend,) = figure.legends
     box = legend.get_window_extent()
     assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1, "the legend leaves the page"
     assert "tested inside; beyond: extrapolated" in words
-    assert not any(collection.get_hatch() for collection in axes.collections)
+    hatched = [art.get_hatch() for art in (*axes.collections, *axes.patches)]
+    hatched += [hatch for art in axes.collections for hatch in getattr(art, "hatches", [])]
+    assert not any(hatched), "what lies beyond the tested range stays readable"
 
 
 SCENE = """

@@ -30,6 +30,26 @@ def test_the_numbers_are_those_of_the_cycles():
     )
 
 
+def test_every_picture_of_the_cycles_holds_their_numbers():
+    """Histograms of strength, drop and hold time; strength against hold time; mean coefficient against drive speed."""
+    logs = fake_fit(samples=2000, scatter=0.1).logs
+    table, drawn = measured_cycles(logs), draw_measured(logs)
+    assert table["drop_N"] == pytest.approx(table["onset_force_N"] - table["arrest_force_N"])
+    axes = drawn.figure.axes
+    for place, (name, words) in enumerate((("strength", "strength"), ("drop_N", "drop"), ("hold_s", "hold time"))):
+        counted = sum(np.asarray([bar.get_height() for bar in axes[place].patches]))
+        assert counted == np.count_nonzero(np.isfinite(table[name])) and words in axes[place].get_xlabel()
+    for number, line in enumerate(axes[3].lines, 1):
+        mine = table["log"] == number
+        np.testing.assert_allclose(line.get_xydata(), np.column_stack([table["hold_s"], table["strength"]])[mine])
+    assert len(axes[3].lines) == len(logs) and axes[3].get_xlabel().startswith("hold time")
+    (means,) = axes[4].lines
+    speeds = [1e3 * abs(log.drive_speed) for log in logs]
+    np.testing.assert_allclose(
+        means.get_xydata(), np.column_stack([speeds, drawn.tables["measured_means"]["mean_coefficient"]])
+    )
+
+
 def test_a_log_with_hardly_a_cycle_is_left_out_and_none_at_all_draws_nothing():
     fit = fake_fit(samples=2000)
     few = replace(fit.logs[0], measured=fit.logs[0].measured[:2])
