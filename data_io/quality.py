@@ -33,7 +33,8 @@ class RateSwitch:
 
 @dataclass(frozen=True)
 class Sampling:
-    """rate [Hz]: 1 / median interval. jitter: robust standard deviation of the interval as share of the interval.
+    """rate [Hz]: 1 / mean interval, dropouts aside; where it changes for good 1 / median interval. jitter: robust
+    standard deviation of the interval as share of the interval.
 
     dropouts: gaps of more than one and a half intervals; missing: rows that would fill them; longest_gap [s], which
     begins at longest_at [s]; odd_first: a first interval of a step off by more than 20 %; switches: where the rate
@@ -79,9 +80,12 @@ def describe_sampling(
     change, level = (parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (intervals, local))
     gaps = change > _DROPOUT * level
     ratio = change[gaps] / level[gaps]
-    calm = thinned(kept(change, ~gaps)) / thinned(kept(level, ~gaps))
+    steady = thinned(kept(change, ~gaps))
+    calm = steady / thinned(kept(level, ~gaps))
+    # A clock of whole milliseconds alternates: its median is one of two steps.
+    usual = np.median(thinned(change)) if switches or steady.size < 3 else np.mean(steady[1:])
     sampling = Sampling(
-        rate=float(1 / np.median(thinned(change))),
+        rate=float(1 / usual),
         jitter=float(1.4826 * np.median(np.abs(calm - np.median(calm)))) if calm.size else 0.0,
         dropouts=int(np.count_nonzero(gaps)),
         missing=int(np.sum(np.round(ratio) - 1)),

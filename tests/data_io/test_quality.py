@@ -40,6 +40,13 @@ def test_dropouts_are_counted():
     assert not sampling.switches and "dropouts" in codes(assess(record(time)))
 
 
+def test_the_rate_of_a_clock_of_whole_milliseconds_is_that_of_its_span():
+    time = np.floor(12.5 * np.arange(N)) / 1000  # steps of 12 and 13 ms
+    assert assess(record(time)).sampling.rate == pytest.approx(80.0, rel=1e-3)
+    gapped = np.delete(time, np.arange(400, 420))
+    assert assess(record(gapped)).sampling.rate == pytest.approx(80.0, rel=1e-3), "a dropout is no slow clock"
+
+
 def test_the_odd_first_interval_of_a_cetr_log():
     time = np.r_[0, 0.0127 + 0.02 * np.arange(N - 1)]
     assert codes(assess(record(time))) == {"odd_first_interval"}
