@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identify.cli.common import Answer, Terminal, add_log_options, log_options, new_file
+from identify.cli.common import Answer, CommandLineError, Terminal, add_log_options, log_options, new_file
 
 if TYPE_CHECKING:
     from data_io import Record, Step
@@ -21,6 +21,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The arguments of this command."""
     parser.add_argument("logs", nargs="+", metavar="LOG", help="the logs of one pair")
     parser.add_argument("--out", required=True, metavar="SCENE.toml", help="the file to write; never overwritten")
+    parser.add_argument("--rig", metavar="RIG.toml", help="a file that stickslip rig wrote, which the scene takes")
     add_log_options(parser)
 
 
@@ -28,15 +29,19 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     """Read the logs and write the draft.
 
     Raises:
-        CommandLineError, LogError, OSError: one sentence each.
+        CommandLineError, SceneError, LogError, OSError: one sentence each.
     """
     out = new_file(arguments.out, "--out", "your edits")
 
     from data_io.atomic import atomic_write
     from identify.logs.draft import draft
+    from identify.scene.toml import is_rig, with_rig_file
 
+    rig = None if arguments.rig is None else Path(arguments.rig)
+    if rig is not None and not is_rig(with_rig_file({"rig": str(rig)}, Path())["rig"]):
+        raise CommandLineError(f"--rig: {rig} is no file of a rig; give one that stickslip rig wrote, such as rig.toml")
     said = {key: value for key, value in log_options(arguments).items() if value is not None}
-    made = draft([piece for log in arguments.logs for piece in pieces(log, said)], out.parent, said)
+    made = draft([piece for log in arguments.logs for piece in pieces(log, said)], out.parent, said, rig)
     missing = list(made.to_fill_in)
     with atomic_write(out) as handle:
         handle.write(made.text)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from data_io.quality import describe_sampling
 from identify.base.wording import speed_text
 from identify.effects import MAIN
 from identify.logs.judgement import judge
@@ -82,13 +83,14 @@ class Draft:
     left_out: tuple[str, ...]
 
 
-def draft(pieces: Sequence[DraftLog], folder: Path, said: Mapping[str, object]) -> Draft:
+def draft(pieces: Sequence[DraftLog], folder: Path, said: Mapping[str, object], rig: Path | None = None) -> Draft:
     """A first scene file of some logs.
 
     Args:
         pieces: the logs, one entry per step where a log has several.
         folder: where the scene file will stand; log paths are written relative to it.
         said: how the logs were read (step, columns, units, normal_force), repeated in each log.
+        rig: the file of a measured rig, which the scene then takes.
     """
     told = [look(piece) for piece in pieces]
     used = [t for t in told if not t.left_out] or told
@@ -99,7 +101,7 @@ def draft(pieces: Sequence[DraftLog], folder: Path, said: Mapping[str, object]) 
         "# Everything marked TODO is for you to fill in. A quantity is text with a unit, or a bare SI number.",
         f"effects = [{effects}]{'   # friction follows the measured load' if measured else ''}",
         "",
-        *_rig_lines(used),
+        *(_rig_lines(used) if rig is None else [f"rig = {_located(rig, folder)}   # as measured: stickslip rig"]),
         "",
         "[parameters]   # all optional: start, lower, upper, fixed, prior = { mean = …, sd = … }",
         "# mu_s = { start = 0.6 }",
@@ -177,8 +179,7 @@ def _rig_lines(told: Sequence[Told]) -> list[str]:
 def _log_lines(told: Told, folder: Path, said: Mapping[str, object], rest: Told | None) -> list[str]:
     """The entry of a piece; rest: the step before it in which the drive stands."""
     piece, record = told.piece, told.piece.record
-    path = os.path.relpath(piece.path.absolute(), folder.absolute()).replace(os.sep, "/")
-    lines = [f"# {_facts(told)}", "[[logs]]", f"path = {json.dumps(path, ensure_ascii=False)}"]
+    lines = [f"# {_facts(told)}", "[[logs]]", f"path = {_located(piece.path, folder)}"]
     if told.slides:
         lines.insert(1, "# it slides: it tells the friction at its speed, and with slower logs a and delta_mu_k")
     lines.append(_drive_line(told))
@@ -194,6 +195,11 @@ def _log_lines(told: Told, folder: Path, said: Mapping[str, object], rest: Told 
     if "normal_force" not in said and not np.isfinite(record.normal_force).all():
         lines.append("# normal_force has gaps")
     return [*lines, '# labels = { material = "…", volunteer = "…" }']
+
+
+def _located(path: Path, folder: Path) -> str:
+    """A path as a scene file in that folder gives it."""
+    return json.dumps(os.path.relpath(path.absolute(), folder.absolute()).replace(os.sep, "/"), ensure_ascii=False)
 
 
 def _drive_line(told: Told) -> str:
@@ -212,7 +218,7 @@ def _drive_line(told: Told) -> str:
 
 def _facts(told: Told) -> str:
     record = told.piece.record
-    rate = 1.0 / float(np.median(np.diff(record.time)))
+    rate = describe_sampling(record)[0].rate
     load = float(np.nanmedian(record.normal_force))
     regime = "nothing moves" if told.seen.regime is None else told.seen.regime.value.replace("_", " ")
     return (

@@ -396,6 +396,22 @@ def test_a_first_scene_is_drafted_from_the_logs(folder, capsys):
     assert steps == {"1_mm_per_s.txt.gz": 2}, "the hold before the test is left out"
 
 
+def test_a_first_scene_takes_a_rig_that_was_measured(folder, capsys):
+    log = examples.FOLDER / "1_mm_per_s.txt.gz"
+    Path("bench").mkdir()
+    write("bench/rig.toml", 'mass = "0.2 kg"\nstiffness = "1470 N/m"\nzeta = 0.05\n')
+    asked = ("scene", log, "--rig", "bench/rig.toml", "--out", "scenes.toml")
+    code, words, _ = stickslip(capsys, *asked)
+    assert code == 0 and "still to fill in" not in words
+    scene = Scene.from_toml("scenes.toml")
+    assert (scene.rig.mass, scene.rig.stiffness) == pytest.approx((0.2, 1470.0))
+    Path("scenes.toml").unlink()
+    assert "cannot be read" in refused(capsys, *asked[:3], "bench/none.toml", *asked[4:])
+    write("other.toml", "effects = []\n")
+    assert "is no file of a rig" in refused(capsys, *asked[:3], "other.toml", *asked[4:])
+    assert not Path("scenes.toml").exists()
+
+
 def test_what_a_log_does_not_tell_is_left_to_fill_in(folder, capsys):
     rise = (0.4 * (i % 50) / 50 for i in range(500))
     rows = "".join(f"{0.01 * i:.2f},{force:.5f}\n" for i, force in enumerate(rise))
