@@ -343,24 +343,29 @@ def _alone(z: Array, log: NDArray[np.int64], cycle: NDArray[np.int64]) -> bool:
 def _of_one_cycle(solved: Solved, z: Array, log: NDArray[np.int64], cycle: NDArray[np.int64]) -> str:
     """What the misfit of one cycle may come of that stands out of all others."""
     worst = int(np.argmax(np.abs(z)))
-    off = _drops_off(solved, int(log[worst]), int(cycle[worst]))
-    told = f"the curve is off by up to {100.0 * off:.0f} % of a drop there: perhaps"
+    off, time = _farthest_off(solved, int(log[worst]), int(cycle[worst]))
+    told = f"the curve is off by up to {100.0 * off:.0f} % of a drop there, at {time:.5g} s: perhaps"
     if off < WHOLE:
         return f"{told} one stick was stronger or weaker than the others, or the force was disturbed"
     return f"{told} a slip was missed or invented, or the force was cut off or disturbed"
 
 
-def _drops_off(solved: Solved, log: int, cycle: int) -> float:
+def _farthest_off(solved: Solved, log: int, cycle: int) -> tuple[float, float]:
     """By how much the curve misses a cycle (from 0) of a log at most, in the mean over half a slip, over how far the
-    force falls in a cycle of that log."""
+    force falls in a cycle of that log; and when [s]."""
     data, curve, trajectory = solved.problem.logs[log], solved.fitted[log], solved.trajectories[log]
     ends = [part[-1].until for part in trajectory.by_part()]
     told = np.flatnonzero((data.weight > 0) & np.isfinite(curve))
     parts = np.split(told, np.searchsorted(data.time[told], ends[:-1]))
-    left = data.force[parts[cycle]] - curve[parts[cycle]]
+    mine = parts[cycle]
+    left = data.force[mine] - curve[mine]
     width = max(round(0.5 * float(np.median(trajectory.slips)) / data.interval), 1) if trajectory.slips.size else 1
-    off = float(np.max(np.abs(running_means(left, min(width, left.size)))))
-    return off / float(np.median([np.ptp(curve[rows]) for rows in parts if rows.size]))
+    width = min(width, left.size)
+    off = np.abs(running_means(left, width))
+    first = int(np.argmax(off))
+    farthest = first + int(np.argmax(np.abs(left[first : first + width])))
+    fall = float(np.median([np.ptp(curve[rows]) for rows in parts if rows.size]))
+    return float(off[first]) / fall, float(data.time[mine[farthest]])
 
 
 def _below_measured(squares: Array, log: NDArray[np.int64], by_log: Array, noise_estimated: Sequence[bool]) -> Array:
