@@ -68,7 +68,8 @@ def truth_of(pair: Pair, rest: float) -> Array:
 
 
 def recovered(pair: Pair, track: Simulated) -> tuple[Array, Array, bool, bool, float]:
-    """Errors and deviations of QUANTITIES, whether it converged, whether the bounds of the creep time hold, seconds."""
+    """Errors and half widths of the intervals of QUANTITIES, whether it converged, whether the bounds of the creep time
+    hold, seconds."""
     began = time.process_time()
     sticks = sticks_of(prepared(pair, track.record))
     maximum = maximise([sticks])
@@ -82,7 +83,7 @@ def recovered(pair: Pair, track: Simulated) -> tuple[Array, Array, bool, bool, f
     holds = (creep.lower or 0.0) <= pair.creep_time <= (creep.upper or np.inf)
     return (
         np.array([*error, effective, error[0] - error[1]]),
-        np.array([*sd, sd[0], both]),
+        maximum.quantile * np.array([*sd, sd[0], both]),
         maximum.converged,
         holds,
         took,
@@ -97,11 +98,11 @@ def main(fast: bool = False, count: int = 50, seed: int = 0) -> dict[str, tuple[
     for name, pair in cases.items():
         tracks = simulated(pair, 24 if fast else 50, list(range(seed, seed + (1 if fast else count))))
         rows = [recovered(pair, track) for track in tracks]
-        error, sd = (np.array([row[i] for row in rows]) for i in range(2))
+        error, half = (np.array([row[i] for row in rows]) for i in range(2))
         converged, holds, took = (np.array([row[i] for row in rows]) for i in range(2, 5))
-        covered = np.mean(np.abs(error) < 1.96 * sd, axis=0)
+        covered = np.mean(np.abs(error) < half, axis=0)
         print(f"{name:14}{'error':10}" + "".join(f"{value:10.3f}" for value in error.mean(axis=0)))
-        print(f"{'':14}{'deviation':10}" + "".join(f"{value:10.3f}" for value in sd.mean(axis=0)))
+        print(f"{'':14}{'half width':10}" + "".join(f"{value:10.3f}" for value in half.mean(axis=0)))
         print(f"{'':14}{'covered':10}" + "".join(f"{value:10.2f}" for value in covered))
         print(
             f"{'':14}{converged.sum()} of {len(rows)} converged, bounds on the creep time hold in {holds.sum()}, "

@@ -192,7 +192,8 @@ def _quantities(maximum: Maximum, withheld: str, followed: bool) -> tuple[list[E
         refused = withheld if name in ("strength", "strength_scatter", "weakening_length") else ""
         if not followed and name in ("weakening_length", "mass"):
             refused = wording.NOT_FOLLOWED
-        estimates.append(_estimate(name, units.get(name, ""), value, sd, refused))
+        factor = float(np.exp(maximum.quantile * sd))
+        estimates.append(_estimate(name, units.get(name, ""), value, sd, factor, refused))
         if estimates[-1].standard_error is not None:
             names.append(name)
             errors.append(row * value)
@@ -200,11 +201,10 @@ def _quantities(maximum: Maximum, withheld: str, followed: bool) -> tuple[list[E
     return estimates, names, matrix @ maximum.covariance @ matrix.T
 
 
-def _estimate(name: str, unit: str, value: float, sd: float, withheld: str) -> Estimate:
-    """One quantity with the verdict that its interval earns; sd of its logarithm."""
+def _estimate(name: str, unit: str, value: float, sd: float, factor: float, withheld: str) -> Estimate:
+    """One quantity with the verdict that its interval earns; sd of its logarithm, factor to the interval's ends."""
     if withheld:
         return Estimate(name, unit, None, None, None, None, "not identifiable", withheld)
-    factor = float(np.exp(NORMAL * sd))
     low, high = value / factor, value * factor
     if factor <= WEAK:
         verdict = "identified" if factor <= IDENTIFIED else "weak"
@@ -276,8 +276,8 @@ def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[s
     return {
         "rest_s": at.tolist(),
         "strength": np.exp(middle).tolist(),
-        "lower": np.exp(middle - NORMAL * sd).tolist(),
-        "upper": np.exp(middle + NORMAL * sd).tolist(),
+        "lower": np.exp(middle - maximum.quantile * sd).tolist(),
+        "upper": np.exp(middle + maximum.quantile * sd).tolist(),
     }
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
-from identify.base.quantiles import NORMAL
 from identify.uneven.estimator import Maximum, Objective
 from identify.uneven.events import Sticks
 from identify.uneven.slip_functions import PARAMETERS
@@ -42,7 +41,7 @@ def creep_interval(records: Sequence[Sticks], maximum: Maximum) -> CreepTime:
     ends = [_end(places, 2.0 * (best - np.array(profile))) for places, profile in (below, above)]
     # Fine roughness, which does not age, makes the profile too narrow: its ends held in 36 of 42 simulated records,
     # those of the covariance, which the scores' own scatter widens, in all. The farther end counts.
-    reach = NORMAL * float(np.sqrt(maximum.covariance[PLACE, PLACE]))
+    reach = maximum.quantile * float(np.sqrt(maximum.covariance[PLACE, PLACE]))
     own = (maximum.theta[PLACE] - reach, maximum.theta[PLACE] + reach)
     farther = (
         None if end is None else pick(end, other) for end, other, pick in zip(ends, own, (min, max), strict=True)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from identify.base.budget import now, seconds_left
+from identify.base.quantiles import student
 from identify.uneven.events import Sticks
 from identify.uneven.likelihood import Likelihood, Nodes
 from identify.uneven.slip_functions import LAW, PARAMETERS
@@ -43,6 +44,11 @@ class Maximum:
     in_time: bool
     evaluations: int
     nodes: tuple[Nodes, ...]
+
+    @property
+    def quantile(self) -> float:
+        """Deviations to an end of a 95 % interval: Student's t, as how few cycles scatter is estimated too."""
+        return float(student(0.975, max(len(self.scores) - self.theta.size, 1)))
 
 
 class Objective:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.integrate import solve_ivp
 
 from experiments.run_uneven_study import prepared, scene_of, truth_of
@@ -202,6 +203,10 @@ def test_a_fit_tells_quantities_with_verdicts(answer):
     for name in ("strength", "weakening_length", "mass"):
         low, high = told[name]["interval"]
         assert low < told[name]["value"] < high and told[name]["verdict"] in ("identified", "weak")
+        # Student's t: as many degrees of freedom as there are cycles beyond the parameters.
+        freedom = len(result["uneven_cycles"][0]["cycle"]) - len(PARAMETERS)
+        off = stats.t(freedom).ppf(0.975) * told[name]["standard_error"] / told[name]["value"]
+        assert freedom < 30 and (high, low) == pytest.approx(told[name]["value"] * np.exp([off, -off]))
     assert told["mass"]["value"] == pytest.approx(STIFF.mass, rel=0.15)
     drop = result["distributions"]["drop"]["quantiles"]
     assert drop["5"]["value"] < drop["50"]["value"] < drop["95"]["value"]
