@@ -4,9 +4,11 @@ Random pairs and rigs; the plan of each scene, then the logs it asks for, simula
 noise, and fitted. Counted: standard errors of the fit over those that the plan expects; what the worst parameter is
 expected to be known to, against ten random sets of logs of the same duration and sampling rate; verdicts of a single
 log that tells little (fast, slow or sampled at 50 Hz), as the plan expects them and as the fit gives them; processor
-seconds of a plan.
+seconds of a plan. Defaults: the same pairs as a new user has them, who knows nothing of friction and the rig from its
+records alone: planned from the defaults, and fitted with the rig's intervals as priors. Counted: fits that converge,
+and intervals that hold the truth.
 
-    python experiments/run_plan_study.py sets|verdicts FIRST LAST FILE
+    python experiments/run_plan_study.py sets|verdicts|defaults FIRST LAST FILE
     python experiments/run_plan_study.py table FILE...
 """
 
@@ -27,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from data_io import Record
 from experiments.in_parts import append, by_processor_time, kind_and_cases, started
 from experiments.machine import describe
+from experiments.run_rig_study import FRICTION, calibration, priors_of
 from experiments.study_problem import NOISE, RIG, USUAL, coefficients_only
 from identify import Scene
 from identify.base.outcome import Status
@@ -176,7 +179,31 @@ def verdicts(number: int, known: bool = False) -> dict[str, Any]:
     }
 
 
-STUDIES = {"sets": sets, "verdicts": verdicts}
+def defaults(number: int, known: bool = False) -> dict[str, Any]:
+    """The pair of a new user: planned from the defaults and the rig's records, and whether the fit of the logs that the
+    plan asks for holds the truth."""
+    _, values = scene(number)
+    rig = priors_of(calibration({name: values[name] for name in RIG}, np.random.default_rng([SEED, 4, number])))
+    document = {"effects": EFFECTS, "rig": {**rig, "drive_speed": 1e-3, "normal_force": 1.0, "noise": NOISE}}
+    made = Scene.from_document(document)
+    logs = plan(made, (), CHOICES).logs
+    began = time.process_time()
+    found = fitted(coefficients_only(made, values) if known else made, values, logs, number)
+    told = [e for e in found.estimates if e.name in FRICTION and e.lower is not None and e.upper is not None]
+    converged = found.status is Status.CONVERGED
+    return {
+        "study": "defaults",
+        "number": number,
+        "seconds": time.process_time() - began,
+        "logs": [[log.design.speed, log.duration, log.rate, list(log.design.holds)] for log in logs],
+        "status": found.status.value,
+        "left_out": sorted(found.left_out),
+        "held": {e.name: bool(e.lower <= values[e.name] <= e.upper) for e in told} if converged else {},
+        "verdicts": {e.name: e.verdict for e in told} if converged else {},
+    }
+
+
+STUDIES = {"sets": sets, "verdicts": verdicts, "defaults": defaults}
 
 
 def study(name: str, first: int, last: int, file: Path | None = None, known: bool = False) -> list[dict[str, Any]]:
@@ -206,6 +233,16 @@ def table(lines: Sequence[dict[str, Any]]) -> None:
         print(f"2 x and more in {sum(line['gain'] >= 2.0 for line in mine)} of {len(mine)}")
         print(f"processor seconds of a plan: {np.median([line['seconds'] for line in mine]):.1f}, ", end="")
         print(f"at most {max(line['seconds'] for line in mine):.1f}")
+    new = [line for line in lines if line["study"] == "defaults"]
+    if new:
+        held = [h for line in new for h in line["held"].values()]
+        print(
+            f"planned from the defaults: {len(new)}, of which {sum(bool(line['held']) for line in new)} converge, ",
+            end="",
+        )
+        print(f"{sum(bool(line['left_out']) for line in new)} without one of the logs; ", end="")
+        print(f"intervals that hold the truth: {sum(held)} of {len(held)}; ", end="")
+        print(f"a fit took at most {max(line['seconds'] for line in new):.1f} s of processor time")
     poor = [line for line in lines if line["study"] == "verdicts" and line["status"] == "converged"]
     if poor:
         pairs = [(line["expected"][name], line["given"][name]) for line in poor for name in line["expected"]]

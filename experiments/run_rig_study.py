@@ -46,6 +46,7 @@ SEED, RIGS, PAIRS = 52, 100, 100
 SPEED_ERROR, ADDED_ERROR = 0.01, 0.005
 TAPS = (0.5, 2.7, 4.9)  # [s]
 FINE = 8000.0  # [Hz] of the integration
+QUANTITIES = ("mass", "stiffness", "zeta")
 FRICTION = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 PAPER = Path(__file__).parents[2] / "shared" / "data" / "paper_on_paper"
 EXACT_LIMIT = 20.0  # [s] of a fit with a wrong rig: what has no answer by then is refused, after a minute as well
@@ -107,6 +108,13 @@ def calibration(rig: dict[str, float], random: np.random.Generator) -> RigCalibr
     return calibrated(measured, SPEED_ERROR, ADDED_ERROR)
 
 
+def priors_of(found: RigCalibration) -> dict[str, Any]:
+    """The rig as a scene takes it from its records: values with tolerances, and what ties them."""
+    values = {name: getattr(found, name) for name in QUANTITIES}
+    rig: dict[str, Any] = {name: {"value": v.value, "tolerance": v.tolerance} for name, v in values.items()}
+    return rig | ({"natural_frequency_tolerance": found.tied} if found.tied else {})
+
+
 def records(number: int) -> dict[str, Any]:
     """One rig: whether each interval holds it, and the tolerances."""
     random = np.random.default_rng([SEED, number])
@@ -128,12 +136,7 @@ def fits(number: int, ways: Sequence[str] = ("priors", "exact")) -> dict[str, An
     found = calibration(case.rig, random)
     line: dict[str, Any] = {"study": "fits", "number": number}
     for way in ways:
-        rig: dict[str, Any] = {}
-        for name in ("mass", "stiffness", "zeta"):
-            value = getattr(found, name)
-            rig[name] = {"value": value.value, "tolerance": value.tolerance} if way != "exact" else value.value
-        if way == "priors" and found.tied:
-            rig["natural_frequency_tolerance"] = found.tied
+        rig = priors_of(found) if way == "priors" else {name: getattr(found, name).value for name in QUANTITIES}
         document = scene_of(case).as_document() | {"rig": rig}
         document["logs"] = [{**log, "path": Path(log["path"]).name} for log in document["logs"]]
         if way == "exact":
