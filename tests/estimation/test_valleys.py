@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import islice
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +13,8 @@ from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
 from experiments.run_unplanned_logs import drawn
 from identify.base.outcome import Status
 from identify.estimation import certainty as sureness
+from identify.estimation import examined, search
 from identify.estimation import other_optima as room
-from identify.estimation import search
 from identify.estimation.agreement import noise_of
 from identify.estimation.attempt import Clock, solve_again, solve_from
 from identify.estimation.covariance import information
@@ -282,3 +283,35 @@ def test_an_interval_holds_what_the_walks_from_another_optimum_do(astray):
     np.testing.assert_allclose(both.objection, [4.0, 8.0])
     lower = one.joined(_walks(unknowns, 5.0, 99.0, 4.0, 6.0), unknowns)
     assert lower.better is not None and lower.gain == pytest.approx(2.0), "the lower place is handed back"
+
+
+def test_an_optimum_that_an_interval_does_not_hold_is_walked_from_on_that_side(astray, monkeypatch):
+    _, wrong, unknowns = astray
+    length = unknowns.names.index("D")
+    cost, theta = wrong.solved.solution.cost, wrong.solved.theta
+
+    def beside(moved, above):
+        solution = replace(wrong.solved.solution, cost=cost + above)
+        return replace(wrong, solved=replace(wrong.solved, theta=theta + moved, solution=solution))
+
+    inside, other, ruled_out = beside(0.5, 1.0), beside(5.0, 1.0), beside(9.0, 60.0)
+    asked = []
+
+    def walks(place, _answer, _along, _question, sides=None):
+        asked.append((place.attempt, sides))
+        at = float(place.attempt.solved.theta[length] - theta[length])
+        made = _walks(unknowns, at, place.attempt.solved.solution.cost, at - 1.0, at + 1.0)
+        return replace(made, ends={"D": tuple(Side(theta[length] + at + d, False) for d in (-1.0, 1.0))})
+
+    question = SimpleNamespace(unknowns=unknowns, asked=DEFAULT_OPTIONS)
+    allowed = SimpleNamespace(noise=noise_of(wrong))
+    trail = examined.Trail(optima=(inside, other, ruled_out))
+    here = examined.Examined(wrong, None, None, SimpleNamespace(allowed=allowed), trail)
+    monkeypatch.setattr(examined, "_profile", walks)
+    monkeypatch.setattr(examined, "_along", lambda *_: None)
+    monkeypatch.setattr(examined, "_moved", lambda attempt, *_: replace(here, attempt=attempt))
+    monkeypatch.setattr(examined, "_with_walk", lambda place, walked, _: replace(place, walked=walked))
+    done = examined._walked(here, question, last=True)
+    assert [(attempt is wrong, sides) for attempt, sides in asked] == [(True, None), (False, [(length, 1.0)])]
+    assert asked[1][0] is other, "one is held, one the data rule out"
+    assert [side.end - theta[length] for side in done.walked.ends["D"]] == pytest.approx([-1.0, 6.0])
