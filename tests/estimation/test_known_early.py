@@ -8,6 +8,7 @@ import pytest
 
 from identify import FitError, Scene, fit
 from identify.base.progress import Notice
+from identify.diagnosis import selection
 from identify.estimation.preview import preview
 from identify.examples import FOLDER
 from identify.logs.scene_records import with_drives, with_records
@@ -58,3 +59,20 @@ def test_a_wrong_unit_ends_a_fit_and_a_preview_at_once():
     assert result["search"] == []
     with pytest.raises(FitError, match="check the units"):
         preview(scene, records)
+
+
+def test_a_preview_says_what_is_known_early_too():
+    (sentence,) = preview(*_example('"1720 N/m"')).notices
+    assert sentence.startswith("in the sticks of all logs the force rises at 0.85")
+    assert preview(*_example('"1470 N/m"')).notices == []
+
+
+def test_scatter_is_said_before_the_search_and_no_effects_are_compared(monkeypatch):
+    """Which effects describe alike cycles, cycles that differ do not tell: minutes of fits would end as they began."""
+    scene = Scene.from_toml(FOLDER / "pair_uneven.toml", ['effects="auto"'])
+    scene, records = with_records(with_drives(scene)[0], None)
+    said = []
+    monkeypatch.setattr(selection, "Selection", lambda *_: pytest.fail("effects are compared"))
+    choice = selection.choose_from_data(scene, records, lambda stage, _share: said.append(str(stage)))
+    assert any(words.startswith("friction differs from cycle to cycle") for words in said)
+    assert "contact_ageing" in choice.effects and not choice.unfinished
