@@ -242,7 +242,7 @@ def _traced(findings: Findings, trace: Trace, limit: float) -> Findings:
     late = ""
     if trace.not_tried:
         begun = tuple(trial.strategy for trial in trace.trials)
-        parts = [f"more {part}" if any(t.startswith(part) for t in begun) else part for part in trace.not_tried]
+        parts = [f"{part} (begun)" if any(t.startswith(part) for t in begun) else part for part in trace.not_tried]
         late = f"; the time limit of {limit:g} s left no time for: {', '.join(parts)} (see search in result.json); "
         late += _more_time(limit)
     return replace(findings, trace=trace, message=f"{findings.message}{late}")

@@ -112,7 +112,7 @@ def test_advice_of_more_time_ends_before_it_is_beyond_belief() -> None:
     while limit is not None:
         said.append(_traced(findings, Trace(tried, ["hypotheses", "one log out"]), limit).message)
         limit = _advised(said[-1])
-    assert "left no time for: more hypotheses, one log out" in said[0]
+    assert "left no time for: hypotheses (begun), one log out" in said[0]
     assert len(said) == len(set(said)) <= 3
     assert "fewer or shorter logs" in said[-1] and "a longer one" not in said[-1]
 
