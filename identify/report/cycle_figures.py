@@ -198,11 +198,11 @@ def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Draw
     """Scatter by cycle of log number `position` (from 1); the log has at least one cycle.
 
     Args:
-        accepted: the cycles are those of the fitted motion, else as they were measured.
+        accepted: the cycles are those of the fitted motion, where there is one, else as they were measured.
     """
     onset, arrest, peak, valley, misfit = curves.cycles.T
     count = len(onset)
-    what = "of the motion as fitted" if accepted else "as measured"
+    what = "of the motion as fitted" if accepted and np.isfinite(misfit).any() else "as measured"
     period = np.append(np.diff(onset), np.nan)
     panels: list[tuple[Array, str, str, str]] = [
         (peak, "N", "onset force", ONSET),

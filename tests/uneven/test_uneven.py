@@ -275,6 +275,7 @@ def test_a_plain_fit_that_fails_on_cycles_that_differ_is_followed_by_the_uneven_
     write_report(outcome, tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "described cycle by cycle" in page and "a stick holds" in page and "log_1_uneven" in page
+    assert "cycle to cycle as measured" in page and "motion as fitted" not in page
 
 
 def test_the_effect_asks_for_the_uneven_estimator_at_once(tracks):
