@@ -96,7 +96,7 @@ def _uneven(result: Result) -> str:
     for name, entry in UnevenResult.of(result).distributions.items():
         low, middle, high = (three_figures(entry.quantiles[q].value or 0.0) for q in ("5", "50", "95"))
         unit = f" {entry.unit}" if entry.unit else " of the load"
-        told.append(f"{name.replace('_', ' ')} {middle}{unit} ({low} to {high} in nine of ten cycles)")
+        told.append(f"{name.replace('_', ' ')} {middle}{unit} ({low} to {high} in nine of ten drawn cycles)")
     seen = f"at the drive speed, stiffness and load of the record: {', '.join(told)}; " if told else ""
     return (
         f"the cycles of this pair differ, and no one friction pair describes them; {seen}anywhere else: extrapolated, "

@@ -173,13 +173,14 @@ def _draw(cycles: UnevenCycles, curve: StrengthCurve | None) -> Drawing:
     against.set_ylim(bottom=0.0)
     against.set_xlim(left=0.0)
     frame(against, "rest before the slip (s)", "", "strength over load")
+    numbered = "; odd slips are numbered: their level changed by more than the wander explains" if odd.any() else ""
     return Drawing(
         name=f"log_{cycles.log}_uneven",
         figure=figure,
         alt=f"Onsets, arrests and slow level of the {time.size} cycles of log {cycles.log}, and their strengths "
         "against the rest before them.",
-        caption="Left: friction over the load at onsets and arrests, and the slow level that the cycles follow; odd "
-        "slips are numbered: their level changed by more than the wander explains. Right: strength of every stick "
+        caption="Left: friction over the load at onsets and arrests, and the slow level that the cycles follow"
+        f"{numbered}. Right: strength of every stick "
         "(onset above the slow level) against its rest; line and band: the usual strength, within the rests seen. A "
         "stick is long because the spot was strong, so the points rise more steeply than the line.",
         wide=True,

@@ -26,7 +26,7 @@ from identify.report.quantity_text import quantity
 from identify.report.report_figures import Picture
 from identify.report.report_tables import Cell, effects_table, held_table, sensitivity_table
 from identify.report.report_views import log_views
-from identify.report.report_wording import EFFECTS_CHOSEN, TIMING_WORDS, with_group
+from identify.report.report_wording import EFFECT_SIZES, EFFECTS_CHOSEN, TIMING_WORDS, with_group
 from identify.report.style import inline_svg
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
             if (lines := sentences(log.derived, several=len(logs) > 1))
         ],
         effects=effects_table(result.effects.reasons),
-        chosen=EFFECTS_CHOSEN.get(result.effects.chosen, ""),
+        chosen=_chosen(result),
         quality=answer_table([(head, of_record(log.quality.figures)) for head, log in heads], ""),
         held=held_table(result.rig_against_data) if result.rig_against_data else None,
         sensitivity=sensitivity_table(result.rig_sensitivity) if result.rig_sensitivity else None,
@@ -114,6 +114,12 @@ def inlined(drawn: Sequence[Picture]) -> list[Picture]:
         largest = max((i for i in range(len(drawn)) if chosen[i] == step), key=lambda i: sizes[i][step])
         chosen[largest] += 1
     return [replace(picture, markup=Markup(choices[i][chosen[i]])) for i, picture in enumerate(drawn)]
+
+
+def _chosen(result: Result) -> str:
+    """Who chose the effects, and what their numbers are where there are any."""
+    sizes = result.effects.chosen == "listed" and any(log.derived for log in result.logs)
+    return f"{EFFECTS_CHOSEN.get(result.effects.chosen, '')}{f' {EFFECT_SIZES}' if sizes else ''}"
 
 
 def _search(result: Result) -> str:

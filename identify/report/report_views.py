@@ -34,7 +34,7 @@ from identify.report.report_wording import (
     solver_words,
     with_group,
 )
-from identify.report.uneven_words import NOT_FOR, distribution_lines, is_uneven, odd_slips
+from identify.report.uneven_words import DRAWN, NOT_FOR, distribution_lines, is_uneven, odd_slips
 from identify.report.uneven_words import headline as headline_of
 
 
@@ -101,7 +101,8 @@ def banner(result: Result) -> Banner:
     """The answer to "can it be trusted?" in plain words."""
     words = STATUS[Status(result.status)]
     if is_uneven(result):
-        message = f"{NOT_FOR} {odd_slips(result)}".strip()
+        rests_on = result.message.split("; ")[0]
+        message = f"{rests_on[0].upper()}{rests_on[1:]}. {NOT_FOR} {DRAWN} {odd_slips(result)}".strip()
         return Banner("fair", "described cycle by cycle", headline_of(result), message, _tiles(result))
     kind, headline = ("good", words.headline) if result.converged else ("bad", words.headline)
     doubtful = [name for name, entry in result.parameters.items() if entry.verdict in ("not identifiable", "at bound")]
@@ -176,7 +177,9 @@ def _interval(interval: Interval | None, factor: float, places: int) -> str:
 
 def _tiles(result: Result) -> tuple[Tile, ...]:
     gate, fit = result.gate, result.fit
-    tiles = [Tile(name, value, f"{spread} in nine of ten cycles") for name, value, spread in distribution_lines(result)]
+    tiles = [
+        Tile(name, value, f"{spread} in nine of ten drawn cycles") for name, value, spread in distribution_lines(result)
+    ]
     if gate is not None:
         tiles.append(Tile("misfit", number(gate.chi2_per_sample, 4), "χ² per sample; 1 is pure noise"))
         if gate.worst_cycle is not None:

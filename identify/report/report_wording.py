@@ -173,9 +173,12 @@ QUALITY: Mapping[str, str] = {
 }
 EFFECTS_CHOSEN: Mapping[str, str] = {
     "auto": "Chosen from the numbers of the scene and from the data.",
-    "listed": "Listed in the scene. Where numbers stand they are estimates for the first log, without damping and at "
-    "full strength, to judge sizes by: what its cycles are stands under Stability and amplitude.",
+    "listed": "Listed in the scene.",
 }
+EFFECT_SIZES = (
+    "Where numbers stand they are estimates for the first log, without damping and at full strength, to judge sizes "
+    "by: what its cycles are stands under Stability and amplitude."
+)
 TIMING_WORDS: Mapping[str, str] = {
     "read": "reading the logs",
     "detect": "finding the cycles",

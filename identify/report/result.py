@@ -70,11 +70,11 @@ def notes_of(scene: Scene, prepared: list[Prepared], found: Findings) -> list[st
         shown = "; the table of rig errors shows what 1 % would do" if found.estimated is None else ""
         notes.append(f"Taken as exact: {named}{shown}.")
     if found.status is Status.CONVERGED and "force_sensor" not in scene.effects:
+        held = "" if found.sure is None else "; the interval with tolerances holds the gains"
         notes.append(
             "Zero and gain of both force sensors are taken as they are: what is off there moves the coefficients by as "
-            "much (1 % of the force by 1 %), which a fit hardly sees; the interval with tolerances holds the gains. "
-            "Check them with a known weight, or let the effect force_sensor estimate zero and gain of the friction "
-            "force within priors."
+            f"much (1 % of the force by 1 %), which a fit hardly sees{held}. Check them with a known weight, or let "
+            "the effect force_sensor estimate zero and gain of the friction force within priors."
         )
     doubts = [(log.entry.path.name, f.message) for log in prepared for f in log.record.findings if f.code == DISAGREES]
     notes += [f"{name}: {message}." for name, message in dict.fromkeys(doubts)]
@@ -99,6 +99,13 @@ def _message(prepared: list[Prepared], found: Findings) -> str:
     elif whole:
         whole = [f"all of {listed(whole)}"]
     return f"from {listed([*parts, *whole])}: {found.message}"
+
+
+def _found_by(found: Findings) -> tuple[str, ...]:
+    """The strategies that led to the answer, or the estimator that is another one."""
+    if found.estimated is not None and found.status is Status.CONVERGED:
+        return (f"{found.estimator} estimator",)
+    return () if found.attempt is None else tuple(found.attempt.found_by)
 
 
 def _events(prepared: list[Prepared], found: Findings) -> list[str]:
@@ -166,7 +173,7 @@ def result_of(
         search=tuple(
             SearchTrial(t.strategy, t.logs, t.status, t.cost, round(t.seconds, 4)) for t in found.trace.trials
         ),
-        found_by=() if found.attempt is None else tuple(found.attempt.found_by),
+        found_by=_found_by(found),
         not_tried=tuple(found.trace.not_tried),
         more={} if found.estimated is None else found.estimated.more,
         rig_against_data=held_results(found.held) or None,

@@ -29,7 +29,7 @@ def _lines(result: Result) -> Iterator[str]:
     yield ""
     if is_uneven(result):
         if spreads := [list(line) for line in distribution_lines(result)]:
-            yield columns([["", "median (95 % interval)", "nine of ten cycles"], *spreads])
+            yield columns([["", "median (95 % interval)", "nine of ten drawn cycles"], *spreads])
             yield ""
         yield from (wrapped(line, "  ") for line in (odd_slips(result), NOT_FOR) if line)
         yield ""

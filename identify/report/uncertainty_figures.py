@@ -23,14 +23,16 @@ def draw_correlation(names: Sequence[str], matrix: NDArray[np.float64]) -> Drawi
     count = len(names)
     size = max(2.6, min(HALF, 1.3 + 0.58 * count))
     figure = Figure(figsize=(HALF, size * 0.86))
-    axes = figure.add_axes((0.13, 0.08, 0.74, 0.85))
+    longest = max((len(name) for name in names), default=0)
+    beside = 0.13 + 0.012 * max(longest - 8, 0)  # long names stand aslant, and need a wider margin
+    axes = figure.add_axes((beside, beside - 0.05, 0.87 - beside, 0.98 - beside))
     image = axes.pcolormesh(
         np.ma.masked_invalid(matrix), cmap=COLOURS, vmin=-1, vmax=1, edgecolors="white", linewidth=1.5
     )
     axes.invert_yaxis()
     axes.set_title("correlation (1)", y=1.0, pad=5)
     middles = np.arange(count) + 0.5
-    axes.set_xticks(middles, names)
+    axes.set_xticks(middles, names, rotation=35 if longest > 8 else 0, ha="right" if longest > 8 else "center")
     axes.set_yticks(middles, names)
     axes.tick_params(length=0)
     axes.grid(False)
@@ -40,7 +42,9 @@ def draw_correlation(names: Sequence[str], matrix: NDArray[np.float64]) -> Drawi
         text = decimals(float(value), 2) if np.isfinite(value) else DASH
         colour = "white" if np.isfinite(value) and abs(value) > 0.7 else MEASURED
         axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", fontsize=8, color=colour)
-    bar = figure.colorbar(image, cax=figure.add_axes((0.89, 0.08, 0.022, 0.85)), ticks=[-1, -0.5, 0, 0.5, 1])
+    bar = figure.colorbar(
+        image, cax=figure.add_axes((0.89, beside - 0.05, 0.022, 0.98 - beside)), ticks=[-1, -0.5, 0, 0.5, 1]
+    )
     bar.outline.set_visible(False)
     table: Columns = {"parameter": np.array(names), **{name: matrix[:, i] for i, name in enumerate(names)}}
     return Drawing(

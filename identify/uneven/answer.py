@@ -108,7 +108,7 @@ def told(seen: Sequence[UnevenLog], maximum: Maximum, task: EstimationTask, left
     creep = creep_interval(records, maximum) if tells_creep else CreepTime(None, None)
     untold = withheld or ("" if in_time(wording.CREEP) else wording.CUT_SHORT)
     followed = any(sticks.resolved for sticks in records)
-    own, names, covariance = _quantities(maximum, withheld, followed)
+    own, names, covariance = _quantities(maximum, withheld, followed, first.sticks.usual_rest)
     distributions: dict[str, Any] = {}
     curve = None
     if not withheld and in_time(wording.DRAWN):
@@ -171,9 +171,11 @@ def why_withheld(maximum: Maximum, records: Sequence[Sticks]) -> str:
     return ""
 
 
-def _quantities(maximum: Maximum, withheld: str, followed: bool) -> tuple[list[Estimate], list[str], Array]:
+def _quantities(
+    maximum: Maximum, withheld: str, followed: bool, rest: float
+) -> tuple[list[Estimate], list[str], Array]:
     """The estimates of this estimator, and names and covariance [SI] of those with a standard error; followed: whether
-    slips were."""
+    slips were; rest: the typical one [s]."""
     theta, n = maximum.theta, len(PARAMETERS)
     # Rows: logarithms of what is told, from those of the parameters.
     rows = {
@@ -193,7 +195,7 @@ def _quantities(maximum: Maximum, withheld: str, followed: bool) -> tuple[list[E
         if not followed and name in ("weakening_length", "mass"):
             refused = wording.NOT_FOLLOWED
         factor = float(np.exp(maximum.quantile * sd))
-        estimates.append(_estimate(name, units.get(name, ""), value, sd, factor, refused))
+        estimates.append(_estimate(name, units.get(name, ""), value, sd, factor, refused, rest))
         if estimates[-1].standard_error is not None:
             names.append(name)
             errors.append(row * value)
@@ -201,17 +203,20 @@ def _quantities(maximum: Maximum, withheld: str, followed: bool) -> tuple[list[E
     return estimates, names, matrix @ maximum.covariance @ matrix.T
 
 
-def _estimate(name: str, unit: str, value: float, sd: float, factor: float, withheld: str) -> Estimate:
-    """One quantity with the verdict that its interval earns; sd of its logarithm, factor to the interval's ends."""
+def _estimate(name: str, unit: str, value: float, sd: float, factor: float, withheld: str, rest: float) -> Estimate:
+    """One quantity with the verdict that its interval earns; sd of its logarithm, factor to the ends of its interval,
+    typical rest [s]."""
     if withheld:
         return Estimate(name, unit, None, None, None, None, "not identifiable", withheld)
     low, high = value / factor, value * factor
     if factor <= WEAK:
         verdict = "identified" if factor <= IDENTIFIED else "weak"
-        return Estimate(name, unit, value, value * sd, low, high, verdict, wording.reason(name, verdict))
+        return Estimate(name, unit, value, value * sd, low, high, verdict, wording.reason(name, verdict, rest))
     if name in ("level_wander", "level_roughness", "strength_scatter"):
-        return Estimate(name, unit, None, None, None, high, "bounded", wording.reason(name, "bounded"))
-    return Estimate(name, unit, None, None, None, None, "not identifiable", wording.reason(name, "not identifiable"))
+        return Estimate(name, unit, None, None, None, high, "bounded", wording.reason(name, "bounded", rest))
+    return Estimate(
+        name, unit, None, None, None, None, "not identifiable", wording.reason(name, "not identifiable", rest)
+    )
 
 
 def _of_a_uniform_pair(unknowns: Unknowns, creep: CreepTime, rest: float, withheld: str) -> list[Estimate]:
@@ -251,7 +256,7 @@ def _creep_estimate(creep: CreepTime, rest: float, velocity_dependent: bool) -> 
         return Estimate("t_cr", "s", None, None, low, high, "not identifiable", wording.creep_untold(rest))
     verdict = "identified" if factor <= IDENTIFIED else "weak"
     sd = float(np.log(factor)) / NORMAL
-    return Estimate("t_cr", "s", value, value * sd, low, high, verdict, wording.reason("t_cr", verdict))
+    return Estimate("t_cr", "s", value, value * sd, low, high, verdict, wording.reason("t_cr", verdict, rest))
 
 
 def _drawn(seen: UnevenLog, maximum: Maximum, seed: int) -> tuple[Distribution, Distribution, Distribution]:

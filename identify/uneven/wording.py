@@ -34,8 +34,8 @@ _FREED = {
     "not identifiable": ": these cycles do not tell it; more cycles, or less noise, tell",
 }
 _MEANT = {
-    "strength": "onset force above the slow level after the typical rest, over the load; how the weakening scales with "
-    "the strength is not told and moves it by about 13 %",
+    "strength": "onset force above the slow level after the typical rest ({rest} s), over the load; how the "
+    "weakening scales with the strength is not told and moves it by about 13 %",
     "strength_scatter": "scatter of the strength from stick to stick, as a share",
     "weakening_length": "sliding in which the strength is lost",
     "mass": "from the course of the slips; damping is taken as stated",
@@ -57,9 +57,9 @@ _UNIFORM = {
 }
 
 
-def reason(name: str, verdict: str) -> str:
-    """What a quantity is, and where it is not identified what would tell it."""
-    return f"{_MEANT[name]}{_FREED[verdict]}"
+def reason(name: str, verdict: str, rest: float) -> str:
+    """What a quantity is, and where it is not identified what would tell it; rest: the typical one [s]."""
+    return f"{_MEANT[name].format(rest=three_figures(rest))}{_FREED[verdict]}"
 
 
 def of_a_uniform_pair(name: str) -> str:

@@ -276,6 +276,10 @@ def test_a_plain_fit_that_fails_on_cycles_that_differ_is_followed_by_the_uneven_
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "described cycle by cycle" in page and "a stick holds" in page and "log_1_uneven" in page
     assert "cycle to cycle as measured" in page and "motion as fitted" not in page
+    assert "From all of track.csv" in page and "nine of ten drawn cycles" in page
+    assert "Found by uneven estimator" in page and "No answer was found" not in page
+    assert "interval with tolerances" not in page and "stands under" not in page
+    assert f"after the typical rest ({np.median(result['uneven_cycles'][0]['rest_s'][1:]):.3g} s)" in page
 
 
 def test_the_effect_asks_for_the_uneven_estimator_at_once(tracks):
