@@ -28,21 +28,21 @@ BACKWARDS = 1e-3  # of the fastest speed of a slip
 
 def turned_back(trajectory: ShootingTrajectory) -> list[NDArray[np.bool_]]:
     """Nodes at which the mass moves backwards: of every stretch (n,), none of rests and of steady sliding."""
-    slides = [stretch.kind in ("slip", "saturated") for stretch in trajectory.stretches]
-    fastest = np.zeros(trajectory.parts)
-    for part, stretch, slide in zip(trajectory.part, trajectory.stretches, slides, strict=True):
-        if slide:
-            fastest[part] = max(fastest[part], float(np.max(np.abs(stretch.nodes[:, SPEED]))))
-    least = -BACKWARDS * fastest
+    speeds = [stretch.nodes[:, SPEED] for stretch in trajectory.stretches]
+    fastest = np.zeros(trajectory.parts)  # of the slip; what is worn throughout has its own
+    for part, stretch, speed in zip(trajectory.part, trajectory.stretches, speeds, strict=True):
+        if stretch.kind == "slip":
+            fastest[part] = max(fastest[part], float(np.max(np.abs(speed))))
     return [
-        (stretch.nodes[:, SPEED] < least[part]) & slide
-        for part, stretch, slide in zip(trajectory.part, trajectory.stretches, slides, strict=True)
+        (speed < -BACKWARDS * (fastest[part] or np.max(np.abs(speed)))) & (stretch.kind in ("slip", "saturated"))
+        for part, stretch, speed in zip(trajectory.part, trajectory.stretches, speeds, strict=True)
     ]
 
 
 def turns_back(trajectory: ShootingTrajectory) -> bool:
-    """Whether the mass moves backwards anywhere."""
-    return any(bool(np.any(back)) for back in turned_back(trajectory))
+    """Whether the mass moves backwards in a slip before its contact is worn."""
+    backs = zip(trajectory.stretches, turned_back(trajectory), strict=True)
+    return any(bool(np.any(back)) for stretch, back in backs if stretch.kind == "slip")
 
 
 def with_last_onsets(trajectory: ShootingTrajectory) -> ShootingTrajectory | None:

@@ -41,3 +41,7 @@ def test_a_slip_that_runs_backwards_is_named(saturates: bool) -> None:
 
 def test_a_slip_that_never_saturates_has_nothing_after_its_saturation() -> None:
     assert said(motion(saturates=False, slip=5e-3, after=-1e-4)) is None
+
+
+def test_how_fast_a_worn_contact_slides_does_not_hide_that_the_slip_turned_back() -> None:
+    assert "cycle 2" in str(said(motion(saturates=True, slip=-1e-4, after=1.0)))
