@@ -157,7 +157,8 @@ def _move(score: Array, information: Array, free: NDArray[np.bool_]) -> Array:
     inner = information[np.ix_(free, free)]
     size = _sizes(inner)
     even = inner / np.outer(size, size) + RIDGE * np.eye(len(inner))
-    move[free] = np.linalg.lstsq(even, score[free] / size, rcond=None)[0] / size
+    with np.errstate(over="ignore"):  # what tells nothing of a component moves it as far as it may go
+        move[free] = np.linalg.lstsq(even, score[free] / size, rcond=None)[0] / size
     return move
 
 
