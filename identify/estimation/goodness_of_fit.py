@@ -352,7 +352,7 @@ def _of_one_cycle(solved: Solved, z: Array, log: NDArray[np.int64], cycle: NDArr
 
 def _farthest_off(solved: Solved, log: int, cycle: int) -> tuple[float, float]:
     """By how much the curve misses a cycle (from 0) of a log at most, in the mean over half a slip, over how far the
-    force falls in a cycle of that log; and when [s]."""
+    force falls in a cycle of that log, at least the noise; and when [s]."""
     data, curve, trajectory = solved.problem.logs[log], solved.fitted[log], solved.trajectories[log]
     ends = [part[-1].until for part in trajectory.by_part()]
     told = np.flatnonzero((data.weight > 0) & np.isfinite(curve))
@@ -365,7 +365,7 @@ def _farthest_off(solved: Solved, log: int, cycle: int) -> tuple[float, float]:
     first = int(np.argmax(off))
     farthest = first + int(np.argmax(np.abs(left[first : first + width])))
     fall = float(np.median([np.ptp(curve[rows]) for rows in parts if rows.size]))
-    return float(off[first]) / fall, float(data.time[mine[farthest]])
+    return float(off[first]) / max(fall, data.noise), float(data.time[mine[farthest]])  # one that slides falls by none
 
 
 def _below_measured(squares: Array, log: NDArray[np.int64], by_log: Array, noise_estimated: Sequence[bool]) -> Array:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -12,7 +14,8 @@ import identify.estimation.goodness_of_fit as room
 from identify.base.outcome import Status
 from identify.estimation.goodness_of_fit import pass_gate
 from identify.estimation.residual_autocorrelation import Remembered
-from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.passes import COARSE, Solved, solve_in_passes
+from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 from tests.support import shooting_case as case
 
 NAMES = ("calm.csv", "brisk.csv")
@@ -232,3 +235,11 @@ def test_a_cycle_with_more_noise_is_none_too_many_where_the_noise_has_a_memory(m
     passed = pass_gate(loud, NAMES, EXACT)
     assert passed.status is Status.CONVERGED and passed.z[passed.worst] == pytest.approx(refused.z[refused.worst] / 2)
     assert "noise with a memory" in passed.message and "in common" not in passed.message, "that was not looked at"
+
+
+def test_a_misfit_of_a_log_that_slides_without_a_fall_is_measured_by_its_noise() -> None:
+    """Usual pair 27 ended in a division by zero."""
+    data = SimpleNamespace(time=np.arange(4.0), weight=np.ones(4), force=np.array([1.0, 1.0, 1.5, 1.0]), noise=0.1)
+    sliding = ShootingTrajectory.of(np.zeros(3), [Stretch("steady", 3.0, "time", np.zeros((2, 3)))], np.empty(0))
+    solved = SimpleNamespace(problem=SimpleNamespace(logs=[data]), fitted=[np.ones(4)], trajectories=[sliding])
+    assert room._farthest_off(cast(Solved, solved), 0, 0) == (pytest.approx(5.0), 2.0)
