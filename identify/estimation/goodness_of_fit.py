@@ -210,9 +210,9 @@ def _at_arrests(
     load = np.asarray(log.normal_force.at(times)) + trajectory.sliding_deviation[part]
     drive = np.array([log.speed_at(t) for t in times.tolist()])
     u = np.column_stack([drive, load, np.ones(times.size), times])
-    lanes = [ends.T, np.repeat(p[:, None], times.size, axis=1), u.T]
-    pull = np.array(model.driving_force(*lanes)).ravel()
-    grip = np.array(model.grip(*lanes)).ravel()
+    arguments = [ends.T, np.repeat(p[:, None], times.size, axis=1), u.T]
+    pull = np.array(model.driving_force(*arguments)).ravel()
+    grip = np.array(model.grip(*arguments)).ravel()
     return pull - grip, -pull - grip, part
 
 
@@ -235,7 +235,7 @@ NOISELESS = 1e-5  # of the force, by which the curve misses a log without noise:
 JUMP = 30.0  # z of a cycle above which an event is more likely missing than the law wrong,
 ALONE = 20.0  # if the others are this many times better,
 SPOILED = 2  # but those next to it on each side: a slip that is missed bends them too
-WHOLE = 0.25  # of a drop: a curve that is off by less has as many slips as the data; one drawn straight leaves half
+SAME_SLIPS = 0.25  # of a drop: a curve off by less has as many slips as the data; one drawn straight leaves half
 OTHERWISE = "perhaps friction follows another law than the effects say or differs from cycle to cycle"
 
 
@@ -344,10 +344,10 @@ def _of_one_cycle(solved: Solved, z: Array, log: NDArray[np.int64], cycle: NDArr
     """What the misfit of one cycle may come of that stands out of all others."""
     worst = int(np.argmax(np.abs(z)))
     off, time = _farthest_off(solved, int(log[worst]), int(cycle[worst]))
-    told = f"the curve is off by up to {100.0 * off:.0f} % of a drop there, at {time:.5g} s: perhaps"
-    if off < WHOLE:
-        return f"{told} one stick was stronger or weaker than the others, or the force was disturbed"
-    return f"{told} a slip was missed or invented, or the force was cut off or disturbed"
+    where = f"the curve is off by up to {100.0 * off:.0f} % of a drop there, at {time:.5g} s: perhaps"
+    if off < SAME_SLIPS:
+        return f"{where} one stick was stronger or weaker than the others, or the force was disturbed"
+    return f"{where} a slip was missed or invented, or the force was cut off or disturbed"
 
 
 def _farthest_off(solved: Solved, log: int, cycle: int) -> tuple[float, float]:
@@ -355,8 +355,8 @@ def _farthest_off(solved: Solved, log: int, cycle: int) -> tuple[float, float]:
     force falls in a cycle of that log, at least the noise; and when [s]."""
     data, curve, trajectory = solved.problem.logs[log], solved.fitted[log], solved.trajectories[log]
     ends = [part[-1].until for part in trajectory.by_part()]
-    told = np.flatnonzero((data.weight > 0) & np.isfinite(curve))
-    parts = np.split(told, np.searchsorted(data.time[told], ends[:-1]))
+    samples = np.flatnonzero((data.weight > 0) & np.isfinite(curve))
+    parts = np.split(samples, np.searchsorted(data.time[samples], ends[:-1]))
     mine = parts[cycle]
     left = data.force[mine] - curve[mine]
     width = max(round(0.5 * float(np.median(trajectory.slips)) / data.interval), 1) if trajectory.slips.size else 1

@@ -28,12 +28,12 @@ from identify.estimation.attempt import (
 from identify.estimation.residual_autocorrelation import Remembering
 from identify.estimation.starts import (
     apart,
+    distinguishable,
     features_of,
     held_starts,
     own_starts,
     ranked,
     suggested_starts,
-    told_apart,
 )
 from identify.estimation.strategies import Strategy, run_strategy
 from identify.logs.prepare import Prepared
@@ -239,7 +239,7 @@ def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Itera
     if own:
         kinds.append(suggested_starts(logs, unknowns))
     apart_by = chi_square(LEVEL, int(np.sum(unknowns.free)))
-    held = told_apart(ranked(logs, unknowns, held_starts(logs, unknowns, attempt.solved.theta)), apart_by)
+    held = distinguishable(ranked(logs, unknowns, held_starts(logs, unknowns, attempt.solved.theta)), apart_by)
     best = [list(islice(held, HELD)), *(ranked(logs, unknowns, starts)[:SOLVED] for starts in kinds)]
     yield from (start.theta for turn in zip_longest(*best) for start in turn if start is not None)
 

@@ -71,7 +71,7 @@ def _weighted(curve: Array) -> Array:
     return np.asarray(some * np.sqrt(curve.size / max(some.size, 1)))
 
 
-def told_apart(starts: Iterable[PlacedStart], least: float) -> Iterator[PlacedStart]:
+def distinguishable(starts: Iterable[PlacedStart], least: float) -> Iterator[PlacedStart]:
     """Those of some starts whose motions the data tell from that of each one before: by more than `least` squares."""
     before: list[PlacedStart] = []
     for start in starts:

@@ -19,7 +19,7 @@ from identify.shooting.shooting_trajectory import ShootingTrajectory
 Array = NDArray[np.float64]
 
 FARTHEST = 6.0  # standard errors of a load, and standard deviations of the sum of their squares
-WHOLE = 0.5  # of the strength: a stick that is off by less spans no slip that was missed
+SPANS_A_SLIP = 0.5  # of the strength: a stick that is off by less spans no slip that was missed
 CHANCE = 1e-7  # by which the strength of a stick is so far off those of all others
 
 
@@ -85,7 +85,7 @@ def odd_stick(solved: Solved, names: Sequence[str]) -> str:
     log = next(i for i, place in enumerate(layout.places) if layout.varied[worst] in place.strength)
     cycle = int(np.flatnonzero(layout.places[log].strength == layout.varied[worst])[0])
     share = float(off[worst]) / layout.unknowns.strength(solved.theta)
-    slip = "a slip was missed or invented, or " if abs(share) > WHOLE else ""
+    slip = "a slip was missed or invented, or " if abs(share) > SPANS_A_SLIP else ""
     return (
         f"{names[log]}, cycle {cycle + 1} fits only with a static friction {times:.0f} times as far off as the other "
         f"sticks scatter, its strength (mu_s - mu_k0) off by {100.0 * share:+.2g} %: perhaps {slip}the force was cut "

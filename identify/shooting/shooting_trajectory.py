@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
 from typing import Literal
@@ -72,7 +72,7 @@ class ShootingTrajectory:
             np.empty(0),
             own,
         )
-        return ShootingTrajectory(start, made.modes, made.until, made.nodes, np.zeros(made.loaded_at.size), own)
+        return replace(made, deviation=np.zeros(made.loaded_at.size))
 
     @staticmethod
     def train(
@@ -187,14 +187,14 @@ class ShootingTrajectory:
     @property
     def slips(self) -> Array:
         """How long the mass slides from an onset to the arrest after it [s]; of every slip that has both."""
-        found, begun = list[float](), np.nan
+        durations, begun = list[float](), np.nan
         for (_, ended_by, _), until in zip(self.modes, self.until.tolist(), strict=True):
             if ended_by == "onset":
                 begun = until
             elif ended_by == "arrest":
-                found.append(until - begun)
-        told = np.array(found)
-        return told[np.isfinite(told)]
+                durations.append(until - begun)
+        slips = np.array(durations)
+        return slips[np.isfinite(slips)]
 
     @property
     def arrests(self) -> int:

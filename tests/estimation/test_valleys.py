@@ -22,7 +22,7 @@ from identify.estimation.other_optima import optima_about, within
 from identify.estimation.profile import Profiles, Side, profile
 from identify.estimation.profile_line import ProfilePoint
 from identify.estimation.residual_autocorrelation import Colour, Remembering
-from identify.estimation.starts import PlacedStart, held_starts, ranked, told_apart
+from identify.estimation.starts import PlacedStart, distinguishable, held_starts, ranked
 from identify.logs.parting import parted
 from identify.logs.prepare import prepare
 from identify.logs.scene_records import with_records
@@ -247,7 +247,7 @@ def test_starts_with_one_parameter_held_in_turn_lead_to_a_valley_that_thrown_one
     values = np.array([BESIDE.get(name, 1.0) for name in unknowns.names])
     place = np.where(unknowns.free, unknowns.theta(values, prepared[0].data.base), unknowns.start)
     starts = ranked(prepared, unknowns, held_starts(prepared, unknowns, place))
-    best = islice(told_apart(starts, chi2.ppf(0.95, 6)), 3)
+    best = islice(distinguishable(starts, chi2.ppf(0.95, 6)), 3)
     found = (room.solve_or_hold(prepared, [0, 1], replace(unknowns, start=s.theta), Clock(), 800.0) for s in best)
     assert min(2.0 * each.solved.solution.cost for each in found) < 1062.0
 
@@ -256,7 +256,7 @@ def test_starts_whose_motions_the_data_do_not_tell_apart_are_one():
     rows = [
         PlacedStart(np.zeros(2), cost, {0: np.array([x, np.nan])}) for cost, x in ((1.0, 0.0), (1.1, 3.0), (1.2, 5.0))
     ]
-    assert [start.cost for start in told_apart(rows, 10.0)] == [1.0, 1.2], "9, 25 and 4 squares apart"
+    assert [start.cost for start in distinguishable(rows, 10.0)] == [1.0, 1.2], "9, 25 and 4 squares apart"
     assert rows[0].differs(PlacedStart(np.zeros(2), 1.0, {1: np.zeros(2)})) == np.inf, "of another log"
 
 
