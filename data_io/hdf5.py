@@ -9,23 +9,21 @@ is asked for is read, so that a file may be larger than memory.
 
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
 
-from data_io.columns import KIND, Header, Name, coefficient_column, match_header, role_indices
+from data_io.columns import Header, Name, coefficient_column, match_header, role_indices
 from data_io.contents import Contents, Part
 from data_io.hdf5_open import check_own, children, member, opened, signature_at
-from data_io.hdf5_values import bytes_of, check_memory, check_promise, columns_within, named_within, read_values
+from data_io.hdf5_values import check_memory, check_promise, columns_within, named_within, read_values
 from data_io.source import Request, Source
-from data_io.units import SI_UNIT, factor, to_si
+from data_io.units import factor, to_si
 from data_io.values import COLUMN_ROLES, FloatArray, Scalar, UnitError
 from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, Account, read_account
 
-_SI: Final = {role: SI_UNIT[kind] for role, kind in KIND.items()}
 _UNIT_NAMES: Final = ("units", "unit", "Units", "Unit")
 _SHOWN: Final = 12
 _DEEPEST: Final = 6
@@ -249,14 +247,12 @@ def _columns(source: Source, request: Request, header: Header, datasets: Mapping
         lambda row: (_number_at(time, row) - _number_at(time, 0)) * (scale or 1.0),
     )
     columns = {}
-    roles = {i: r for r, i in header.roles.items() if (request.units.get(r) or header.names[i].unit) == _SI[r]}
-    with bytes_of(datasets[wanted[0]].file) if wanted else nullcontext() as handle:
-        for count, index in enumerate(wanted):
+    for count, index in enumerate(wanted):
 
-            def tell(share: float, count: int = count) -> None:
-                request.progress((count + share) / len(wanted))
+        def tell(share: float, count: int = count) -> None:
+            request.progress((count + share) / len(wanted))
 
-            columns[index] = read_values(datasets[index], rows, roles.get(index), tell, handle)
+        columns[index] = read_values(datasets[index], rows, tell)
     return columns
 
 

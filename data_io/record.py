@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
@@ -44,38 +43,11 @@ def _is_frozen(base: Any) -> bool:
     return isinstance(base, np.ndarray) and not base.flags.writeable and (base.base is None or _is_frozen(base.base))
 
 
-@dataclass(frozen=True)
-class Seen:
-    """What a reader saw of a column while it was in the cache: that it rises strictly, that its numbers are forces.
-
-    False says nothing.
-    """
-
-    rising: bool
-    forces: bool
-
-
-_SEEN: Final[dict[int, tuple[weakref.ref[FloatArray], Seen]]] = {}
-
-
-def remember(values: FloatArray, seen: Seen) -> None:
-    """Freeze a column and remember what was seen of it, until it is part of a record."""
-    values.flags.writeable = False
-    key = id(values)
-    _SEEN[key] = weakref.ref(values, lambda _: _SEEN.pop(key, None)), seen
-
-
-def _seen(values: FloatArray, *, last: bool = False) -> Seen:
-    entry = _SEEN.pop(id(values), None) if last else _SEEN.get(id(values))
-    known = entry is not None and entry[0]() is values and not values.flags.writeable
-    return entry[1] if known and entry is not None else Seen(False, False)
-
-
 def rising(time: FloatArray) -> bool:
     """Tell a time of finite numbers that rises strictly. Block by block: ten million rows stay in the cache."""
     if not (np.isfinite(time[0]) and np.isfinite(time[-1])):
         return False
-    return _seen(time).rising or all(
+    return all(
         bool((time[i + 1 : i + BLOCK + 1] > time[i : i + BLOCK][: time.size - i - 1]).all())
         for i in range(0, time.size - 1, BLOCK)
     )
@@ -83,20 +55,15 @@ def rising(time: FloatArray) -> bool:
 
 def _bounded(values: FloatArray, limit: float) -> bool:
     """Tell finite numbers (n,) of at most that size; block by block."""
-    with np.errstate(all="ignore"):
-        return all(_bounded_block(values[i : i + BLOCK], limit) for i in range(0, values.size, BLOCK))
-
-
-def _bounded_block(block: FloatArray, limit: float) -> bool:
-    # the sum of squares takes half the time, and says enough of usual numbers
-    return float(block.dot(block)) <= limit * limit or bool(block.min() >= -limit and block.max() <= limit)
+    blocks = (values[i : i + BLOCK] for i in range(0, values.size, BLOCK))
+    return all(block.min() >= -limit and block.max() <= limit for block in blocks)
 
 
 def forces(
     fail: Fail, time: FloatArray, normal: FloatArray, friction: FloatArray, begin: float = 0.0
 ) -> tuple[FloatArray, FloatArray, list[Finding]]:
     """Return both forces (n,) with NaN for what is no force, and a finding where a few rows hold none."""
-    if all(_seen(column, last=True).forces or _bounded(column, LARGEST_FORCE) for column in (normal, friction)):
+    if all(_bounded(column, LARGEST_FORCE) for column in (normal, friction)):
         return normal, friction, []
     normal, friction = force(fail, "normal force", normal), force(fail, "friction force", friction)
     return normal, friction, check_gaps(fail, time, normal, friction, begin)
@@ -147,9 +114,7 @@ def speed(fail: Fail, speed: Any, n: int) -> float | FloatArray | None:
 
 def check_clock(fail: Fail, time: FloatArray) -> None:
     """Refuse a clock that does not start at 0 and rise strictly."""
-    sound = rising(time) and time[0] == 0
-    _seen(time, last=True)
-    if sound:
+    if rising(time) and time[0] == 0:
         return
     if not np.isfinite(time).all():
         row = int(np.argmin(np.isfinite(time)))
