@@ -5,21 +5,18 @@ from __future__ import annotations
 import csv
 import io
 import itertools
-import mmap
 import re
 import warnings
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from functools import cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from data_io.columns import role_of
 from data_io.layout import Head, decimal_mark, without_cut_row
-from data_io.segments import Lines, Run, is_clean
 from data_io.source import Source
 from data_io.text import BLANKS, MISSING, clock_times, split, to_number
 from data_io.units import SI_UNIT, factor, kind_of, split_cell, unit_word
@@ -70,71 +67,48 @@ def _exact() -> dict[str, Any]:
     return {} if rounds else {"float_precision": "round_trip"}
 
 
-def read_run(run: Run, head: Head, decimal: str | None, wanted: Set[int] | None) -> Numbers | None:
-    """Read a run of pure numbers at the speed of pandas; None where a row is short, long or holds something else.
+def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | None) -> Numbers | None:
+    """Read whole lines of pure numbers at the speed of pandas; None where a row is short, long or holds something else.
 
     decimal: the mark as far as the rows above tell; wanted: columns to read (None: all). Blanks in front of numbers
     need no option of pandas, which would cost a quarter of the time.
     """
+    import pandas as pd
+
+    if decimal is None and head.delimiter != "," and b"," in raw:
+        return None
     names = len(head.header.names)
     use = None
     if wanted is not None and head.delimiter != BLANKS:
         # pandas would not notice a long row among chosen columns; the last one and the count of delimiters tell
         use = sorted({*(index for index in wanted if index < names), names - 1})
-    frame = _frame(cast(Any, run), head, decimal, usecols=use)
-    if frame is None:
-        return None
-    whole = run.delimiters == (head.width - 1) * len(frame) if use else frame.shape[1] == head.width
-    if not whole:  # by its own first row pandas tells how many fields there are
-        return None
-    if decimal is None and head.delimiter != "," and run.commas:
-        return None
-    return _numbers(frame, head, decimal)
-
-
-def read_path(path: Path, above: int, head: Head, decimal: str | None) -> Numbers | None:
-    """Read a file below so many lines; None where a row is short, long or holds something else."""
-    import pandas as pd
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", pd.errors.ParserWarning)
-        frame = _frame(path, head, decimal, skiprows=above)
-    if frame is None or frame.shape[1] != head.width:
-        return None
-    return _numbers(frame, head, decimal)
-
-
-def _frame(
-    readable: Any, head: Head, decimal: str | None, *, usecols: list[int] | None = None, skiprows: int | None = None
-) -> pd.DataFrame | None:
-    """Numbers as pandas reads them at its fastest; None for an empty or foreign field, or a long row."""
-    import pandas as pd
-
     try:
         frame: pd.DataFrame = pd.read_csv(
-            readable,
+            io.BytesIO(raw),
             sep=head.delimiter,
             header=None,
-            usecols=usecols,
-            skiprows=skiprows,
+            usecols=use,
             index_col=False,
             decimal=decimal or ".",
             dtype=np.float64,
             na_filter=False,
             quoting=csv.QUOTE_NONE,
             engine="c",
-            compression=None,
             **_exact(),
         )
-    except (ValueError, OverflowError, Warning):
+    except (ValueError, OverflowError):
         return None
-    return frame
-
-
-def _numbers(frame: pd.DataFrame, head: Head, decimal: str | None) -> Numbers:
-    names = len(head.header.names)
+    # by its own first row pandas tells how many fields there are
+    whole = (
+        frame.shape[1] == head.width
+        if use is None
+        else raw.count(head.delimiter.encode()) == (head.width - 1) * len(frame)
+    )
+    if not whole:
+        return None
     columns = {index: _own(frame, index) for index in map(int, frame.columns) if index < names}
-    return Numbers(columns, len(frame), decimal=decimal, fields=head.width if len(frame) else None)
+    told = "." if head.delimiter != "," and b"." in raw else None
+    return Numbers(columns, len(frame), decimal=decimal or told, fields=head.width if len(frame) else None)
 
 
 def _own(frame: pd.DataFrame, index: int) -> FloatArray:
@@ -373,44 +347,3 @@ def _slow_column(
         text = f"column {name!r} holds {tokens[row]!r:.40} near line {first_line + row} instead of a number "
         remarks.append(Finding("text_in_rows", "warning", text + f"({int(bad.sum())} such there)"))
     return np.array([np.nan if value is None else value for value in parsed], dtype=np.float64)
-
-
-# The rest of a long file handed to pandas by its path: from version 3.1 on pandas reads it in several threads.
-
-LEAST: Final = 1 << 23
-"""Bytes of the shortest rest that is worth it; pandas begins to use threads at 5 MiB."""
-MOST: Final = 1 << 30
-"""Bytes of the longest: pandas holds all columns twice, and nobody hears how far it is."""
-_LOOK: Final = 1 << 18
-"""Bytes looked at first: where words stand in every row, nothing is tried."""
-_NEWLINE: Final = ord("\n")
-
-
-def read_rest(source: Source, lines: Lines, head: Head, decimal: str | None) -> Numbers | None:
-    """Read all rows that follow, with all columns; None, and nothing is taken from `lines`, where that cannot be done.
-
-    It is tried once in a file: words would be found again by reading up to them, each time from the top.
-
-    It is done in a file that is not packed and ends with a line end, if only rows of numbers follow, each with the
-    fields of the header: pandas refuses anything else. decimal: the mark as far as the rows above tell.
-    """
-    start, size = lines.here, source.size
-    by_itself = source.packing is None and source.held is None and lines.may_run
-    if lines.tried_by_path or not by_itself or head.delimiter == BLANKS or not LEAST <= size - start <= MOST:
-        return None
-    lines.tried_by_path = True
-    with source.open() as handle, mmap.mmap(handle.fileno(), 0, access=mmap.ACCESS_READ) as file:
-        if len(file) != size or file[-1] != _NEWLINE or not _same_lines(file[:start], lines.line - 1):
-            return None
-        if not is_clean(file[start : start + _LOOK]):
-            return None
-    numbers = read_path(source.path, lines.line - 1, head, decimal)
-    if numbers is None:
-        return None
-    lines.skip_rest(numbers.rows)
-    return numbers
-
-
-def _same_lines(top: bytes, lines: int) -> bool:
-    """Tell whether pandas, which counts lines by their newlines, skips what lies above and nothing else."""
-    return top.count(b"\n") == lines and top.count(b"\r") == top.count(b"\r\n")

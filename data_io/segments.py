@@ -1,9 +1,9 @@
-"""A text log as a stream of whole lines: in segments to be walked, or in runs of pure numbers handed to pandas."""
+"""A text log as a stream of whole lines: in segments to be walked, or in blocks of pure numbers handed to pandas."""
 
 import codecs
 import itertools
 import re
-import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import IO, Final
@@ -18,12 +18,10 @@ TOP: Final = 1 << 15
 """Bytes of the first segment: enough for most preambles and some rows, which are walked line by line."""
 FIRST: Final = 1 << 18
 """Bytes of another segment."""
-AT_ONCE: Final = 1 << 17
-"""Bytes handed to pandas at once: they stay in the cache."""
+AT_ONCE: Final = 1 << 22
+"""Bytes of numbers handed to pandas at once."""
 BLOCK: Final = 1 << 23
 """Bytes of a segment where words stand in every row, so that pandas is not called too often."""
-RUN: Final = 1 << 26
-"""Bytes of the longest run of numbers in a packed file, which must be unpacked again where a row is not sound."""
 LONGEST_LINE: Final = 1 << 20
 MOST_WORDS: Final = 1 << 20
 """Characters without a row of numbers after which no table is waited for any more."""
@@ -62,7 +60,7 @@ class Segment:
 
 
 class Lines:
-    """A log being read from front to back. `segment` and `run` each go on where the other stopped."""
+    """A log being read from front to back. `segment` and `numbers` each go on where the other stopped."""
 
     def __init__(self, source: Source, request: Request, handle: IO[bytes], longest: int = LONGEST_LINE) -> None:
         self._longest = longest
@@ -75,39 +73,13 @@ class Lines:
         self._ended = False
         self._reached = 0.0
         self._careful_until = 0
-        self.tried_by_path = False
         self.line = 1
         self.size = TOP
 
     @property
     def may_run(self) -> bool:
-        """Whether the next lines may be read as a run of numbers: not where that failed, nor where UTF-8 is made."""
+        """Whether the next lines may be read as numbers: not where that failed, nor where UTF-8 is made."""
         return self._decoder is None and not self._zeros and self.here >= self._careful_until
-
-    def go_back(self, run: "Run") -> None:
-        """Return to where a run began, whose rows are not sound; its lines are to be walked."""
-        self._careful_until = self.here
-        if self._source.packing is None:
-            self._handle.seek(run.start)
-        else:
-            self._handle.close()
-            self._handle = self._source.open()
-            for first in range(0, run.start, BLOCK):
-                self._handle.read(min(BLOCK, run.start - first))
-        self._pending, self._zeros, self._done, self._ended = b"", 0, run.start, False
-
-    def skip_rest(self, rows: int) -> None:
-        """Go to the end of a file that is not packed; so many rows were read by others."""
-        size = self._source.size
-        self._handle.seek(max(size - LOOKED_AT, 0))
-        self._before = self._handle.read()
-        self._pending, self._done, self._ended = b"", size, True
-        self.line += rows
-        self._tell()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._handle.close()
 
     @property
     def here(self) -> int:
@@ -141,43 +113,35 @@ class Lines:
         cut = len(self._pending) if self._ended else cut
         segment = Segment(self._pending[:cut], self.line, self._ended, self._before)
         self._pending = self._pending[cut:]
-        self.line += _count_lines(segment.raw)
-        self.pass_by(segment.raw)
+        self.passed(segment.raw)
         return segment
 
-    def pass_by(self, raw: bytes) -> None:
-        """Remember the end of what is handed out."""
+    def passed(self, raw: bytes) -> None:
+        """Count lines that were read, and remember their end."""
+        self.line += _count_lines(raw)
         self._before = raw[-LOOKED_AT:] if len(raw) >= LOOKED_AT else (self._before + raw)[-LOOKED_AT:]
 
-    def run(self, delimiter: str, count: bool) -> "Run":
-        """Return the run of numbers that follows, perhaps an empty one; `count` its delimiters."""
-        return Run(self, delimiter, count)
-
-    def take_clean(self, size: int) -> tuple[bytes, bytes]:
-        """Return the next whole lines, in two pieces, if they hold numbers and delimiters only, else up to others.
+    def numbers(self) -> bytes:
+        """Return the next whole lines if they hold numbers and delimiters only, else those up to others.
 
         Nothing where the next line holds something else, or is the open last one.
         """
-        start, raw = self._pending, b""
-        if len(start) < size and not self._ended:
-            raw = self._fresh(size)
-        if not raw or not is_clean(start):
-            start, raw = b"", start + raw
+        if len(self._pending) < AT_ONCE and not self._ended:
+            self._pending += self._fresh(AT_ONCE)
+        raw = self._pending
         cut = _line_end(raw)
         if not is_clean(raw) and (dirt := raw[:cut].translate(None, _NUMBERS)):
             cut = _line_end(raw, raw.find(dirt[:1]))
-        if cut == 0:
-            self._pending = start + raw
-            return b"", b""
         self._pending = raw[cut:]
-        return start, raw[:cut]
+        return raw[:cut]
 
-    def give_back(self, raw: bytes) -> None:
-        """Take lines back that were handed out last; their numbers were not yet counted."""
-        self._pending = raw + self._pending
+    def give_back(self, blocks: Sequence[bytes]) -> None:
+        """Take back lines handed out by `numbers`; those of the first block are to be walked."""
+        self._pending = b"".join(blocks) + self._pending
+        self._careful_until = self.here + len(blocks[0])
 
     def hand_back(self, raw: bytes) -> None:
-        """Take lines back from the end of the segment that was handed out last, to be read as a run."""
+        """Take lines back from the end of the segment that was handed out last, to be read as numbers."""
         self._pending = raw + self._pending
         self.line -= _count_lines(raw)
 
@@ -203,49 +167,6 @@ class Lines:
     def _tell(self) -> None:
         self._reached = max(self._reached, min(self._done / max(self._expected, 1), 1.0))
         self._request.progress(self._reached)
-
-
-class Run:
-    """Consecutive lines of numbers as a file that pandas reads.
-
-    It is no binary file by type: pandas would decode its bytes, and encode them again for the parser.
-    """
-
-    def __init__(self, lines: Lines, delimiter: str, count: bool) -> None:
-        self._lines, self._delimiter = lines, delimiter.encode()[0] if count else None
-        self.start = lines.here
-        self._size = 0
-        self._most = RUN if lines._source.packing is not None else sys.maxsize
-        self._next = [piece for piece in lines.take_clean(AT_ONCE) if piece]
-        self.empty = not self._next
-        self.delimiters = 0
-        self.commas = False
-
-    def __iter__(self) -> "Run":
-        return self
-
-    def __next__(self) -> bytes:
-        raise StopIteration
-
-    def read(self, size: int = -1) -> bytes:
-        """Return the next lines; `size` is not heeded, because lines stay whole."""
-        if not self._next:
-            return b""
-        block = self._next.pop(0)
-        self._lines.pass_by(block)
-        self._size += len(block)
-        if self._delimiter is not None:
-            self.delimiters += int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == self._delimiter))
-        self.commas = self.commas or b"," in block
-        if not self._next and self._size <= self._most:
-            self._next = [piece for piece in self._lines.take_clean(AT_ONCE) if piece]
-        return block
-
-    def finish(self, rows: int) -> None:
-        """Count the lines read, as many as `rows` (blank ones aside), and give back those that nobody read."""
-        self._lines.give_back(b"".join(self._next))
-        self._next = []
-        self._lines.line += rows
 
 
 def is_clean(raw: bytes) -> bool:

@@ -3,6 +3,7 @@
 import itertools
 import re
 from collections.abc import Mapping, Sequence, Set
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -21,10 +22,10 @@ from data_io.columns import (
     words,
 )
 from data_io.layout import COMMENT, DIGIT, Head, decimal_mark, head_at, is_row, line_at, lines_from, numbered_head
-from data_io.rows import Above, Numbers, read_numbers, read_rest, read_run
+from data_io.rows import Above, Numbers, read_block, read_numbers
 from data_io.segments import BLOCK, FIRST, MOST_WORDS, Lines, Segment
 from data_io.source import Request, Source
-from data_io.text import BLANKS, DELIMITERS, TEXT_LINE, decode, is_number_like, other_encoding, over_midnight, split
+from data_io.text import DELIMITERS, TEXT_LINE, decode, is_number_like, other_encoding, over_midnight, split
 from data_io.values import Finding, FloatArray
 
 # A table of numbers while it is read piece by piece, and when it is whole.
@@ -188,6 +189,8 @@ def wanted_columns(header: Header, request: Request, keep: Sequence[str] = ()) -
 
 # Walking the words of a text log: where a table begins, where words stand between its rows, where it ends.
 
+_THREADS: Final = 2
+"""Blocks of numbers that pandas reads at the same time."""
 MOST_TABLES: Final = 5000
 """Steps of the longest test; a text with more headers is no log, and would take minutes to refuse otherwise."""
 MOST_LOOKED_AT: Final = 20_000
@@ -475,24 +478,20 @@ def _read_all(walk: Walk, lines: Lines) -> tuple[list[Table], tuple[str, ...]]:
 
 
 def _read_fast(walk: Walk, lines: Lines) -> bool:
-    """Read the rows that follow as one run of numbers; False where words come first, or nothing tells their columns."""
+    """Read the rows that follow as blocks of numbers, in threads; False where words come first, or nothing tells their
+    columns."""
     table = walk.table
     if table is None or walk.carry or not lines.may_run:
         return False
-    if table.wanted is None and (rest := read_rest(walk.source, lines, table.head, table.decimal)) is not None:
-        table.add(rest)
-        return True
-    run = lines.run(table.head.delimiter, table.wanted is not None and table.head.delimiter != BLANKS)
-    if run.empty:
-        run.finish(0)
-        lines.size = BLOCK  # words in every row: fewer calls of pandas
-        return False
-    numbers = read_run(run, table.head, table.decimal, table.wanted)
-    if numbers is None:
-        lines.go_back(run)
-        lines.size = BLOCK
-        return False
-    run.finish(numbers.rows)
-    table.add(numbers)
-    lines.size = FIRST
-    return True
+    blocks = list(itertools.takewhile(len, (lines.numbers() for _ in range(_THREADS))))
+    lines.size = FIRST if blocks else BLOCK  # words in every row: fewer calls of pandas
+    with ThreadPoolExecutor(_THREADS) as pool:
+        read = pool.map(lambda block: read_block(block, table.head, table.decimal, table.wanted), blocks)
+        for place, numbers in enumerate(read):
+            if numbers is None:
+                lines.give_back(blocks[place:])
+                lines.size = BLOCK
+                return False
+            lines.passed(blocks[place])
+            table.add(numbers)
+    return bool(blocks)

@@ -28,7 +28,6 @@ from hypothesis.strategies import SearchStrategy
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import LogError, Record, read_log, segments, table
-from data_io import rows as parsed_rows
 from experiments.drawn_logs import ANY, Drawn, broken, tables
 from experiments.lookalikes import ALL, EXPORTS, TEXTS, LookAlike, Made, rows
 from experiments.machine import describe
@@ -87,8 +86,8 @@ def one(number: int, folder: Path) -> tuple[str, str]:
 @contextmanager
 def pieces(size: int | None) -> Iterator[None]:
     """Have texts read in pieces of so many bytes, as long ones are; None: as they are, mostly in one piece."""
-    constants = [(segments, name) for name in ("TOP", "FIRST", "AT_ONCE", "BLOCK", "RUN")]
-    constants += [(table, name) for name in ("FIRST", "BLOCK")] + [(parsed_rows, "LEAST")]
+    constants = [(segments, name) for name in ("TOP", "FIRST", "AT_ONCE", "BLOCK")]
+    constants += [(table, name) for name in ("FIRST", "BLOCK")]
     kept = [getattr(module, name) for module, name in constants]
     for module, name in constants if size is not None else ():
         setattr(module, name, size)
