@@ -11,9 +11,9 @@ from data_io.clock import StepClock, joined
 from data_io.contents import Contents, Part, check_request, chosen, of_run
 from data_io.convert import SiStep, Span, convert, origin, unused_spans, without_needless
 from data_io.record import WINDOW_START, Record
-from data_io.source import Request, Source
+from data_io.source import Request, Source, sha256_unchanged
 from data_io.units import rescaled
-from data_io.values import COLUMN_ROLES, Finding, FloatArray, Scalar, Step
+from data_io.values import COLUMN_ROLES, Finding, FloatArray, Later, Scalar, Step
 
 
 def assemble(
@@ -99,7 +99,12 @@ def _shifted(time: FloatArray, shift: float) -> FloatArray:
 def _account(source: Source, request: Request, part: Part, contents: Contents, start: float) -> dict[str, Scalar]:
     about: dict[str, Scalar] = {f"{role}_source": origin(request, part, role) for role in COLUMN_ROLES[:3]}
     about |= {**contents.metadata, **part.run_items}
-    about |= {"path": str(source.path), "sha256": cast(str, source.later_sha256), "format": contents.form}
+    path, size = source.path, source.size  # and nothing else of the source is kept
+    about |= {
+        "path": str(path),
+        "sha256": cast(str, Later(lambda: sha256_unchanged(path, size))),
+        "format": contents.form,
+    }
     about.pop(WINDOW_START, None)  # of the log that the file was made from
     if contents.skipped:
         about[WINDOW_START] = contents.skipped

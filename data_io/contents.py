@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from data_io.columns import Header, find_column, shown, words
+from data_io.columns import Header, Name, find_column, shown, words
 from data_io.source import Request, Source, file_sha256, members, sha256_of_several, split_member
 from data_io.units import to_si
 from data_io.values import COLUMN_ROLES, Finding, FloatArray, LogError, Scalar, UnitError
@@ -37,6 +37,21 @@ class Part:
     def rows(self) -> int:
         """Number of rows."""
         return min((column.size for column in self.columns.values()), default=0)
+
+
+def with_column(part: Part, role: str, name: Name, values: FloatArray) -> Part:
+    """Return a step with one column (rows,) more, which carries a role."""
+    index = len(part.header.names)
+    header = replace(part.header, names=(*part.header.names, name), roles={**part.header.roles, role: index})
+    return replace(part, header=header, columns={**part.columns, index: values})
+
+
+def unit_of(request: Request, header: Header, index: int) -> str | None:
+    """Return the unit of a column: as the user gives it by role or name, else as the file says it, None where none."""
+    name = header.names[index]
+    roles = [role for role, place in header.roles.items() if place == index]
+    given = (request.units.get(key) for key in (*roles, name.name, name.raw))
+    return next(filter(None, given), None) or name.unit
 
 
 @dataclass(frozen=True)
@@ -169,7 +184,7 @@ def _duration(part: Part, request: Request) -> tuple[float | None, int]:
         return None, 0
     finite = values[np.isfinite(values)]
     restarts = int(np.count_nonzero(np.diff(finite) < 0))
-    unit = request.units.get("time") or part.header.names[index].unit
+    unit = unit_of(request, part.header, index)
     if not unit or finite.size < 2 or restarts:
         return None, restarts
     try:

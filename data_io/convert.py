@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from data_io.arrays import thinned, thinned_steps
 from data_io.clock import Rows, StepClock, usable_rows
 from data_io.columns import ALIASES, EXAMPLES, KIND, Name, find_column, shown, words
-from data_io.contents import Part
+from data_io.contents import Part, unit_of
 from data_io.record import BLOCK, rising
 from data_io.source import Request, Source
 from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, rescaled
@@ -114,11 +114,11 @@ def refuse_doubtful_roles(source: Source, request: Request, part: Part) -> None:
     load = None if request.normal_force is not None else roles.get("normal_force")
     if not rivals and load is None:
         return
-    taken = _look(request, part, index, "friction_force")
+    taken = _look(request, part, index)
     if taken is None or not taken.still:
         return
     for i in rivals:
-        other = _look(request, part, i, "friction_force")
+        other = _look(request, part, i)
         if other is not None and other.moves and other.scatter > _FAR * taken.scatter and other.level > 2 * taken.level:
             raise source.error(
                 f"{shown([names[index].raw])} is called as the friction force and stands still at {taken.level:.3g} N, "
@@ -127,7 +127,7 @@ def refuse_doubtful_roles(source: Source, request: Request, part: Part) -> None:
                 f"expected; say which with --columns friction_force={names[i].name} or "
                 f"friction_force={names[index].name}"
             )
-    normal = None if load is None else _look(request, part, load, "normal_force")
+    normal = None if load is None else _look(request, part, load)
     if load is None or normal is None or not normal.moves or taken.size <= normal.size:
         return
     if normal.scatter * taken.level > _FAR * taken.scatter * normal.level:
@@ -141,20 +141,14 @@ def refuse_doubtful_roles(source: Source, request: Request, part: Part) -> None:
         )
 
 
-def _look(request: Request, part: Part, index: int, role: str) -> _Look | None:
+def _look(request: Request, part: Part, index: int) -> _Look | None:
     """Return what a column of force looks like; None where its unit is none of force."""
-    name = part.header.names[index]
-    own = request.units.get(role) if part.header.roles.get(role) == index else None
-    unit = own or request.units.get(name.name) or name.unit or _unit_of_friction(request, part)
+    columns = (index, part.header.roles["friction_force"])  # a column without a unit is in that of the other
+    unit = next(filter(None, (unit_of(request, part.header, i) for i in columns)), "")
     try:
         return _Look(part.columns[index], factor(unit, "N"))
     except UnitError:
         return None
-
-
-def _unit_of_friction(request: Request, part: Part) -> str:
-    name = part.header.names[part.header.roles["friction_force"]]
-    return request.units.get("friction_force") or request.units.get(name.name) or name.unit or ""
 
 
 _VOLTS: Final = ("V", "mV", "volt", "Volt", "volts", "Volts")
@@ -232,7 +226,7 @@ def _choices(part: Part) -> list[Finding]:
 
 def _weights(request: Request, part: Part) -> list[Finding]:
     """Say where a unit of mass was taken as the weight of it."""
-    units = {role: _unit(request, part, role) or "" for role in COLUMN_ROLES[1:3] if role in part.header.roles}
+    units = {role: _unit(request, part, role) for role in COLUMN_ROLES[1:3] if role in part.header.roles}
     if request.normal_force is not None:
         units.pop("normal_force", None)
     found = sorted({unit for unit in units.values() if is_mass(unit)})
@@ -302,13 +296,8 @@ def _in_si(roles: Sequence[str]) -> str:
     return "--units " + ",".join(f"{role}={SI_UNIT[KIND[role]]}" for role in roles)
 
 
-def _unit(request: Request, part: Part, role: str) -> str | None:
-    name = part.header.names[part.header.roles[role]]
-    return _asked_unit(request, role, name) or name.unit
-
-
-def _asked_unit(request: Request, role: str, name: Name) -> str | None:
-    return request.units.get(role) or request.units.get(name.name) or request.units.get(name.raw)
+def _unit(request: Request, part: Part, role: str) -> str:
+    return unit_of(request, part.header, part.header.roles[role]) or ""
 
 
 def _role(source: Source, request: Request, part: Part, role: str) -> FloatArray:
@@ -322,7 +311,7 @@ def _role(source: Source, request: Request, part: Part, role: str) -> FloatArray
             f"column {shown([name.raw])} ({words(role)}) holds no numbers; a column of numbers was expected; "
             f"name another one with --columns {role}=<name>"
         )
-    scale = column_factor(_unit(request, part, role) or "", SI_UNIT[KIND[role]], name.unit)
+    scale = column_factor(_unit(request, part, role), SI_UNIT[KIND[role]], name.unit)
     return rescaled(part.columns[index], scale)
 
 
@@ -341,9 +330,9 @@ def origin(request: Request, part: Part, role: str) -> str:
     """Say in words where a role was taken from."""
     if role == "normal_force" and request.normal_force is not None:
         return f"constant {request.normal_force:g} N, given by the user"
-    name = part.header.names[part.header.roles[role]]
-    unit = _asked_unit(request, role, name)
-    return f"column {name.name}" + (f" in {unit}, given by the user" if unit else f" in {name.unit}")
+    name, unit = part.header.names[part.header.roles[role]], _unit(request, part, role)
+    given = any(request.units.get(key) for key in (role, name.name, name.raw))
+    return f"column {name.name} in {unit}" + (", given by the user" if given else "")
 
 
 def _constant_load(load: float, part: Part) -> Finding:
@@ -360,13 +349,14 @@ def _raw_channels(request: Request, part: Part, settled: bool) -> list[tuple[str
     taken: set[str] = set(COLUMN_ROLES)
     roles = {r: i for r, i in part.header.roles.items() if request.normal_force is None or r != "normal_force"}
     used = {*roles.values(), *(_filled(part, index) for index in roles.values())}
+    plain = replace(part.header, roles={})  # the unit of a role is not that of a column that a constant took it from
     for index, values in part.columns.items():
         if index in used or not (settled or _any_finite(values)):
             continue
         column = part.header.names[index]
         name = free_name(own.get(index, _clean(column, index)), taken)
         taken.add(name)
-        unit = request.units.get(name) or request.units.get(column.name) or column.unit or ""
+        unit = request.units.get(name) or unit_of(request, plain, index) or ""
         kind = kind_of(unit) if unit else None
         if kind in _CHANNEL_KINDS:
             values, unit = rescaled(values, factor(unit, SI_UNIT[kind])), SI_UNIT[kind]

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from data_io.columns import Header, Name, coefficient_column, find_column, shown, with_unit
-from data_io.contents import Contents, Part
+from data_io.contents import Contents, Part, with_column
 from data_io.source import Request, Source
 from data_io.table import Table, read_tables
 from data_io.text import looks_like_text
@@ -41,14 +41,14 @@ def read_delimited(source: Source, request: Request) -> Contents:
         metadata["preamble"] = "\n".join(filled[0].preamble)
     if footer:
         metadata["footer"] = "\n".join(footer)
-    if request.normal_force is None and _T11.search(source.path.name):
-        filled = [_loaded_by_name(source, table, findings) for table in filled]
     parts = [
         Part(
             1, i + 1, table.header, table.columns, {"above": "; ".join(table.preamble)} if i and table.preamble else {}
         )
         for i, table in enumerate(filled)
     ]
+    if request.normal_force is None and _T11.search(source.path.name):
+        parts = [_loaded_by_name(source, part, findings) for part in parts]
     return Contents(parts, metadata, list(dict.fromkeys(findings)))
 
 
@@ -56,19 +56,14 @@ def _has_force(header: Header) -> bool:
     return bool({"normal_force", "friction_force"} & set(header.roles)) or coefficient_column(header) is not None
 
 
-def _loaded_by_name(source: Source, table: Table, findings: list[Finding]) -> Table:
-    """Give a table of a T11 without a load the one in its file name, as `T11_10N_0.1m-s.csv`."""
-    told = load_in_name(source.path.name)
-    if "normal_force" in table.header.roles or told is None:
-        return table
-    index = len(table.header.names)
-    name = Name("file name", "file name", "N")
-    header = replace(
-        table.header, names=(*table.header.names, name), roles={**table.header.roles, "normal_force": index}
-    )
-    text = f"the normal force of {told:g} N was taken from the file name, as T11 exports have it: check it"
+def _loaded_by_name(source: Source, part: Part, findings: list[Finding]) -> Part:
+    """Give a step of a T11 without a load the one in its file name, as `T11_10N_0.1m-s.csv`."""
+    load = load_in_name(source.path.name)
+    if "normal_force" in part.header.roles or load is None:
+        return part
+    text = f"the normal force of {load:g} N was taken from the file name, as T11 exports have it: check it"
     findings.append(Finding("normal_force_from_name", "warning", text))
-    return replace(table, header=header, columns={**table.columns, index: np.full(table.rows, told)})
+    return with_column(part, "normal_force", Name("file name", "file name", "N"), np.full(part.rows, load))
 
 
 def load_in_name(name: str) -> float | None:

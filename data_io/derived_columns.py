@@ -7,8 +7,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from data_io.columns import KIND, Header, Name, coefficient_column, distance_columns
-from data_io.contents import Contents, Part
+from data_io.columns import KIND, Name, coefficient_column, distance_columns
+from data_io.contents import Contents, Part, unit_of, with_column
 from data_io.source import Request
 from data_io.units import SI_UNIT, factor
 from data_io.values import Finding, FloatArray, UnitError
@@ -47,7 +47,7 @@ def _friction(request: Request, part: Part) -> tuple[Part, str]:
         force, unit, told = request.normal_force, "N", f"the given {request.normal_force:g} N"
     elif load is not None and load in part.columns:
         force, told = part.columns[load], repr(names[load].raw)
-        unit = request.units.get("normal_force") or request.units.get(names[load].name) or names[load].unit or ""
+        unit = unit_of(request, header, load) or ""
     else:
         return part, ""
     try:
@@ -55,7 +55,7 @@ def _friction(request: Request, part: Part) -> tuple[Part, str]:
     except UnitError:
         return part, ""
     name = f"{names[index].name} x load"
-    made = _with_column(part, "friction_force", Name(name, name, unit or None), share * part.columns[index] * force)
+    made = with_column(part, "friction_force", Name(name, name, unit or None), share * part.columns[index] * force)
     text = (
         f"the friction force was made of the coefficient {names[index].raw!r} times {told}; its sign is that of the "
         "coefficient, which many machines drop"
@@ -70,10 +70,8 @@ def _time(request: Request, part: Part) -> tuple[Part, str]:
         return part, ""
     values = []
     for index, kind in zip(found, ("length", "speed"), strict=True):
-        name = names[index]
-        own = request.units.get("drive_speed") if part.header.roles.get("drive_speed") == index else None
         try:
-            scale = factor(own or request.units.get(name.name) or name.unit or "", SI_UNIT[kind])
+            scale = factor(unit_of(request, part.header, index) or "", SI_UNIT[kind])
         except UnitError:
             return part, ""
         values.append(scale * part.columns[index])
@@ -83,15 +81,9 @@ def _time(request: Request, part: Part) -> tuple[Part, str]:
     if not (np.isfinite(steps).all() and (steps >= 0).all()):
         return part, ""
     name = Name("distance / speed", "distance / speed", SI_UNIT[KIND["time"]])
-    made = _with_column(part, "time", name, np.concatenate(([0.0], np.cumsum(steps))))
+    made = with_column(part, "time", name, np.concatenate(([0.0], np.cumsum(steps))))
     text = f"the time was made of {names[found[0]].raw!r} over {names[found[1]].raw!r}: the log holds no clock"
     return made, text
-
-
-def _with_column(part: Part, role: str, name: Name, values: FloatArray) -> Part:
-    index = len(part.header.names)
-    header = Header((*part.header.names, name), {**part.header.roles, role: index}, part.header.passed_over)
-    return replace(part, header=header, columns={**part.columns, index: values})
 
 
 # Rotary modules: the speed at the contact is 2 pi rpm / 60 times the radius of the track; and stated speeds.
@@ -179,14 +171,11 @@ def _turned(request: Request, part: Part) -> tuple[Part, str]:
     if radius is None:
         return part, ""
     try:
-        scale = factor(request.units.get(names[radius].name) or names[radius].unit or "", "m")
+        scale = factor(unit_of(request, part.header, radius) or "", "m")
     except UnitError:
         return part, ""
     speed = 2.0 * np.pi / 60.0 * part.columns[turns] * np.abs(part.columns[radius]) * scale
     if not np.isfinite(speed).all() or not speed.any():
         return part, ""
-    index = len(names)
-    header = Header((*names, Name(NAME, NAME, "m/s")), {**part.header.roles, "drive_speed": index},
-                    part.header.passed_over)  # fmt: skip
-    text = f"2 pi {names[turns].name} / 60 times {names[radius].name}"
-    return replace(part, header=header, columns={**part.columns, index: speed}), text
+    made = with_column(part, "drive_speed", Name(NAME, NAME, "m/s"), speed)
+    return made, f"2 pi {names[turns].name} / 60 times {names[radius].name}"

@@ -16,7 +16,7 @@ from data_io.clock import read_date, seconds_apart
 from data_io.columns import Name, match_names, parse_name, shown, with_unit
 from data_io.contents import Contents, Part
 from data_io.layout import Head, is_row, line_at
-from data_io.own_clocks import with_clocks_of_channels, with_even_clock
+from data_io.own_clocks import CLOCK, with_clocks_of_channels, with_even_clock
 from data_io.segments import Lines, Segment
 from data_io.source import Request, Source
 from data_io.table import Table, read_below, read_tables
@@ -55,23 +55,30 @@ def read_lvm(source: Source, request: Request) -> Contents:
 
 def _lvm_part(table: Table, items: dict[str, list[str]], number: int) -> Part:
     started = read_date(f"{(items.get('Time') or [''])[0]} {(items.get('Date') or [''])[0]}")
-    starts, intervals = _starts(items), _numbers(items.get("Delta_X", ()))
-    clocks: dict[int, int] = {}
-    several = max(len(set(starts)), len(set(intervals)), len(set(_numbers(items.get("X0", ()))))) > 1
-    if several and (items.get("X_Columns") or ["One"])[0] == "Multi":
-        table = _started_apart(table, starts)
-    elif several:
-        table, clocks = _clocks_of_channels(table, items, starts, intervals)
-    index = table.header.roles.get("time")
-    column = None if index is None else table.columns.get(index)
+    part = Part(1, number, table.header, table.columns, started=started)
+    names = table.header.names
+    starts, begins, intervals = _starts(items), _numbers(items.get("X0", ())), _numbers(items.get("Delta_X", ()))
+    if max(len(set(starts)), len(set(intervals)), len(set(begins))) > 1:
+        if (items.get("X_Columns") or ["One"])[0] == "Multi":
+            # X_Value columns count from the start of the first channel, not each from its own
+            clocks = [i for i, name in enumerate(names) if name.key == "xvalue"]
+            moved = {i: part.columns[i] + s for i, s in zip(clocks, starts, strict=False) if i in part.columns}
+            part = replace(part, columns={**part.columns, **moved})
+        else:
+            channels = {i: v for i, v in part.columns.items() if names[i].key not in ("xvalue", "comment")}
+            firsts, own = begins or [0.0], starts or [0.0]
+            begins = [firsts[min(i, len(firsts) - 1)] + own[min(i, len(own) - 1)] for i in range(len(channels))]
+            part = with_clocks_of_channels(replace(part, columns=channels), begins, intervals)
+    index = part.header.roles.get("time")
+    column = None if index is None else part.columns.get(index)
     if (column is None or not np.isfinite(column).any()) and intervals and intervals[0] > 0:
-        table = with_even_clock(table, next(iter(_numbers(items.get("X0", ()))), 0.0), intervals[0], "X_Value")
-    header = table.header
-    dimension = (items.get("X_Dimension") or ["Time"])[0]
-    for index in (header.roles.get("time"), *header.passed_over.get("time", ())):
-        if index is not None and not header.names[index].unit and dimension == "Time":
-            header = with_unit(header, index, "s")
-    return Part(1, number, header, table.columns, started=started, clocks=clocks)
+        part = with_even_clock(part, begins[0] if begins else 0.0, intervals[0], CLOCK)
+    header = part.header
+    if (items.get("X_Dimension") or ["Time"])[0] == "Time":
+        for index in (header.roles.get("time"), *header.passed_over.get("time", ())):
+            if index is not None and not header.names[index].unit:
+                header = with_unit(header, index, "s")
+    return replace(part, header=header)
 
 
 def _starts(items: dict[str, list[str]]) -> list[float]:
@@ -80,26 +87,6 @@ def _starts(items: dict[str, list[str]]) -> list[float]:
         return []
     told = zip((t for t in items.get("Time", ()) if t), (d for d in items.get("Date", ()) if d), strict=False)
     return seconds_apart([f"{time} {date}" for time, date in told])
-
-
-def _started_apart(table: Table, starts: Sequence[float]) -> Table:
-    """Return a table whose X_Value columns count from the start of the first channel, not each from its own."""
-    clocks = [i for i, name in enumerate(table.header.names) if name.key == "xvalue"]
-    moved = {i: table.columns[i] + start for i, start in zip(clocks, starts, strict=False) if i in table.columns}
-    return replace(table, columns={**table.columns, **moved})
-
-
-def _clocks_of_channels(
-    table: Table, items: dict[str, list[str]], starts: Sequence[float], intervals: Sequence[float]
-) -> tuple[Table, dict[int, int]]:
-    """Return the table with a clock for every channel, made of what its head says, and which clock is whose."""
-    names = table.header.names
-    channels = {i: v for i, v in table.columns.items() if names[i].key not in ("xvalue", "comment")}
-    begins = _numbers(items.get("X0", ())) or [0.0]
-    begins = [begins[min(i, len(begins) - 1)] + (starts[min(i, len(starts) - 1)] if starts else 0.0)
-              for i in range(len(channels))]  # fmt: skip
-    header, columns, clocks = with_clocks_of_channels(table.header, channels, begins, intervals)
-    return replace(table, header=header, columns=columns), clocks
 
 
 def _items(lines: Sequence[str]) -> dict[str, list[str]]:
@@ -149,18 +136,16 @@ def read_ni_channels(source: Source, request: Request) -> Contents:
         head = Head(match_names(names, request.columns), place, delimiter, width)
         rest = Segment(top.text[place:].encode(), top.text.count("\n", 0, place) + 1, top.at_end)
         table = read_below(source, request, lines, rest, head)
-    header, columns = head.header, dict(table.columns)
+    part = Part(1, 1, head.header, table.columns)
     starts = seconds_apart(told.get("timestamp", []))
-    clocks: dict[int, int] = {}
     if width == 2 * len(channels):
-        for channel, start in enumerate(starts):
-            if start and 2 * channel in columns:
-                columns[2 * channel] = columns[2 * channel] + start
+        clocks = {2 * i: start for i, start in enumerate(starts) if start and 2 * i in part.columns}
+        part = replace(part, columns={**part.columns, **{i: part.columns[i] + start for i, start in clocks.items()}})
     else:
         intervals = [to_number(field, ".") or 0.0 for field in told.get("interval", [])]
-        header, columns, clocks = with_clocks_of_channels(header, columns, starts, intervals)
+        part = with_clocks_of_channels(part, starts, intervals)
     about = {key: ", ".join(values) for key, values in told.items()}
-    return Contents([Part(1, 1, header, columns, clocks=clocks)], about, table.remarks)
+    return Contents([part], about, table.remarks)
 
 
 def _head(source: Source, text: str, delimiter: str) -> tuple[dict[str, list[str]], int, int]:
@@ -215,11 +200,12 @@ def read_interval_text(source: Source, request: Request) -> Contents:
     for number, table in enumerate(tables, start=1):
         told = [match for line in (*tables[0].preamble, *table.preamble) if (match := _INTERVAL.match(line))]
         interval = float(told[-1][1].replace(",", ".")) if told else 0.0
+        part = Part(1, number, table.header, table.columns)
         if "time" not in table.header.roles and interval > 0:
-            table = with_even_clock(table, 0.0, interval, "Interval")
+            part = with_even_clock(part, 0.0, interval, "Interval")
             text = f"the clock was made from the interval of {interval:g} s that the file states"
             findings.append(Finding("clock_from_interval", "info", text))
-        parts.append(Part(1, number, table.header, table.columns))
+        parts.append(part)
     metadata = {"preamble": "\n".join(tables[0].preamble)} | ({"footer": "\n".join(footer)} if footer else {})
     return Contents(parts, metadata, list(dict.fromkeys(findings)))
 
@@ -342,8 +328,7 @@ def _tdms_part(source: Source, request: Request, group: Any, of_file: dict[str, 
         apart = 0.0 if start is None or first is None else (start - first) / np.timedelta64(1, "s")
         starts.append(float(apart) + float(properties.get("wf_start_offset", 0.0)))
         intervals.append(float(properties.get("wf_increment", 0.0)))
-    header = match_names(tuple(names), request.columns)
-    clocks: dict[int, int] = {}
-    if "time" not in header.roles and intervals and min(intervals) > 0:
-        header, columns, clocks = with_clocks_of_channels(header, columns, starts, intervals)
-    return Part(1, 1, header, columns, {"group": str(group.name)}, clocks=clocks)
+    part = Part(1, 1, match_names(tuple(names), request.columns), columns, {"group": str(group.name)})
+    if "time" in part.header.roles or not intervals or min(intervals) <= 0:
+        return part
+    return with_clocks_of_channels(part, starts, intervals)

@@ -80,7 +80,7 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
         if layout is not None:
             first = split(below.row, layout[0])
             numbered = [i for role, i in header.roles.items() if request.columns.get(role, "").isdecimal()]
-            if any(first[i] and not is_number_like(first[i]) for i in numbered):
+            if any(i < len(first) and first[i] and not is_number_like(first[i]) for i in numbered):
                 return None  # another table: words stand in the columns that were numbered
             return Head(with_units(source, request, header, units), below.start, *layout)
         if clear and complaint is None:

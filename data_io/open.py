@@ -18,7 +18,7 @@ from data_io.own_clocks import on_one_clock, with_clock_of_rate
 from data_io.readers import READERS
 from data_io.record import Record, within
 from data_io.segments import LONGEST_LINE
-from data_io.source import Request, Source, load, no_progress, sha256_of_several
+from data_io.source import Request, Source, load, no_progress, sha256_of_several, sha256_unchanged
 from data_io.text import looks_like_text
 from data_io.units import parse_quantity
 from data_io.values import COLUMN_ROLES, LogError, UnitError
@@ -98,7 +98,7 @@ def _read_series(path: Path, request: Request) -> Record:
     read = [(p, contents_of(load(p), _part_of(request, i, len(paths)))) for i, p in enumerate(paths)]
     joined = joined_contents(path, read)
     record = within(assemble(load(paths[0]), request, joined), request.window)
-    about = {"path": str(path), "sha256": sha256_of_several(load(p).sha256 for p in paths)}
+    about = {"path": str(path), "sha256": sha256_of_several(sha256_unchanged(p, load(p).size) for p in paths)}
     return replace(record, metadata={**record.metadata, **about})
 
 

@@ -9,9 +9,8 @@ import numpy as np
 
 from data_io.arrays import thinned_steps
 from data_io.columns import Header, Name, match_names, role_of, shown
-from data_io.contents import Contents, Part
+from data_io.contents import Contents, Part, with_column
 from data_io.source import Request, Source
-from data_io.table import Table
 from data_io.units import factor
 from data_io.values import LONGEST_GAP, Finding, FloatArray, UnitError
 
@@ -21,36 +20,30 @@ CLOCK: Final = "X_Value"
 """Name of a clock that stands in no column."""
 
 
-def with_even_clock(table: Table, start: float, interval: float, name: str) -> Table:
-    """Return the table with a time column [s]: start + interval * row; it takes the place of an empty time column."""
-    rows = max((values.size for values in table.columns.values()), default=0)
+def with_even_clock(part: Part, start: float, interval: float, name: str) -> Part:
+    """Return a step with a time column [s]: start + interval * row; it takes the place of an empty time column."""
+    rows = max((values.size for values in part.columns.values()), default=0)
     time = start + interval * np.arange(rows, dtype=np.float64)
-    header = table.header
-    index = header.roles.get("time")
+    index = part.header.roles.get("time")
     if index is None:
-        index = len(header.names)
-        names = (*header.names, Name(name, name, "s"))
-        header = Header(names, {**header.roles, "time": index}, header.passed_over)
-    return replace(table, header=header, columns={**table.columns, index: time})
+        return with_column(part, "time", Name(name, name, "s"), time)
+    return replace(part, columns={**part.columns, index: time})
 
 
-def with_clocks_of_channels(
-    header: Header, columns: Mapping[int, FloatArray], starts: Sequence[float], intervals: Sequence[float]
-) -> tuple[Header, dict[int, FloatArray], dict[int, int]]:
-    """Return header, columns, and which clock is whose, with an even clock [s] for every channel.
+def with_clocks_of_channels(part: Part, starts: Sequence[float], intervals: Sequence[float]) -> Part:
+    """Return a step in which every column has an even clock [s] of its own.
 
     starts, intervals [s]: one for each column in the order of their indices; the last one stands for the rest.
     """
-    names, made = list(header.names), dict(columns)
-    clocks: dict[int, int] = {}
+    columns, clocks = part.columns, dict(part.clocks)
     for place, channel in enumerate(sorted(columns)):
         start, interval = (told[min(place, len(told) - 1)] if told else 0.0 for told in (starts, intervals))
-        clock = len(names)
-        names.append(Name(CLOCK, CLOCK, "s"))
-        made[clock] = start + interval * np.arange(columns[channel].size, dtype=np.float64)
+        clock = len(part.header.names)
+        time = start + interval * np.arange(columns[channel].size, dtype=np.float64)
+        part = with_column(part, "time", Name(CLOCK, CLOCK, "s"), time)
         clocks |= {channel: clock, clock: clock}
-    roles = {**header.roles, "time": clocks[min(columns)]} if columns else header.roles
-    return replace(header, names=tuple(names), roles=roles), made, clocks
+    roles = {**part.header.roles, "time": clocks[min(columns)]} if columns else part.header.roles
+    return replace(part, header=replace(part.header, roles=roles), clocks=clocks)
 
 
 def with_clock_of_rate(source: Source, request: Request, contents: Contents) -> Contents:
@@ -64,12 +57,10 @@ def with_clock_of_rate(source: Source, request: Request, contents: Contents) -> 
     interval = 1.0 / request.rate
     parts = []
     for part in contents.parts:
-        index = len(part.header.names)
-        names = (*part.header.names, Name("rate", "given rate", "s"))
         passed = {role: others for role, others in part.header.passed_over.items() if role != "time"}
-        header = Header(names, {**part.header.roles, "time": index}, passed)
-        columns = {**part.columns, index: interval * np.arange(part.rows, dtype=np.float64)}
-        parts.append(replace(part, header=header, columns=columns, clocks={}))
+        part = replace(part, header=replace(part.header, passed_over=passed), clocks={})
+        time = interval * np.arange(part.rows, dtype=np.float64)
+        parts.append(with_column(part, "time", Name("rate", "given rate", "s"), time))
     text = f"the clock was made from the rate of {request.rate:g} Hz that was given"
     findings = [*contents.findings, Finding("clock_from_rate", "info", text)]
     return replace(contents, parts=parts, findings=findings)

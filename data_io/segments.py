@@ -18,7 +18,7 @@ TOP: Final = 1 << 15
 """Bytes of the first segment: enough for most preambles and some rows, which are walked line by line."""
 FIRST: Final = 1 << 18
 """Bytes of another segment."""
-AT_ONCE: Final = 1 << 22
+AT_ONCE: Final = 1 << 21
 """Bytes of numbers handed to pandas at once."""
 BLOCK: Final = 1 << 23
 """Bytes of a segment where words stand in every row, so that pandas is not called too often."""
@@ -98,12 +98,7 @@ class Lines:
         """
         want = max(self.size - len(self._pending), min(FIRST // 2, self.size))
         while not self._ended:
-            self._pending += self._fresh(want)
-            cut = _line_end(self._pending)
-            if len(self._pending) - cut > self._longest:
-                raise self._source.error(
-                    f"no line ends within a MiB below line {self.line}; lines of numbers were expected; check the file"
-                )
+            cut = self._more(want)
             rows = _rows_at_end(self._pending[:cut])
             if len(self._pending) >= self.size and (len(self._pending) > LARGEST or (rows and all(rows))):
                 break
@@ -124,12 +119,10 @@ class Lines:
     def numbers(self) -> bytes:
         """Return the next whole lines if they hold numbers and delimiters only, else those up to others.
 
-        Nothing where the next line holds something else, or is the open last one.
+        Nothing where the next line holds something else, or is the open last one. Raises as `segment` does.
         """
-        if len(self._pending) < AT_ONCE and not self._ended:
-            self._pending += self._fresh(AT_ONCE)
+        cut = self._more(0 if self._ended or len(self._pending) > AT_ONCE else AT_ONCE)
         raw = self._pending
-        cut = _line_end(raw)
         if not is_clean(raw) and (dirt := raw[:cut].translate(None, _NUMBERS)):
             cut = _line_end(raw, raw.find(dirt[:1]))
         self._pending = raw[cut:]
@@ -144,6 +137,17 @@ class Lines:
         """Take lines back from the end of the segment that was handed out last, to be read as numbers."""
         self._pending = raw + self._pending
         self.line -= _count_lines(raw)
+
+    def _more(self, size: int) -> int:
+        """Read so many bytes on; return where the last whole line of those that wait ends."""
+        if size:
+            self._pending += self._fresh(size)
+        cut = _line_end(self._pending)
+        if len(self._pending) - cut > self._longest:
+            raise self._source.error(
+                f"no line ends within a MiB below line {self.line}; lines of numbers were expected; check the file"
+            )
+        return cut
 
     def _fresh(self, size: int) -> bytes:
         """Return about `size` bytes more, as UTF-8 or what is near it; zero bytes at the end of the log stay away."""

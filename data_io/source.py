@@ -3,17 +3,16 @@
 import gzip
 import hashlib
 import io
+import os
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from threading import Thread
 from typing import IO, Final, cast
 
-from data_io.values import Later, LogError
+from data_io.values import LogError
 
 # SHA-256 of files, by which a log is told from another.
 
@@ -22,6 +21,17 @@ def file_sha256(path: Path) -> str:
     """SHA-256 of a file, read in blocks. Raises `OSError` where it cannot be read."""
     with path.open("rb") as handle:
         return hashlib.file_digest(handle, "sha256").hexdigest()
+
+
+def sha256_unchanged(path: Path, size: int) -> str:
+    """SHA-256 of a log's file if it still has the size it had when it was looked at. Raises `LogError`."""
+    file = split_member(path)[0]
+    try:
+        if file.stat().st_size != size:
+            raise LogError(f"{file}: the file has changed since it was read; read it again")
+        return file_sha256(file)
+    except OSError as error:
+        raise LogError(f"{file}: the file cannot be read again ({error.strerror}); put it back") from error
 
 
 def sha256_of_several(digests: Iterable[str]) -> str:
@@ -169,34 +179,14 @@ LARGEST_WHOLE: Final = 1 << 31
 
 @dataclass(frozen=True)
 class Source:
-    """One log: its path, how it is packed (None: not), and its first bytes, unpacked."""
+    """One log: its path, size [bytes] on disk, how it is packed (None: not), and its first bytes, unpacked."""
 
     path: Path
+    size: int
     packing: Packing | None
     head: bytes = field(repr=False)
     held: bytes | None = field(default=None, repr=False)
     """Bytes to read instead of the file's: a sheet of a workbook as text."""
-
-    @cached_property
-    def hashing(self) -> "Future[str]":
-        """The SHA-256 being computed in a thread of its own; first asked for where reading begins."""
-        future: Future[str] = Future()
-        Thread(target=_hash, args=(split_member(self.path)[0], future), daemon=True).start()
-        return future
-
-    @property
-    def later_sha256(self) -> Later:
-        """The SHA-256 for the account of a record: waited for, or computed, when somebody asks for it."""
-        path, before = split_member(self.path)[0], self.size
-        if "hashing" in self.__dict__:
-            future = self.hashing
-            return Later(lambda: _waited_for(path, future))
-        return Later(lambda: _hash_unchanged(path, before))
-
-    @property
-    def sha256(self) -> str:
-        """SHA-256 of the file as it lies on disk."""
-        return _waited_for(self.path, self.hashing)
 
     @cached_property
     def data(self) -> bytes:
@@ -209,11 +199,6 @@ class Source:
             raise self.error(f"more than {LARGEST_WHOLE >> 30} GiB are packed in the file; less fits here; unpack it")
         return data
 
-    @property
-    def size(self) -> int:
-        """Bytes of the file on disk."""
-        return split_member(self.path)[0].stat().st_size
-
     def open(self) -> IO[bytes]:
         """Open the unpacked bytes for reading, from the start. A file that is not packed can be sought."""
         if self.held is not None:
@@ -223,30 +208,6 @@ class Source:
     def error(self, sentence: str) -> LogError:
         """Return the error of this log with its path in front."""
         return LogError(f"{self.path}: {' '.join(sentence.split())}")
-
-
-def _hash(path: Path, future: "Future[str]") -> None:
-    try:
-        future.set_result(file_sha256(path))
-    except OSError as error:
-        future.set_exception(error)
-
-
-def _waited_for(path: Path, future: "Future[str]") -> str:
-    try:
-        return future.result()
-    except OSError as error:
-        raise LogError(f"{path}: the file cannot be read to its end ({error.strerror}); copy it again") from error
-
-
-def _hash_unchanged(path: Path, size: int) -> str:
-    """The SHA-256 of a file that has the size it had when it was read."""
-    try:
-        if path.stat().st_size != size:
-            raise LogError(f"{path}: the file has changed since it was read; read it again")
-        return file_sha256(path)
-    except OSError as error:
-        raise LogError(f"{path}: the file cannot be read again ({error.strerror}); put it back") from error
 
 
 def no_progress(_share: float) -> None:
@@ -280,7 +241,7 @@ def load(path: Path) -> Source:
     archive, member = split_member(path)
     try:
         with archive.open("rb") as handle:
-            head = handle.read(HEAD)
+            head, size = handle.read(HEAD), os.fstat(handle.fileno()).st_size
     except FileNotFoundError as error:
         raise LogError(f"{path}: there is no such file; the path of a log was expected; check it") from error
     except IsADirectoryError as error:
@@ -301,4 +262,4 @@ def load(path: Path) -> Source:
             head = stream.read(HEAD)
         if not head:
             raise LogError(f"{path}: the compressed file is empty; a log was expected; export it again")
-    return Source(path, packing, head)
+    return Source(path, size, packing, head)

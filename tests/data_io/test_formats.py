@@ -350,7 +350,7 @@ def test_variables_that_are_no_log_are_listed(tmp_path):
 
 def test_reading_says_how_far_it_is(tmp_path):
     path = tmp_path / "log.csv"
-    path.write_text("T,Fx,Fz\ns,N,N\n" + "".join(f"{i / 100},{i % 7},3\n" for i in range(60_000)))
+    path.write_text("T,Fx,Fz\ns,N,N\n" + "".join(f"{i / 100},{i % 7},3\n" for i in range(300_000)))
     told = []
     read_log(path, progress=told.append)
     assert told == sorted(told) and told[-1] == 1.0 and len(told) >= 3

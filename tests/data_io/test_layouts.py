@@ -453,3 +453,12 @@ def test_a_counter_of_microseconds_that_passes_by_a_date_is_asked_for_its_unit(t
     path.write_text("Time,Fx [N],Fz [N]\n" + rows)
     with pytest.raises(LogError, match="no unit was found for column 'Time'"):
         read_log(path)
+
+
+def test_a_number_of_a_column_that_no_row_holds_is_refused_in_a_sentence(tmp_path):
+    path = tmp_path / "a.lvm"
+    rows = "".join(f"{i / 10}\t{i % 3}\n" for i in range(30))
+    path.write_text(f"LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\nX_Value\tFx_N\tComment\n{rows}")
+    numbered = {"time": "1", "friction_force": "2", "normal_force": "3"}
+    with pytest.raises(LogError, match=r"column 'Comment' \(normal force\) holds no numbers"):
+        read_log(path, columns=numbered, units={"normal_force": "N"})

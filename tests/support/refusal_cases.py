@@ -463,22 +463,6 @@ def hashed(change: Callable[[Path], object]) -> Act:
     return act
 
 
-def vanishing(text: str, gone: bool) -> Act:
-    """A file that cannot be read to its end while its checksum is computed."""
-
-    def act(folder: Path, patch: pytest.MonkeyPatch) -> object:
-        def failing(*_: object) -> None:
-            raise OSError(5, "Input/output error")
-
-        if gone:
-            patch.setattr(source.hashlib, "file_digest", failing)
-        (folder / "log.csv").write_text(text)
-        loaded = source.load(folder / "log.csv")
-        return loaded.sha256
-
-    return act
-
-
 def written(work: Callable[[Path], object]) -> Act:
     return lambda folder, _patch: work(folder)
 
@@ -579,7 +563,6 @@ CASES: dict[str, Pair] = {
     "too much packed for memory": (packed_limit(100), packed_limit(1 << 20)),
     "changed since": (hashed(lambda p: p.write_bytes(p.read_bytes() + b"\0")), hashed(lambda p: None)),
     "gone since": (hashed(lambda p: p.unlink()), hashed(lambda p: None)),
-    "not readable to its end": (vanishing(GOOD, True), vanishing(GOOD, False)),
     # what no reader knows
     "binary": (file(bytes(range(1, 256)) * 40), file(GOOD)),
     "old Excel": (file(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600)), book(SHEET)),
