@@ -16,6 +16,7 @@ from identify.model.model import assemble
 from identify.prediction.cycle import CycleMap, loads
 from identify.prediction.groups import groups
 from identify.prediction.orbit import settle
+from identify.simulation.trajectory import moments
 
 Array = NDArray[np.float64]
 
@@ -122,9 +123,9 @@ def _full_force(mass: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     top, bottom = loads(map_, cycle)
     pace = values["stiffness"] * values["drive_speed"]
     slow = _sawtooth(top / pace, top, bottom, cycle.stick)
-    times = np.append(cycle.slip_motion.t, 1.25 * cycle.slip_motion.t[-1])
-    force = [map_.load(x, cycle.setting) for x in cycle.slip_motion.x]
-    return slow, (1e3 * times, np.array([*force, force[-1]]))
+    times = np.linspace(0.0, cycle.slip, 200)
+    force = moments(model, cycle.slides, times)["force"]
+    return slow, (1e3 * np.append(times, 1.25 * cycle.slip), np.append(force, force[-1]))
 
 
 def phase_plane() -> Figure:

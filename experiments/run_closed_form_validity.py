@@ -38,7 +38,8 @@ from identify.prediction.closed_forms import jump, known_settings  # noqa: E402
 from identify.prediction.cycle import CycleMap  # noqa: E402
 from identify.prediction.map_axes import Site, moved_values  # noqa: E402
 from identify.prediction.orbit import Orbit, settle  # noqa: E402
-from identify.prediction.quantities import QUANTITIES, quantities  # noqa: E402
+from identify.prediction.quantities import QUANTITIES, extremes, quantities  # noqa: E402
+from identify.simulation.trajectory import moments  # noqa: E402
 
 Array = NDArray[np.float64]
 
@@ -71,14 +72,11 @@ def _orbit(values: dict[str, float], speed: float) -> tuple[CycleMap, Orbit] | N
     return None if orbit is None else (map_, orbit)
 
 
-def _largest_elongation(orbit: Orbit) -> float:
-    """By the cubic through the two nodes between which the mass gets as fast as the drive [m]."""
-    t, x, v = orbit.cycle.slip_motion.t, orbit.cycle.slip_motion.x[:, 0], orbit.cycle.slip_motion.x[:, 1]
-    i = int(np.argmax(v > orbit.drive_speed))
-    s, h = np.linspace(0.0, 1.0, 1001), t[i] - t[i - 1]
-    rates = orbit.drive_speed - v[[i - 1, i]]
-    ends = (2 * s**3 - 3 * s**2 + 1) * x[i - 1] + (3 * s**2 - 2 * s**3) * x[i]
-    return float(np.max(ends + h * ((s**3 - 2 * s**2 + s) * rates[0] + (s**3 - s**2) * rates[1])))
+def _largest_elongation(found: tuple[CycleMap, Orbit]) -> float:
+    """During the slip [m]."""
+    map_, orbit = found
+    times = np.linspace(0.0, orbit.cycle.slip, 4001)
+    return float(np.max(moments(map_.model, orbit.cycle.slides, times)["elongation"]))
 
 
 def _scene(rng: np.random.Generator, target: float, assumed: bool) -> Scene | None:
@@ -96,7 +94,7 @@ def _scene(rng: np.random.Generator, target: float, assumed: bool) -> Scene | No
         found = _orbit(values, speed)
         if found is None:
             return None
-        ratio = target / (values["a"] * found[1].cycle.peak_speed)
+        ratio = target / (values["a"] * extremes(found[0], found[1].cycle)[2].value)
         if abs(ratio - 1) < 1e-3:
             break
         values["a"] *= float(np.clip(ratio, 0.1, 10.0))
@@ -105,7 +103,7 @@ def _scene(rng: np.random.Generator, target: float, assumed: bool) -> Scene | No
     map_, orbit = found
     told = dict(zip(QUANTITIES, quantities(map_, orbit.cycle, speed).tolist(), strict=True))
     fresh = values["mu_k0"] - values["delta_mu_k"] * np.expm1(-values["a"] * speed)
-    told["amplitude"] = _largest_elongation(orbit) - fresh / values["stiffness"]
+    told["amplitude"] = _largest_elongation(found) - fresh / values["stiffness"]
     pair = SimpleNamespace(**known_settings(values))
     closed = jump(pair, pair, speed, 1.0)
     errors = np.array([abs(getattr(closed, name) / told[name] - 1) for name in SHOWN])

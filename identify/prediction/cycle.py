@@ -10,114 +10,17 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.compiled import compiled
+from identify.base.compiled import Mapped
 from identify.base.errors import SimulationError
 from identify.effects import ALL
 from identify.model.model import ELONGATION, SPEED, Model, assemble
-from identify.prediction.slip import SlipIntegrator, SlipMotion
-from identify.simulation.phases import stick
-from identify.simulation.plan import scales
-from identify.simulation.stepper import Situated
-
-# ----------------------------------------------------------------------------------------------------------------------
-# One stick, fast: when the drive overcomes the grip, and how that moves with start, parameters and rig.
-#
-# The setting w (n_w,) = parameters, normal force [N], drive speed [m/s] holds during the stick, as in `slip`.
-# ----------------------------------------------------------------------------------------------------------------------
+from identify.simulation.machine import Machine
+from identify.simulation.phases import Slide, slide
+from identify.simulation.plan import Plan, scales
+from identify.simulation.steppers import HIGH
+from identify.simulation.tangents import node_slopes, situated_at, stepped
 
 Array = NDArray[np.float64]
-
-NEWTON_STEPS = 60
-DOUBLINGS = 60
-
-
-@lru_cache(maxsize=16)
-def _functions(model: Model) -> dict[str, ca.Function]:
-    """Of a stick, by (x, w, t): `spare` = grip minus pull of the drive after resting for t, its slope and the state;
-    `spare_slope` its derivatives by (x, w, t), one column per row. `load`: (x, w) -> load cell and derivatives."""
-    n_x, n_p = len(model.states), len(model.parameters)
-    x, w, t = ca.SX.sym("x", n_x), ca.SX.sym("w", n_p + 2), ca.SX.sym("t")
-    p, u = w[:n_p], ca.vertcat(w[n_p + 1], w[n_p], 1, 0)
-    rested = model.rest(x, p, u, t)
-    spare = model.grip(rested, p, u) - model.driving_force(rested, p, u)
-    both = ca.vertcat(spare, rested)
-    row = ca.vertcat(spare, ca.jacobian(spare, t), rested)
-    slope = ca.jacobian(both, ca.vertcat(x, w, t)).T
-    load = model.load_cell(x, p, u)
-    loads = ca.horzcat(load, ca.jacobian(load, ca.vertcat(x, w)))
-    return {
-        "spare": ca.Function("spare", [x, w, t], [ca.densify(row)]),
-        "spare_slope": ca.Function("spare_slope", [x, w, t], [ca.densify(slope)]),
-        "load": ca.Function("load", [x, w], [ca.densify(loads)]),
-    }
-
-
-class StickSolver:
-    """Sticks of one model; holds buffers, so one per thread."""
-
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        self._x, self._w, self._t = np.zeros(len(model.states)), np.zeros(len(model.parameters) + 2), np.zeros(1)
-        self._calls = {name: compiled(f) for name, f in _functions(model).items()}
-        for call in self._calls.values():
-            call.bind([self._x, self._w, self._t][: len(call.given)])
-        self._stiffness = model.parameter_names.index("stiffness")
-
-    def onset(self, start: Array, w: Array, *, through_zero: bool = False) -> tuple[Array, float]:
-        """State at the onset of slip (n_x,), and how long the stick lasted [s].
-
-        Args:
-            start: state at rest (n_x,).
-            through_zero: where the drive moves the mass at once, take the negative time at which it would begin
-                to, so that the onset stays a smooth function of the start.
-
-        The spare grip is concave in time (the pull grows evenly, ageing saturates), so Newton's method from
-        the right converges without a step back; where it is not (a series element brings a transient: the slope
-        at the start tells), the general search takes over.
-        """
-        k, load, speed = w[self._stiffness], w[-2], w[-1]
-        self._x[:], self._w[:], self._t[0] = start, w, 0.0
-        spare = self._calls["spare"]
-        first = float(spare()[1])
-        # Longer than any stick: by then the spring alone pulls with more than a grip that is as strong as mu_s says.
-        longest = 2.0 * (float(np.max(w[:2])) * load + k * abs(start[ELONGATION])) / (k * speed)
-        for _ in range(DOUBLINGS):
-            self._t[0] = t = longest
-            if spare()[0] < 0.0:
-                break
-            longest *= 2.0
-        for _ in range(NEWTON_STEPS):
-            self._t[0] = t
-            row = spare()
-            value, slope = float(row[0]), float(row[1])
-            step = value / slope if slope else np.nan
-            if not (slope < 0.0 and step >= -1e-9 * abs(t) and (slope <= first or t <= 0.0)):
-                break
-            if abs(step) <= max(1e-14 * abs(t), 4e-16 * longest):
-                return row[2:].copy(), t
-            t = t - step if through_zero else max(t - step, 0.0)
-        rest = stick(self.model, start, Situated(w[:-2], speed, 1.0, load, 0.0), 0.0, 5.0 * longest)
-        return rest.x[-1], rest.duration
-
-    def tangent(self, start: Array, w: Array, duration: float) -> tuple[Array, Array]:
-        """Derivatives of the stick's duration (m,) and of the onset state (n_x, m).
-
-        The m directions are the rest state (start without its speed) and w.
-        """
-        self._x[:], self._w[:], self._t[0] = start, w, duration
-        n = start.size
-        slope = self._calls["spare_slope"]().reshape(n + 1, n + w.size + 1)
-        used = [i for i in range(n + w.size) if i != SPEED]
-        free = slope[:, used]
-        stick_slope = -free[0] / slope[0, -1] if duration else np.zeros(free.shape[1])
-        return stick_slope, free[1:] + np.outer(slope[1:, -1], stick_slope)
-
-    def load(self, x: Array, w: Array) -> tuple[float, Array, Array]:
-        """Force the load cell sees in state x [N], and its derivatives by the state (n_x,) and by w (n_w,)."""
-        self._x[:], self._w[:] = x, w
-        row = self._calls["load"]()
-        return float(row[0]), row[1 : 1 + x.size].copy(), row[-w.size :].copy()
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Which models repeat themselves: only they have a cycle, a steady sliding and a critical speed to be asked for.
@@ -155,21 +58,48 @@ def _to_blame(model: Model, what: Callable[[Model], bool]) -> list[str]:
     return alone or list(model.effects)
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# The return map: a stick and a slip of the simulator, and how they move with start, parameters and rig.
+#
+# The setting w (n_w,) = parameters, normal force [N], drive speed [m/s] holds during a stick and its slip.
+# ----------------------------------------------------------------------------------------------------------------------
+
+ACCURATE = 1e-9  # relative tolerance of a step: small jumps are differences of large numbers
 SLIDES_AFTER = 12.0  # half periods sqrt(m/k) pi without coming to rest: the mass slides
 CREEP = 1e-6  # of a half period: a slip this short is no slip, the contact creeps along with the drive
 RENEWED = 0.01  # of the saturation: of a contact that is almost renewed
 ALMOST = 1.0 - 1e-6  # of the elongation at which a contact breaks loose
-FLOOR, SPEED_FLOOR = 1e-2, 1e-4  # absolute over relative tolerance, of typical states: slips start from nothing
+DOUBLINGS = 60  # of the longest stick that the spring alone allows for
+MOST_TURNS = 200  # of the direction of one slip; more is chatter
+
+
+@lru_cache(maxsize=16)
+def _rest_slopes(model: Model) -> Mapped:
+    """Of a stick, by (x, w, t): derivatives of its breakaway margin and its state by (x, w, t), one column per row."""
+    x, w, t = (ca.SX.sym(name, n) for name, n in (("x", len(model.states)), ("w", len(model.parameters) + 2), ("t", 1)))
+    p, u = w[:-2], ca.vertcat(w[-1], w[-2], 1, 0)
+    rested = model.rest(x, p, u, t)
+    margin = model.grip(rested, p, u) - model.driving_force(rested, p, u)
+    slope = ca.jacobian(ca.vertcat(margin, rested), ca.vertcat(x, w, t)).T
+    return Mapped(ca.Function("rest_slopes", [x, w, t], [ca.densify(slope)]))
+
+
+@lru_cache(maxsize=16)
+def _load(model: Model) -> Mapped:
+    """The force that the load cell sees, by (x, w), and its derivatives by these."""
+    x, w = ca.SX.sym("x", len(model.states)), ca.SX.sym("w", len(model.parameters) + 2)
+    load = model.load_cell(x, w[:-2], ca.vertcat(w[-1], w[-2], 1, 0))
+    row = ca.horzcat(load, ca.jacobian(load, ca.vertcat(x, w)))
+    return Mapped(ca.Function("load", [x, w], [ca.densify(row)]))
 
 
 @dataclass(frozen=True)
 class Cycle:
     """A stick and the slip that follows it, SI.
 
-    start, onset, end: states (n_x,) at rest at the arrest before, at the onset of slip, at the arrest after;
-    stick and slip are durations [s]; peak_speed is the largest sliding speed [m/s]; wear is the smallest value
-    a bounded state reached (0: the contact was worn fresh; NaN without such a state). setting (n_w,): parameters,
-    normal force and drive speed; slip: the slip step by step.
+    start, onset, end: states (n_x,) at rest at the arrest before, at the onset of slip, at the arrest after; stick and
+    slip are durations [s]. setting (n_w,): parameters, normal force and drive speed; slides: the slip by modes and
+    directions, their starts counted from the onset.
     """
 
     start: Array
@@ -177,24 +107,26 @@ class Cycle:
     end: Array
     stick: float
     slip: float
-    peak_speed: float
-    wear: float
     setting: Array = field(repr=False)
-    slip_motion: SlipMotion = field(repr=False)
+    slides: tuple[Slide, ...] = field(repr=False)
+
+    @property
+    def turns(self) -> bool:
+        """Whether the mass slid backwards on the way."""
+        return any(part.situated.direction < 0.0 for part in self.slides)
 
 
 @dataclass(frozen=True)
 class Tangent:
     """Derivatives of a cycle by the rest state before it and by its setting, m = n_y + n_w columns in this order.
 
-    end (n_y, m): rest state after it; stick, slip (m,) durations; peak_speed (m,); distance (m,) slid;
-    onset_load, arrest_load (m,): force the load cell sees.
+    end (n_y, m): rest state after it; stick, slip (m,) durations; distance (m,) slid; onset_load, arrest_load (m,):
+    force the load cell sees.
     """
 
     end: Array
     stick: Array
     slip: Array
-    peak_speed: Array
     distance: Array
     onset_load: Array
     arrest_load: Array
@@ -212,22 +144,18 @@ class Flow:
 
 
 class CycleMap:
-    """The return map of one model under one normal force [N]; holds buffers, so one per thread.
+    """The return map of one model under one normal force [N].
 
     A rest state is written y (n_y,): the states of the model without the sliding speed.
     """
 
-    def __init__(self, model: Model, normal_force: float, p: Array, rtol: float = 1e-6) -> None:
+    def __init__(self, model: Model, normal_force: float, p: Array, rtol: float = ACCURATE) -> None:
         self.model, self.normal_force, self.p = model, float(normal_force), np.asarray(p, float)
         self.rtol = rtol
         self.names = (*model.parameter_names, "normal_force", "drive_speed")
-        typical = scales(model, self.p, normal_force)
-        self.time, self.speed = typical.time, float(typical.state[SPEED])
-        self.scale = np.delete(typical.state, SPEED)  # typical size of y
-        floor = FLOOR * typical.state
-        floor[SPEED] = SPEED_FLOOR * self.speed
-        self.slip_integrator = SlipIntegrator(model, rtol, rtol * floor, 1e-3 * typical.time)
-        self._stick_solver = StickSolver(model)
+        self._typical = scales(model, self.p, normal_force)
+        self.time, self.speed = self._typical.time, float(self._typical.state[SPEED])
+        self.scale = np.delete(self._typical.state, SPEED)  # typical size of y
 
     @cached_property
     def half_period(self) -> float:
@@ -237,10 +165,6 @@ class CycleMap:
     @cached_property
     def _drag(self) -> float:
         return _drag(self.model, self.p)
-
-    def finer(self, rtol: float) -> CycleMap:
-        """The same map with another tolerance."""
-        return CycleMap(self.model, self.normal_force, self.p, rtol)
 
     def at(self, w: Array) -> CycleMap:
         """The map of the same model at another setting (n_w,); this one where only the drive speed differs."""
@@ -258,12 +182,12 @@ class CycleMap:
         None where nothing ages."""
         if self.model.clamped is None:
             return None
-        w, x = self.setting(drive_speed), np.insert(self.rested(), SPEED, 0.0)
+        w, x, step = self.setting(drive_speed), np.insert(self.rested(), SPEED, 0.0), float(self.scale[ELONGATION])
         x[self.model.clamped] = RENEWED
-        (slack, strength), step = self.slip_integrator.hold(x, w), float(self.scale[ELONGATION])
+        margin, slack = self._margin(x, w)
         x[ELONGATION] = step
-        stretched, _ = self.slip_integrator.hold(x, w)
-        x[ELONGATION] = ALMOST * step * (strength - slack) / (stretched - slack)
+        stretched = self._margin(x, w)[1]
+        x[ELONGATION] = ALMOST * step * margin / (stretched - slack)
         return rest_state(x)
 
     def setting(self, drive_speed: float) -> Array:
@@ -277,12 +201,8 @@ class CycleMap:
         Args:
             y: rest state (n_y,). drive_speed: [m/s], positive.
         """
-        w, start = self.setting(drive_speed), np.insert(y, SPEED, 0.0)
-        onset, duration = self._stick_solver.onset(start, w)
-        slip_motion = self.slip_integrator.slide(onset, w, patience * self.half_period * self._drag)
-        if not slip_motion.rests or slip_motion.t[-1] < CREEP * self.half_period:
-            return None
-        return self._cycle(start, onset, duration, w, slip_motion)
+        cycle, rests = self._run(y, self.setting(drive_speed), patience * self.half_period * self._drag, stops=True)
+        return cycle if rests and cycle.slip >= CREEP * self.half_period else None
 
     def flow(self, y: Array, w: Array, duration: float) -> Flow:
         """The stick from rest state y and `duration` [s] of the slip after it, through an arrest if there is one.
@@ -290,60 +210,100 @@ class CycleMap:
         Args:
             w: setting (n_w,), which need not be that of the map: only tolerances are the map's own.
         """
-        start = np.insert(y, SPEED, 0.0)
-        onset, stick_time = self._stick_solver.onset(start, w, through_zero=True)
-        slip_motion = self.slip_integrator.slide(onset, w, duration, stops=False)
-        return self._linearised(self._cycle(start, onset, stick_time, w, slip_motion))
+        return self._linearised(self._run(y, w, duration, stops=False)[0])
 
     def tangent(self, cycle: Cycle) -> Tangent:
         """How a cycle moves with its start and its setting."""
         return self._linearised(cycle).tangent
 
-    def _cycle(self, start: Array, onset: Array, duration: float, w: Array, slip_motion: SlipMotion) -> Cycle:
-        wear = np.nan if (i := self.model.clamped) is None else float(np.min(slip_motion.x[:, i]))
-        peak, _ = _peak(slip_motion)
-        return Cycle(start, onset, slip_motion.x[-1], duration, float(slip_motion.t[-1]), peak, wear, w, slip_motion)
+    def _run(self, y: Array, w: Array, limit: float, *, stops: bool) -> tuple[Cycle, bool]:
+        """The stick from rest state y and at most `limit` [s] of the slip after it, and whether it comes to rest; where
+        it never stops the onset is a smooth function of y."""
+        machine = Machine(self.model, w[:-2], self._typical, Plan(self.rtol, (HIGH,)), stops=stops)
+        try:
+            start = np.insert(y, SPEED, 0.0)
+            stick, onset, pull = _rested(machine, start, w, through_zero=not stops)
+            slides, x, t, rests = list[Slide](), onset, 0.0, False
+            for _ in range(MOST_TURNS):
+                situated = situated_at(w, -1.0 if pull < 0.0 else 1.0)
+                slides += slide(machine, "slip", x, situated, t, limit - t)
+                x, t = slides[-1].end, slides[-1].start + slides[-1].duration
+                margin, pull = machine.rests.margin(x, situated_at(w))
+                rests = slides[-1].ended_by == "speed" and margin > 0.0
+                if rests or slides[-1].ended_by is None:
+                    break
+            return Cycle(start, onset, x, stick, t, w, tuple(slides)), rests
+        finally:
+            machine.close()
 
     def _linearised(self, cycle: Cycle) -> Flow:
-        w, slip_motion, last = cycle.setting, cycle.slip_motion, cycle.slip_motion.segments[-1]
-        stick_slope, onset = self._stick_solver.tangent(cycle.start, w, cycle.stick)
-        speeds = np.zeros((1, *slip_motion.x.shape))
-        speeds[0, :, SPEED] = _peak(slip_motion)[1]
-        fixed, (peak,) = self.slip_integrator.tangents(slip_motion, w, onset, speeds)
-        rate = self.slip_integrator.rate(last.mode, slip_motion.x[-1], last.direction)
+        w, last = cycle.setting, cycle.slides[-1]
+        stick_slope, onset = self._stick_slopes(cycle)
+        fixed = node_slopes(self.model, cycle.slides, onset)[-1][-1]
+        rate = stepped(self.model, last, last.x[-1:], np.zeros(1))[1][0]
         slip_slope = -fixed[SPEED] / rate[SPEED]
         end = fixed + np.outer(rate, slip_slope)
         end[SPEED] = 0.0
         distance = w[-1] * slip_slope - (end[ELONGATION] - onset[ELONGATION])
         distance[-1] += cycle.slip
-        shown = [self._load_slope(x, w, slope) for x, slope in ((cycle.onset, onset), (cycle.end, end))]
-        tangent = Tangent(np.delete(end, SPEED, 0), stick_slope, slip_slope, peak, distance, *shown)
+        shown = [self.load_slope(x, w, slope) for x, slope in ((cycle.onset, onset), (cycle.end, end))]
+        tangent = Tangent(np.delete(end, SPEED, 0), stick_slope, slip_slope, distance, *shown)
         return Flow(rate, fixed, cycle, tangent)
 
     def holds(self, cycle: Cycle) -> bool:
         """Whether the mass, at rest at the end of the cycle, stays there."""
-        pull, grip = self.slip_integrator.hold(cycle.end, cycle.setting)
-        return abs(pull) < grip
+        return self._margin(cycle.end, cycle.setting)[0] > 0.0
+
+    def _margin(self, x: Array, w: Array) -> tuple[float, float]:
+        """By how much a mass at rest in x withstands the drive, and the force of the drive [N]."""
+        machine = Machine(self.model, w[:-2], self._typical, Plan(self.rtol, (HIGH,)))
+        try:
+            return machine.rests.margin(x, situated_at(w))
+        finally:
+            machine.close()
 
     def load(self, x: Array, w: Array) -> float:
         """Force the load cell sees in state x [N]."""
-        return self._stick_solver.load(x, w)[0]
+        return float(self.loads(x[None, :], w)[0, 0])
 
-    def load_slopes(self, x: Array, w: Array) -> tuple[Array, Array]:
-        """Derivatives of that force by the state (n_x,) and by the setting (n_w,)."""
-        _, by_state, by_setting = self._stick_solver.load(x, w)
-        return by_state, by_setting
+    def loads(self, x: Array, w: Array) -> Array:
+        """Force the load cell sees in states x (n, n_x) [N], and its derivatives by state and setting:
+        (n, 1 + n_x + n_w)."""
+        return _load(self.model)([x, np.repeat(w[None], x.shape[0], 0)])[0]
+
+    def load_slope(self, x: Array, w: Array, moved: Array) -> Array:
+        """Derivatives (m,) of the force in a state whose derivatives are `moved` (n_x, m), the setting last."""
+        row = self.loads(x[None, :], w)[0, 1:]
+        out: Array = row[: x.size] @ moved
+        out[-w.size :] += row[x.size :]
+        return out
 
     def onset_slopes(self, cycle: Cycle) -> Array:
         """How the state at the onset (n_x,) moves with the rest state and the setting: (n_x, m)."""
-        return self._stick_solver.tangent(cycle.start, cycle.setting, cycle.stick)[1]
+        return self._stick_slopes(cycle)[1]
 
-    def _load_slope(self, x: Array, w: Array, moved: Array) -> Array:
-        """Derivatives (m,) of the force in a state whose derivatives are `moved` (n_x, m)."""
-        by_state, by_setting = self.load_slopes(x, w)
-        out: Array = by_state @ moved
-        out[-w.size :] += by_setting
-        return out
+    def _stick_slopes(self, cycle: Cycle) -> tuple[Array, Array]:
+        """Derivatives of the stick's duration (m,) and of the onset state (n_x, m) by rest state and setting."""
+        n, w = cycle.start.size, cycle.setting
+        given = [cycle.start[None, :], w[None, :], np.array([cycle.stick])]
+        slope = _rest_slopes(self.model)(given)[0].reshape(n + 1, n + w.size + 1)
+        free = np.delete(slope[:, :-1], SPEED, 1)
+        stick_slope = -free[0] / slope[0, -1] if cycle.stick else np.zeros(free.shape[1])
+        return stick_slope, free[1:] + np.outer(slope[1:, -1], stick_slope)
+
+
+def _rested(machine: Machine, start: Array, w: Array, *, through_zero: bool = False) -> tuple[float, Array, float]:
+    """How long a stick from state `start` lasts [s], the state at its end (n_x,), the force of the drive there [N];
+    through_zero as of `Resting.until`."""
+    k, load, speed = w[machine.model.parameter_names.index("stiffness")], w[-2], w[-1]
+    # Longer than any stick: by then the spring alone pulls with more than a limit that is as strong as mu_s says.
+    longest = 2.0 * (float(np.max(w[:2])) * load + k * abs(start[ELONGATION])) / (k * speed)
+    for _ in range(DOUBLINGS):
+        onset, x, pull = machine.rests.until(start, situated_at(w), longest, through_zero=through_zero)
+        if onset is not None:
+            return onset, x, pull
+        longest *= 2.0
+    return longest, x, pull
 
 
 def _softened(model: Model, p: Array) -> float:
@@ -362,27 +322,6 @@ def _drag(model: Model, p: Array) -> float:
     values = dict(zip(model.parameter_names, p.tolist(), strict=True))
     zeta = (pulls[1] - pulls[0]) / (2.0 * float(np.sqrt(values["mass"] * values["stiffness"])))
     return 1.0 + zeta if zeta > 1.0 else 1.0
-
-
-def _peak(slip_motion: SlipMotion) -> tuple[float, Array]:
-    """Largest speed, vertex of the parabola through the highest node and its neighbours; weights (s+1,) of its
-    derivative: as the vertex stands still, it moves as the interpolated speed there does."""
-    times, speeds = slip_motion.t, slip_motion.x[:, SPEED]
-    weights = np.zeros(times.size)
-    i = int(np.argmax(speeds))
-    if 0 < i < times.size - 1 and times[i - 1] < times[i] < times[i + 1]:
-        left, right = times[i - 1] - times[i], times[i + 1] - times[i]
-        below, above = (speeds[i - 1] - speeds[i]) / left, (speeds[i + 1] - speeds[i]) / right
-        bend = (above - below) / (right - left)
-        slope = below - bend * left
-        if bend < 0.0:
-            s = -slope / (2.0 * bend)
-            weights[i - 1] = s * (s - right) / (left * (left - right))
-            weights[i] = (s - left) * (s - right) / (left * right)
-            weights[i + 1] = s * (s - left) / (right * (right - left))
-            return float(weights @ speeds), weights
-    weights[i] = 1.0
-    return float(speeds[i]), weights
 
 
 def rest_state(x: Array) -> Array:

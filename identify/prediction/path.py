@@ -179,7 +179,8 @@ def _solve(walk: _Walk, z: Array, before: Array) -> _BranchPoint | None:
 
 def _orbit(map_: CycleMap, flow: Flow) -> Orbit | None:
     """The point as an orbit, None unless its slip comes to rest there for the first time, and stays at rest."""
-    first = bool(np.all(flow.cycle.slip_motion.x[1:-1, SPEED] > 0.0)) and flow.rate[SPEED] < 0.0 < flow.cycle.stick
+    speeds = np.concatenate([part.x[:, SPEED] for part in flow.cycle.slides])[1:-1]
+    first = bool(np.all(speeds > 0.0)) and flow.rate[SPEED] < 0.0 < flow.cycle.stick
     return orbit_of(map_, flow.cycle, flow.tangent) if first and map_.holds(flow.cycle) else None
 
 
@@ -189,7 +190,7 @@ def trace(map_: CycleMap, start: Orbit, setting_path: SettingPath, place: float,
     walk = _Walk(map_, setting_path)
     first = walk.start(start, place)
     small = start.jump < LEAST * walk.scale(start.cycle.setting)[0][ELONGATION]
-    here = None if start.cycle.slip_motion.turns or small else _solve(walk, first, np.eye(first.size)[-1])
+    here = None if start.cycle.turns or small else _solve(walk, first, np.eye(first.size)[-1])
     length, bend = min(LENGTH, 2.0 * (last - place)), np.zeros(first.size)
     for _ in range(POINTS):
         if here is None or length < SHORTEST:

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
+from identify.model.model import SPEED
 from identify.prediction.cycle import Cycle, CycleMap, loads
 from identify.prediction.orbit import Orbit
 from identify.prediction.path import along
-from identify.prediction.slip import SlipSegment
 from identify.prediction.windows import StickSlipLimit
+from identify.simulation.phases import Slide
 from identify.simulation.sliding import slidings
+from identify.simulation.tangents import node_slopes, onward, setting_of, step_slopes, stepped
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Where the force that the load cell sees is highest and lowest in a cycle: what a lab calls the size of a jump.
@@ -26,88 +27,88 @@ from identify.simulation.sliding import slidings
 
 Array = NDArray[np.float64]
 
-SHARP = 1e-12  # of a step of the integration: how well the place of an extreme is found
+ROUNDS, SPLITS = 3, 8  # of narrowing the place of an extreme in a step, and by how much each round narrows it
+FORCE, SPEED_SHOWN = 0, 1  # columns of what is looked at
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """A highest or lowest force [N]: `length` [s] into the step from node `node` of the slip, which belongs to
-    `segment`. Without a segment the force is extreme at the node itself, where the motion switches."""
+    """A highest or lowest value: `length` [s] into the step from node `node` of slide `part`; 0 where it is extreme at
+    the node itself, where the motion switches."""
 
-    force: float
+    value: float
+    part: int
     node: int
-    segment: SlipSegment | None = None
     length: float = 0.0
 
 
-def extremes(map_: CycleMap, cycle: Cycle) -> tuple[Extreme, Extreme]:
-    """The highest and the lowest force of a cycle: between the nodes of the integration, by its own steps."""
-    forces = np.array([map_.load(x, cycle.setting) for x in cycle.slip_motion.x])
-    map_.slip_integrator.set(cycle.setting)
-    return _extreme(map_, cycle, forces, 1.0), _extreme(map_, cycle, forces, -1.0)
+def extremes(map_: CycleMap, cycle: Cycle) -> tuple[Extreme, Extreme, Extreme]:
+    """The highest and the lowest force of a cycle [N] and its largest speed [m/s]: between the nodes of the
+    integration, by its own steps."""
+    nodes = [_shown(map_, part, part.x, np.zeros(part.t.size)) for part in cycle.slides]
+    highest, lowest, fastest = (
+        _extreme(map_, cycle, nodes, column, sign) for column, sign in ((FORCE, 1.0), (FORCE, -1.0), (SPEED_SHOWN, 1.0))
+    )
+    return highest, lowest, fastest
+
+
+def _shown(map_: CycleMap, part: Slide, x: Array, lengths: Array) -> tuple[Array, Array]:
+    """Force and speed (s, 2) after some lengths (s,) [s] of steps from x (s, n_x), and how fast they change."""
+    after, rates = stepped(map_.model, part, x, lengths)
+    rows = map_.loads(after, setting_of(part))
+    loading = (rows[:, None, 1 : x.shape[1] + 1] @ rates[:, :, None])[:, 0, 0]
+    return np.column_stack([rows[:, 0], after[:, SPEED]]), np.column_stack([loading, rates[:, SPEED]])
+
+
+def _extreme(map_: CycleMap, cycle: Cycle, nodes: Sequence[tuple[Array, Array]], column: int, sign: float) -> Extreme:
+    """The highest (sign 1) or lowest (-1) of what the nodes show, with the steps beside it looked into."""
+    tops = [int(np.argmax(sign * values[:, column])) for values, _ in nodes]
+    known = [Extreme(float(nodes[i][0][top, column]), i, top) for i, top in enumerate(tops)]
+    for i, (part, top) in enumerate(zip(cycle.slides, tops, strict=True)):
+        rates = sign * nodes[i][1][:, column]
+        for node in range(max(0, top - 1), min(part.t.size - 1, top + 1)):
+            if not rates[node] > 0.0 > rates[node + 1]:
+                continue
+            ends = np.array([0.0, part.t[node + 1] - part.t[node]])
+            for _ in range(ROUNDS):
+                lengths = np.linspace(*ends, SPLITS + 1)
+                turning = sign * _shown(map_, part, np.repeat(part.x[node][None], SPLITS + 1, 0), lengths)[1][:, column]
+                last = max(int(np.argmax(turning <= 0.0)), 1)
+                ends, (rising, falling) = lengths[last - 1 : last + 1], turning[last - 1 : last + 1]
+            length = ends[0] + rising / (rising - falling) * (ends[1] - ends[0])
+            value = _shown(map_, part, part.x[node][None], np.array([length]))[0][0, column]
+            known.append(Extreme(float(value), i, node, float(length)))
+    return max(known, key=lambda extreme: sign * extreme.value)
 
 
 def peak_to_valley(map_: CycleMap, cycle: Cycle) -> float:
     """The force from its highest to its lowest in a cycle [N]."""
-    highest, lowest = extremes(map_, cycle)
-    return highest.force - lowest.force
+    highest, lowest, _ = extremes(map_, cycle)
+    return highest.value - lowest.value
 
 
-def peak_to_valley_slope(map_: CycleMap, cycle: Cycle) -> Array:
-    """Its derivatives (m,) by the rest state before the cycle and by the setting; NaN where an extreme lies at a switch
-    in the middle of a slip."""
-    w, slip_motion, onset = cycle.setting, cycle.slip_motion, map_.onset_slopes(cycle)
-    found = extremes(map_, cycle)
-    sums = np.zeros((2, *slip_motion.x.shape))
-    direct = np.zeros((2, w.size))
-    for i, extreme in enumerate(found):
-        # The force stands still there, so that the time of it does not matter.
-        if extreme.segment is None:
-            sums[i, extreme.node], direct[i] = map_.load_slopes(slip_motion.x[extreme.node], w)
-            continue
-        x = slip_motion.x[extreme.node]
-        after = map_.slip_integrator.step(extreme.segment.mode, x, extreme.length, extreme.segment.direction)
-        by_state, by_setting = map_.load_slopes(after, w)
-        step = map_.slip_integrator.step_tangents(extreme.segment, np.append(x, extreme.length)[None], w.size)[0]
-        sums[i, extreme.node] = by_state @ step[:, : x.size]
-        direct[i] = by_setting + by_state @ step[:, x.size :]
-    _, slopes = map_.slip_integrator.tangents(slip_motion, w, onset, sums)
-    slopes[:, -w.size :] += direct
-    for i, extreme in enumerate(found):
-        if extreme.segment is None and extreme.node > 0:
-            slopes[i] = np.nan
-    return np.asarray(slopes[0] - slopes[1])
+def _extreme_slopes(map_: CycleMap, cycle: Cycle) -> tuple[Array, Array]:
+    """Derivatives (m,) of the largest speed and of the force from peak to valley, by the rest state before the cycle
+    and by the setting; NaN where an extreme of the force lies at a switch in the middle of a slip.
 
+    What is extreme stands still, so that the time of it does not matter.
+    """
+    w, nodes = cycle.setting, node_slopes(map_.model, cycle.slides, map_.onset_slopes(cycle))
 
-def _extreme(map_: CycleMap, cycle: Cycle, forces: Array, sign: float) -> Extreme:
-    """Of the forces at the nodes (s+1,) the highest (sign 1) or lowest (-1), with the steps beside it looked into."""
-    top = int(np.argmax(sign * forces))
-    best = Extreme(float(forces[top]), top)
-    for segment in cycle.slip_motion.segments:
-        for node in range(max(segment.first, top - 1), min(segment.last, top + 1)):
-            length = _turn(map_, cycle, segment, node, sign)
-            if length is not None:
-                after = map_.slip_integrator.step(segment.mode, cycle.slip_motion.x[node], length, segment.direction)
-                force = map_.load(after, cycle.setting)
-                if best.segment is None or sign * force > sign * best.force:
-                    best = Extreme(force, node, segment, length)
-    return best
+    def moved(extreme: Extreme) -> tuple[Array, Array]:
+        """The state (n_x,) there, and its derivatives (n_x, m)."""
+        part, length = cycle.slides[extreme.part], np.array([extreme.length])
+        x = part.x[extreme.node][None]
+        slope = step_slopes(map_.model, part, x, length)[0]
+        return stepped(map_.model, part, x, length)[0][0], onward(slope, nodes[extreme.part][extreme.node])
 
+    def force(extreme: Extreme) -> Array:
+        inside = extreme.length > 0.0 or (extreme.part, extreme.node) == (0, 0)
+        x, slope = moved(extreme)
+        return map_.load_slope(x, w, slope) if inside else np.full(slope.shape[1], np.nan)
 
-def _turn(map_: CycleMap, cycle: Cycle, segment: SlipSegment, node: int, sign: float) -> float | None:
-    """How far into the step from a node the force turns, from rising to falling (sign 1) or the other way; None where
-    it does not."""
-    x, slip_integrator = cycle.slip_motion.x[node], map_.slip_integrator
-    step = float(cycle.slip_motion.t[node + 1] - cycle.slip_motion.t[node])
-
-    def rising(length: float) -> float:
-        after = slip_integrator.step(segment.mode, x, length, segment.direction) if length else x
-        by_state, _ = map_.load_slopes(after, cycle.setting)
-        return sign * float(by_state @ slip_integrator.rate(segment.mode, after, segment.direction))
-
-    if not (step > 0.0 and rising(0.0) > 0.0 > rising(step)):
-        return None
-    return float(brentq(rising, 0.0, step, xtol=SHARP * step))
+    highest, lowest, fastest = extremes(map_, cycle)
+    return moved(fastest)[1][SPEED], force(highest) - force(lowest)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -134,8 +135,9 @@ def quantities(map_: CycleMap, cycle: Cycle, drive_speed: float) -> Array:
     onset, arrest = loads(map_, cycle)
     distance = drive_speed * cycle.slip - float(cycle.end[0] - cycle.onset[0])
     period = cycle.stick + cycle.slip
-    jump = [onset - arrest, period, cycle.stick, cycle.slip, distance, cycle.peak_speed, onset, arrest]
-    return np.array([*jump, peak_to_valley(map_, cycle)])
+    highest, lowest, fastest = extremes(map_, cycle)
+    jump = [onset - arrest, period, cycle.stick, cycle.slip, distance, fastest.value, onset, arrest]
+    return np.array([*jump, highest.value - lowest.value])
 
 
 def _columns(map_: CycleMap, names: Sequence[str]) -> list[int]:
@@ -148,6 +150,7 @@ def orbit_slopes(map_: CycleMap, orbit: Orbit, names: Sequence[str]) -> Array:
     Each is q_w + q_y (1 - J)^-1 F_w: the cycle moves with the setting, and with the rest state that closes it.
     """
     n, t = map_.scale.size, orbit.tangent
+    fastest, from_peak_to_valley = _extreme_slopes(map_, orbit.cycle)
     rows = np.stack(
         [
             t.onset_load - t.arrest_load,
@@ -155,10 +158,10 @@ def orbit_slopes(map_: CycleMap, orbit: Orbit, names: Sequence[str]) -> Array:
             t.stick,
             t.slip,
             t.distance,
-            t.peak_speed,
+            fastest,
             t.onset_load,
             t.arrest_load,
-            peak_to_valley_slope(map_, orbit.cycle),
+            from_peak_to_valley,
         ]
     )
     closing = along(map_.scale, t, orbit.jacobian)

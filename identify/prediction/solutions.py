@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from identify.prediction.cycle import CycleMap, loads
-from identify.prediction.orbit import LONGEST_PATIENCE, Orbit, SettledMotion, close, long_enough, settle
+from identify.prediction.cycle import CycleMap
+from identify.prediction.orbit import Orbit, SettledMotion, close, long_enough, settle
 from identify.prediction.path import expected
 from identify.prediction.windows import (
     Outcome,
@@ -18,7 +18,6 @@ from identify.prediction.windows import (
 )
 from identify.simulation.sliding import Sliding, slidings
 
-SMALL, FINE = 0.3, 1e-9  # a drop below this share of the load is found again with this tolerance
 ALIKE = 1.03  # ratio of normal forces up to which the same windows, their ends moved by derivatives, serve both
 
 
@@ -94,7 +93,7 @@ def _at(map_: CycleMap, steady: Sliding, shared: Windows | None) -> tuple[Settle
     if here.sticks != windows.sticks(speed) or not low <= speed <= high:
         windows = speed_windows(map_, (speed,))
         here = _settled(map_, speed, wait, windows)
-    return _refined(map_, here), windows
+    return here, windows
 
 
 def _settled(map_: CycleMap, speed: float, wait: float, windows: Windows) -> SettledMotion:
@@ -109,15 +108,3 @@ def _settled(map_: CycleMap, speed: float, wait: float, windows: Windows) -> Set
         if there is not None and there.stable:
             return SettledMotion(there, True, there.y)
     return settle(map_, speed, state, patience=wait)
-
-
-def _refined(map_: CycleMap, here: SettledMotion) -> SettledMotion:
-    """A small jump closed again with tighter steps: what is left of it is a difference of large numbers."""
-    orbit = here.orbit
-    if orbit is None:
-        return here
-    onset, arrest = loads(map_, orbit.cycle)
-    if onset - arrest > SMALL * abs(onset):
-        return here
-    again = close(map_.finer(FINE), orbit.y, orbit.drive_speed, patience=LONGEST_PATIENCE)
-    return here if again is None else replace(here, orbit=again)

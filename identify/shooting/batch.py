@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from identify.base.compiled import Mapped
 from identify.base.tableaus import RK4, step
 from identify.model.model import ELONGATION, INPUTS, SPEED, TIME, Model
-from identify.simulation.phases import stick as rest
-from identify.simulation.resting import swing
+from identify.simulation.phases import rest
+from identify.simulation.resting import Resting, swing
 from identify.simulation.stepper import Situated
 
 Array = NDArray[np.float64]
@@ -307,8 +307,9 @@ def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
         swings = _swings(model, p)
         if np.any(swings > 0.0):
             longest = t + 2 * swings / np.maximum(k * u[:, 0], 1e-300) + 1e-9
+            resting = Resting(model)
             rests = [
-                rest(model, x[i], Situated(p[i], u[i, 0], 1.0, u[i, 1], 0.0, u[i, TIME]), u[i, TIME], longest[i])
+                rest(resting, x[i], Situated(p[i], u[i, 0], 1.0, u[i, 1], 0.0, u[i, TIME]), u[i, TIME], longest[i])
                 for i in range(t.size)
             ]
             return np.array([r.duration for r in rests]), np.stack([r.x[-1] for r in rests])

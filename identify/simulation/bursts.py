@@ -65,10 +65,11 @@ def _pull(model: Model) -> ca.Function:
 
 
 @lru_cache(maxsize=64)
-def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
+def trial(model: Model, method: Method, mode: ModeName, stops: bool = True) -> ca.Function:
     """(x and t and h, constants, tolerances) -> x after, error norm (<= 1 acceptable), guards and their slopes.
 
-    One vector; constants: p, then the inputs of `Situated`; tolerances: rtol, atol (n_x,).
+    One vector; constants: p, then the inputs of `Situated`; tolerances: rtol, atol (n_x,). stops as of `burst`: a
+    motion that goes on through rest may leave the bounds of a state.
     """
     kind, n = method.kind, len(model.states)
     z = kind.sym("z", n + 2)
@@ -78,10 +79,11 @@ def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
     # A largest value hides what is not a number: such a step is refused.
     norm = ca.if_else(ca.sum1(ca.fabs(after)) < LARGEST, norm, ca.inf)
     # So is one to where no motion leads: the equations of an implicit step have other solutions, too.
-    for i, state in enumerate(model.states):
+    for i, state in enumerate(model.states if stops else ()):
         if state.lower is not None and state.upper is not None:
             reach = state.upper - state.lower
-            inside = ca.logic_and(after[i] < state.upper + ABOVE * reach, after[i] > state.lower - reach)
+            above, below = ca.fmax(state.upper, x[i]), ca.fmin(state.lower, x[i])
+            inside = ca.logic_and(after[i] < above + ABOVE * reach, after[i] > below - reach)
             norm = ca.if_else(inside, norm, ca.inf)
     row = ca.vertcat(after, norm, ends(model, mode)(after, c, t + h))
     return ca.Function(f"trial_{mode}", [z, c, tolerances], [ca.cse(ca.densify(row))])
@@ -201,16 +203,17 @@ class BurstState:
 
 
 @lru_cache(maxsize=64)
-def burst(model: Model, method: Method) -> ca.Function:
+def burst(model: Model, method: Method, stops: bool) -> ca.Function:
     """`method.trials` trials in a row: (z, bounds, constants, tolerances) -> z after each of them, column by column.
 
     z as in `BurstState`; bounds: time limit, longest and shortest step [s], whether switches are located, farthest way
     of a step [m]. The step length follows the error; where a guard
     has fallen the trials go on from the same node, with lengths by Newton's method, until the guard is zero. A trial
-    that is refused repeats the node with another length.
+    that is refused repeats the node with another length. Without `stops` the mass goes on through rest, by the motion
+    forwards.
     """
     at, modes = BurstState(len(model.states)), MODES[: len(sliding_modes(model.clamped is not None))]
-    paced = [_paced(model, method, mode, locating) for mode in modes for locating in (False, True)]
+    paced = [_paced(model, method, mode, locating, stops) for mode in modes for locating in (False, True)]
     given = [ca.MX.sym(name, paced[0].numel_in(i)) for i, name in enumerate("zbct")]
     z = ca.MX.sym("z", at.size)
     by_mode = ca.Function.conditional("by_mode", paced, ca.Function("idle", [z, *given[1:]], [z]))
@@ -221,15 +224,16 @@ def burst(model: Model, method: Method) -> ca.Function:
     return ca.Function("burst", given, [ca.horzcat(*nodes[1:])])
 
 
-def _paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.Function:
+def _paced(model: Model, method: Method, mode: ModeName, locating: bool, stops: bool) -> ca.Function:
     """One trial in one mode, walking on or locating a switch: (z, bounds, constants, tolerances) -> z after it."""
     kind, at = method.kind, BurstState(len(model.states))
     z, bounds = kind.sym("z", at.size), kind.sym("bounds", 5)
     c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", at.n + 1)
     x, t, ends, control = z[: at.n], z[at.t], z[at.ends], z[at.control]
-    exits = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
+    watched = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
+    exits = [i for i in watched if stops or GUARDS[i] != "speed"]
     h = z[at.h] if locating else _length(model, at, z, exits, bounds)
-    row = trial(model, method, mode)(ca.vertcat(x, t, h), c, tolerances)
+    row = trial(model, method, mode, stops)(ca.vertcat(x, t, h), c, tolerances)
     there, there_ends = row[: at.n], row[at.n + 1 :]
     mode_after: Expression = MODES.index(mode)
     if locating:
@@ -241,7 +245,7 @@ def _paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.F
             there, there_ends = _through(model, there, there_ends, through)
             mode_after = ca.if_else(through, 1 - mode_after, mode_after)
     else:
-        moved, *control_after, stop = _walking(at, z, h, row[at.n :], exits, bounds, method)
+        moved, *control_after, stop = _walking(at, z, h, row[at.n :], (exits, watched), bounds, method)
     new = ca.vertcat(
         ca.if_else(moved, there, x),
         t + ca.if_else(moved, h, 0),
@@ -283,11 +287,13 @@ def _walking(
     z: Expression,
     h: Expression,
     trial_end: Expression,
-    exits: list[int],
+    guards: tuple[list[int], list[int]],
     bounds: Expression,
     method: Method,
 ) -> tuple[Expression, ...]:
-    """Whether a trial of length h towards the next node is taken, and the control after it."""
+    """Whether a trial of length h towards the next node is taken, and the control after it; guards: those that end the
+    mode, and those of which a minimum near zero is to be a node."""
+    exits, watched = guards
     t, before, control, ends = z[at.t], z[at.ends], z[at.control], trial_end[1:]
     error, step, watch = control[1], control[2], control[6]
     norm = ca.if_else(trial_end[0] <= WRONG, ca.fmax(trial_end[0], 1e-10), WRONG)
@@ -303,6 +309,7 @@ def _walking(
         fallen = ca.logic_or(fallen, down)
         risen = ca.logic_or(risen, ca.logic_and(down, before[i] <= 0.0))
         guess = ca.fmin(guess, ca.if_else(down, _first_guess(h, before, ends, i), h))
+    for i in watched:
         dip = ca.fmin(dip, _dip(h, before, ends, i))
     met, dips = ca.logic_and(good, fallen), ca.logic_and(ca.logic_and(good, watch > 0.5), dip < h)
     taken = ca.logic_and(good, ca.logic_not(ca.logic_or(fallen, dips)))

@@ -32,10 +32,13 @@ class Machine:
     Args:
         p: parameters (n_p,).
         locate: False takes the step at whose end a guard is negative as it is (a control for tests: accuracy is lost).
+        stops: False slides on where the mass comes to rest, by the motion forwards.
     """
 
-    def __init__(self, model: Model, p: Array, scale: Scales, plan: Plan, *, locate: bool = True) -> None:
-        self.model, self.locate, self.scale, self.p = model, locate, scale, p
+    def __init__(
+        self, model: Model, p: Array, scale: Scales, plan: Plan, *, locate: bool = True, stops: bool = True
+    ) -> None:
+        self.model, self.locate, self.scale, self.p, self.stops = model, locate, scale, p, stops
         floor = FLOOR * self.scale.state
         # The speed of a slip that starts from balance grows from nothing: relative down to the rounding of the forces.
         floor[SPEED] *= min(ROUNDING / plan.rtol, 1.0)
@@ -49,12 +52,15 @@ class Machine:
         self.first = dict.fromkeys(self.modes, min(FIRST * self.scale.time, self.longest_first))
         self.creep = CREEP * scale.state[SPEED]
         self.following = {name: dict(mode.exits) for name, mode in self.modes.items()}
-        self.exits = {name: tuple(GUARDS.index(guard) for guard, _ in mode.exits) for name, mode in self.modes.items()}
+        self.exits = {
+            name: tuple(GUARDS.index(guard) for guard, _ in mode.exits if stops or guard != "speed")
+            for name, mode in self.modes.items()
+        }
 
     def _next(self) -> Stepper:
         """The stepper of the first method that is left."""
         method, scale = self._left[0], self.scale
-        stepper = borrowed(self.model, method)
+        stepper = borrowed(self.model, method, self.stops)
         self._borrowed.append(stepper)
         longest = min(method.reach * scale.time, scale.longest)
         stepper.tune(self.p, self.tolerances, (longest, SHORTEST * scale.time, scale.farthest, self.locate))

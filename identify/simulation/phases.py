@@ -117,13 +117,8 @@ class Slide(Phase):
     tolerances: Array
 
 
-def stick(model: Model, x: Array, situated: Situated, start: float, limit: float) -> Stick:
-    """Rest from state x until the grip is overcome, or for `limit` [s]."""
-    return rest(Resting(model), x, situated, start, limit)
-
-
 def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: float) -> Stick:
-    """The same with what is compiled for a model and used again."""
+    """Rest from state x until the static limit is overcome, or for `limit` [s]."""
     x = x.copy()
     x[SPEED] = 0.0
     onset, after, pull = rests.until(x, situated, limit)
@@ -144,8 +139,8 @@ def slide(
         one phase per mode, in order: one at least.
 
     Raises:
-        SimulationError: the integration needs more than `most` steps or meets a state that is not finite; friction
-            pushes; the motion runs away.
+        SimulationError: the integration needs more than `most` steps or meets a state that is not finite; the motion
+            runs away.
     """
     stepper = machine.stepper
     stepper.start(mode, x, situated, limit, machine.first[mode])
@@ -171,6 +166,26 @@ def slide(
     raise SimulationError(_unfinished(machine, mode, start, track.times[-1], abs(track.states[-1][SPEED]), most))
 
 
+def check_braking(machine: Machine, slides: Sequence[Slide]) -> None:
+    """Refuse a slide in which friction does not brake where the mass is fastest.
+
+    Raises:
+        SimulationError: where, and what to do.
+    """
+    fastest, slide, i = 0.0, slides[0], 0
+    for phase in slides:
+        speeds = [phase.situated.direction * state[SPEED] for state in phase.states]
+        if max(speeds) > fastest:
+            fastest, slide = max(speeds), phase
+            i = speeds.index(fastest)
+    coefficient = machine.stepper.coefficient(slide.mode, slide.states[i], slide.situated, slide.times[i])
+    if coefficient < -LEAST:
+        raise SimulationError(
+            f"friction pushes at {slide.start + slide.times[i]:.6g} s (coefficient {coefficient:.3g} at "
+            f"{fastest:.3g} m/s): a law has left its range; let friction fall less with speed and along the track"
+        )
+
+
 class _Track:
     """The nodes of a slide as they come, and its phases as they end."""
 
@@ -180,7 +195,6 @@ class _Track:
         self.machine, self.stepper, self.mode, self.start, self.situated = machine, stepper, mode, start, situated
         self.times, self.states, self._begun, self._since = [0.0], [x], situated, 0.0
         self.phases: list[Slide] = []
-        self._fastest = (0.0, mode, x, 0.0)
 
     def add(self, rows: list[list[float]]) -> None:
         """The nodes in the rows of a burst; a phase ends where the mode changes."""
@@ -227,19 +241,8 @@ class _Track:
         return True
 
     def finish(self, ended_by: GuardName | None) -> list[Slide]:
-        """All phases, the last one ended so.
-
-        Raises:
-            SimulationError: friction does not brake where the mass slides fastest.
-        """
+        """All phases, the last one ended so."""
         self._close(ended_by)
-        _, mode, x, t = self._fastest
-        coefficient = self.stepper.coefficient(mode, x, t)
-        if coefficient < -LEAST:
-            raise SimulationError(
-                f"friction pushes at {self.start + t:.6g} s (coefficient {coefficient:.3g} at {abs(x[SPEED]):.3g} m/s):"
-                " a law has left its range; let friction fall less with speed and along the track"
-            )
         return self.phases
 
     def _begin_other(self) -> None:
@@ -252,12 +255,6 @@ class _Track:
 
     def _close(self, ended_by: GuardName | None) -> None:
         times, states, since = self.times, self.states, self._since
-        forwards = self.situated.direction
-        speeds = [forwards * state[SPEED] for state in states]
-        fastest = max(speeds)
-        if fastest > self._fastest[0]:
-            i = speeds.index(fastest)
-            self._fastest = (fastest, self.mode, states[i], times[i])
         if since:
             times = [t - since for t in times]
         method, tolerances = self.stepper.method, self.machine.tolerances

@@ -74,25 +74,39 @@ class Resting:
             part.bind([self._x, self._c, times, self._shares])
         self._oscillates = model.vibrates
 
-    def until(self, x: Array, situated: Situated, limit: float) -> tuple[float | None, Array, float]:
+    def until(
+        self, x: Array, situated: Situated, limit: float, *, through_zero: bool = False
+    ) -> tuple[float | None, Array, float]:
         """Rest from x (n_x,), its speed zero, for at most `limit` [s].
 
+        Args:
+            through_zero: where the drive moves the mass at once, take the negative time at which it would begin to if
+                the margin is concave, so that the onset stays a smooth function of the start.
+
         Returns:
-            when the grip is overcome [s] (0: at once; None: not before the limit), the state then or at the limit
-            (n_x,), the pull of the drive there [N].
+            when the static limit is overcome [s] (0: at once; None: not before the limit), the state then or at the
+            limit (n_x,), the force of the drive there [N].
 
         Raises:
             SimulationError: too fast a vibration to be looked at.
         """
-        self._x[:] = x
-        self._c[:-5], self._c[-5:] = situated.p, situated.numbers
-        if self._at(0.0)[SPARE] <= 0.0:
-            return 0.0, x, float(self._row()[PULL])
+        margin, pull = self.margin(x, situated)
+        early = margin <= 0.0
+        if early and not (through_zero and self._concave(limit)):
+            return 0.0, x, pull
         onset = None
         if limit > 0.0:
-            onset = self._by_newton(limit) if self._concave(limit) else self._by_scan(situated.p, limit)
+            concave = early or self._concave(limit)
+            onset = self._by_newton(limit, -np.inf if early else 0.0) if concave else self._by_scan(situated.p, limit)
         row = self._at(limit if onset is None else onset)
         return onset, row[RESTED:].copy(), float(row[PULL])
+
+    def margin(self, x: Array, situated: Situated) -> tuple[float, float]:
+        """By how much a mass at rest in x (n_x,) withstands the drive [N], and the force of the drive [N]."""
+        self._x[:] = x
+        self._c[:-5], self._c[-5:] = situated.p, situated.numbers
+        row = self._at(0.0)
+        return float(row[SPARE]), float(row[PULL])
 
     def _at(self, t: float) -> Array:
         self._t[0] = t
@@ -105,8 +119,8 @@ class Resting:
         np.multiply(_BENDS, limit, out=self._bends)
         return bool(self._bend()[0] <= 0.0)
 
-    def _by_newton(self, limit: float) -> float | None:
-        """The only zero of a concave function that is positive at time zero, from the right."""
+    def _by_newton(self, limit: float, earliest: float) -> float | None:
+        """The only zero of a concave function that is positive at the earliest time, from the right."""
         t, last = limit, np.inf
         for _ in range(NEWTON_STEPS):
             row = self._at(t)
@@ -115,9 +129,9 @@ class Resting:
                 return None
             step = value / slope if slope < 0.0 else 0.0
             # Beyond the last digits the steps no longer shrink, or change sign.
-            if step <= 1e-15 * t or (step >= last and step <= 1e-12 * limit):
-                return max(t - max(step, 0.0), 0.0)
-            t, last = max(t - step, 0.0), step
+            if step <= 1e-15 * abs(t) or (step >= last and step <= 1e-12 * limit):
+                return max(t - max(step, 0.0), earliest)
+            t, last = max(t - step, earliest), step
         return t
 
     def _by_scan(self, p: Array, limit: float) -> float | None:

@@ -19,7 +19,7 @@ from identify.model.modes import ModeName
 from identify.scene.tables import quantity
 from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.machine import Machine
-from identify.simulation.phases import MAX_STEPS, Phase, initial_states, rest, slide
+from identify.simulation.phases import MAX_STEPS, Phase, check_braking, initial_states, rest, slide
 from identify.simulation.plan import ACCURACY, SAFETY, Plan, Stepping, accuracy_for, admit, plan, scales
 from identify.simulation.quasistatic_phases import balanced
 from identify.simulation.stepper import Situated
@@ -59,6 +59,7 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
             direction, made = -1.0 if stick.pull < 0.0 else 1.0, (stick,)
         else:
             made = slide(machine, mode, x, situated, t, limit, most=steps)
+            check_braking(machine, made)
             steps = min(MAX_STEPS, steps - sum(len(phase.times) for phase in made) + STEPS_PER_PHASE)
         phase = made[-1]
         end, longest = phase.start + phase.duration, max(longest, phase.duration)

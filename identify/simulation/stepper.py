@@ -59,16 +59,17 @@ class Situated:
         return np.stack([self.drive_speed * ones, force, direction * ones, self.time + t])
 
 
+Kind = tuple[Model, Method, bool]  # of a stepper: whether it stops where the mass comes to rest
 SOME = 100  # bursts: before them nobody looks for machine code
 MUCH = 20_000  # bursts: some seconds of the virtual machine, what the compiler takes
 
 
 class _Bursts:
-    """The bursts of one model and method, bound to the buffers of a stepper."""
+    """The bursts of one kind of stepper, bound to its buffers."""
 
-    def __init__(self, model: Model, method: Method, buffers: Sequence[Array]) -> None:
-        self._kind, self._buffers = (model, method), buffers
-        self._function = burst(model, method)
+    def __init__(self, kind: Kind, buffers: Sequence[Array]) -> None:
+        self._kind, self._buffers = kind, buffers
+        self._function = burst(*kind)
         self._call = self._bound(self._function)
         self._count, self._ask = 0, SOME
         self.hastened = False
@@ -99,10 +100,10 @@ class _Bursts:
 
 
 class Stepper:
-    """Steps one model with one method; holds buffers, so one at a time uses it: see `borrowed`."""
+    """Steps one model with one method, `stops` as of `burst`; holds buffers, so one at a time uses it: `borrowed`."""
 
-    def __init__(self, model: Model, method: Method) -> None:
-        self.model, self.method = model, method
+    def __init__(self, model: Model, method: Method, stops: bool) -> None:
+        self.model, self.method, self.kind = model, method, (model, method, stops)
         self.places = BurstState(len(model.states))
         n = self.places.n
         self._z, self._xth = np.zeros(self.places.size), np.zeros(n + 2)
@@ -113,13 +114,13 @@ class Stepper:
         self._ends: dict[ModeName, Compiled] = {}
         self._coefficients: dict[ModeName, Compiled] = {}
         for mode in sliding_modes(model.clamped is not None):
-            self._trials[mode] = compiled(trial(model, method, mode))
+            self._trials[mode] = compiled(trial(model, method, mode, stops))
             self._trials[mode].bind([self._xth, self._constants, self._tolerances])
             self._ends[mode] = compiled(ends(model, mode))
             self._ends[mode].bind([self._z[:n], self._constants, np.zeros(1)])
             self._coefficients[mode] = compiled(coefficient(model, mode))
             self._coefficients[mode].bind([x, self._constants, t])
-        self.bursts = _Bursts(model, method, [self._z, self._bounds, self._constants, self._tolerances])
+        self.bursts = _Bursts(self.kind, [self._z, self._bounds, self._constants, self._tolerances])
 
     def tune(self, p: Array, tolerances: Array, bounds: tuple[float, float, float, bool]) -> None:
         """Set parameters p (n_p,), tolerances of a step (rtol, then atol (n_x,)), and its bounds: longest and shortest
@@ -163,30 +164,31 @@ class Stepper:
         self._xth[:n], self._xth[n], self._xth[n + 1] = x, t, h
         return self._trials[mode]().tolist()
 
-    def coefficient(self, mode: ModeName, x: list[float], t: float) -> float:
-        """Friction coefficient in state x at time t [s], positive where friction brakes."""
+    def coefficient(self, mode: ModeName, x: Sequence[float] | Array, situated: Situated, t: float) -> float:
+        """Friction coefficient in state x at time t [s] of a phase, positive where friction brakes."""
+        self._constants[-5:] = situated.numbers
         self._xth[:-2], self._xth[-2] = x, t
         return float(self._coefficients[mode]()[0])
 
 
-_IDLE: dict[tuple[Model, Method], list[Stepper]] = {}
+_IDLE: dict[Kind, list[Stepper]] = {}
 
 
-def borrowed(model: Model, method: Method) -> Stepper:
+def borrowed(model: Model, method: Method, stops: bool = True) -> Stepper:
     """A stepper nobody uses: one that was given back, or a new one."""
-    idle = _IDLE.get((model, method))
-    return idle.pop() if idle else Stepper(model, method)
+    idle = _IDLE.get((model, method, stops))
+    return idle.pop() if idle else Stepper(model, method, stops)
 
 
 def give_back(stepper: Stepper) -> None:
     """Let others use it."""
     stepper.bursts.hasten()
-    _IDLE.setdefault((stepper.model, stepper.method), []).append(stepper)
+    _IDLE.setdefault(stepper.kind, []).append(stepper)
 
 
 @lru_cache(maxsize=64)
-def _key(model: Model, method: Method) -> str | None:
-    return native.key(burst(model, method))
+def _key(model: Model, method: Method, stops: bool) -> str | None:
+    return native.key(burst(model, method, stops))
 
 
 def forget() -> None:
@@ -197,10 +199,10 @@ def forget() -> None:
 
 def hastened(model: Model, method: Method) -> bool:
     """Wait until the bursts of a model and a method are machine code; False where there is no compiler."""
-    function, key = burst(model, method), _key(model, method)
+    function, key = burst(model, method, True), _key(model, method, True)
     if key is None:
         return False
     native.start([(function, key)])
     native.wait()
-    _IDLE.pop((model, method), None)
+    _IDLE.pop((model, method, True), None)
     return native.find(key, function.name()) is not None

@@ -8,7 +8,7 @@ from identify.base.errors import SimulationError
 from identify.effects import ALL, MAIN
 from identify.model.model import assemble
 from identify.prediction.closed_forms import beyond, known_settings
-from identify.prediction.cycle import CycleMap
+from identify.prediction.cycle import CycleMap, rest_state
 from identify.prediction.intervals import OperatingPoint
 from identify.prediction.orbit import close
 from identify.prediction.predict import predict, predictions
@@ -114,7 +114,7 @@ def test_a_stick_with_transients_ends_at_its_first_chance():
                 continue
             first = int(np.argmax(grip < pull))
             spacing = times[first] - times[first - 1]
-            assert map_._stick_solver.onset(start, w)[1] == pytest.approx(times[first], abs=spacing)
+            assert map_.run(rest_state(start), speed).stick == pytest.approx(times[first], abs=spacing)
             crossings.add(int(np.sum(np.diff(np.sign(grip - pull)) != 0)))
     assert {1, 3} <= crossings, "sticks with one and with several chances were looked at"
 

@@ -11,6 +11,7 @@ import pytest
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction import chart as chart_room
+from identify.prediction import cycle as cycle_room
 from identify.prediction import orbit_search
 from identify.prediction.chart import chart, growth_at, losses_of_stability
 from identify.prediction.chart_bands import KnownCovariance, bands, closed_plane, region
@@ -20,7 +21,6 @@ from identify.prediction.map_axes import Site, admissible, axis, check_axes, kno
 from identify.prediction.map_grid import outline, plane
 from identify.prediction.orbit import settle
 from identify.prediction.quantities import quantities
-from identify.prediction.slip import SlipIntegrator
 from identify.prediction.solutions import solution_set
 from tests.support.maps_case import ALL, DEMO, SITE, SPANS
 
@@ -31,13 +31,13 @@ import brute_force
 @pytest.fixture
 def slips_counted(monkeypatch):
     """The clock of a map shows the slips that it has integrated."""
-    counted, slide = [0], SlipIntegrator.slide
+    counted, slide = [0], cycle_room.slide
 
     def counting(*given, **how):
         counted[0] += 1
         return slide(*given, **how)
 
-    monkeypatch.setattr(SlipIntegrator, "slide", counting)
+    monkeypatch.setattr(cycle_room, "slide", counting)
     for module in (chart_room, orbit_search):
         monkeypatch.setattr(module, "process_time", lambda: float(counted[0]))
 
