@@ -19,7 +19,7 @@ from experiments.energy import balance
 from identify.base.errors import SceneError, SimulationError
 from identify.effects import MAIN
 from identify.simulation.drive import Drive, NormalForce
-from identify.simulation.machine import Machine
+from identify.simulation.phases import Machine
 from identify.simulation.plan import SAFETY, Stepping, admit, plan, scales
 from identify.simulation.simulate import phases
 from identify.simulation.steppers import STIFF

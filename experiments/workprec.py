@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from identify.base.errors import SimulationError
 from identify.model.model import Model, assemble
 from identify.simulation.drive import Drive, NormalForce
-from identify.simulation.machine import Machine
-from identify.simulation.phases import Phase
+from identify.simulation.phases import Machine, Phase
 from identify.simulation.plan import ACCURACY, Plan, Stepping, scales
 from identify.simulation.simulate import phases, run
 from identify.simulation.steppers import Method

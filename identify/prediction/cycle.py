@@ -14,8 +14,7 @@ from identify.base.compiled import Mapped
 from identify.base.errors import SimulationError
 from identify.effects import ALL
 from identify.model.model import ELONGATION, SPEED, Model, assemble
-from identify.simulation.machine import Machine
-from identify.simulation.phases import Slide, slide
+from identify.simulation.phases import Machine, Slide, slide
 from identify.simulation.plan import Plan, scales
 from identify.simulation.steppers import HIGH
 from identify.simulation.tangents import node_slopes, situated_at, stepped
@@ -163,6 +162,14 @@ class CycleMap:
         return float(np.pi * self.time * _softened(self.model, self.p))
 
     @cached_property
+    def _bounds(self) -> Array:
+        """Lowest and highest value of each state at rest, shape (2, n_y)."""
+        ends = [
+            (-np.inf if s.lower is None else s.lower, np.inf if s.upper is None else s.upper) for s in self.model.states
+        ]
+        return np.delete(np.array(ends), SPEED, 0).T
+
+    @cached_property
     def _drag(self) -> float:
         return _drag(self.model, self.p)
 
@@ -199,8 +206,9 @@ class CycleMap:
         (longer under heavy damping).
 
         Args:
-            y: rest state (n_y,). drive_speed: [m/s], positive.
+            y: rest state (n_y,), of which a state beyond its bounds starts there. drive_speed: [m/s], positive.
         """
+        y = np.clip(y, *self._bounds)
         cycle, rests = self._run(y, self.setting(drive_speed), patience * self.half_period * self._drag, stops=True)
         return cycle if rests and cycle.slip >= CREEP * self.half_period else None
 

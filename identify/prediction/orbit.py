@@ -92,7 +92,7 @@ def close(map_: CycleMap, y: Array, drive_speed: float, *, patience: float = SLI
             step = np.asarray(0.5 * step)
             y = y - step * map_.scale
             continue
-        orbit = orbit_of(map_, cycle)
+        orbit, y = orbit_of(map_, cycle), rest_state(cycle.start)
         if orbit.closure < min(TOLERANCE, RESOLVED * orbit.jump / map_.scale[ELONGATION]):
             return orbit if np.all(np.isfinite(orbit.jacobian)) else None
         residual = (rest_state(cycle.end) - y) / map_.scale

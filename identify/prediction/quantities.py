@@ -71,7 +71,7 @@ def _extreme(map_: CycleMap, cycle: Cycle, nodes: Sequence[tuple[Array, Array]],
                 continue
             ends = np.array([0.0, part.t[node + 1] - part.t[node]])
             for _ in range(ROUNDS):
-                lengths = np.linspace(*ends, SPLITS + 1)
+                lengths = np.linspace(ends[0], ends[1], SPLITS + 1)
                 turning = sign * _shown(map_, part, np.repeat(part.x[node][None], SPLITS + 1, 0), lengths)[1][:, column]
                 last = max(int(np.argmax(turning <= 0.0)), 1)
                 ends, (rising, falling) = lengths[last - 1 : last + 1], turning[last - 1 : last + 1]

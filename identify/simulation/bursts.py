@@ -5,7 +5,6 @@ A burst stops where the mass comes to rest, where its time is up, or where somet
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
 
@@ -29,13 +28,21 @@ ABOVE = 1e-3  # of its reach: by so much a bounded state may err beyond its uppe
 LARGEST = 1e150  # of a state: beyond, squares overflow
 
 
+def inputs(drive: Expression, t: Expression) -> Expression:
+    """u (4,) of the model at time t of a phase, from what it is situated in: `Situated.numbers` (5,)."""
+    return ca.vertcat(drive[0], drive[2] + drive[3] * t, drive[1], drive[4] + t)
+
+
+def symbols(model: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
+    """State x, constants (n_p + 5,) and time t in a phase, and in terms of these parameters p and inputs u."""
+    x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
+    return x, c, t, c[:-5], inputs(c[-5:], t)
+
+
 def rate(model: Model, mode: ModeName) -> ca.Function:
     """(x, constants (n_p + 5,), t in phase) -> dx/dt."""
-    x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
+    x, c, t, p, u = symbols(model)
     field = model.saturated if mode == "saturated" else model.slip
-    p, drive = c[:-5], c[-5:]
-    force = drive[2] + drive[3] * t
-    u = ca.vertcat(drive[0], force, drive[1], drive[4] + t)
     return ca.Function("rate", [x, c, t], [ca.densify(field(x, p, u))])
 
 
@@ -43,7 +50,7 @@ def rate(model: Model, mode: ModeName) -> ca.Function:
 def ends(model: Model, mode: ModeName) -> ca.Function:
     """(x, constants, t) -> guards and their slopes in time (2 N_GUARDS,); 1 where one does not end the mode."""
     moving, free = rate(model, mode), rate(model, "slip")
-    x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
+    x, c, t, _p, _u = symbols(model)
     exits = dict(sliding_modes(model.clamped is not None)[mode].exits)
     guards = [c[-4] * x[SPEED], ca.SX(1), ca.SX(1)]
     if model.clamped is not None and "clearance" in exits:
@@ -57,10 +64,8 @@ def ends(model: Model, mode: ModeName) -> ca.Function:
 
 def _pull(model: Model) -> ca.Function:
     """(x, constants, t) -> size of the force of the rig over the mass [m/s^2]."""
-    x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
-    p, drive = c[:-5], c[-5:]
-    force = drive[2] + drive[3] * t
-    load = model.load(x, p, ca.vertcat(drive[0], force, drive[1], drive[4] + t))
+    x, c, t, p, u = symbols(model)
+    load = model.load(x, p, u)
     return ca.Function("pull", [x, c, t], [ca.densify(ca.fabs(load) / p[model.parameter_names.index("mass")])])
 
 
@@ -82,8 +87,7 @@ def trial(model: Model, method: Method, mode: ModeName, stops: bool = True) -> c
     for i, state in enumerate(model.states if stops else ()):
         if state.lower is not None and state.upper is not None:
             reach = state.upper - state.lower
-            above, below = ca.fmax(state.upper, x[i]), ca.fmin(state.lower, x[i])
-            inside = ca.logic_and(after[i] < above + ABOVE * reach, after[i] > below - reach)
+            inside = ca.logic_and(after[i] < state.upper + ABOVE * reach, after[i] > state.lower - reach)
             norm = ca.if_else(inside, norm, ca.inf)
     row = ca.vertcat(after, norm, ends(model, mode)(after, c, t + h))
     return ca.Function(f"trial_{mode}", [z, c, tolerances], [ca.cse(ca.densify(row))])
@@ -119,12 +123,9 @@ def _problem(model: Model, mode: ModeName, xth: Expression, c: Expression, toler
 @lru_cache(maxsize=64)
 def coefficient(model: Model, mode: ModeName) -> ca.Function:
     """(x, constants, t) -> friction coefficient, positive where friction brakes."""
-    x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
-    p, drive = c[:-5], c[-5:]
-    force = drive[2] + drive[3] * t
-    load = model.load(x, p, ca.vertcat(drive[0], force, drive[1], drive[4] + t))
+    x, c, t, p, u = symbols(model)
     net = p[model.parameter_names.index("mass")] * rate(model, mode)(x, c, t)[SPEED]
-    return ca.Function("coefficient", [x, c, t], [ca.densify(drive[1] * (load - net) / force)])
+    return ca.Function("coefficient", [x, c, t], [ca.densify(u[2] * (model.load(x, p, u) - net) / u[1])])
 
 
 MODES: tuple[ModeName, ...] = ("slip", "saturated")  # numbered so in a burst
@@ -149,57 +150,22 @@ class Stop(IntEnum):
     STUCK = 4  # no step is short enough
 
 
-@dataclass(frozen=True)
 class BurstState:
-    """Where a burst stands, as a vector: the node x (n_x,), its time t, the mode (place in `MODES`), `Stop`, and then
+    """The places in the vector that says where a burst stands: the node x (n_x,), its time t, the mode (place in
+    `MODES`), `Stop`, and then the control.
 
-    h: length of the next trial. error, step: root of the error and length of the last step taken (0: none).
+    Control: h, length of the next trial. error, step: root of the error and length of the last step taken (0: none).
     low, high: lengths between which a switch is being located (high 0: none is). final: the coming trial ends at the
     switch. watch: how often a dip may still be sought. Guards and their slopes at the node. Last, which trial comes:
     twice the mode, one more where a switch is being located; -1 none.
     """
 
-    n: int  # of states
-
-    @property
-    def t(self) -> int:
-        """Place of the time, behind the state."""
-        return self.n
-
-    @property
-    def mode(self) -> int:
-        """Place of the mode."""
-        return self.n + 1
-
-    @property
-    def stop(self) -> int:
-        """Place of why it stopped."""
-        return self.n + 2
-
-    @property
-    def control(self) -> slice:
-        """BurstState of h, error, step, low, high, final, watch."""
-        return slice(self.n + 3, self.n + 10)
-
-    @property
-    def h(self) -> int:
-        """Place of the length of the next trial."""
-        return self.n + 3
-
-    @property
-    def ends(self) -> slice:
-        """BurstState of the guards and their slopes."""
-        return slice(self.n + 10, self.n + 10 + 2 * N_GUARDS)
-
-    @property
-    def which(self) -> int:
-        """Place of the number of the trial that comes."""
-        return self.n + 10 + 2 * N_GUARDS
-
-    @property
-    def size(self) -> int:
-        """Length of the vector."""
-        return self.n + 11 + 2 * N_GUARDS
+    def __init__(self, n: int) -> None:
+        """n: of states."""
+        self.n, self.t, self.mode, self.stop, self.h = n, n, n + 1, n + 2, n + 3
+        self.control, self.ends = slice(n + 3, n + 10), slice(n + 10, n + 10 + 2 * N_GUARDS)
+        self.which = n + 10 + 2 * N_GUARDS
+        self.size = self.which + 1
 
 
 @lru_cache(maxsize=64)

@@ -17,11 +17,12 @@ from scipy.optimize import brentq
 
 from identify.base.errors import SimulationError
 from identify.model.model import ELONGATION, SPEED, Model
-from identify.model.modes import GUARDS, GuardName, ModeName
-from identify.simulation.bursts import MODES, N_GUARDS, Stop
-from identify.simulation.machine import Machine
+from identify.model.modes import GUARDS, GuardName, ModeName, sliding_modes
+from identify.simulation import resting
+from identify.simulation.bursts import MODES, N_GUARDS, SHORTEST, Stop
+from identify.simulation.plan import Plan, Scales, growth
 from identify.simulation.resting import Resting
-from identify.simulation.stepper import Situated, Stepper
+from identify.simulation.stepper import Situated, Stepper, borrowed, give_back
 from identify.simulation.steppers import Method
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -115,6 +116,128 @@ class Slide(Phase):
 
     method: Method
     tolerances: Array
+
+
+STEPS_PER_PHASE = 2000  # earned by every phase; together they spend MAX_STEPS more at most, so that time is bounded
+PATIENCE = 3000  # trials of one slide after which the next method takes over, where there is one
+CRAWLING = 300, 1e-3  # trials after which it does so if their mean length is less than that, in natural times
+FIRST = 1e-3  # of the natural time: the very first step
+BEGINNING = 0.1  # of the time in which a slip that has just begun grows e-fold: no first step is longer
+FLOOR = 1e-6  # absolute over relative tolerance, of typical states
+ROUNDING = 1e-12  # what the rounding of the forces makes of the speed within a thousandth of the natural time
+CREEP = 1e-13  # of the typical speed: a mass that creeps to rest under a drive at rest does not get slower
+
+
+class Machine:
+    """All that moves one scene: its rests, and the stepper of the method that is at work.
+
+    Holds buffers, so one per thread. It remembers between phases which method that is and how long a first step may
+    be: one slip is like the next.
+
+    Args:
+        p: parameters (n_p,).
+        locate: False takes the step at whose end a guard is negative as it is (a control for tests: accuracy is lost).
+        stops: False slides on where the mass comes to rest, by the motion forwards.
+    """
+
+    def __init__(
+        self, model: Model, p: Array, scale: Scales, plan: Plan, *, locate: bool = True, stops: bool = True
+    ) -> None:
+        self.model, self.locate, self.scale, self.p, self.stops = model, locate, scale, p, stops
+        self.moment, self._steps = scale.time, MAX_STEPS
+        floor = FLOOR * self.scale.state
+        # The speed of a slip that starts from balance grows from nothing: relative down to the rounding of the forces.
+        floor[SPEED] *= min(ROUNDING / plan.rtol, 1.0)
+        self.tolerances = np.concatenate([[plan.rtol], plan.rtol * floor])
+        self._left, self._borrowed = list(plan.methods), list[Stepper]()
+        self.stepper = self._next()
+        self.rests = resting.borrowed(model)
+        fastest = growth(model, p, scale)
+        self.longest_first = BEGINNING / fastest if fastest > 0.0 else np.inf
+        self.modes = sliding_modes(model.clamped is not None)
+        self.first = dict.fromkeys(self.modes, min(FIRST * self.scale.time, self.longest_first))
+        self.creep = CREEP * scale.state[SPEED]
+        self.following = {name: dict(mode.exits) for name, mode in self.modes.items()}
+        self.exits = {
+            name: tuple(GUARDS.index(guard) for guard, _ in mode.exits if stops or guard != "speed")
+            for name, mode in self.modes.items()
+        }
+
+    def _next(self) -> Stepper:
+        """The stepper of the first method that is left."""
+        method, scale = self._left[0], self.scale
+        stepper = borrowed(self.model, method, self.stops)
+        self._borrowed.append(stepper)
+        longest = min(method.reach * scale.time, scale.longest)
+        stepper.tune(self.p, self.tolerances, (longest, SHORTEST * scale.time, scale.farthest, self.locate))
+        return stepper
+
+    def close(self) -> None:
+        """Give back what others can use: the run is over."""
+        resting.give_back(self.rests)
+        while self._borrowed:
+            give_back(self._borrowed.pop())
+
+    def begins(self, situated: Situated, x: Array) -> ModeName:
+        """The mode in which a mass that moves begins: a fresh contact that would age below nothing is clamped."""
+        clamped = self.model.clamped
+        if clamped is None or x[clamped] > (self.model.states[clamped].lower or 0.0):
+            return "slip"
+        falls = float(self.model.slip(x, self.p, situated.at(0.0, situated.direction))[clamped]) < 0.0
+        return "saturated" if falls else "slip"
+
+    def creeps(self, situated: Situated, x: Array) -> bool:
+        """Whether a mass can creep to rest for ever: nothing that drives it moves or changes with time."""
+        if situated.drive_speed != 0.0 or situated.force_slope != 0.0 or self.model.clocked:
+            return False
+        still = x.copy()
+        still[SPEED] = 0.0
+        return float(self.model.slip(still, self.p, situated.at(0.0))[ELONGATION]) == 0.0
+
+    def held_back(self, tried: int, reached: float) -> bool:
+        """Whether so many trials that have reached so far [s] are too many, and there is a method to take over."""
+        crawls = tried > CRAWLING[0] and reached < tried * CRAWLING[1] * self.scale.time
+        return len(self._left) > 1 and (crawls or tried > PATIENCE)
+
+    def give_over(self) -> bool:
+        """Let the next method take over for good; False where there is none."""
+        if len(self._left) == 1:
+            return False
+        del self._left[0]
+        self.stepper = self._next()
+        return True
+
+    def rest(self, x: Array, situated: Situated, limit: float) -> Stick:
+        """As the function `rest`, from the time of `situated` on."""
+        return rest(self.rests, x, situated, situated.time, limit)
+
+    def slide(self, mode: ModeName, x: Array, situated: Situated, limit: float) -> list[Slide]:
+        """As the function `slide`, from the time of `situated` on; all slides of a motion share their steps.
+
+        Raises:
+            SimulationError: as there; friction pushes.
+        """
+        made = slide(self, mode, x, situated, situated.time, limit, most=self._steps)
+        check_braking(self, made)
+        self._steps = min(MAX_STEPS, self._steps - sum(len(phase.times) for phase in made) + STEPS_PER_PHASE)
+        return made
+
+    def counts(self, phase: Phase) -> bool:
+        """Whether a phase belongs to the motion."""
+        return phase.duration > 0.0
+
+    def chatter(self, t: float, longest: float) -> str:
+        """Why time does not pass at t [s], where no phase is longer than that [s], and what to do."""
+        if longest > 0.0 and t + longest == t:
+            return (
+                f"at {t:.6g} s slips of {longest:.3g} s are less than the last digit of the time: the rest before them "
+                "is too long for their forces to be told; start shortly before the onset, with the elongation it has "
+                "there"
+            )
+        return (
+            f"the contact sticks and slips without time passing at {t:.6g} s (chatter): "
+            "the static coefficient hardly exceeds the kinetic one; simulate sliding instead"
+        )
 
 
 def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: float) -> Stick:

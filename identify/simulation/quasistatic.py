@@ -20,24 +20,15 @@ from identify.base.compiled import Compiled, compiled
 from identify.base.errors import SimulationError
 from identify.model.model import Model
 from identify.model.modes import ModeName
+from identify.simulation.bursts import inputs
 from identify.simulation.stepper import Situated
+from identify.simulation.steppers import ERROR, NODES, REAL
 
 Array = NDArray[np.float64]
 
-_R = np.sqrt(6.0)
-NODES = np.array([(4 - _R) / 10, (4 + _R) / 10, 1.0])
-WEIGHTS = np.array(
-    [
-        [(88 - 7 * _R) / 360, (296 - 169 * _R) / 1800, (-2 + 3 * _R) / 225],
-        [(296 + 169 * _R) / 1800, (88 + 7 * _R) / 360, (-2 - 3 * _R) / 225],
-        [(16 - _R) / 36, (16 + _R) / 36, 1 / 9],
-    ]
-)
-# Embedded error estimate of order 3: the real eigenvalue of the inverse of WEIGHTS, and weights of the stages.
-PACE = 3 + 3 ** (2 / 3) - 3 ** (1 / 3)
-EMBEDDED = np.array([-13 - 7 * _R, -13 + 7 * _R, -1.0]) / 3
-ORDER = 5
-ESTIMATE_ORDER = 3
+# Row i: integrals, up to each node, of the polynomials that are one at a node and zero at the others.
+WEIGHTS = (NODES[:, None] ** np.arange(1, 4) / np.arange(1, 4)) @ np.linalg.inv(NODES[:, None] ** np.arange(3))
+ESTIMATE_ORDER = 3  # of the embedded error estimate
 
 NEWTON_STEPS = 12
 PATIENCE = 4  # corrections of the speed that grow after so many of them come to no end
@@ -78,7 +69,7 @@ class Local:
 
 def _moving(model: Model, mode: ModeName, x: ca.SX, v: ca.SX, p: ca.SX, drive: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
     assert model.balance is not None
-    u = ca.vertcat(drive[0], drive[2] + drive[3] * t, drive[1], drive[4] + t)
+    u = inputs(drive, t)
     field = model.saturated if mode == "saturated" else model.slip
     return field(x, p, u, v), model.balance(x, p, u, v)
 
@@ -204,8 +195,8 @@ class Collocator:
         """Embedded estimate, filtered so that fast decays do not spoil it (the authors' eq. IV.8.20)."""
         n = x.size
         matrix = -here.jacobian
-        matrix[:n, :n] += PACE / h * np.eye(n)
-        pull = np.append(here.rate + EMBEDDED @ (stages[:, :n] - x) / h, here.balance)
+        matrix[:n, :n] += REAL / h * np.eye(n)
+        pull = np.append(here.rate + ERROR @ (stages[:, :n] - x) / h, here.balance)
         try:
             error = np.linalg.solve(matrix, pull)[:n]
         except np.linalg.LinAlgError:

@@ -5,7 +5,7 @@ As in `phases`, switch times are located on the step itself, and time is local t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from identify.base.errors import SimulationError
-from identify.base.roots import first_zero
 from identify.model.model import Model
 from identify.model.modes import GuardName, ModeName, sliding_modes
-from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.phases import Phase
-from identify.simulation.plan import Stepping, other
+from identify.simulation.plan import Plan
 from identify.simulation.quasistatic import (
     CLOSE,
     ESTIMATE_ORDER,
@@ -31,9 +29,9 @@ from identify.simulation.quasistatic import (
     settle,
     stage_function,
 )
-from identify.simulation.resting import courses, swing
+from identify.simulation.resting import Resting, borrowed, give_back, swing
 from identify.simulation.stepper import Situated
-from identify.simulation.trajectory import Second, Trajectory
+from identify.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -42,14 +40,15 @@ FIRST = 1e-2  # the first step that is tried: the time in which the states chang
 SHORTEST = 1e-13  # of the first step: there is no shorter one
 PER_PERIOD = 32  # steps in a period of the drive's vibration: an arrest between two is not passed over
 _POWER = -1.0 / (ESTIMATE_ORDER + 1)
-_EARLY = np.concatenate([[0.0], np.geomspace(1e-16, 1.0, 193)])
 
 
 @dataclass(frozen=True)
 class BalancedPhase(Phase):
-    """A stretch of one mode without inertia; `v` (s,) are the speeds along the direction of slip at the nodes [m/s]."""
+    """A stretch of one mode without inertia; `v` (s,) are the speeds along the direction of slip at the nodes [m/s],
+    `pull` is the force of the drive on a resting contact at its end [N]."""
 
     v: Array
+    pull: float = 0.0
 
 
 def sizes(model: Model, p: Array, normal_force: float) -> Array:
@@ -59,46 +58,17 @@ def sizes(model: Model, p: Array, normal_force: float) -> Array:
     return np.array([of_unit.get(state.unit, 1.0) for state in model.states])
 
 
-def stick(model: Model, x: Array, situated: Situated, start: float, limit: float) -> BalancedPhase:
-    """Rest from state x until the grip is overcome, or for `limit` [s].
+def stick(rests: Resting, x: Array, situated: Situated, limit: float) -> BalancedPhase:
+    """Rest from state x until the static limit is overcome, or for `limit` [s].
 
     Without inertia a slip may come to rest with nothing to spare: what the first force that counts says, holds.
     """
-
-    def spare(times: Array, shares: Array | None = None) -> Array:
-        p, u = situated.p[:, None], situated.at(times)
-        state = np.array(model.rest(x, p, u, times[None, :]))
-        driving = model.driving_force(state, p, u) if shares is None else model.pulled(x, p, u, times[None, :], shares)
-        return np.asarray(np.array(model.grip(state, p, u)).ravel() - np.abs(np.array(driving).ravel()))
-
-    onset = _onset(model, situated, spare, limit)
-    end = limit if onset is None else onset
-    after = np.array(model.rest(x, situated.p, situated.at(end), end)).ravel()
-    ended_by: GuardName | None = None if onset is None else "speed"
-    return BalancedPhase("stick", start, situated, np.array([0.0, end]), np.stack([x, after]), ended_by, np.zeros(2))
-
-
-def _onset(
-    model: Model, situated: Situated, spare: Callable[[Array, Array | None], Array], limit: float
-) -> float | None:
-    """When the grip is overcome; None: not within the limit."""
-    if limit <= 0.0:
-        return None
     least = negligible(situated, float(np.max(situated.p[:2])))
-    times = _EARLY * limit
-    forces = spare(times, None)
-    counts = np.flatnonzero(np.abs(forces) > least)
-    if not counts.size:
-        return None
-    first = int(counts[0])
-    if forces[first] < 0.0:
-        return float(times[max(first - 1, 0)])
-    since = float(times[first])
-    if limit - since <= 0.0:
-        return None
-    *below, whole = courses(model, situated.p, lambda t, shares: spare(since + t, shares))
-    found = first_zero(whole, limit - since, below)
-    return None if found is None else since + found
+    onset, after, pull = rests.from_balance(x, situated, limit, least)
+    end = limit if onset is None else onset
+    ended_by: GuardName | None = None if onset is None else "speed"
+    times, states = np.array([0.0, end]), np.stack([x, after])
+    return BalancedPhase("stick", situated.time, situated, times, states, ended_by, np.zeros(2), pull)
 
 
 @dataclass(frozen=True)
@@ -332,95 +302,58 @@ def _step(
 # spring unloads (k < k_D), the motion jumps to another place: refused by name.
 # ----------------------------------------------------------------------------------------------------------------------
 
-MAX_PHASES = 2_000_000
-STALLED, MOMENT = 1000, 1e-10  # so many phases in a row, each no longer than that share of the whole: chatter
+MOMENT = 1e-7  # of the whole: time in which a contact that does not chatter changes its mode less than STALLED times
 
 
-def balanced(
-    model: Model,
-    p: Array,
-    outside: tuple[Drive, NormalForce],
-    duration: float,
-    x: Array,
-    stepping: Stepping,
-    accuracy: float,
-) -> BalancedTrajectory:
-    """The motion of a model without inertia from rest at state x (n_x,), for `duration` [s].
+class BalancedMachine:
+    """All that moves one scene without inertia, as `Machine` does with it; it remembers the speed between phases.
 
     Args:
-        outside: drive and normal force; stepping: its method is not asked for; accuracy: what `run` was asked for.
-
-    Raises:
-        SimulationError: a jump to another place, or phases without time passing.
+        p: parameters (n_p,). sizes (n_x,): of the states; duration: [s], of the whole. The plan: its tolerance counts;
+        locate as of `Machine`.
     """
-    motion = tuple(_phases(model, p, outside, duration, x, stepping.rtol, stepping.locate))
-    following, share = other(stepping.rtol)
 
-    def again() -> BalancedTrajectory:
-        return balanced(model, p, outside, duration, x, replace(stepping, rtol=following), accuracy)
+    def __init__(
+        self, model: Model, p: Array, sizes: Array, duration: float, plan: Plan, *, locate: bool = True
+    ) -> None:
+        self.model, self.p, self._locates, self.moment = model, p, locate, MOMENT * duration
+        self.following: dict[ModeName, dict[GuardName, ModeName]] = {
+            name: {**dict(mode.exits), "fold": name} for name, mode in sliding_modes(model.clamped is not None).items()
+        }
+        self._collocator, self._rests = Collocator(model, plan.rtol, sizes), borrowed(model)
+        self._v, self._folded = 0.0, False
 
-    return BalancedTrajectory(model, motion, duration, accuracy, Second(again, share, following < stepping.rtol))
+    def close(self) -> None:
+        """Give back what others can use: the run is over."""
+        give_back(self._rests)
 
+    def rest(self, x: Array, situated: Situated, limit: float) -> BalancedPhase:
+        """As `stick`."""
+        self._v, self._folded = 0.0, False
+        return stick(self._rests, x, situated, limit)
 
-def _phases(
-    model: Model,
-    p: Array,
-    outside: tuple[Drive, NormalForce],
-    duration: float,
-    x: Array,
-    rtol: float,
-    locate: bool,
-) -> Iterator[BalancedPhase]:
-    drive, normal_force = outside
-    machine = Collocator(model, rtol, sizes(model, p, float(normal_force.at(0.0))))
-    ends = breaks(drive, normal_force, duration)
-    t, v, segment, stalled, direction, folded = 0.0, 0.0, 0, 0, 1.0, False
-    mode: ModeName = "stick"
-    for _ in range(MAX_PHASES):
-        force, slope = normal_force.line(t)
-        situated = Situated(p, drive.at(t), direction, force, slope, t)
-        limit = float(ends[segment]) - t
-        phase, following = _phase(machine, mode, (x, v, folded), situated, limit, locate)
-        stalled = stalled + 1 if phase.duration <= MOMENT * duration else 0
-        if stalled > STALLED:
-            raise SimulationError(
-                f"the contact changes between rest and slide without time passing at {t:.6g} s (chatter): "
-                "without inertia nothing holds it either way; add the effect inertia"
-            )
-        if phase.duration > 0.0 or phase.ended_by is not None:
-            yield phase  # of no duration too: an arrest at a step of the drive is an arrest
-        t, x, v, folded = t + phase.duration, phase.x[-1], float(phase.v[-1]), phase.ended_by == "fold"
-        if phase.ended_by is None:
-            t, segment = float(ends[segment]), segment + 1
-            if segment == ends.size:
-                return
-        if mode == "stick" and following != "stick":
-            u = np.array([situated.drive_speed, float(normal_force.at(t)), 1.0, t])
-            direction = float(np.sign(np.array(model.driving_force(x, p, u)).item())) or 1.0
-        elif mode != "stick" and following == "stick" and model.jumps:
-            x = np.array(model.at_stick(x, p, situated.at(phase.duration))).ravel()
-        mode = following
-    raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
+    def slide(self, mode: ModeName, x: Array, situated: Situated, limit: float) -> list[BalancedPhase]:
+        """Slide from state x in one mode until it ends, or for `limit` [s].
 
+        Raises:
+            SimulationError: a jump to another place, or too many steps.
+        """
+        speed = settle(self._collocator, mode, x, situated, self._v, folded=self._folded)
+        if speed is None:
+            still = np.zeros(1)
+            return [BalancedPhase(mode, situated.time, situated, still, x[None, :], "speed", still)]
+        sliding = BalancedSlide(self._collocator, mode, situated, locate=self._locates)
+        phase = sliding.run(x, speed, situated.time, limit)
+        self._v, self._folded = float(phase.v[-1]), phase.ended_by == "fold"
+        return [phase]
 
-def _phase(
-    machine: Collocator,
-    mode: ModeName,
-    at: tuple[Array, float, bool],
-    situated: Situated,
-    limit: float,
-    locate: bool,
-) -> tuple[BalancedPhase, ModeName]:
-    """One phase of `limit` [s] at most, and the mode that follows it; at: state, speed, whether that has folded."""
-    model, start, (x, v, folded) = machine.model, situated.time, at
-    if mode == "stick":
-        phase = stick(model, x, situated, start, limit)
-        return phase, "stick" if phase.ended_by is None else "slip"
-    speed = settle(machine, mode, x, situated, v, folded=folded)
-    if speed is None:
-        still = BalancedPhase(mode, start, situated, np.zeros(1), x[None, :], "speed", np.zeros(1))
-        return still, "stick"
-    phase = BalancedSlide(machine, mode, situated, locate=locate).run(x, speed, start, limit)
-    if phase.ended_by is None or phase.ended_by == "fold":
-        return phase, mode
-    return phase, dict(sliding_modes(model.clamped is not None)[mode].exits)[phase.ended_by]
+    def counts(self, phase: Phase) -> bool:
+        """Whether a phase belongs to the motion: an arrest at a step of the drive is an arrest."""
+        return phase.duration > 0.0 or phase.ended_by is not None
+
+    def chatter(self, t: float, _longest: float) -> str:
+        """Why time does not pass at t [s], and what to do."""
+        return (
+            f"the contact changes between rest and slide without time passing at {t:.6g} s (chatter): "
+            "without inertia nothing holds it either way; add the effect inertia"
+        )

@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from identify.base.compiled import compiled
 from identify.base.roots import Course, first_zero
 from identify.model.model import Model
+from identify.simulation.bursts import symbols
 from identify.simulation.stepper import Situated
 
 Array = NDArray[np.float64]
 
 LANES = (64, 8, 1)  # times of one call: of many, of some, of the last ones
 _BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
+_EARLY = np.concatenate([[0.0], np.geomspace(1e-16, 1.0, 193)])  # of the longest rest: where a start is looked at
 NEWTON_STEPS = 60
 SPARE, SLOPE, PULL, RESTED = 0, 1, 2, 3  # places in a row
 APART = 4.0  # motions of the drive whose frequencies are closer than that are looked at together
@@ -34,9 +36,7 @@ def _functions(model: Model) -> tuple[ca.Function, ca.Function, list[ca.Function
     """By (x at the start, constants, t): the row (spare grip [N], its slope, pull [N] with its sign, state), and the
     largest second derivative of the spare grip; for each number of LANES, of so many times the spare grip, and that
     under shares (n_w,) of what oscillates."""
-    x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
-    p, drive = c[:-5], c[-5:]
-    u = ca.vertcat(drive[0], drive[2] + drive[3] * t, 1, drive[4] + t)
+    x, c, t, p, u = symbols(model)
     rested = model.rest(x, p, u, t)
     pull = model.driving_force(rested, p, u)
     spare = model.grip(rested, p, u) - ca.fabs(pull)
@@ -97,9 +97,30 @@ class Resting:
         onset = None
         if limit > 0.0:
             concave = early or self._concave(limit)
-            onset = self._by_newton(limit, -np.inf if early else 0.0) if concave else self._by_scan(situated.p, limit)
-        row = self._at(limit if onset is None else onset)
-        return onset, row[RESTED:].copy(), float(row[PULL])
+            onset = self._by_newton(limit, -np.inf if early else 0.0) if concave else self._by_scan(0.0, limit)
+        return onset, *self._ended(limit if onset is None else onset)
+
+    def from_balance(
+        self, x: Array, situated: Situated, limit: float, least: float
+    ) -> tuple[float | None, Array, float]:
+        """The same from a start that may have nothing to spare: the first margin of more than `least` [N] says whether
+        the mass rests."""
+        self.margin(x, situated)
+        times, onset = _EARLY * limit, None
+        margins = self._spares(times, None)
+        counts = np.flatnonzero(np.abs(margins) > least)
+        if counts.size and limit > 0.0:
+            first = int(counts[0])
+            if margins[first] < 0.0:
+                onset = float(times[max(first - 1, 0)])
+            elif times[first] < limit:
+                onset = self._by_scan(float(times[first]), limit)
+        return onset, *self._ended(limit if onset is None else onset)
+
+    def _ended(self, t: float) -> tuple[Array, float]:
+        """The state (n_x,) and the force of the drive [N] at the end of a rest."""
+        row = self._at(t)
+        return row[RESTED:].copy(), float(row[PULL])
 
     def margin(self, x: Array, situated: Situated) -> tuple[float, float]:
         """By how much a mass at rest in x (n_x,) withstands the drive [N], and the force of the drive [N]."""
@@ -134,9 +155,10 @@ class Resting:
             t, last = max(t - step, earliest), step
         return t
 
-    def _by_scan(self, p: Array, limit: float) -> float | None:
-        *below, whole = courses(self.model, p, self._spares)
-        return first_zero(whole, limit, below)
+    def _by_scan(self, since: float, limit: float) -> float | None:
+        *below, whole = courses(self.model, self._c[:-5], lambda t, shares: self._spares(since + t, shares))
+        found = first_zero(whole, limit - since, below)
+        return None if found is None else since + found
 
     def _spares(self, times: Array, shares: Array | None) -> Array:
         """Spare grip [N] at times (n,) [s], under shares (n_w,) of what oscillates (None: all of it)."""

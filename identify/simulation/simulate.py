@@ -6,8 +6,10 @@ overcomes the grip, and the sign function is never smoothed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,10 +20,9 @@ from identify.model.model import SPEED, Model
 from identify.model.modes import ModeName
 from identify.scene.tables import quantity
 from identify.simulation.drive import Drive, NormalForce, breaks
-from identify.simulation.machine import Machine
-from identify.simulation.phases import MAX_STEPS, Phase, check_braking, initial_states, rest, slide
+from identify.simulation.phases import Machine, Phase, initial_states
 from identify.simulation.plan import ACCURACY, SAFETY, Plan, Stepping, accuracy_for, admit, plan, scales
-from identify.simulation.quasistatic_phases import balanced
+from identify.simulation.quasistatic_phases import BalancedMachine, BalancedTrajectory, sizes
 from identify.simulation.stepper import Situated
 from identify.simulation.trajectory import Second, Trajectory
 
@@ -31,11 +32,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MAX_PHASES = 2_000_000
-STEPS_PER_PHASE = 2000  # earned by every phase; together they spend MAX_STEPS more at most, so that time is bounded
-STALLED = 1000  # rests and slides within one natural time: chatter, refused by name
+STALLED = 1000  # rests and slides within one moment of the machine: chatter, refused by name
 
 
-def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: float, x: Array) -> Iterator[Phase]:
+def phases(
+    machine: Machine | BalancedMachine, drive: Drive, normal_force: NormalForce, duration: float, x: Array
+) -> Iterator[Phase]:
     """The phases of the motion from state x (n_x,), one by one, until `duration` [s].
 
     Raises:
@@ -43,10 +45,11 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
     """
     model, p = machine.model, machine.p
     ends = breaks(drive, normal_force, duration)
-    t, segment, steps, marked, longest = 0.0, 0, MAX_STEPS, -np.inf, 0.0
+    t, segment, marked, longest = 0.0, 0, -np.inf, 0.0
     mode: ModeName = "stick"
-    direction = float(np.sign(x[SPEED])) or 1.0
-    if x[SPEED] != 0.0:
+    direction = 1.0
+    if isinstance(machine, Machine) and x[SPEED] != 0.0:
+        direction = float(np.sign(x[SPEED]))
         force, slope = normal_force.line(0.0)
         mode = machine.begins(Situated(p, drive.at(0.0), direction, force, slope), x)
     made: Sequence[Phase]
@@ -55,19 +58,17 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
         situated = Situated(p, drive.at(t), direction, force, slope, t)
         limit = max(float(ends[segment]) - t, 0.0)
         if mode == "stick":
-            stick = rest(machine.rests, x, situated, t, limit)
+            stick = machine.rest(x, situated, limit)
             direction, made = -1.0 if stick.pull < 0.0 else 1.0, (stick,)
         else:
-            made = slide(machine, mode, x, situated, t, limit, most=steps)
-            check_braking(machine, made)
-            steps = min(MAX_STEPS, steps - sum(len(phase.times) for phase in made) + STEPS_PER_PHASE)
+            made = machine.slide(mode, x, situated, limit)
         phase = made[-1]
         end, longest = phase.start + phase.duration, max(longest, phase.duration)
         if number % STALLED == STALLED - 1:
-            if t - marked < machine.scale.time:
-                raise SimulationError(_chatter(t, longest))
+            if t - marked < machine.moment:
+                raise SimulationError(machine.chatter(t, longest))
             marked, longest = t, 0.0
-        yield from (phase for phase in made if phase.duration > 0.0)
+        yield from (phase for phase in made if machine.counts(phase))
         t, x, mode = end, phase.end, phase.mode
         if phase.ended_by is None:
             t, segment = float(ends[segment]), segment + 1
@@ -80,19 +81,6 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
             if mode == "stick" and model.jumps:
                 x = np.array(model.at_stick(x, p, situated.at(phase.duration))).ravel()
     raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
-
-
-def _chatter(t: float, longest: float) -> str:
-    """Why time does not pass at t [s], where no phase is longer than that [s], and what to do."""
-    if longest > 0.0 and t + longest == t:
-        return (
-            f"at {t:.6g} s slips of {longest:.3g} s are less than the last digit of the time: the rest before them is "
-            "too long for their forces to be told; start shortly before the onset, with the elongation it has there"
-        )
-    return (
-        f"the contact sticks and slips without time passing at {t:.6g} s (chatter): "
-        "the static coefficient hardly exceeds the kinetic one; simulate sliding instead"
-    )
 
 
 def run(
@@ -127,24 +115,23 @@ def run(
     initial = start or {}
     x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
     programme, load = Drive.of(drive), NormalForce.of(normal_force)
-    if model.balance is not None:
-        return balanced(model, p, (programme, load), duration, x, asked, accuracy)
-    scale = scales(model, p, float(load.at(0.0)))
-    steps = plan(model, p, scale, asked)
-
-    def motion(steps: Plan) -> tuple[Phase, ...]:
-        machine = Machine(model, p, scale, steps, locate=asked.locate)
-        try:
-            return tuple(phases(machine, programme, load, duration, x))
-        finally:
-            machine.close()
+    force = float(load.at(0.0))
+    build: Callable[..., Machine | BalancedMachine]
+    kind: type[Trajectory]
+    if model.balance is None:
+        scale = scales(model, p, force)
+        first, build, kind = plan(model, p, scale, asked), partial(Machine, model, p, scale), Trajectory
+    else:
+        build, kind = partial(BalancedMachine, model, p, sizes(model, p, force), duration), BalancedTrajectory
+        first = Plan(asked.rtol, ())
 
     def made(steps: Plan) -> Trajectory:
+        with closing(build(steps, locate=asked.locate)) as machine:
+            motion = tuple(phases(machine, programme, load, duration, x))
         other, share = steps.other()
-        second = Second(lambda: made(other), share, other.rtol < steps.rtol)
-        return Trajectory(model, motion(steps), duration, accuracy, second)
+        return kind(model, motion, duration, accuracy, Second(lambda: made(other), share, other.rtol < steps.rtol))
 
-    return made(steps)
+    return made(first)
 
 
 def simulate(

@@ -16,7 +16,7 @@ from identify.base.errors import SimulationError
 from identify.model.model import SPEED, Model
 from identify.model.modes import ModeName
 from identify.scene.tables import quantity
-from identify.simulation.bursts import within
+from identify.simulation.bursts import inputs, within
 from identify.simulation.phases import Phase, Slide
 from identify.simulation.steppers import Expression, Method
 
@@ -166,15 +166,14 @@ def _row(model: Model, method: Method | None, mode: ModeName, lanes: int) -> ca.
     xth, drive = kind.sym("xth", 2 * n + 3), kind.sym("drive", 5)
     p, tolerances = kind.sym("p", len(model.parameters)), kind.sym("tolerances", n + 1)
     t = xth[n] + xth[n + 2]
-    force = drive[2] + drive[3] * t
-    u = ca.vertcat(drive[0], force, drive[1], drive[4] + t)
+    u = inputs(drive, t)
     if method is None:
         x = model.rest(xth[:n], p, u, t)
         friction = model.driving_force(x, p, u)
     else:
         x = within(model, method, mode)(xth, ca.vertcat(p, drive), tolerances)
         friction = _friction(model, mode, x, p, u)
-    row = ca.densify(ca.vertcat(x, model.load_cell(x, p, u), friction / force))
+    row = ca.densify(ca.vertcat(x, model.load_cell(x, p, u), friction / u[1]))
     one = ca.Function("row", [xth, drive, p, tolerances], [row])
     return one.map(lanes, [False, False, True, True], [False])
 

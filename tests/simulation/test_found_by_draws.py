@@ -10,7 +10,7 @@ from experiments.draws import draw
 from experiments.energy import balance
 from experiments.verdicts import difference, judge, motion
 from identify.model.model import assemble
-from identify.simulation.machine import CREEP
+from identify.simulation.phases import CREEP
 from identify.simulation.simulate import run
 from identify.simulation.steppers import STIFF, StepProblem
 
