@@ -290,17 +290,8 @@ def slip_end(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = Fals
         (time, elongation), broadcast; NaN where the mass never sticks again. With `derivatives` a pair
         ((time, elongation), {"alpha": (...), "overshoot": (...)}); they grow without bound at the fold.
     """
-    a, A = _pair(alpha, overshoot)
-    with np.errstate(all="ignore"):
-        status, first = _status(a, A)
-        again = status == "restick"
-        eps, tau, stop = _ends(a[again], A[again], first[again])
-        columns: list[Any] = [tau, -(2 * a[again] + stop)]
-        if derivatives:
-            times, ends = end_slopes(a[again].astype(np.longdouble), A[again].astype(np.longdouble), eps, tau, stop)
-            columns += [times[0], ends[0], times[1], ends[1]]
-    shaped = [_spread(c, again, alpha, overshoot) for c in columns]
-    values = (shaped[0], shaped[1])
     if not derivatives:
-        return values
-    return values, {"alpha": (shaped[2], shaped[3]), "overshoot": (shaped[4], shaped[5])}
+        whole = slip(alpha, overshoot)
+        return whole.duration, whole.elongation
+    whole, table = slip(alpha, overshoot, derivatives=True)
+    return (whole.duration, whole.elongation), {name: (q["duration"], q["elongation"]) for name, q in table.items()}

@@ -39,8 +39,15 @@ def growth_at(model: Model, settings: Array) -> Array:
     return growth_rates(model, w[:, :-2], w[:, -1], w[:, -2])
 
 
+def cleared_at(model: Model, settings: Array) -> Array:
+    """How far the bounded state of steady sliding stays from its bound, by `clearances`, at settings (n, n_w): (n,)."""
+    w = np.ascontiguousarray(settings)
+    return clearances(model, w[:, :-2], w[:, -1], w[:, -2])
+
+
 def losses_of_stability(plane: Plane, growth: Array) -> dict[Edge, Crossing]:
-    """Every edge over which the growth rate (n_y, n_x) of steady sliding changes its sign, and where."""
+    """Every edge over which the growth rate (n_y, n_x) of steady sliding changes its sign, and where: where the rate is
+    zero, or where it jumps as the contact wears out."""
     edges = plane.edges(growth >= 0.0)
     if not edges:
         return {}
@@ -59,9 +66,12 @@ def losses_of_stability(plane: Plane, growth: Array) -> dict[Edge, Crossing]:
         if turn == 0:
             first = np.abs(rates[:, -1] - rates[:, 0])
         last = np.abs(after - before)
-    found = low + before / (before - after) * (high - low)
     jumps = last > JUMPS * first
-    found = np.where(jumps, 0.5 * (low + high), found)
+    ends = np.array([way[0].setting(p) for place in (low, high) for way, p in zip(ways, place.tolist(), strict=True)])
+    clear, worn = cleared_at(model, ends).reshape(2, -1)
+    # A law that bends there makes the rate jump too: somewhere in between.
+    before, after = np.where(jumps, np.where(clear * worn < 0.0, (clear, worn), [[1.0], [-1.0]]), (before, after))
+    found = low + before / (before - after) * (high - low)
     settings = np.array([way[0].setting(p) for way, p in zip(ways, found.tolist(), strict=True)])
     along = np.array([way[0].slope(p) for way, p in zip(ways, found.tolist(), strict=True)])
     slopes = _slopes(model, settings, along, jumps)
@@ -80,8 +90,7 @@ def _slopes(model: Model, settings: Array, along: Array, jumps: NDArray[np.bool_
     moved = np.ascontiguousarray((settings[:, None, None, :] + moves).reshape(-1, n_w))
     values = growth_at(model, moved).reshape(n, 2, n_w)
     if np.any(jumps):
-        cleared = clearances(model, moved[:, :-2], moved[:, -1], moved[:, -2]).reshape(n, 2, n_w)
-        values = np.where(jumps[:, None, None], cleared, values)
+        values = np.where(jumps[:, None, None], cleared_at(model, moved).reshape(n, 2, n_w), values)
     by_setting = (values[:, 0] - values[:, 1]) / (2.0 * steps)
     with np.errstate(all="ignore"):
         return np.asarray(-by_setting / np.sum(by_setting * along, axis=1)[:, None])

@@ -18,12 +18,12 @@ from identify.prediction.cycle import CycleMap
 from identify.prediction.map_axes import Site, axis
 from identify.prediction.map_grid import Plane
 from identify.prediction.orbit import Orbit, patience
-from identify.prediction.orbit_search import OrbitSearch, OrbitsOnGrid, growth_at
+from identify.prediction.orbit_search import OrbitSearch, OrbitsOnGrid, growth_at, losses_of_stability
 from identify.prediction.path import Crossing, drive_speed_path, moved_orbit, trace
-from identify.simulation.sliding import unstable_speeds
 
 Array = NDArray[np.float64]
 
+POINTS = 120  # at which it is looked whether steady sliding is stable
 SPACING = 0.3  # of the logarithm of the drive speed between nodes
 SLOWEST, FASTEST = 1e-2, 30.0  # range searched, over the slowest and the typical speed of pair and rig
 MARGINS, FARTHEST = (0.03, 0.1, 0.3, 1.0), 5.0  # of the logarithm: before a limit expected, and beyond
@@ -164,8 +164,7 @@ class Windows:
             replace(part, low=part.low and part.low.under(now, force), high=part.high and part.high.under(now, force))
             for part in self.sticking
         ]
-        unstable = unstable_speeds(map_.model, map_.p, map_.normal_force, *self.searched)
-        return Windows(map_.normal_force, self.searched, tuple(moved), unstable)
+        return Windows(map_.normal_force, self.searched, tuple(moved), unstable_speeds(map_, *self.searched))
 
 
 def outcome_of(orbit: Orbit | None, sticks: bool, stable: bool) -> Outcome:
@@ -221,8 +220,7 @@ def speed_windows(map_: CycleMap, asked: Sequence[float] = ()) -> Windows:
     grid = _speed_row(map_, places)
     found = OrbitSearch(grid, map_, growth_at(map_.model, grid.settings[0])[None, :]).run()
     searched = float(np.exp(places[0])), float(np.exp(places[-1]))
-    unstable = unstable_speeds(map_.model, map_.p, map_.normal_force, *searched)
-    return Windows(map_.normal_force, searched, _ranges(grid, found), unstable)
+    return Windows(map_.normal_force, searched, _ranges(grid, found), unstable_speeds(map_, *searched))
 
 
 def _speed_row(map_: CycleMap, places: Array) -> Plane:
@@ -233,6 +231,19 @@ def _speed_row(map_: CycleMap, places: Array) -> Plane:
     settings = np.stack([map_.setting(speed) for speed in np.exp(places).tolist()])[None]
     admitted = np.ones(settings.shape[:2], dtype=bool)
     return Plane(site, axis(site, "drive_speed"), load, places, np.array([load.place(load.value)]), settings, admitted)
+
+
+def unstable_speeds(map_: CycleMap, lowest: float, highest: float) -> tuple[tuple[float, float], ...]:
+    """Intervals of drive speed [m/s] within [lowest, highest] in which steady sliding is unstable.
+
+    An interval narrower than the grid (logarithmic, `POINTS`) is missed. Ends at `lowest` or `highest` are those of the
+    search.
+    """
+    grid = _speed_row(map_, np.linspace(np.log(lowest), np.log(highest), POINTS))
+    growth = growth_at(map_.model, grid.settings[0])[None]
+    losses = sorted(float(np.exp(loss.place)) for loss in losses_of_stability(grid, growth).values())
+    ends = [lowest] * bool(growth[0, 0] >= 0.0) + losses + [highest] * bool(growth[0, -1] >= 0.0)
+    return tuple(zip(ends[::2], ends[1::2], strict=True))
 
 
 def _ranges(grid: Plane, found: OrbitsOnGrid) -> tuple[SpeedRange, ...]:

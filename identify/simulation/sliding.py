@@ -17,8 +17,6 @@ Array = NDArray[np.float64]
 
 NEWTON_STEPS = 30
 LANES = 32  # operating points that one call of a compiled function takes
-ROUNDS = 3  # of narrowing the drive speed at which sliding loses stability
-SPLITS = 16  # by which each round narrows it
 
 
 @dataclass(frozen=True)
@@ -179,33 +177,3 @@ def clearances(model: Model, p: Array, drive_speed: Array, normal_force: Array) 
         return np.full(drive_speed.shape, np.inf)
     x, _ = _steady(model, np.ascontiguousarray(p), _inputs(drive_speed, normal_force), worn=False)
     return np.asarray(x[:, model.clamped] - (model.states[model.clamped].lower or 0.0))
-
-
-def unstable_speeds(
-    model: Model, p: Array, normal_force: float, lowest: float, highest: float, points: int = 120
-) -> tuple[tuple[float, float], ...]:
-    """Intervals of drive speed [m/s] within [lowest, highest] in which steady sliding is unstable.
-
-    An interval narrower than the grid (logarithmic, `points`) is missed. Ends at `lowest` or `highest` are
-    those of the search.
-    """
-    speeds = np.geomspace(lowest, highest, points)
-    rates = growth_rates(model, p, speeds, normal_force)
-    ends: list[float] = [lowest] if rates[0] >= 0 else []
-    ends += [
-        _crossing(model, p, normal_force, speeds[i : i + 2])
-        for i in np.flatnonzero((rates[1:] >= 0) != (rates[:-1] >= 0))
-    ]
-    ends += [highest] if rates[-1] >= 0 else []
-    return tuple(zip(ends[::2], ends[1::2], strict=True))
-
-
-def _crossing(model: Model, p: Array, normal_force: float, between: Array) -> float:
-    """The drive speed within a pair of them [m/s] at which the growth rate is zero, or jumps through it."""
-    for _ in range(ROUNDS):
-        speeds = np.geomspace(between[0], between[1], SPLITS + 1)
-        rates = growth_rates(model, p, speeds, normal_force)
-        i = int(np.flatnonzero((rates[1:] >= 0) != (rates[0] >= 0))[0])
-        between = speeds[i : i + 2]
-    share = rates[i] / (rates[i] - rates[i + 1])
-    return float(between[0] + share * (between[1] - between[0]))

@@ -22,8 +22,8 @@ from identify.prediction.orbit import settle
 from identify.prediction.predict import predict, predictions
 from identify.prediction.quantities import QUANTITIES, end_slopes, orbit_slopes, quantities
 from identify.prediction.solutions import solution_set
-from identify.prediction.windows import Outcome
-from identify.simulation.sliding import sliding, unstable_speeds
+from identify.prediction.windows import Outcome, unstable_speeds
+from identify.simulation.sliding import sliding
 from tests.support import oracle
 
 ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
@@ -79,7 +79,7 @@ def test_unstable_speeds_end_where_the_damping_of_sliding_vanishes() -> None:
     map_ = map_of()
     c = DEMO["damping"] * np.sqrt(DEMO["mass"] / DEMO["stiffness"])
     exact = np.log(-DEMO["delta_mu_k"] * DEMO["a"] / c) / DEMO["a"]
-    ((low, high),) = unstable_speeds(map_.model, map_.p, 1.0, 1e-6, 1.0)
+    ((low, high),) = unstable_speeds(map_, 1e-6, 1.0)
     assert low == 1e-6 and high == pytest.approx(exact, rel=1e-8)
 
 
