@@ -27,7 +27,7 @@ from scipy.stats import binom  # noqa: E402
 from identify.base.document import to_dict  # noqa: E402
 from identify.model.model import Model, assemble  # noqa: E402
 from identify.prediction.cycle import CycleMap  # noqa: E402
-from identify.prediction.intervals import OperatingPoint, draw  # noqa: E402
+from identify.prediction.intervals import OperatingPoint, Uncertain  # noqa: E402
 from identify.prediction.orbit import settle  # noqa: E402
 from identify.prediction.predict import predictions  # noqa: E402
 from identify.prediction.probability import answers_of_draws, stick_slip_probability  # noqa: E402
@@ -69,7 +69,7 @@ def estimates(model: Model, known: Known, factor: float, count: int, seed: int) 
     """Estimates with the covariance each would report: of logarithms where parameters are searched so."""
     truth = dict(STAND_IN)
     covariance = factor**2 * known.covariance
-    drawn = draw(model, truth, known.names, covariance, count, seed)
+    drawn = Uncertain(model, truth, known.names, covariance).draw(count, seed)
     out = []
     for p in drawn.p:
         values = dict(zip(model.parameter_names, p.tolist(), strict=True))
@@ -120,12 +120,13 @@ def sampled(model: Model, known: Known, factor: float, count: int) -> dict[str, 
     """The same of intervals from draws, at 1 mm/s."""
     speed = SPEEDS[1]
     point = dict(STAND_IN) | {"drive_speed": speed, "normal_force": LOAD}
-    truth = answers_of_draws(model, draw(model, point, (), np.zeros((0, 0)), 1), None).quantities[0]
+    truth = answers_of_draws(model, Uncertain(model, point, (), np.zeros((0, 0))).draw(1), None).quantities[0]
     hits: dict[str, list[bool]] = defaultdict(list)
     for i, (values, covariance) in enumerate(estimates(model, known, factor, count, seed=6)):
         map_ = CycleMap(model, LOAD, np.array([values[n] for n in model.parameter_names]))
         orbit = settle(map_, speed).orbit
-        drawn = draw(model, values | {"drive_speed": speed, "normal_force": LOAD}, known.names, covariance, 120, i)
+        point = values | {"drive_speed": speed, "normal_force": LOAD}
+        drawn = Uncertain(model, point, known.names, covariance).draw(120, i)
         rows = answers_of_draws(model, drawn, orbit).quantities
         ends = np.nanquantile(rows, [0.025, 0.975], axis=0)
         for name, low, high, value in zip(QUANTITIES, *ends.tolist(), truth.tolist(), strict=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,14 +13,22 @@ from scipy.special import ndtri
 from identify.base.quantiles import LEVEL, NORMAL
 from identify.model.model import Model
 from identify.prediction.cycle import CycleMap
+from identify.prediction.map_axes import admissible
 from identify.prediction.wording import listed
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Operating points drawn from what is known of one: parameters, drive speed and load as their covariance has them.
+# Operating points drawn from what is known of one: parameters, drive speed and load as their covariance has them; and
+# where a straight line says too little of how an answer follows them, its interval from draws.
 # ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
 
+Answer = Callable[[CycleMap, float], Array | None]  # positive numbers (q,) of a pair at a drive speed [m/s], if any
+
+DRAWS = 200
+LEAST_DRAWS = 40  # that have an answer, for an interval
+WIDE = 0.05  # half width of a logarithm from which its straightness is looked at
+BENT = 0.1  # of a half width, by which an answer may leave its line at the ends of the interval
 POINT = ("drive_speed", "normal_force")  # what a covariance may name beside the parameters; positive
 WIDEST = 3.0  # standard deviation of a logarithm, or of a parameter in its own values, beyond which nothing is drawn
 
@@ -55,37 +64,6 @@ class Drawn:
         return int(np.sum(~self.kept))
 
 
-def unknown(model: Model, values: Mapping[str, float], names: Sequence[str], covariance: ArrayLike) -> tuple[str, ...]:
-    """Which of the named quantities the covariance leaves open, so that there is nothing to draw from."""
-    matrix = np.asarray(covariance, float)
-    with np.errstate(all="ignore"):
-        sd = np.sqrt(np.diag(matrix)) / scales_of(model, values, names)
-    bad = ~(sd < WIDEST) | ~np.all(np.isfinite(matrix), axis=0)
-    return tuple(name for name, open_ in zip(names, bad, strict=True) if open_)
-
-
-def draw(
-    model: Model,
-    values: Mapping[str, float],
-    names: Sequence[str],
-    covariance: ArrayLike,
-    count: int,
-    seed: int = 0,
-) -> Drawn:
-    """`count` draws: normal in the logarithm of what is searched by its logarithm (speed and load too), else in the
-    value, with the covariance (f, f) of the values [SI] of `names`; the rest of `values` (parameters, "drive_speed",
-    "normal_force") stays.
-
-    Raises:
-        ValueError: a quantity that `unknown` names.
-    """
-    open_ = unknown(model, values, names, covariance)
-    if open_:
-        raise ValueError(f"nothing can be drawn of {', '.join(open_)}: the covariance leaves it open")
-    normal = _normal(count, len(names), seed)
-    return _moved(model, values, names, normal @ _root(covariance, scales_of(model, values, names)).T)
-
-
 def _normal(count: int, dimensions: int, seed: int) -> Array:
     """Standard normal points (count, dimensions) of a shifted additive recurrence with the generalised golden ratio
     (Roberts 2018): quantiles settle on far fewer of them than of independent ones."""
@@ -98,53 +76,108 @@ def _normal(count: int, dimensions: int, seed: int) -> Array:
     return np.asarray(ndtri(np.clip(uniform, 1e-12, 1.0 - 1e-12)))
 
 
-def axis_points(
-    model: Model, values: Mapping[str, float], names: Sequence[str], covariance: ArrayLike, deviations: float
-) -> tuple[Drawn, Array]:
-    """Points so many standard deviations to both sides along the principal axes of what is drawn, and their steps
-    (n, f) from the centre, in logarithms where `scales_of` has the value."""
-    root = _root(covariance, scales_of(model, values, names)).T
-    root = root[np.any(np.abs(root) > 1e-9, axis=1)]
-    steps = deviations * np.concatenate([root, -root])
-    return _moved(model, values, names, steps), steps
+@dataclass(frozen=True)
+class Uncertain:
+    """An operating point and what is known of it: values [SI] of every parameter, "drive_speed" and "normal_force";
+    covariance (f, f) [SI] of `names` among them.
+
+    What is searched by its logarithm (speed and load too) is drawn in it, the rest in its value.
+    """
+
+    model: Model
+    values: Mapping[str, float]
+    names: Sequence[str]
+    covariance: ArrayLike
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Which quantities the covariance leaves open, so that there is nothing to draw from."""
+        matrix = np.asarray(self.covariance, float)
+        with np.errstate(all="ignore"):
+            sd = np.sqrt(np.diag(matrix)) / self._scales
+        bad = ~(sd < WIDEST) | ~np.all(np.isfinite(matrix), axis=0)
+        return tuple(name for name, open_ in zip(self.names, bad, strict=True) if open_)
+
+    def draw(self, count: int = DRAWS, seed: int = 0) -> Drawn:
+        """`count` draws: normal, with the covariance of what is drawn; what has no name in it stays.
+
+        Raises:
+            ValueError: a quantity is unknown.
+        """
+        if self.unknown:
+            raise ValueError(f"nothing can be drawn of {', '.join(self.unknown)}: the covariance leaves it open")
+        return self._moved(_normal(count, len(self.names), seed) @ self._root.T)
+
+    def is_skew(self, answer: Answer, centre: Array, slopes: Array) -> bool:
+        """Whether positive answers (q,), `centre` at the point itself, leave the straight lines of their logarithms
+        within the 95 % of what is known: looked at where each principal axis of the covariance ends.
+
+        Args:
+            slopes: derivatives (q, f) [SI] of the answers by `names`.
+        """
+        axes = self._root.T
+        axes = axes[np.any(np.abs(axes) > 1e-9, axis=1)]
+        steps = NORMAL * np.concatenate([axes, -axes])
+        drawn, lines = self._moved(steps), slopes * self._scales / centre[:, None]
+        half = np.sqrt(0.5 * np.sum(np.square(lines @ steps.T), axis=1))
+        if np.all(half < WIDE):
+            return False
+        if not np.all(drawn.kept) or not np.all(np.isfinite(half)):
+            return True
+        for (map_, speed), step in zip(maps(self.model, drawn), steps, strict=True):
+            moved = answer(map_, speed)
+            if moved is None:
+                return True
+            if np.any(np.abs(np.log(moved / centre) - lines @ step) > BENT * np.maximum(half, WIDE)):
+                return True
+        return False
+
+    @cached_property
+    def _centre(self) -> Array:
+        return np.array([self.values[name] for name in self.names], dtype=float)
+
+    @cached_property
+    def _logs(self) -> NDArray[np.bool_]:
+        """Whether each quantity (f,) is drawn in its logarithm."""
+        by_log = [name in POINT or self.model.parameter(name).scale == "log" for name in self.names]
+        return (self._centre > 0.0) & np.array(by_log, dtype=bool)
+
+    @cached_property
+    def _scales(self) -> Array:
+        """Derivatives (f,) of the values by what is drawn: the value where that is its logarithm, else 1."""
+        return np.where(self._logs, self._centre, 1.0)
+
+    @cached_property
+    def _root(self) -> Array:
+        """A root (f, f) of the covariance of what is drawn."""
+        matrix = np.asarray(self.covariance, float) / np.outer(self._scales, self._scales)
+        variances, directions = np.linalg.eigh(0.5 * (matrix + matrix.T))
+        return np.asarray(directions * np.sqrt(np.maximum(variances, 0.0)))
+
+    def _moved(self, steps: Array) -> Drawn:
+        """The operating point after steps (n, f) of what is drawn."""
+        moved = np.where(self._logs, self._centre * np.exp(np.where(self._logs, steps, 0.0)), self._centre + steps)
+        columns = {name: np.full(len(steps), float(value)) for name, value in self.values.items()}
+        columns |= dict(zip(self.names, moved.T, strict=True))
+        order = (*self.model.parameter_names, "normal_force", "drive_speed")
+        settings = np.stack([columns[name] for name in order], axis=1)
+        kept = admissible(self.model, settings)
+        return Drawn(settings[kept, :-2], settings[kept, -1], settings[kept, -2], kept)
 
 
-def scales_of(model: Model, values: Mapping[str, float], names: Sequence[str]) -> Array:
-    """Derivatives (f,) of the values by what is drawn: the value where that is its logarithm, else 1."""
-    return np.array([values[name] if _logarithmic(model, values, name) else 1.0 for name in names], dtype=float)
+def maps(model: Model, drawn: Drawn) -> list[tuple[CycleMap, float]]:
+    """The map and the drive speed [m/s] of every draw."""
+    points = zip(drawn.p, drawn.drive_speed, drawn.normal_force, strict=True)
+    return [(CycleMap(model, float(load), p), float(speed)) for p, speed, load in points]
 
 
-def _moved(model: Model, values: Mapping[str, float], names: Sequence[str], steps: Array) -> Drawn:
-    """The operating point after steps (n, f) of what is drawn."""
-    logs = np.array([_logarithmic(model, values, name) for name in names], dtype=bool)
-    centre = np.array([values[name] for name in names], dtype=float)
-    count = len(steps)
-    moved = np.where(logs, centre * np.exp(np.where(logs, steps, 0.0)), centre + steps)
-    columns = {name: np.full(count, float(value)) for name, value in values.items()}
-    columns |= {name: moved[:, i] for i, name in enumerate(names)}
-    p = np.stack([columns[name] for name in model.parameter_names], axis=1)
-    kept = _possible(model, columns, p)
-    return Drawn(p[kept], columns["drive_speed"][kept], columns["normal_force"][kept], kept)
-
-
-def _root(covariance: ArrayLike, scale: Array) -> Array:
-    """A root of the covariance of what is drawn: logarithms where `scale` is their value."""
-    matrix = np.asarray(covariance, float) / np.outer(scale, scale)
-    variances, directions = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    return np.asarray(directions * np.sqrt(np.maximum(variances, 0.0)))
-
-
-def _logarithmic(model: Model, values: Mapping[str, float], name: str) -> bool:
-    return values[name] > 0.0 and (name in POINT or model.parameter(name).scale == "log")
-
-
-def _possible(model: Model, columns: Mapping[str, Array], p: Array) -> NDArray[np.bool_]:
-    """Which draws a pair can have: inside the bounds of the model, friction above zero, static above kinetic."""
-    low = np.array([model.parameter(name).lower for name in model.parameter_names])
-    high = np.array([model.parameter(name).upper for name in model.parameter_names])
-    inside = np.all((p >= low) & (p <= high), axis=1)
-    lowest = columns["mu_k0"] + np.minimum(columns.get("delta_mu_k", np.zeros(p.shape[0])), 0.0)
-    return np.asarray(inside & (lowest > 0.0) & (columns["mu_s"] > columns["mu_k0"]))
+def sampled(values: Array) -> AnswerInterval:
+    """The interval between the outer quantiles of draws (n,); open where too few of them have an answer (not NaN)."""
+    told = values[np.isfinite(values)]
+    if told.size < LEAST_DRAWS:
+        return AnswerInterval(None, None, f"only {told.size} of {values.size} draws of what is known have an answer")
+    low, high = np.quantile(told, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return AnswerInterval(float(low), float(high), drawn=True)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -253,72 +286,3 @@ def _spread_size(model: Model, p: Array, name: str, point: Mapping[str, float]) 
     declared, value = model.parameter(name), abs(float(p[model.parameter_names.index(name)]))
     size = max(value, declared.spread if declared.scale == "linear" else 0.0)
     return size if size > 0.0 else abs(declared.default)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Where a straight line says too little of how an answer follows the parameters, and its interval from draws.
-# ----------------------------------------------------------------------------------------------------------------------
-
-Answer = Callable[[CycleMap, float], Array | None]  # positive numbers (q,) of a pair at a drive speed [m/s], if any
-
-DRAWS = 200
-LEAST_DRAWS = 40  # that have an answer, for an interval
-WIDE = 0.05  # half width of a logarithm from which its straightness is looked at
-BENT = 0.1  # of a half width, by which an answer may leave its line at the ends of the interval
-
-
-@dataclass(frozen=True)
-class Uncertain:
-    """An operating point and what is known of it: values [SI] of every parameter, "drive_speed" and "normal_force";
-    covariance (f, f) [SI] of `names` among them."""
-
-    model: Model
-    values: Mapping[str, float]
-    names: Sequence[str]
-    covariance: Array
-
-    @property
-    def known(self) -> bool:
-        """Whether there is something to draw from."""
-        return not unknown(self.model, self.values, self.names, self.covariance)
-
-    def drawn(self) -> Drawn:
-        """Draws of the operating point."""
-        return draw(self.model, self.values, self.names, self.covariance, DRAWS)
-
-    def is_skew(self, answer: Answer, centre: Array, slopes: Array) -> bool:
-        """Whether positive answers (q,), `centre` at the point itself, leave the straight lines of their logarithms
-        within the 95 % of what is known: looked at where each principal axis of the covariance ends.
-
-        Args:
-            slopes: derivatives (q, f) [SI] of the answers by `names`.
-        """
-        drawn, steps = axis_points(self.model, self.values, self.names, self.covariance, NORMAL)
-        lines = slopes * scales_of(self.model, self.values, self.names) / centre[:, None]
-        half = np.sqrt(0.5 * np.sum(np.square(lines @ steps.T), axis=1))
-        if np.all(half < WIDE):
-            return False
-        if not np.all(drawn.kept) or not np.all(np.isfinite(half)):
-            return True
-        for (map_, speed), step in zip(maps(self.model, drawn), steps, strict=True):
-            moved = answer(map_, speed)
-            if moved is None:
-                return True
-            if np.any(np.abs(np.log(moved / centre) - lines @ step) > BENT * np.maximum(half, WIDE)):
-                return True
-        return False
-
-
-def maps(model: Model, drawn: Drawn) -> list[tuple[CycleMap, float]]:
-    """The map and the drive speed [m/s] of every draw."""
-    points = zip(drawn.p, drawn.drive_speed, drawn.normal_force, strict=True)
-    return [(CycleMap(model, float(load), p), float(speed)) for p, speed, load in points]
-
-
-def sampled(values: Array) -> AnswerInterval:
-    """The interval between the outer quantiles of draws (n,); open where too few of them have an answer (not NaN)."""
-    told = values[np.isfinite(values)]
-    if told.size < LEAST_DRAWS:
-        return AnswerInterval(None, None, f"only {told.size} of {values.size} draws of what is known have an answer")
-    low, high = np.quantile(told, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return AnswerInterval(float(low), float(high), drawn=True)

@@ -217,9 +217,11 @@ def setting_path(site: Site, along: Axis, fixed: Mapping[str, float] | None = No
     return SettingPath(setting, slope)
 
 
-def admissible(model: Model, w: Array) -> bool:
-    """Whether the model takes a setting: every parameter within its bounds, friction falls and stays positive."""
-    names = model.parameter_names
-    inside = all(p.lower <= value <= p.upper for p, value in zip(model.parameters, w[:-2].tolist(), strict=True))
-    v = dict(zip(names, w[:-2].tolist(), strict=True))
-    return inside and v["mu_s"] > v["mu_k0"] and v["mu_k0"] + min(0.0, v.get("delta_mu_k", 0.0)) > 0.0
+def admissible(model: Model, settings: Array) -> Any:
+    """Whether the model takes settings (..., n_w), shape (...): every parameter within its bounds, friction falls and
+    stays positive."""
+    p = settings[..., :-2]
+    v = dict(zip(model.parameter_names, np.moveaxis(p, -1, 0), strict=True))
+    inside = np.all([(q.lower <= v[q.name]) & (v[q.name] <= q.upper) for q in model.parameters], axis=0)
+    kinetic = v["mu_k0"] + np.minimum(v.get("delta_mu_k", 0.0), 0.0)
+    return inside & (v["mu_s"] > v["mu_k0"]) & (kinetic > 0.0)

@@ -9,7 +9,7 @@ from contourpy import contour_generator
 from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
-from identify.prediction.map_axes import Axis, Site, admissible, axis, check_axes, moved, setting_path
+from identify.prediction.map_axes import Axis, Site, admissible, axis, check_axes, moved_values, setting_path
 from identify.prediction.path import SettingPath
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -186,13 +186,10 @@ def row_at(site: Site, x: Axis, x_places: Array) -> Plane:
 
 
 def _filled(site: Site, x: Axis, y: Axis, x_places: Array, y_places: Array) -> Plane:
-    n_w = site.setting.size
-    settings = np.empty((y_places.size, x_places.size, n_w))
-    admitted = np.empty(settings.shape[:2], dtype=bool)
-    for j, b in enumerate(y.value_at(y_places).tolist()):
-        for i, a in enumerate(x.value_at(x_places).tolist()):
-            settings[j, i] = moved(site, {x.name: a, y.name: b})
-            admitted[j, i] = admissible(site.model, settings[j, i])
+    grid_x, grid_y = np.meshgrid(x.value_at(x_places), y.value_at(y_places))
+    columns = moved_values(site, {x.name: grid_x, y.name: grid_y}).values()
+    settings = np.stack([np.broadcast_to(column, grid_x.shape) for column in columns], axis=-1)
+    admitted = admissible(site.model, settings)
     if not np.any(admitted):
         raise SimulationError(f"no pair of {x.name} and {y.name} in these ranges is one the model admits; move them")
     return Plane(site, x, y, x_places, y_places, settings, admitted)

@@ -184,7 +184,7 @@ class _Intervals:
         """Draws of what is known, and the QUANTITIES (n, 9) of their orbits (NaN without one), where straight lines do
         not hold; None where they do, or where there is nothing to draw from."""
         orbit = self._answer.orbit
-        if self._uncertain is None or orbit is None or not self._uncertain.known or self._shared is None:
+        if self._uncertain is None or orbit is None or self._uncertain.unknown or self._shared is None:
             return None
 
         def answer(map_: CycleMap, speed: float) -> Array | None:
@@ -194,7 +194,7 @@ class _Intervals:
         centre = quantities(self._map, orbit.cycle, orbit.drive_speed)[POSITIVE]
         if not self._uncertain.is_skew(answer, centre, self._slopes[POSITIVE]):
             return None
-        drawn = self._uncertain.drawn()
+        drawn = self._uncertain.draw()
         return drawn, answers_of_draws(self._map.model, drawn, orbit).quantities
 
     @cached_property
@@ -257,9 +257,9 @@ class _Intervals:
             return None
         slopes = end_slopes(self._map, limit, self._names)
         line = self._spread.positive(limit.speed, slopes)
-        if limit.orbit is None or not self._uncertain.known or self._shared is None:
+        if limit.orbit is None or self._uncertain.unknown or self._shared is None:
             return line
-        key = id(limit.orbit), self._uncertain.covariance.tobytes()
+        key = id(limit.orbit), np.asarray(self._uncertain.covariance).tobytes()
         if key not in self._shared:
             self._shared[key] = _limits_of_draws(limit, slopes, self._uncertain)
         drawn = self._shared[key]
@@ -281,7 +281,7 @@ def _limits_of_draws(limit: StickSlipLimit, slopes: Array, uncertain: Uncertain)
 
     if not uncertain.is_skew(answer, np.array([limit.speed]), slopes[None, :]):
         return None
-    ends = [answer(*point) for point in maps(uncertain.model, uncertain.drawn())]
+    ends = [answer(*point) for point in maps(uncertain.model, uncertain.draw())]
     return np.array([np.nan if end is None else float(end[0]) / limit.speed for end in ends])
 
 

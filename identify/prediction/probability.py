@@ -19,8 +19,8 @@ from identify.prediction.intervals import (
     Drawn,
     OperatingPoint,
     Spread,
-    draw,
-    unknown,
+    Uncertain,
+    maps,
 )
 from identify.prediction.orbit import Orbit, long_enough, settle
 from identify.prediction.path import moved_orbit
@@ -95,10 +95,10 @@ def stick_slip_probability(
     """
     point = {"drive_speed": answer.steady.drive_speed, "normal_force": map_.normal_force}
     values = dict(zip(map_.model.parameter_names, map_.p.tolist(), strict=True)) | point
-    left = unknown(map_.model, values, names, covariance)
-    if left:
-        return StickSlipProbability(None, None, {}, 0, 0, left)
-    drawn = draw(map_.model, values, names, covariance, count, seed)
+    known = Uncertain(map_.model, values, names, covariance)
+    if known.unknown:
+        return StickSlipProbability(None, None, {}, 0, 0, known.unknown)
+    drawn = known.draw(count, seed)
     asked = answers_of_draws(map_.model, drawn, answer.orbit)
     linear = linear_probabilities(map_, answer, names, np.asarray(covariance, float))
     unstable = asked.growth > 0
@@ -117,9 +117,8 @@ def answers_of_draws(model: Model, drawn: Drawn, near: Orbit | None) -> DrawAnsw
     count = drawn.p.shape[0]
     growth = growth_rates(model, drawn.p, drawn.drive_speed, drawn.normal_force) if count else np.zeros(0)
     rows, sticks = np.full((count, len(QUANTITIES)), np.nan), np.zeros(count, dtype=bool)
-    for i in range(count):
-        map_ = CycleMap(model, float(drawn.normal_force[i]), drawn.p[i])
-        speed, patience = float(drawn.drive_speed[i]), long_enough(float(growth[i]) * map_.half_period)
+    for i, (map_, speed) in enumerate(maps(model, drawn)):
+        patience = long_enough(float(growth[i]) * map_.half_period)
         orbit = None if near is None else moved_orbit(near, map_, speed, patience)
         for y in () if orbit is not None else (None,) if near is None else (None, near.y):
             settled = settle(map_, speed, y, patience=patience)

@@ -112,20 +112,6 @@ BETWEEN = 3  # values between limit and advice at which it is made sure that not
 
 
 @dataclass(frozen=True)
-class StabilisingChange:
-    """What a quantity has to be: its limit with its interval, and the value advised (None: cannot be reached, `reason`
-    says why); least: it is a least value (else a most); extrapolated: outside the tested range."""
-
-    quantity: str
-    now: float
-    turn: Turn | None
-    interval: AnswerInterval | None
-    advised: float | None
-    extrapolated: bool
-    reason: str = ""
-
-
-@dataclass(frozen=True)
 class ChangeAdvice:
     """A change as the interface gives it: the quantity now, its limit and the value advised, which is a least or a most
     one (at; None without a limit); zeta: of the damping advised."""
@@ -191,27 +177,39 @@ def stabilising_changes(
 
 def _change(
     site: Site, name: str, steady: bool, turn: Turn | None, spread: Spread | None, tested: Tested | None, margin: float
-) -> StabilisingChange:
-    now = axis(site, name).value
-    outside = tested is not None and tested.extrapolated(name.removesuffix("_at_zeta"), now)
+) -> ChangeAdvice:
+    now, (words, unit), reason = axis(site, name).value, WORDS[name], ""
+
+    def outside(value: float) -> bool:
+        return tested is not None and tested.extrapolated(name.removesuffix("_at_zeta"), value)
+
     if turn is None:
-        unit, said_so = WORDS[name][1], "it is steady" if steady else "it is not steady"
         low, high = _span(site, name)
-        return StabilisingChange(
-            name, now, None, None, None, outside, f"{said_so} from {said(low, unit)} to {said(high, unit)}"
-        )
+        reason = f"{'it is steady' if steady else 'it is not steady'} from {said(low, unit)} to {said(high, unit)}"
+        nothing = number(None, unit, ""), number(None, unit, reason)
+        return ChangeAdvice(name, words, number(now, unit, ""), *nothing, None, None, None, outside(now), reason)
     interval = None if spread is None else spread.positive(turn.value, _slopes(site, name, turn, spread.names))
     advised = turn.value * (1 + margin) if turn.rising else turn.value / (1 + margin)
-    reason = ""
-    kept = steady and (now >= advised if turn.rising else now <= advised)
-    if kept:
-        advised = now
+    scaled, reached = interval, True
+    if steady and (now >= advised if turn.rising else now <= advised):
+        advised, scaled = now, None
     elif not _steady_up_to(site, name, turn.value, advised):
-        reason, advised = "sliding is steady only just beyond this limit: the margin does not fit", np.nan
-    outside = tested is not None and tested.extrapolated(
-        name.removesuffix("_at_zeta"), advised if advised > 0 else turn.value
+        reason, reached = "sliding is steady only just beyond this limit: the margin does not fit", False
+    if scaled is not None:
+        ends = [None if end is None else end * advised / turn.value for end in (scaled.low, scaled.high)]
+        scaled = AnswerInterval(ends[0], ends[1], scaled.reason)
+    return ChangeAdvice(
+        quantity=name,
+        label=words,
+        now=number(now, unit, ""),
+        limit=number(turn.value, unit, turn.kind, interval),
+        advised=number(advised if reached else None, unit, reason, scaled),
+        zeta=advised / (2.0 * site.values["stiffness"]) if name == "damping" and reached else None,
+        at="least" if turn.rising else "most",
+        kind=turn.kind,
+        extrapolated=outside(advised if reached else turn.value),
+        reason=reason,
     )
-    return StabilisingChange(name, now, turn, interval, advised if np.isfinite(advised) else None, outside, reason)
 
 
 def _span(site: Site, name: str) -> tuple[float, float]:
@@ -245,8 +243,7 @@ def _steady_up_to(site: Site, name: str, limit: float, advised: float) -> bool:
     return True
 
 
-def _advice(site: Site, steady: bool, changes: Sequence[StabilisingChange], margin: float) -> StabilisingAdvice:
-    rows = [_row(change, site.values["stiffness"]) for change in changes]
+def _advice(site: Site, steady: bool, rows: Sequence[ChangeAdvice], margin: float) -> StabilisingAdvice:
     where = f"{said(site.drive_speed, 'm/s')} and {said(site.normal_force, 'N')}"
     share = f"a margin of {100 * margin:.3g} %"
     head = (
@@ -255,28 +252,6 @@ def _advice(site: Site, steady: bool, changes: Sequence[StabilisingChange], marg
         else f"To make sliding steady at {where} with {share}, one of these, all else held:"
     )
     return StabilisingAdvice(steady, margin, tuple(rows), "\n".join([head, *(_sentence(row, steady) for row in rows)]))
-
-
-def _row(change: StabilisingChange, stiffness: float) -> ChangeAdvice:
-    words, unit = WORDS[change.quantity]
-    turn, advised, interval = change.turn, change.advised, change.interval
-    limit = None if turn is None else turn.value
-    scaled = None
-    if interval is not None and advised is not None and limit and advised != change.now:
-        ends = [None if end is None else end * advised / limit for end in (interval.low, interval.high)]
-        scaled = AnswerInterval(ends[0], ends[1], interval.reason)
-    return ChangeAdvice(
-        quantity=change.quantity,
-        label=words,
-        now=number(change.now, unit, ""),
-        limit=number(limit, unit, "" if turn is None else turn.kind, interval),
-        advised=number(advised, unit, change.reason, scaled),
-        zeta=None if change.quantity != "damping" or not advised else advised / (2.0 * stiffness),
-        at=None if turn is None else "least" if turn.rising else "most",
-        kind=None if turn is None else turn.kind,
-        extrapolated=change.extrapolated,
-        reason=change.reason,
-    )
 
 
 def _sentence(row: ChangeAdvice, steady: bool) -> str:

@@ -7,7 +7,7 @@ Time is local to the phase: after 800 s of sticking a slip of microseconds loses
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -423,7 +423,10 @@ def _end(machine: Machine, stepper: Stepper, track: _Track, last: list[float]) -
         fallen = [i for i in machine.exits[mode] if row[i] < 0.0 or (row[i] == 0.0 and t > 0.0)]
         length, guard = h, fallen[0]
         if machine.locate:
-            length, guard = min((_from_zero(stepper, mode, x, t, h, i), i) for i in fallen)
+            length, guard = min(
+                (from_zero(lambda part, i=i: stepper.trial(mode, x, t, part)[at.n + 1 + i], h), i)  # type: ignore[misc]
+                for i in fallen
+            )
         track.times.append(t + length)
         track.states.append(stepper.trial(mode, x, t, length)[: at.n] if length > 0.0 else x)
     after, clamped = track.states[-1], machine.model.clamped
@@ -434,12 +437,7 @@ def _end(machine: Machine, stepper: Stepper, track: _Track, last: list[float]) -
     return GUARDS[guard]
 
 
-def _from_zero(stepper: Stepper, mode: ModeName, x: list[float], t: float, h: float, guard: int) -> float:
+def from_zero(value: Callable[[float], float], h: float) -> float:
     """The length within (0, h] of a step at which a guard that may start at zero falls to zero."""
-    at = stepper.places.n + 1 + guard
-
-    def value(length: float) -> float:
-        return stepper.trial(mode, x, t, length)[at]
-
-    low = next((f * h for f in np.geomspace(0.5, 1e-12, 20).tolist() if value(f * h) > 0.0), 0.0)
-    return float(brentq(value, low, h, xtol=1e-15 * h, rtol=1e-14)) if low > 0.0 else 0.0
+    low = next((f * h for f in (0.0, *np.geomspace(0.5, 1e-12, 20).tolist()) if value(f * h) > 0.0), None)
+    return 0.0 if low is None else float(brentq(value, low, h, xtol=1e-15 * h, rtol=1e-14))

@@ -10,12 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from identify.base.errors import SimulationError
 from identify.model.model import Model
 from identify.model.modes import GuardName, ModeName, sliding_modes
-from identify.simulation.phases import Phase
+from identify.simulation.phases import Phase, from_zero
 from identify.simulation.plan import Plan
 from identify.simulation.quasistatic import (
     CLOSE,
@@ -192,11 +191,7 @@ class BalancedSlide:
             there = self._advance(node, length)[0] if length > 0.0 else node
             return -np.inf if there is None else self._guard(guard, there)
 
-        # A slide may start with a guard at zero: find where it is positive first, if anywhere.
-        low = next((f * h for f in (0.0, 0.5, 0.25, 0.1, 1e-2, 1e-4) if value(f * h) > 0.0), None)
-        if low is None:
-            return 0.0
-        return float(brentq(value, low, h, xtol=1e-15 * h, rtol=1e-14))
+        return from_zero(value, h)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from identify.base.result import Result
 from identify.model.model import assemble
 from identify.prediction import sources as tested
 from identify.prediction.cycle import CycleMap
-from identify.prediction.intervals import AnswerInterval, OperatingPoint, draw, unknown
+from identify.prediction.intervals import AnswerInterval, OperatingPoint, Uncertain
 from identify.prediction.map_axes import Site, axis
 from identify.prediction.predict import predict
 from identify.prediction.probability import alike, stick_slip_probability
@@ -145,11 +145,11 @@ def test_what_is_open_is_not_drawn():
     wide = covariance(0.01)
     wide[NAMES.index("t_cr"), NAMES.index("t_cr")] = np.inf
     values = ALL | {"drive_speed": 1e-3, "normal_force": 1.0}
-    assert unknown(MODEL, values, NAMES, wide) == ("t_cr",)
+    assert Uncertain(MODEL, values, NAMES, wide).unknown == ("t_cr",)
     found = stick_slip_probability(map_of(ALL), solution_set(map_of(ALL), 1e-3), NAMES, wide)
     assert found.possible is None and found.open == ("t_cr",)
     with pytest.raises(ValueError, match="t_cr"):
-        draw(MODEL, values, NAMES, wide, 3)
+        Uncertain(MODEL, values, NAMES, wide).draw(3)
 
 
 def test_draws_have_the_covariance_and_are_possible():
@@ -157,7 +157,7 @@ def test_draws_have_the_covariance_and_are_possible():
     matrix = covariance(0.02, names)
     matrix[0, 1] = matrix[1, 0] = 0.8 * np.sqrt(matrix[0, 0] * matrix[1, 1])
     values = ALL | {"drive_speed": SPEED, "normal_force": 1.0}
-    drawn = draw(MODEL, values, names, matrix, 20000, seed=1)
+    drawn = Uncertain(MODEL, values, names, matrix).draw(20000, seed=1)
     assert drawn.refused == 0 and np.all(drawn.normal_force == 1.0)
     columns = [*(drawn.p[:, MODEL.parameter_names.index(n)] for n in NAMES), drawn.drive_speed]
     np.testing.assert_allclose(
@@ -165,7 +165,7 @@ def test_draws_have_the_covariance_and_are_possible():
         matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix))),
         atol=0.04,
     )
-    broad = draw(MODEL, values, ("mu_s", "mu_k0"), np.diag([0.2**2, 0.2**2]), 2000)
+    broad = Uncertain(MODEL, values, ("mu_s", "mu_k0"), np.diag([0.2**2, 0.2**2])).draw(2000)
     assert 100 < broad.refused < 1500
     static, kinetic = (broad.p[:, MODEL.parameter_names.index(n)] for n in ("mu_s", "mu_k0"))
     assert np.all(static > kinetic) and np.all(kinetic > 0.13)
