@@ -41,7 +41,6 @@ from experiments.study_problem import NOISE, NORMAL_FORCE, RIG, USUAL
 from experiments.true_profile import OBJECTS, Claims, Truth, true_profiles
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
-from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.model.model import assemble
 from identify.scene import Scene
@@ -186,7 +185,7 @@ def trial(number: int, names: Sequence[str] = FRICTION) -> dict[str, Any]:
     made = design(number)
     scene = scene_of(made)
     began = time.process_time()
-    _, found = find(scene, made.records, clock=Clock(), progress=lambda _stage, _share: None)
+    _, found = find(scene, made.records, progress=lambda _stage, _share: None)
     fitted = time.process_time()
     told = {e.name: (e.verdict, e.reason) for e in found.estimates if e.name in FRICTION}
     try:

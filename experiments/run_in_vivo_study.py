@@ -34,7 +34,6 @@ from experiments.in_parts import append, cases, started
 from experiments.in_vivo import FRICTION, RATES, STATED, Twin, twin
 from experiments.machine import describe
 from identify.base.outcome import Status
-from identify.estimation.attempt import Clock
 from identify.identification import find
 
 TWINS = 100
@@ -47,7 +46,7 @@ def trial(made: Twin, rate: float, all_known: bool = False) -> dict[str, Any]:
     """One fit, compared with the truth."""
     scene, records = made.scene(all_known=all_known), made.records(rate)
     began = time.process_time()
-    _, found = find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)
+    _, found = find(scene, records, progress=lambda _stage, _share: None)
     line: dict[str, Any] = {
         "twin": made.number,
         "rate": rate,

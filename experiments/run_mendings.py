@@ -68,7 +68,7 @@ MENDINGS: Mapping[str, Mending] = {
     "calm_search": Mending(
         answering,
         "_by_way_of_calm",
-        lambda prepared, unknowns, searched, clock: searched(prepared),
+        lambda prepared, unknowns, searched: searched(prepared),
         lambda result, given: any(passes.calmed(log.data) is not log.data for log in given[0]),
     ),
     "interval_of_a_slip": Mending(
@@ -91,8 +91,8 @@ MENDINGS: Mapping[str, Mending] = {
     "hold_other_optima": Mending(
         other_optima,
         "solve_or_hold",
-        lambda prepared, chosen, unknowns, clock, cost_cutoff: attempt.solve_from(
-            prepared, chosen, unknowns, clock, cost_cutoff=cost_cutoff
+        lambda prepared, chosen, unknowns, cost_cutoff: attempt.solve_from(
+            prepared, chosen, unknowns, cost_cutoff=cost_cutoff
         ),
         lambda *_: True,
     ),

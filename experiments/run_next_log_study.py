@@ -33,7 +33,6 @@ from identify.base.wording import speed_text
 from identify.bench.next_log import next_logs
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
-from identify.estimation.attempt import Clock
 from identify.estimation.starts import Sources
 from identify.identification import find
 from identify.model.model import assemble
@@ -57,7 +56,7 @@ def fitted(
 ) -> tuple[Findings, Outcome]:
     """The fit of a case, and how it compares with the truth."""
     began, scene = time.perf_counter(), scene_of(case, start, further)
-    _, found = find(scene, case.records, clock=Clock(), progress=lambda _stage, _share: None, starts=sources)
+    _, found = find(scene, case.records, progress=lambda _stage, _share: None, starts=sources)
     return found, compared(found, case, time.perf_counter() - began)
 
 

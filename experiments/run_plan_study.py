@@ -40,7 +40,6 @@ from identify.bench.plan_words import verdict
 from identify.bench.rehearsal import LogDesign
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
-from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.model.model import assemble
 from identify.simulation.simulate import run
@@ -92,7 +91,7 @@ def fitted(made: Scene, values: dict[str, float], logs: Sequence[PlannedLog], nu
     document["logs"] = [{"path": f"log_{i}.csv", "drive_speed": drive} for i, (_, drive) in enumerate(pairs, 1)]
     document["rig"].pop("drive_speed")
     records = [record for record, _ in pairs]
-    return find(Scene.from_document(document), records, clock=Clock(), progress=lambda _s, _x: None)[1]
+    return find(Scene.from_document(document), records, progress=lambda _s, _x: None)[1]
 
 
 def sets(number: int, known: bool = False) -> dict[str, Any]:

@@ -40,7 +40,6 @@ from experiments.study_problem import (
 )
 from identify.base.outcome import Status
 from identify.diagnosis.findings import Findings
-from identify.estimation.attempt import Clock
 from identify.estimation.starts import Sources
 from identify.identification import find
 
@@ -82,7 +81,7 @@ def fit_case(case: Case, start: dict[str, float] | None, sources: Sources) -> Ou
     began = time.perf_counter()
     further = [FIFTH[0]] * (len(case.records) - len(SPEEDS))
     scene = scene_of(case, start, further)
-    _, found = find(scene, case.records, clock=Clock(), progress=lambda _stage, _share: None, starts=sources)
+    _, found = find(scene, case.records, progress=lambda _stage, _share: None, starts=sources)
     return compared(found, case, time.perf_counter() - began)
 
 

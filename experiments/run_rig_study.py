@@ -35,7 +35,6 @@ from identify.base.outcome import Status
 from identify.bench.calibration import RigCalibration, calibrated
 from identify.bench.records import Measured, rings, sticks
 from identify.effects import MAIN
-from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.model.model import assemble
 from identify.simulation.simulate import run
@@ -142,7 +141,7 @@ def fits(number: int, ways: Sequence[str] = ("priors", "exact")) -> dict[str, An
         if way == "exact":
             document["fit"] = {"time_limit": EXACT_LIMIT}
         began = time.process_time()
-        _, out = find(Scene.from_document(document), case.records, clock=Clock(), progress=lambda _s, _x: None)
+        _, out = find(Scene.from_document(document), case.records, progress=lambda _s, _x: None)
         held = {}
         for e in out.estimates:
             if e.name in FRICTION and e.lower is not None and e.upper is not None:

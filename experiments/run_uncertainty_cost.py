@@ -20,7 +20,6 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from experiments.machine import describe
 from experiments.study_problem import DEMO, coefficients_only, scene_of, simulated_case
 from identify.estimation.agreement import noise_of
-from identify.estimation.attempt import Clock
 from identify.estimation.bootstrap import bootstrap
 from identify.estimation.examined import CURVE_STEPS
 from identify.estimation.influence import influence
@@ -45,7 +44,7 @@ def main(fast: bool = False) -> dict[str, float]:
     scene = coefficients_only(scene_of(case), DEMO) if fast else scene_of(case)
 
     def fit() -> object:
-        return find(scene, case.records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+        return find(scene, case.records, progress=lambda _stage, _share: None)[1]
 
     if not fast:
         fit()  # the functions of the model are built once per process

@@ -27,7 +27,6 @@ from experiments.run_recovery_study import FRICTION, Study
 from experiments.study_problem import NORMAL_FORCE, SPEEDS, Case, scene_of
 from experiments.true_profile import Truth, true_profiles
 from identify.effects import MAIN
-from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.model.model import assemble
 from identify.simulation.simulate import run
@@ -49,7 +48,7 @@ def trial(ranges: str, number: int, names: Sequence[str] = FRICTION) -> dict[str
     """One pair: what the fit says, and what the brute force says."""
     case, _, _ = Study(ranges).case(number)
     began = time.process_time()
-    _, found = find(scene_of(case), case.records, clock=Clock(), progress=lambda _stage, _share: None)
+    _, found = find(scene_of(case), case.records, progress=lambda _stage, _share: None)
     answer = None if found.attempt is None else found.attempt.solved.theta
     known = truths(case, names, answer)
     line = {

@@ -32,7 +32,6 @@ from experiments.study_problem import NOISE, NORMAL_FORCE, SPEEDS, USUAL, Case, 
 from identify import Scene
 from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.model.model import assemble
 from identify.scene.parameters import ParameterSpec
@@ -93,13 +92,13 @@ def trial(kind: str, number: int, also_freed: bool = True, known: bool = False) 
     case, scene, truth = wrong(kind, number, 2 if known else 0)
     scene = coefficients_only(scene, case.truth) if known else scene
     began = time.process_time()
-    _, found = find(scene, case.records, clock=Clock(), progress=lambda _s, _x: None, starts="data")
+    _, found = find(scene, case.records, progress=lambda _s, _x: None, starts="data")
     seconds = time.process_time() - began
     told = _told(kind, found.message)
     if not also_freed:
         named = bool(np.isfinite(told) and abs(told / truth - 1.0) < CLOSE)
         return {"noticed": found.status is not Status.CONVERGED, "named": named, "status": found.status.value}
-    _, open_ = find(freed(scene, kind), case.records, clock=Clock(), progress=lambda _s, _x: None, starts="data")
+    _, open_ = find(freed(scene, kind), case.records, progress=lambda _s, _x: None, starts="data")
     value = np.nan
     if open_.attempt is not None:
         u = open_.unknowns

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,17 +11,18 @@ from data_io import Record
 from identify.base.budget import seconds_left, time_limit
 from identify.base.outcome import Status
 from identify.base.progress import Progress
+from identify.base.stages import stage
 from identify.diagnosis.findings import Findings, Held, against_data
 from identify.diagnosis.fitted import as_it_ended, described
 from identify.diagnosis.second_look import looked_into
 from identify.estimation.agreement import slowness
-from identify.estimation.attempt import Attempt, Clock, solve_from
+from identify.estimation.attempt import Attempt, solve_from
 from identify.estimation.certainty import Certainty, certainty
 from identify.estimation.grouped import search_grouped
 from identify.estimation.hints import what_is_held
 from identify.estimation.known_early import wrong_unit
 from identify.estimation.other_optima import multistart_around
-from identify.estimation.search import rejected_as_incomplete, required_logs
+from identify.estimation.search import SearchProblem, rejected_as_incomplete, required_logs
 from identify.estimation.starts import Sources
 from identify.estimation.status_words import at_bounds, ended, underivable, untried
 from identify.estimation.stick_strength import with_strengths
@@ -53,14 +53,14 @@ class Task:
     seed: int
 
 
-def answered(task: Task, sources: Sources, clock: Clock, progress: Progress) -> Answer:
+def answered(task: Task, sources: Sources, progress: Progress) -> Answer:
     """The logs as they are followed, and what was found of them. Start values that lead to no answer of all logs do not
     stand in the way of one that the data lead to."""
-    own = _answered(task, sources, clock, progress)
+    own = _answered(task, sources, progress)
     lacking = _falls_short(own)
     if sources != "user" or not any(lacking):
         return own
-    other = _answered(task, "data", clock, progress)
+    other = _answered(task, "data", progress)
     if _falls_short(other) >= lacking:
         return own
     logs, findings = other
@@ -75,45 +75,49 @@ def _falls_short(answer: Answer) -> tuple[bool, int]:
     return findings.status is not Status.CONVERGED, len(able & set(findings.left_out))
 
 
-def _answered(task: Task, sources: Sources, clock: Clock, progress: Progress) -> Answer:
+def _answered(task: Task, sources: Sources, progress: Progress) -> Answer:
     """What a search from these starts ends in, looked into."""
     prepared, unknowns, seed = task.prepared, task.unknowns, task.seed
     if refused := wrong_unit(prepared):
-        return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns, None, None, None, [], {}, {})
+        return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns)
 
     def searched(logs: list[Prepared]) -> _Searched:
-        found = search_grouped(logs, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
+        found = search_grouped(SearchProblem(logs, unknowns, sources, seed, progress=progress))
         scatter = 0.0 if found[0] is None else found[0].prepared[0].data.strength_sd
         return with_strengths(logs, scatter), *found
 
     with time_limit(SEARCH_SHARE * seconds_left()):
-        prepared, attempt, left_out = _by_way_of_calm(prepared, unknowns, searched, clock)
+        prepared, attempt, left_out = _by_way_of_calm(prepared, unknowns, searched)
         if attempt is not None and unknowns.model.vibrates:
             progress("solving from other starts", 0.85)
-            since, found = time.perf_counter(), attempt
-            better = run_strategy(
-                Strategy.VIBRATION_STARTS, lambda: multistart_around(found, prepared, unknowns, seed), found
-            )
+            found = attempt
+            with stage("solve"):
+                better = run_strategy(
+                    Strategy.VIBRATION_STARTS, lambda: multistart_around(found, prepared, unknowns, seed), found
+                )
             attempt = better or found
-            clock.add("solve", since)
-    since = time.perf_counter()
     progress("intervals", 0.9)
-    for looked in range(ANSWERS + 1):
+    with stage("intervals"):
+        return prepared, _examined(task, prepared, attempt, left_out, progress)
+
+
+def _examined(
+    task: Task, prepared: list[Prepared], attempt: Attempt | None, left_out: dict[int, str], progress: Progress
+) -> Findings:
+    """How sure an answer is and what else the data say, of each better answer that this leads to as well."""
+    for _ in range(ANSWERS):
         findings = _findings(task, prepared, attempt, left_out, progress)
-        if looked == ANSWERS:  # the last better answer is one to report, too
-            break
         findings, better = looked_into(findings, task.scene, task.read, prepared, progress)
         if better is None:
-            break
+            return findings
         better = replace(better, found_by=(Strategy.HYPOTHESES.title,))
         attempt = rejected_as_incomplete(better, prepared, required_logs(prepared))
         left_out = {i: why for i, why in left_out.items() if i not in attempt.logs}
-    clock.add("intervals", since)
-    return prepared, findings
+    return _findings(task, prepared, attempt, left_out, progress)  # the last better answer is one to report, too
 
 
 def _by_way_of_calm(
-    prepared: list[Prepared], unknowns: Unknowns, searched: Callable[[list[Prepared]], _Searched], clock: Clock
+    prepared: list[Prepared], unknowns: Unknowns, searched: Callable[[list[Prepared]], _Searched]
 ) -> _Searched:
     """What a search finds; where loads tremble it goes by way of calm ones, whose answer is easily found, and follows
     the tremor from there. What no motion follows counts as unknown."""
@@ -127,7 +131,7 @@ def _by_way_of_calm(
         return found if converged or known is None else (logs, known, left_out)
     there = replace(unknowns, start=known.solved.theta)
     followed = run_strategy(
-        Strategy.CALM_LOAD, lambda: solve_from(prepared, list(known.logs), there, clock), known, known.logs
+        Strategy.CALM_LOAD, lambda: solve_from(prepared, list(known.logs), there), known, known.logs
     )
     if followed is None or followed.gate.status is not Status.CONVERGED:
         return logs, known, left_out
@@ -141,23 +145,22 @@ def _findings(
     scene, unknowns = task.scene, task.unknowns
     if attempt is None:
         status, message = untried(prepared, left_out)
-        return Findings(status, message, unknowns, None, None, None, [], left_out, {})
+        return Findings(status, message, unknowns, left_out=left_out)
     if not np.all(np.isfinite(attempt.solved.theta)):
         status, message = ended(attempt, {})
-        return Findings(status, message, unknowns, attempt, None, None, [], left_out, {})
+        return Findings(status, message, unknowns, attempt, left_out)
     base = unknowns.base(stated_rig(scene))
     sure = certainty(
         attempt,
         unknowns,
         base,
         task.asked,
-        lambda theta: at_bounds(unknowns, theta),
         speed_tolerance=scene.rig.tolerances.get("drive_speed", 0.0),
         seed=task.seed,
         progress=progress,
     )
     if sure is None:
-        return Findings(Status.SOLVER_FAILED, underivable(attempt), unknowns, attempt, None, None, [], left_out, {})
+        return Findings(Status.SOLVER_FAILED, underivable(attempt), unknowns, attempt, left_out)
     attempt = sure.attempt
     theta = attempt.solved.theta
     bounds: dict[str, str] = {}
@@ -166,20 +169,8 @@ def _findings(
     status, message = ended(attempt, bounds)
     if status is Status.CONVERGED:
         message = what_is_held(attempt.prepared, attempt.solved.trajectories, sure.colours) or message
-    return Findings(
-        status,
-        message,
-        unknowns,
-        attempt,
-        sure.information,
-        sure.covariance,
-        sure.estimates,
-        left_out,
-        {} if sure.profiles is None else dict(sure.profiles.ends),
-        sure.discretisation,
-        sure,
-        _held(scene, sure) if described(as_it_ended(scene, unknowns, prepared, attempt)) else [],
-    )
+    held = _held(scene, sure) if described(as_it_ended(scene, unknowns, prepared, attempt)) else []
+    return Findings(status, message, unknowns, attempt, left_out, sure, held)
 
 
 def _held(scene: Scene, sure: Certainty) -> list[Held]:

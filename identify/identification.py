@@ -17,20 +17,20 @@ from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
-from identify.bench.next_log import advised, next_logs
+from identify.base.stages import stage, timing_stages
+from identify.bench.next_log import Advice, advised, next_logs
 from identify.diagnosis.choice import Choice
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.worth import compared_models, worth
 from identify.effects import ALL
-from identify.estimation.attempt import Clock
 from identify.estimation.estimator import EstimationTask, Estimator
 from identify.estimation.known_early import prefit_warnings
 from identify.estimation.search import alike
 from identify.estimation.starts import Sources
 from identify.estimation.strategies import Trace, Trial, tracing
-from identify.logs.parting import parted
-from identify.logs.prepare import Prepared, prepare
+from identify.logs.prepare import Prepared
+from identify.logs.prepared_scene import prepare_scene
 from identify.logs.scene_records import with_drives, with_records
 from identify.logs.unknowns import from_scene, user_start
 from identify.report.depth_document import FitSeconds, accuracy_result
@@ -39,7 +39,6 @@ from identify.report.reconstruct import detected_curves, fitted_curves, refused_
 from identify.report.result import result_of
 from identify.scene import Scene
 from identify.shooting.accuracy import DEFAULT_OPTIONS, FitOptions
-from identify.shooting.vibration import tuned
 from identify.uneven.answer import UnevenEstimator
 
 Array = NDArray[np.float64]
@@ -79,44 +78,39 @@ def fit(
         FitError, SceneError, LogError: what cannot be set up, one sentence. A fit that does not succeed is no error:
             its status says so.
     """
-    clock, began, worked, in_functions = Clock(), time.perf_counter(), time.process_time(), Mapped.total
+    began, worked, in_functions = time.perf_counter(), time.process_time(), Mapped.total
     told = noticed_once(progress or to_nobody)
     choice: Choice | None = None
     scene, drives = with_drives(scene, records)
     stated, left = scene, scene.time_limit  # [s]
     if estimator is None and asks_for_uneven(scene):
         scene, estimator = scene.with_effects([e for e in scene.effects if e != UNEVEN_EFFECT]), UnevenEstimator()
-    if scene.effects == "auto":
-        scene, records = with_records(scene, records)
-        since, before = time.perf_counter(), now()
-        with time_limit(CHOICE_SHARE * left):
-            choice = choose_from_data(scene, records, told)
-        left -= now() - before
-        scene = scene.with_effects(choice.effects)
-        clock.add("choose", since)
-    starts = starts or _default_starts(scene)
-    task = _set_up(scene, records, clock, told, asked, seed)
-    with time_limit(left), tracing() as trace:
-        if choice is not None and choice.unfinished:
-            trace.not_tried.append("comparison of effects")
-        if estimator is None:
-            prepared, findings = plain_or_uneven(task, starts, clock, told)
-        else:
-            prepared, findings = task.prepared, estimated_by(estimator, task, told)
-        advice = None
-        if findings.status is Status.CONVERGED and findings.attempt is not None:
-            told("the log that would tell more", 0.95)
-            advice = next_logs(findings)
-            findings = findings if advice is None else advised(findings, advice)
-            if advice is None and time_is_up():
-                trace.not_tried.append("the log that would tell more")
+    with timing_stages() as seconds:
+        if scene.effects == "auto":
+            scene, records = with_records(scene, records)
+            before = now()
+            with time_limit(CHOICE_SHARE * left), stage("choose"):
+                choice = choose_from_data(scene, records, told)
+            left -= now() - before
+            scene = scene.with_effects(choice.effects)
+        starts = starts or _default_starts(scene)
+        task = _set_up(scene, records, told, asked, seed)
+        with time_limit(left), tracing() as trace:
+            if choice is not None and choice.unfinished:
+                trace.not_tried.append("comparison of effects")
+            if estimator is None:
+                prepared, findings = plain_or_uneven(task, starts, told)
+            else:
+                prepared, findings = task.prepared, estimated_by(estimator, task, told)
+            findings, advice = _with_next_logs(findings, trace, told)
     findings = _traced(findings, trace, task.scene.time_limit)
     last = "stability and amplitude"
     told(last, 0.95)
     curves = _curves(prepared, findings)
-    result = result_of(scene, prepared, findings, clock, began, seed, choice)
+    seconds["total"] = time.perf_counter() - began
+    result = result_of(scene, prepared, findings, seconds, seed, choice)
     if findings.status is Status.CONVERGED:
-        processor, taken = time.process_time() - worked, result.timing_s["total"]
+        processor, taken = time.process_time() - worked, seconds["total"]
         solving = (result.timing_s["build"] + result.timing_s["solve"]) / max(len(findings.trace.trials), 1)
         spent = FitSeconds(processor, (Mapped.total - in_functions) / taken, solving / taken * processor)
         result = replace(result, accuracy=accuracy_result(findings, asked.accuracy, spent))
@@ -141,29 +135,34 @@ def find(
     scene: Scene,
     records: Sequence[Record] | None = None,
     *,
-    clock: Clock,
-    progress: Progress,
+    progress: Progress = to_nobody,
     starts: Sources | None = None,
     seed: int = 0,
     asked: FitOptions = DEFAULT_OPTIONS,
 ) -> tuple[list[Prepared], Findings]:
     """The identification without report and outlook; arguments and errors as `fit`."""
-    task = _set_up(scene, records, clock, progress, asked, seed)
+    task = _set_up(scene, records, progress, asked, seed)
     with time_limit(task.scene.time_limit), tracing() as trace:
-        logs, findings = answered(task, starts or _default_starts(scene), clock, progress)
+        logs, findings = answered(task, starts or _default_starts(scene), progress)
     return logs, _traced(findings, trace, task.scene.time_limit)
 
 
-def _set_up(
-    scene: Scene,
-    records: Sequence[Record] | None,
-    clock: Clock,
-    progress: Progress,
-    asked: FitOptions,
-    seed: int,
-) -> Task:
+def _with_next_logs(findings: Findings, trace: Trace, progress: Progress) -> tuple[Findings, Advice | None]:
+    """The findings of an answer with the log that would tell more; and that, None where none is due or there is no
+    time."""
+    if findings.status is not Status.CONVERGED or findings.attempt is None:
+        return findings, None
+    progress("the log that would tell more", 0.95)
+    advice = next_logs(findings)
+    if advice is not None:
+        return advised(findings, advice), advice
+    if time_is_up():
+        trace.not_tried.append("the log that would tell more")
+    return findings, None
+
+
+def _set_up(scene: Scene, records: Sequence[Record] | None, progress: Progress, asked: FitOptions, seed: int) -> Task:
     """What is to be answered: the logs read, cut into parts and prepared."""
-    began = time.perf_counter()
     keep_freed_memory()
     if scene.model.balance is not None:
         raise FitError(
@@ -174,30 +173,28 @@ def _set_up(
     for effect in ALL:
         if effect.name in scene.effects and (refusal := effect.unfit(values)) is not None:
             raise FitError(refusal)
-    unknowns = from_scene(scene)
-    if not np.any(unknowns.free):
+    if not np.any(from_scene(scene).free):
         raise FitError(
             "[parameters] fixes or ties every parameter, so that nothing is left to fit; expected one that is free: "
             "give one of them a start instead of fixed, or look at what these values do: stickslip fit --preview"
         )
     progress("reading the logs", 0.0)
-    scene, read = parted(*with_records(scene, records))
-    since = clock.add("read", began)
+    with stage("read"):
+        scene, read = with_records(scene, records)
     progress("detecting cycles", 0.05)
-    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, read, strict=True)]
-    prepared, unknowns = tuned(prepared, unknowns)
-    for sentence in prefit_warnings(prepared):
-        progress(Notice(sentence), 0.08)
-    clock.add("detect", since)
-    return Task(scene, read, prepared, unknowns, asked, seed)
+    with stage("detect"):
+        made = prepare_scene(scene, read)
+        for sentence in prefit_warnings(made.logs):
+            progress(Notice(sentence), 0.08)
+    return Task(made.scene, made.records, made.logs, made.unknowns, asked, seed)
 
 
-def plain_or_uneven(task: Task, starts: Sources, clock: Clock, progress: Progress) -> tuple[list[Prepared], Findings]:
+def plain_or_uneven(task: Task, starts: Sources, progress: Progress) -> tuple[list[Prepared], Findings]:
     """What the plain fit finds, and where it fails since cycles differ among themselves, the estimator of uneven
     records; where that fails too, what the plain one found. Arguments as `answered`."""
     differ = not alike([log for log in task.prepared if log.left_out is None])
     with time_limit((PLAIN_SHARE if differ else 1.0) * seconds_left()):
-        prepared, findings = answered(task, starts, clock, progress)
+        prepared, findings = answered(task, starts, progress)
     if findings.status is Status.CONVERGED or alike([log for log in prepared if log.left_out is None]):
         return prepared, findings
     began = now()
@@ -217,12 +214,7 @@ def estimated_by(estimator: Estimator, task: Task, progress: Progress) -> Findin
         found.status,
         found.message,
         task.unknowns,
-        None,
-        None,
-        None,
-        list(found.estimates),
-        found.left_out,
-        {},
+        left_out=found.left_out,
         estimator=estimator.name,
         estimated=found,
     )

@@ -26,8 +26,8 @@ from identify.estimation.hints import hints, onsets
 from identify.estimation.profile import CRITICAL, Profiles
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
+from identify.logs.vibration import rhythmic
 from identify.shooting.shooting_trajectory import ShootingTrajectory
-from identify.shooting.vibration import rhythmic
 
 Array = NDArray[np.float64]
 
@@ -187,7 +187,8 @@ def advised(found: Findings, advice: Advice) -> Findings:
             return replace(estimate, reason=reason.replace(str(hint), f"{hint.shown}: {remedy}"))
         return replace(estimate, reason="; ".join(filter(None, (reason, remedy, _no_remedy(name, advice)))))
 
-    return replace(found, estimates=[with_log(estimate) for estimate in found.estimates])
+    assert found.sure is not None
+    return replace(found, sure=replace(found.sure, estimates=[with_log(each) for each in found.sure.estimates]))
 
 
 def _remedy(name: str, advice: Advice) -> str:

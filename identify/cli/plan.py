@@ -120,9 +120,8 @@ def _planned(arguments: Namespace, choices: Choices) -> RecordingPlan:
     import numpy as np
 
     from identify.bench.plan import plan
-    from identify.logs.prepare import prepare
+    from identify.logs.prepared_scene import prepare_scene
     from identify.logs.scene_records import with_records
-    from identify.logs.unknowns import from_scene
     from identify.prediction.sources import pair_of
     from identify.report.stored_result import read_result, scene_of
     from identify.scene import Scene
@@ -131,10 +130,8 @@ def _planned(arguments: Namespace, choices: Choices) -> RecordingPlan:
         scene = Scene.from_toml(arguments.source, arguments.set)
         if not scene.logs:
             return plan(scene, (), choices)
-        scene, records = with_records(scene, None)
-        unknowns = from_scene(scene)
-        logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-        return plan(scene, [log for log in logs if log.left_out is None], choices)
+        made = prepare_scene(*with_records(scene, None))
+        return plan(made.scene, [log for log in made.logs if log.left_out is None], choices)
     result = read_result(Path(arguments.source))
     scene = scene_of(result, arguments.source)
     if not result.converged:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -93,23 +93,34 @@ def held_results(held: list[Held]) -> dict[str, HeldResult]:
 @dataclass(frozen=True)
 class Findings:
     """What the search and the uncertainty found: status and sentence, the attempt that was accepted or came
-    closest (None without one), information and covariance of theta, estimates, why logs took no part, profile intervals
-    of theta where the covariance alone could not be trusted, discretisation error by name in standard errors;
-    held: the rig as it was stated, against the data; trace: what was tried; estimator: its name; estimated:
-    what an estimator found that is not the plain one."""
+    closest (None without one), why logs took no part, what is known of its parameters (None where nothing is); held:
+    the rig as it was stated, against the data; trace: what was tried; estimator: its name; estimated: what an estimator
+    found that is not the plain one."""
 
     status: Status
     message: str
     unknowns: Unknowns
-    attempt: Attempt | None
-    information: Information | None
-    covariance: Array | None
-    estimates: list[Estimate]
-    left_out: Mapping[int, str]
-    profiles: Mapping[str, object]
-    discretisation: Mapping[str, float] = field(default_factory=dict)
+    attempt: Attempt | None = None
+    left_out: Mapping[int, str] = field(default_factory=dict)
     sure: Certainty | None = None
     held: list[Held] = field(default_factory=list)
     trace: Trace = field(default_factory=Trace)
     estimator: str = "plain"
     estimated: Estimated | None = None
+
+    @property
+    def estimates(self) -> Sequence[Estimate]:
+        """Of all parameters; none where nothing is known of them."""
+        if self.estimated is not None:
+            return self.estimated.estimates
+        return [] if self.sure is None else self.sure.estimates
+
+    @property
+    def information(self) -> Information | None:
+        """Of the data on all parameters, at the answer."""
+        return None if self.sure is None else self.sure.information
+
+    @property
+    def covariance(self) -> Array | None:
+        """Of theta of the free parameters (f, f)."""
+        return None if self.sure is None else self.sure.covariance

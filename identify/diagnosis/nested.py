@@ -13,19 +13,18 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.diagnosis.fitted import Fitted, fits, taken_over, values_of
-from identify.estimation.attempt import Attempt, Clock, judged, solve_from, solve_slowly, usable
+from identify.estimation.attempt import Attempt, judged, solve_from, solve_slowly, usable
 from identify.estimation.events import join
 from identify.estimation.other_optima import multistart_around
-from identify.estimation.search import alike, search
+from identify.estimation.search import SearchProblem, alike, search
 from identify.estimation.starts import Sources
-from identify.logs.parting import parted
-from identify.logs.prepare import Prepared, prepare
-from identify.logs.unknowns import Unknowns, from_scene
+from identify.logs.prepare import Prepared
+from identify.logs.prepared_scene import prepare_scene
+from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting import transcribe
 from identify.shooting.solve import solve
-from identify.shooting.vibration import tuned
 
 Array = NDArray[np.float64]
 
@@ -44,12 +43,12 @@ def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True,
         sources: starts from the data, from the values of the scene, or both.
     """
     prepared, unknowns = _prepared(scene, records)
-    attempt, _ = search(prepared, unknowns, thorough=False, sources=sources)
+    attempt, _ = search(SearchProblem(prepared, unknowns, sources, thorough=False))
     failed = attempt is not None and not attempt.solved.solution.success
     # Unlike cycles leave no other start to try.
     more = attempt is None or (failed and alike([prepared[i] for i in usable(prepared)]))
     if thorough and more:
-        attempt, _ = search(prepared, unknowns, sources=sources)
+        attempt, _ = search(SearchProblem(prepared, unknowns, sources))
     return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
 
 
@@ -71,7 +70,7 @@ def fit_joined(fitted: Fitted) -> Fitted:
     if attempt is None or fitted.complete:
         return fitted
     late = [i for i in able if i not in attempt.logs]
-    joined = join(attempt, list(fitted.prepared), late, fitted.unknowns, Clock())
+    joined = join(attempt, list(fitted.prepared), late, fitted.unknowns)
     return fitted if joined is attempt else replace(fitted, attempt=joined, excess=_excess(joined))
 
 
@@ -86,10 +85,8 @@ def fit_shaken(fitted: Fitted, around: Fitted | None = None) -> Fitted:
 
 
 def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], Unknowns]:
-    scene, records = parted(scene, records)
-    unknowns = from_scene(scene)
-    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-    return tuned(logs, unknowns)
+    made = prepare_scene(scene, records)
+    return made.logs, made.unknowns
 
 
 def _excess(attempt: Attempt | None) -> float:
@@ -107,7 +104,7 @@ def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
     samples = larger.attempt.solved.problem.samples if larger.attempt is not None else 1
     if best.excess - larger.excess < FAR * samples:
         return best
-    attempt, _ = search(prepared, unknowns, thorough=False)
+    attempt, _ = search(SearchProblem(prepared, unknowns, thorough=False))
     return _better(best, Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt)), larger)
 
 
@@ -155,7 +152,7 @@ def _placed_anew(
     other: Fitted, scene: Scene, prepared: list[Prepared], unknowns: Unknowns, *, slowly: bool = False
 ) -> Fitted:
     at_values = replace(unknowns, start=values_of(other, unknowns))
-    attempt = (solve_slowly if slowly else solve_from)(prepared, usable(prepared), at_values, Clock())
+    attempt = (solve_slowly if slowly else solve_from)(prepared, usable(prepared), at_values)
     return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
 
 

@@ -17,10 +17,9 @@ from identify.diagnosis.subsets import Selection
 from identify.effects import ALL
 from identify.estimation.known_early import prefit_warnings, wrong_unit
 from identify.estimation.search import alike
-from identify.logs.parting import parted
-from identify.logs.prepare import Prepared, prepare
+from identify.logs.prepare import Prepared
+from identify.logs.prepared_scene import prepare_scene
 from identify.logs.rhythms import SpectralLine, rhythms
-from identify.logs.unknowns import from_scene
 from identify.scene import Scene
 from identify.scene.variant import scene_with
 
@@ -43,10 +42,7 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     """
     told = progress or to_nobody
     told("looking at the logs", 0.0)
-    first, whole = scene_with(scene, LOOKED_AT, {}), records
-    first, records = parted(first, records)
-    unknowns = from_scene(first)
-    prepared = [prepare(first, e, r, unknowns) for e, r in zip(first.logs, records, strict=True)]
+    prepared = prepare_scene(scene_with(scene, LOOKED_AT, {}), records).logs
     for sentence in prefit_warnings(prepared):
         told(Notice(sentence), 0.0)
     if wrong_unit(prepared) or not alike([log for log in prepared if log.left_out is None]):
@@ -57,7 +53,7 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     scene = _with_one_noise(scene, prepared, lines, left)
     asked = tuple(look.effect for look in looks if look.asked)
     starts = {name: value for look in looks if look.asked for name, value in look.starts}
-    selection = Selection(ComparedModels(scene, tuple(whole), asked, starts), told)
+    selection = Selection(ComparedModels(scene, tuple(records), asked, starts), told)
     selection.run([look.effect for look in looks if look.asked and look.sure])
     effects = tuple(e.name for e in ALL if e.name in (*ALWAYS, *selection.kept))
     decided = tuple(reasons(effects, ALWAYS, looks, selection.gains, selection.notes))

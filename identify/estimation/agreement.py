@@ -23,11 +23,11 @@ from identify.estimation.influence import Influence, influence, sample_moves
 from identify.estimation.residual_autocorrelation import Colour, Remembering, colour, coloured_covariance
 from identify.estimation.stick_strength import integrated_moves
 from identify.logs.unknowns import Unknowns
+from identify.logs.vibration import rhythmic
 from identify.prediction.wording import said
 from identify.shooting.layout import KNOWN, Layout
 from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.shooting import Problem
-from identify.shooting.vibration import rhythmic
 
 Array = NDArray[np.float64]
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
 from identify.base.outcome import Status
+from identify.base.stages import of_which, stage
 from identify.estimation.goodness_of_fit import Gate, pass_gate
 from identify.estimation.sequence import (
     TRIES,
@@ -79,19 +79,6 @@ class Attempt:
         return 2.0 * solution.cost - self.solved.problem.samples if obeys else np.inf
 
 
-@dataclass
-class Clock:
-    """Seconds spent per stage."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    def add(self, stage: str, since: float) -> float:
-        """Count the time since `since` to a stage; returns now."""
-        now = time.perf_counter()
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - since
-        return now
-
-
 def usable(prepared: list[Prepared]) -> list[int]:
     """Numbers of the logs that are not left out."""
     return [i for i, log in enumerate(prepared) if log.left_out is None]
@@ -101,7 +88,6 @@ def solve_from(
     prepared: list[Prepared],
     chosen: list[int],
     unknowns: Unknowns,
-    clock: Clock,
     tightness: float = 1.0,
     cost_cutoff: float = np.inf,
 ) -> Attempt | None:
@@ -110,23 +96,21 @@ def solve_from(
     Args:
         cost_cutoff: a pass that ends with a larger cost is the last one.
     """
-    since = time.perf_counter()
-    placed = place_on(prepared, chosen, unknowns) if chosen else []
-    clock.add("place", since)
-    return solve_placed(prepared, placed, unknowns, clock, tightness, cost_cutoff) if placed else None
+    with stage("place"):
+        placed = place_on(prepared, chosen, unknowns) if chosen else []
+    return solve_placed(prepared, placed, unknowns, tightness, cost_cutoff) if placed else None
 
 
 def solve_placed(
     prepared: list[Prepared],
     placed: list[PlacedLog],
     unknowns: Unknowns,
-    clock: Clock,
     tightness: float = 1.0,
     cost_cutoff: float = np.inf,
 ) -> Attempt:
     """Solve from a start that is placed on some of the logs, one at least; where slips rest by a hair, again with the
     motion that follows from the answer, and where courses are not met for sure, by way of their beginnings."""
-    attempt = _solved(prepared, placed, unknowns, clock, tightness, cost_cutoff)
+    attempt = _solved(prepared, placed, unknowns, tightness, cost_cutoff)
     if attempt.solved.solution.cost > cost_cutoff or not np.all(np.isfinite(attempt.solved.theta)) or time_is_up():
         return attempt
     # A rest that can get no shorter is also what the solver fails on.
@@ -135,7 +119,7 @@ def solve_placed(
     anew = resimulated_whole(whole, attempt.prepared, attempt.solved.trajectories, at_answer)
     if anew is not None:
         placed = list(zip(attempt.logs, *anew, strict=True))
-        other = _solved(prepared, placed, at_answer, clock, tightness, cost_cutoff)
+        other = _solved(prepared, placed, at_answer, tightness, cost_cutoff)
         return other if other.excess < attempt.excess - BETTER else attempt
     courses = [
         (log, trajectory)
@@ -146,12 +130,12 @@ def solve_placed(
     met = attempt.gate.status is Status.CONVERGED and not any(hardly(*course) for course in courses)
     if met or not courses:
         return attempt
-    extended = _by_horizons(prepared, attempt.logs, unknowns, clock, tightness)
+    extended = _by_horizons(prepared, attempt.logs, unknowns, tightness)
     return extended if extended is not None and extended.excess < attempt.excess - BETTER else attempt
 
 
 def _by_horizons(
-    prepared: list[Prepared], numbers: Sequence[int], unknowns: Unknowns, clock: Clock, tightness: float
+    prepared: list[Prepared], numbers: Sequence[int], unknowns: Unknowns, tightness: float
 ) -> Attempt | None:
     """Solve with short beginnings of the courses, then with longer ones, each from the answer before; None where a
     beginning is not met. Parameters that are off make another sequence of sticks and slips in the long run, which no
@@ -162,7 +146,7 @@ def _by_horizons(
         placed = place_on(logs, list(numbers), unknowns)
         if len(placed) < len(numbers) or time_is_up():
             return None
-        found = _solved(logs, placed, unknowns, clock, tightness, np.inf)
+        found = _solved(logs, placed, unknowns, tightness, np.inf)
         if not abs(found.gate.chi2_per_sample - 1.0) < CREEPING:
             return None
         unknowns = replace(unknowns, start=found.solved.theta)
@@ -173,12 +157,19 @@ def _solved(
     prepared: list[Prepared],
     placed: list[PlacedLog],
     unknowns: Unknowns,
-    clock: Clock,
     tightness: float,
     cost_cutoff: float,
 ) -> Attempt:
     """Solve until every course is that of the answer."""
-    since = time.perf_counter()
+    with stage("solve"):
+        attempt = _solved_until_resimulated(prepared, placed, unknowns, tightness, cost_cutoff)
+        of_which("build", attempt.solved.transcription_seconds, of="solve")
+    return attempt
+
+
+def _solved_until_resimulated(
+    prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, tightness: float, cost_cutoff: float
+) -> Attempt:
     numbers, logs, trajectories = (list(column) for column in zip(*placed, strict=True))
     # What every log has for itself, the first log has in the shared theta.
     unknowns = replace(unknowns, start=trajectories[0].theta(unknowns.start))
@@ -201,9 +192,7 @@ def _solved(
         hair = not any(is_clear(log, one, other) for log, one, other in zip(logs, before[1], trajectories, strict=True))
         if hair and _fits_better(before[2], solved):
             logs, trajectories, solved = before
-    clock.add("solve", since + solved.transcription_seconds)
-    clock.seconds["build"] = clock.seconds.get("build", 0.0) + solved.transcription_seconds
-    return Attempt(tuple(numbers), tuple(logs), solved, _gated(solved, logs))
+    return Attempt(tuple(numbers), tuple(logs), solved, gated(solved, logs))
 
 
 def _fits_better(one: Solved, other: Solved) -> bool:
@@ -214,10 +203,11 @@ def _fits_better(one: Solved, other: Solved) -> bool:
 
 def judged(attempt: Attempt) -> Attempt:
     """The attempt with the gate of its own solution: one that was taken over from another model has that model's."""
-    return replace(attempt, gate=_gated(attempt.solved, attempt.prepared))
+    return replace(attempt, gate=gated(attempt.solved, attempt.prepared))
 
 
-def _gated(solved: Solved, logs: Sequence[Prepared]) -> Gate:
+def gated(solved: Solved, logs: Sequence[Prepared]) -> Gate:
+    """The goodness-of-fit tests of a solution of these logs."""
     return pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
 
 
@@ -227,9 +217,7 @@ def stalled(attempt: Attempt) -> bool:
     return gate.status is Status.SOLVER_FAILED and abs(gate.chi2_per_sample - 1.0) < CREEPING
 
 
-def solve_held(
-    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, ways: int = 1
-) -> Attempt | None:
+def solve_held(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, ways: int = 1) -> Attempt | None:
     """Solve from a start with priors around it that hold what the data do not tell, then let go of them as far as the
     solver follows; None where it follows nowhere. The information matrix never sees these priors.
 
@@ -243,7 +231,7 @@ def solve_held(
         if time_is_up():
             break
         released_to = np.inf
-        for tightness, tried in _released(prepared, chosen, unknowns, clock, PRIOR_SCHEDULE[first:]):
+        for tightness, tried in _released(prepared, chosen, unknowns, PRIOR_SCHEDULE[first:]):
             if not tried.solved.solution.success:
                 break
             released_to = tightness
@@ -255,19 +243,19 @@ def solve_held(
 
 
 def solve_or_hold(
-    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, cost_cutoff: float = np.inf
+    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, cost_cutoff: float = np.inf
 ) -> Attempt | None:
     """Solve from a start; where its ridge has no end, hold what the data do not tell; cost_cutoff as in
     `solve_from`."""
-    found = solve_from(prepared, chosen, unknowns, clock, cost_cutoff=cost_cutoff)
-    return found if found is None or not stalled(found) else solve_held(prepared, chosen, unknowns, clock) or found
+    found = solve_from(prepared, chosen, unknowns, cost_cutoff=cost_cutoff)
+    return found if found is None or not stalled(found) else solve_held(prepared, chosen, unknowns) or found
 
 
-def solve_slowly(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock) -> Attempt | None:
+def solve_slowly(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> Attempt | None:
     """Solve from a start that may be off: its priors let go in small steps until the answer fits or the solver fails;
     None where it fails at once."""
     best: Attempt | None = None
-    for _, tried in _released(prepared, chosen, unknowns, clock, PRIOR_SCHEDULE[OFF:]):
+    for _, tried in _released(prepared, chosen, unknowns, PRIOR_SCHEDULE[OFF:]):
         if not tried.solved.solution.success:
             break
         best = tried
@@ -277,11 +265,11 @@ def solve_slowly(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns
 
 
 def _released(
-    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, clock: Clock, firm: Sequence[float]
+    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, firm: Sequence[float]
 ) -> Iterator[tuple[float, Attempt]]:
     """Solves with softer and softer priors around the start, each from the answer of the one before; with the tightness
     of each."""
-    tried = solve_from(prepared, chosen, unknowns, clock, firm[0])
+    tried = solve_from(prepared, chosen, unknowns, firm[0])
     if tried is not None:
         yield firm[0], tried
         yield from released(tried, unknowns, firm[1:])
@@ -302,7 +290,7 @@ def solve_again(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: i
     and at most so many steps per interval."""
     logs, soft = attempt.prepared, unknowns.with_weak_priors()
     solved = solve_in_passes([log.data for log in logs], attempt.solved.trajectories, soft, steps=steps, most=most)
-    return replace(attempt, solved=solved, gate=_gated(solved, logs))
+    return replace(attempt, solved=solved, gate=gated(solved, logs))
 
 
 def solve_again_with_priors(
@@ -324,7 +312,7 @@ def placed_anew(attempt: Attempt, unknowns: Unknowns, theta: Array) -> Attempt |
     """The logs of an attempt solved from theta (n_p,) as from a start that a user gives, with the motion that follows
     from it; None where that is no answer of all of them, or fits no better."""
     logs = list(attempt.prepared)
-    found = solve_from(logs, list(range(len(logs))), replace(unknowns, start=theta), Clock())
+    found = solve_from(logs, list(range(len(logs))), replace(unknowns, start=theta))
     if found is None or found.gate.status is not Status.CONVERGED or len(found.logs) < len(logs):
         return None
     return replace(found, logs=attempt.logs) if found.excess < attempt.excess else None

@@ -24,10 +24,11 @@ from identify.estimation.combinations import (
     shares,
 )
 from identify.estimation.covariance import Estimate, Information
-from identify.estimation.examined import AtBound, Question, examine, fine_enough
+from identify.estimation.examined import Question, examine, fine_enough
 from identify.estimation.influence import influence
 from identify.estimation.profile import Profiles
 from identify.estimation.residual_autocorrelation import Colour
+from identify.estimation.status_words import at_bounds
 from identify.estimation.strategies import no_time_for
 from identify.logs.unknowns import Unknowns
 from identify.shooting.accuracy import AccuracyRow, FitOptions, accuracy_table
@@ -70,7 +71,6 @@ def certainty(
     unknowns: Unknowns,
     base: Array,
     asked: FitOptions,
-    at_bound: AtBound,
     *,
     speed_tolerance: float,
     seed: int,
@@ -79,20 +79,19 @@ def certainty(
     """All that is said of how sure an answer is; None where the model has no derivatives there.
 
     Args:
-        base: (n_p,) of the rig the values are given for; at_bound: sentence per parameter that sits at a bound, from
-            theta; speed_tolerance: relative error of all drive speeds together.
+        base: (n_p,) of the rig the values are given for; speed_tolerance: relative error of all drive speeds together.
     """
     attempt, known, discretised = fine_enough(attempt, unknowns, asked)
     if not np.all(np.isfinite(known.total)):
         return None
-    seen = examine(attempt, known, Question(unknowns, base, asked, at_bound, speed_tolerance, seed, progress))
+    seen = examine(attempt, known, Question(unknowns, base, asked, speed_tolerance, seed, progress))
     attempt, view = seen.attempt, seen.view
     if seen.unfinished:
         attempt = unexamined(attempt)
     elif seen.accepted and not view.bounds and len(attempt.logs) > 1:  # at a bound the pulls of the logs do not cancel
         attempt = agreeing(attempt, unknowns, base, view.allowed)
     theta, groups = attempt.solved.theta, shares(attempt, unknowns)
-    bounds_of = {s.log: at_bound(attempt.solved.trajectories[s.log].theta(theta)) for s in groups}
+    bounds_of = {s.log: at_bounds(unknowns, attempt.solved.trajectories[s.log].theta(theta)) for s in groups}
     of_groups = share_estimates(groups, unknowns, theta, base, view.joint, at_bound=bounds_of, hints=view.hints)
     out = Certainty(
         attempt,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
 from identify.base.outcome import Status
-from identify.estimation.attempt import Attempt, Clock, place_on, solve_from
+from identify.estimation.attempt import Attempt, place_on, solve_from
 from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns
@@ -176,7 +176,7 @@ def _largest(at: Array, size: Array, apart: float) -> list[float]:
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unknowns, clock: Clock) -> Attempt:
+def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unknowns) -> Attempt:
     """Solve again with the logs that took no part so far, their slips mended at the answer, where it can be placed on
     them."""
     at_answer = replace(unknowns, start=best.solved.theta)
@@ -186,14 +186,14 @@ def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unk
     late = [i for i in late if forms[i] is not None]
     if not late:
         return best
-    joined = solve_from(prepared, sorted([*best.logs, *late]), at_answer, clock)
+    joined = solve_from(prepared, sorted([*best.logs, *late]), at_answer)
     if joined is not None and joined.gate.status is Status.CONVERGED:
         return joined
     # One log that does not fit must not keep out the others, nor one that is taken up too early.
-    found = _one_by_one(best, prepared, late, seen, unknowns, clock)
+    found = _one_by_one(best, prepared, late, seen, unknowns)
     if len(late) == 1 or set(late) <= set(found.logs) or time_is_up():
         return found
-    other = _one_by_one(best, prepared, late[::-1], seen, unknowns, clock)
+    other = _one_by_one(best, prepared, late[::-1], seen, unknowns)
     return other if len(other.logs) > len(found.logs) else found
 
 
@@ -203,7 +203,6 @@ def _one_by_one(
     late: list[int],
     seen: dict[int, Prepared],
     unknowns: Unknowns,
-    clock: Clock,
 ) -> Attempt:
     """The answer that the late logs join in this order, as far as they do: as they are, the faint ones also as they
     were seen, and of a course that does not fit its steady end."""
@@ -213,7 +212,7 @@ def _one_by_one(
         at_best = replace(unknowns, start=best.solved.theta)
         for log in _forms(prepared[i], seen.get(i), at_best, tried=len(late) == 1):
             having = [log if j == i else other for j, other in enumerate(prepared)]
-            joined = solve_from(having, sorted([*best.logs, i]), at_best, clock)
+            joined = solve_from(having, sorted([*best.logs, i]), at_best)
             if joined is not None and joined.gate.status is Status.CONVERGED:
                 best, prepared = joined, having
                 break

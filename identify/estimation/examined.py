@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,12 +31,13 @@ from identify.estimation.hints import hints, onsets, untold
 from identify.estimation.other_optima import lowest_optimum, weakens, within
 from identify.estimation.profile import Profiles, profile
 from identify.estimation.profile_line import ProfilePoint
+from identify.estimation.status_words import at_bounds
 from identify.estimation.strategies import Strategy, run_strategy
 from identify.logs.unknowns import Unknowns
+from identify.logs.vibration import rhythmic
 from identify.shooting.accuracy import FitOptions
 from identify.shooting.passes import Solved, goes_as_far_as_it_can
 from identify.shooting.shooting_trajectory import ShootingTrajectory
-from identify.shooting.vibration import rhythmic
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Which parameters a profile has to walk along: what the curvature at one point says too little about.
@@ -113,22 +114,18 @@ def information_at(attempt: Attempt, unknowns: Unknowns) -> Information:
     return information(*solved.problem.with_all_parameters(at_answer, solved.solution.z))
 
 
-AtBound = Callable[[Array], Mapping[str, str]]
-
 BETTER_TRIES = 3  # how often a profile, or the ends of a ridge, may hand back a better optimum
 CURVE_STEPS = 4  # of each side of a profile that is drawn
 
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of an answer: unknowns; base (n_p,) of the rig the values are given for; asked; at_bound: sentence
-    per parameter that sits at a bound, from theta; speed_tolerance: relative error of all drive speeds together; seed:
-    of the starts that are thrown about it."""
+    """What is asked of an answer: unknowns; base (n_p,) of the rig the values are given for; asked; speed_tolerance:
+    relative error of all drive speeds together; seed: of the starts that are thrown about it."""
 
     unknowns: Unknowns
     base: Array
     asked: FitOptions
-    at_bound: AtBound
     speed_tolerance: float
     seed: int
     progress: Progress
@@ -231,7 +228,7 @@ def _moved(attempt: Attempt, q: Question, trail: Trail, walked: Profiles | None 
 def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, q: Question) -> View:
     """What is seen from an answer; seen: what is allowed for there, which walks do not change."""
     solved = attempt.solved
-    bounds = q.at_bound(solved.theta)
+    bounds = at_bounds(q.unknowns, solved.theta)
     hinted = hints(attempt.prepared, solved.trajectories, q.unknowns, solved.theta)
     told = {name: str(hint) for name, hint in hinted.items()}
     joint, f = seen.joint.copy(), len(seen.white)

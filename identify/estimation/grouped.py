@@ -6,19 +6,16 @@ information they hold on what is shared, and the joint problem starts from the m
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.outcome import Status
-from identify.base.progress import Progress
-from identify.estimation.attempt import Attempt, Clock
+from identify.base.stages import of_which, stage
+from identify.estimation.attempt import Attempt, gated
 from identify.estimation.covariance import information
-from identify.estimation.goodness_of_fit import pass_gate
-from identify.estimation.search import search
-from identify.estimation.starts import Sources
+from identify.estimation.search import SearchProblem, search
 from identify.estimation.strategies import Strategy, run_strategy
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
@@ -30,35 +27,24 @@ Array = NDArray[np.float64]
 LEAST = 1e-12  # of the largest information: what a group says less of is taken from the others
 
 
-def search_grouped(
-    prepared: list[Prepared],
-    unknowns: Unknowns,
-    *,
-    sources: Sources = "data",
-    seed: int = 0,
-    clock: Clock | None = None,
-    progress: Progress | None = None,
-) -> tuple[Attempt | None, dict[int, str]]:
+def search_grouped(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
     """As `search`, for any scene: logs that share all their parameters are searched together first."""
+    prepared, unknowns = problem.prepared, problem.unknowns
     parts = _parts(prepared, unknowns)
     if len(parts) == 1:
-        return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
+        return search(problem)
     alone = replace(unknowns, per=())
     found: list[Attempt] = []
     left_out: dict[int, str] = {}
     for part in parts:
-        logs = [prepared[i] for i in part]
-        attempt, out = search(logs, alone, sources=sources, seed=seed, clock=clock, progress=progress)
+        attempt, out = search(replace(problem, prepared=[prepared[i] for i in part], unknowns=alone))
         left_out |= {part[i]: why for i, why in out.items()}
         if attempt is None or attempt.gate.status is not Status.CONVERGED:
             # A group too poor to stand alone may still do with the others.
-            return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
+            return search(problem)
         found.append(replace(attempt, logs=tuple(part[i] for i in attempt.logs)))
-    timer = clock or Clock()
-    together = run_strategy(Strategy.GROUP_BY_GROUP, lambda: _together(found, unknowns, timer))
-    if together is None:
-        return search(prepared, unknowns, sources=sources, seed=seed, clock=clock, progress=progress)
-    return together, left_out
+    together = run_strategy(Strategy.GROUP_BY_GROUP, lambda: _together(found, unknowns))
+    return search(problem) if together is None else (together, left_out)
 
 
 def _parts(prepared: list[Prepared], unknowns: Unknowns) -> list[list[int]]:
@@ -71,9 +57,8 @@ def _parts(prepared: list[Prepared], unknowns: Unknowns) -> list[list[int]]:
     return list(parts.values())
 
 
-def _together(attempts: list[Attempt], unknowns: Unknowns, clock: Clock) -> Attempt:
+def _together(attempts: list[Attempt], unknowns: Unknowns) -> Attempt:
     """All groups in one problem, from the motions found."""
-    since = time.perf_counter()
     numbers: list[int] = []
     logs: list[Prepared] = []
     trajectories: list[ShootingTrajectory] = []
@@ -86,19 +71,15 @@ def _together(attempts: list[Attempt], unknowns: Unknowns, clock: Clock) -> Atte
             trajectories.append(replace(trajectory, own=np.where(unknowns.own, mine, np.nan)))
             thetas.append(mine)
     order = np.argsort(numbers).tolist()
-    numbers, logs, trajectories = (
-        [numbers[i] for i in order],
-        [logs[i] for i in order],
-        [trajectories[i] for i in order],
-    )
+    numbers, logs = [numbers[i] for i in order], [logs[i] for i in order]
+    trajectories = [trajectories[i] for i in order]
     start = thetas[order[0]]
     trajectories[0] = replace(trajectories[0], own=np.empty(0))
-    solved = solve_in_passes(
-        [log.data for log in logs], trajectories, replace(unknowns, start=start).with_weak_priors()
-    )
-    clock.add("solve", since)
-    gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
-    return Attempt(tuple(numbers), tuple(logs), solved, gate)
+    with stage("solve"):
+        soft = replace(unknowns, start=start).with_weak_priors()
+        solved = solve_in_passes([log.data for log in logs], trajectories, soft)
+        of_which("build", solved.transcription_seconds, of="solve")
+    return Attempt(tuple(numbers), tuple(logs), solved, gated(solved, logs))
 
 
 def _pooled(attempts: list[Attempt], unknowns: Unknowns) -> list[Array]:

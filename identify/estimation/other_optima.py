@@ -18,7 +18,6 @@ from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.attempt import (
     Attempt,
-    Clock,
     solve_again_with_priors,
     solve_from,
     solve_or_hold,
@@ -38,8 +37,8 @@ from identify.estimation.starts import (
 from identify.estimation.strategies import Strategy, run_strategy
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
+from identify.logs.vibration import quieted, rhythmic
 from identify.shooting.starts import fit_features
-from identify.shooting.vibration import quieted, rhythmic
 
 Array = NDArray[np.float64]
 
@@ -84,7 +83,7 @@ def multistart_around(
             break
         start = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
         cost_cutoff = best.solved.solution.cost + COST_CUTOFF
-        tried = solve_from(list(prepared), list(attempt.logs), start, Clock(), cost_cutoff=cost_cutoff)
+        tried = solve_from(list(prepared), list(attempt.logs), start, cost_cutoff=cost_cutoff)
         if tried is None or tried.logs != attempt.logs:
             continue
         found.append(tried.excess)
@@ -250,7 +249,7 @@ def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     logs = list(attempt.prepared)
     found = run_strategy(
         Strategy.OTHER_OPTIMA,
-        lambda: solve_or_hold(logs, usable(logs), unknowns, Clock(), _cost(attempt) + COST_CUTOFF),
+        lambda: solve_or_hold(logs, usable(logs), unknowns, _cost(attempt) + COST_CUTOFF),
         attempt,
         attempt.logs,
     )

@@ -12,16 +12,16 @@ from data_io import Record
 from identify.base.errors import FitError
 from identify.estimation.attempt import as_far_as_placed
 from identify.estimation.known_early import prefit_warnings, wrong_unit
-from identify.logs.parting import parted
-from identify.logs.prepare import Prepared, prepare
-from identify.logs.unknowns import Unknowns, from_scene, user_start
+from identify.logs.prepare import Prepared
+from identify.logs.prepared_scene import prepare_scene
+from identify.logs.unknowns import Unknowns, user_start
+from identify.logs.vibration import quieted
 from identify.scene import Scene
 from identify.shooting.features import extract
 from identify.shooting.passes import COARSE
 from identify.shooting.placing import place
 from identify.shooting.shooting import transcribe
 from identify.shooting.starts import candidates, fit_features
-from identify.shooting.vibration import quieted, tuned
 
 Array = NDArray[np.float64]
 
@@ -61,12 +61,10 @@ def preview(scene: Scene, records: Sequence[Record]) -> Preview:
     Raises:
         FitError, SceneError: as the fit itself; and where no fit can succeed.
     """
-    scene, records = parted(scene, records)
-    unknowns = from_scene(scene)
-    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    made = prepare_scene(scene, records)
+    scene, prepared, unknowns = made.scene, made.logs, made.unknowns
     if refused := wrong_unit(prepared):
         raise FitError(refused)
-    prepared, unknowns = tuned(prepared, unknowns)
     theta, source = _start(scene, prepared, unknowns)
     logs = [_seen(log, unknowns, theta) for log in prepared]
     base = prepared[0].data.base

@@ -20,8 +20,8 @@ from identify.estimation.profile_line import ProfileLine, ProfilePoint
 from identify.estimation.residual_autocorrelation import Remembering
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
+from identify.logs.vibration import rhythmic
 from identify.shooting.passes import Solved
-from identify.shooting.vibration import rhythmic
 
 # ----------------------------------------------------------------------------------------------------------------------
 # One side of a profile: from the best point until the data object.

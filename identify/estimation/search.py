@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
-from identify.estimation.attempt import FIRST, Attempt, Clock, solve_from, solve_held, stalled
+from identify.estimation.attempt import FIRST, Attempt, solve_from, solve_held, stalled
 from identify.estimation.events import join, with_events_mended
 from identify.estimation.goodness_of_fit import PER_CYCLE
 from identify.estimation.starts import Sources, slips_one_by_one, starts_of
@@ -41,39 +41,26 @@ COST_CUTOFF = 8.0  # cost per residual of a start that no solve will save
 
 @dataclass(frozen=True)
 class SearchProblem:
-    """What is searched: logs, unknowns, where starts come from, the seed of what is drawn; thorough: False takes the
-    first feature start alone, and none that does not fit one cycle."""
+    """What is searched: logs and unknowns; sources: starts from the data, from the user's values (unknowns.start), or
+    both; the seed of what is drawn; thorough: False takes the first feature start alone, and none that does not fit one
+    cycle."""
 
     prepared: list[Prepared]
     unknowns: Unknowns
     sources: Sources = "data"
     seed: int = 0
     thorough: bool = True
-    clock: Clock = field(default_factory=Clock)
     progress: Progress = to_nobody
 
 
-def search(
-    prepared: list[Prepared],
-    unknowns: Unknowns,
-    *,
-    sources: Sources = "data",
-    seed: int = 0,
-    clock: Clock | None = None,
-    progress: Progress | None = None,
-    thorough: bool = True,
-) -> tuple[Attempt | None, dict[int, str]]:
+def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
     """Find the solution of all logs together.
-
-    Args:
-        thorough: False takes the data's own start alone, and none where that does not fit one cycle.
-        sources: starts from the data, from the user's values (unknowns.start), or both.
 
     Returns:
         the accepted attempt, else the one that came closest, None where nothing could be tried; and per index of a
         log that took no part, why.
     """
-    problem = SearchProblem(prepared, unknowns, sources, seed, thorough, clock or Clock(), progress or to_nobody)
+    prepared = problem.prepared
     left_out = {i: log.left_out for i, log in enumerate(prepared) if log.left_out is not None}
     able = [i for i in range(len(prepared)) if i not in left_out]
     if not able:
@@ -109,7 +96,7 @@ def _levels_only(problem: SearchProblem, able: list[int]) -> Attempt | None:
     for i, part in zip(able, parts, strict=True):
         having[i] = part or prepared[i]
     theta = level_starts([having[i] for i in able], unknowns)[0]
-    found = solve_from(having, able, replace(unknowns, start=theta), problem.clock)
+    found = solve_from(having, able, replace(unknowns, start=theta))
     return found if _fits(found) else None
 
 
@@ -169,20 +156,13 @@ def _from_logs(problem: SearchProblem, logs: list[int], able: list[int]) -> Atte
 def _feature_starts(state: _Progressing) -> Iterator[Array]:
     problem, chosen = state.problem, state.chosen
     uneven, worst = not alike(chosen), np.inf if problem.thorough else COST_CUTOFF
-    return starts_of(chosen, problem.unknowns, problem.sources, problem.seed, uneven, worst, problem.clock)
+    return starts_of(chosen, problem.unknowns, problem.sources, problem.seed, uneven, worst)
 
 
 def _pieces_first(state: _Progressing, strategy: Strategy, _starts: Iterator[Array]) -> Iterator[Attempt | None]:
     problem = state.problem
     pieces = [piece for log in state.chosen for piece in (log.pieces or (log,))]
-    known, _ = search(
-        pieces,
-        problem.unknowns,
-        sources=problem.sources,
-        seed=problem.seed,
-        clock=problem.clock,
-        thorough=problem.thorough,
-    )
+    known, _ = search(replace(problem, prepared=pieces, progress=to_nobody))
     if known is not None:
         yield _solved_and_repaired(state, strategy, known.solved.theta)
 
@@ -212,7 +192,7 @@ def _prior_continuation(state: _Progressing, strategy: Strategy, _starts: Iterat
     problem.progress("holding what the logs do not tell", 0.7)
 
     def solve(theta: Array) -> Attempt | None:
-        return solve_held(problem.prepared, state.logs, state.at(theta), problem.clock)
+        return solve_held(problem.prepared, state.logs, state.at(theta))
 
     yield from _again_from(state, strategy, state.lost, solve)
 
@@ -257,7 +237,7 @@ def _solved_and_repaired(state: _Progressing, strategy: Strategy, theta: Array) 
     """What comes of one start: solved as it is, then repaired; then with the other logs that are able. None where it
     can be placed on none."""
     problem, at = state.problem, state.at(theta)
-    first = run_strategy(strategy, lambda: solve_from(problem.prepared, state.logs, at, problem.clock), logs=state.logs)
+    first = run_strategy(strategy, lambda: solve_from(problem.prepared, state.logs, at), logs=state.logs)
     if first is None:
         return None
     state.solved += 1
@@ -294,9 +274,7 @@ def _events_corrected(state: _Progressing, at: Unknowns, attempt: Attempt) -> tu
     if mended is None:
         return problem.prepared, attempt
     problem.progress("solving with other slips", 0.6)
-    again = run_strategy(
-        Strategy.EVENTS_CORRECTED, lambda: solve_from(mended, state.logs, at, problem.clock), attempt, state.logs
-    )
+    again = run_strategy(Strategy.EVENTS_CORRECTED, lambda: solve_from(mended, state.logs, at), attempt, state.logs)
     if again is not None and _better(attempt, again) is again:
         return mended, again
     return problem.prepared, attempt
@@ -306,7 +284,7 @@ def _held(state: _Progressing, prepared: list[Prepared], at: Unknowns, attempt: 
     state.problem.progress("holding what the logs do not tell", 0.7)
     return run_strategy(
         Strategy.PRIOR_CONTINUATION,
-        lambda: solve_held(prepared, state.logs, at, state.problem.clock, FIRST),
+        lambda: solve_held(prepared, state.logs, at, FIRST),
         attempt,
         state.logs,
     )
@@ -319,7 +297,7 @@ def _with_the_others(state: _Progressing, prepared: list[Prepared], attempt: Att
         return attempt
     problem.progress("joining the other logs", 0.8)
     joined = run_strategy(
-        Strategy.JOINED, lambda: join(attempt, prepared, late, problem.unknowns, problem.clock), attempt, attempt.logs
+        Strategy.JOINED, lambda: join(attempt, prepared, late, problem.unknowns), attempt, attempt.logs
     )
     return joined or attempt
 

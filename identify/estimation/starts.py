@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -11,14 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io.arrays import thinned
-from identify.estimation.attempt import HORIZONS, Clock, place_on
+from identify.base.stages import stage
+from identify.estimation.attempt import HORIZONS, place_on
 from identify.logs.prepare import Prepared, beginning
 from identify.logs.unknowns import Unknowns
+from identify.logs.vibration import quieted, rhythmic
 from identify.shooting.features import Features, extract, extract_one_by_one
 from identify.shooting.passes import COARSE
 from identify.shooting.shooting import transcribe
 from identify.shooting.starts import GOOD, Start, candidates, fit_features, level_starts, random_starts
-from identify.shooting.vibration import quieted, rhythmic
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Starts in the order in which they deserve a solve: how well the motion that follows from each fits before any is.
@@ -91,7 +91,7 @@ STRANGE = 20.0  # cost per residual of a start with a wrong cycle
 
 def own_starts(prepared: list[Prepared], unknowns: Unknowns) -> Iterator[Array]:
     """Starts (n_p,) from the data alone, in the order in which they deserve a try; none drawn by lot."""
-    return starts_of(prepared, unknowns, "data", 0, True, np.inf, Clock())
+    return starts_of(prepared, unknowns, "data", 0, True, np.inf)
 
 
 def suggested_starts(prepared: Sequence[Prepared], unknowns: Unknowns) -> Array:
@@ -131,19 +131,22 @@ def starts_of(
     seed: int,
     uneven: bool,
     worst: float,
-    clock: Clock,
 ) -> Iterator[Array]:
     """Starts (n_p,) in the order in which they deserve a try, up to a `worst` cost per residual; random ones where the
     data's own are not good, or, with such a limit, all beyond it."""
-    since = time.perf_counter()
+    with stage("start"):
+        starts = _in_order(prepared, unknowns, sources, seed, uneven, worst)
+    yield from _distinct(starts, unknowns)
+
+
+def _in_order(
+    prepared: list[Prepared], unknowns: Unknowns, sources: Sources, seed: int, uneven: bool, worst: float
+) -> Sequence[Start]:
     features, bases = features_of(prepared)
     if not features:
         made = [level_starts(prepared, unknowns)] if sources != "user" else []
         tried = np.concatenate([unknowns.start[None, :], *made]) if sources != "data" else made[0]
-        in_order = ranked(prepared, unknowns, tried)
-        clock.add("start", since)
-        yield from _distinct(in_order, unknowns)
-        return
+        return ranked(prepared, unknowns, tried)
     own = [unknowns.start[None, :]] if sources != "data" else []
     made = [candidates(unknowns, features, bases)] if sources != "user" else []
     if made and not any(f.settled for f in features):  # slips that are all unlike tell no level of their own
@@ -160,10 +163,8 @@ def starts_of(
         if sources != "user":
             more = np.concatenate([more[: count // 2], random_starts(unknowns, tried[0], count // 2, seed + 1)])
         starts = sorted(starts + fit_features(settled, features, bases, more), key=lambda s: s.cost)
-    clock.add("start", since)
     # What is explicit in time was held still: it starts where the sticks say, and keeps the value that the scene fixes.
-    starts = [replace(s, theta=np.where(settled.free, s.theta, unknowns.start)) for s in starts if s.cost <= worst]
-    yield from _distinct(starts, unknowns)
+    return [replace(s, theta=np.where(settled.free, s.theta, unknowns.start)) for s in starts if s.cost <= worst]
 
 
 def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Array]]:

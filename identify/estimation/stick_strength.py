@@ -22,7 +22,7 @@ from scipy.optimize import minimize_scalar
 from identify.base.budget import time_is_up
 from identify.base.linear import Factors, optimality_matrix
 from identify.base.outcome import Status
-from identify.estimation.attempt import Attempt, Clock, solve_again, solve_from
+from identify.estimation.attempt import Attempt, solve_again, solve_from
 from identify.estimation.influence import Influence
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
@@ -65,7 +65,7 @@ def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unk
         if time_is_up() or not sd > 0.0:
             return None
         if found is None:
-            found = solve_from(with_strengths(prepared, sd), list(attempt.logs), unknowns, Clock())
+            found = solve_from(with_strengths(prepared, sd), list(attempt.logs), unknowns)
         else:
             scattering = replace(found, prepared=tuple(with_strengths(found.prepared, sd)))
             found = solve_again(scattering, replace(unknowns, start=found.solved.theta))

@@ -31,7 +31,6 @@ from identify.base.result import (
 from identify.diagnosis.choice import Choice, as_listed, effects_result
 from identify.diagnosis.findings import Findings, held_results
 from identify.estimation.agreement import slowness
-from identify.estimation.attempt import Clock
 from identify.estimation.covariance import FARTHEST, Estimate
 from identify.estimation.strained import stick_scatter
 from identify.estimation.tolerances import added_by_tolerances
@@ -145,15 +144,15 @@ def result_of(
     scene: Scene,
     prepared: list[Prepared],
     found: Findings,
-    clock: Clock,
-    began: float,
+    seconds: Mapping[str, float],
     seed: int,
     choice: Choice | None = None,
 ) -> Result:
     """What a fit found, in SI, but for what is looked at when it is known.
 
     Args:
-        choice: how the effects were chosen, None where the scene lists them.
+        seconds: of each stage, and in all ("total"). choice: how the effects were chosen, None where the scene lists
+            them.
     """
     converged = found.status is Status.CONVERGED
     parts = parts_of(scene, [log.entry for log in prepared])
@@ -177,7 +176,7 @@ def result_of(
         not_tried=tuple(found.trace.not_tried),
         more={} if found.estimated is None else found.estimated.more,
         rig_against_data=held_results(found.held) or None,
-        timing_s={stage: clock.seconds.get(stage, 0.0) for stage in STAGES} | {"total": time.perf_counter() - began},
+        timing_s={stage: seconds.get(stage, 0.0) for stage in (*STAGES, "total")},
         provenance={
             "version": _version(DISTRIBUTION),
             "scene": scene.as_document(),
@@ -239,7 +238,7 @@ def _parameters(found: Findings, converged: bool) -> dict[str, ParameterResult]:
     return out
 
 
-def _told(found: Findings) -> list[Estimate]:
+def _told(found: Findings) -> Sequence[Estimate]:
     """The friction parameters, and of the rig what was estimated."""
     free = set(np.array(found.unknowns.names)[found.unknowns.free])
     if found.estimated is not None:
@@ -330,7 +329,7 @@ def _fit(found: Findings) -> FitFigures | None:
         unknowns=solved.problem.layout.size,
         rms_N=math.sqrt(squares / max(count, 1)),
         steps=solved.grid.steps,
-        discretisation=dict(found.discretisation),
+        discretisation={} if found.sure is None else dict(found.sure.discretisation),
     )
 
 

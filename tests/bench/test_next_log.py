@@ -17,7 +17,6 @@ from identify.bench.designs import SAFE, driven
 from identify.bench.next_log import Advice, next_logs
 from identify.bench.rehearsal import LogDesign, rehearse
 from identify.effects import MAIN
-from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import from_scene
@@ -29,7 +28,7 @@ from identify.simulation.simulate import run
 @pytest.fixture(scope="module")
 def four_logs():
     case = simulated_case(DEMO, 17)
-    _, found = find(scene_of(case), case.records, clock=Clock(), progress=lambda _stage, _share: None)
+    _, found = find(scene_of(case), case.records, progress=lambda _stage, _share: None)
     return found
 
 
@@ -53,7 +52,7 @@ def found_in(pair, free, logs):
     """The findings from logs of (speed, duration, rate), and their records."""
     records = [recorded(pair, *log, seed) for seed, log in enumerate(logs, 1)]
     made = scene(pair, free, [speed for speed, _, _ in logs])
-    return find(made, records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+    return find(made, records, progress=lambda _stage, _share: None)[1]
 
 
 def estimate(found, name):
@@ -229,7 +228,7 @@ def test_what_no_log_would_tell_is_said(unseen):
 def test_a_reason_that_is_no_hint_keeps_its_words(unseen):
     own = [replace(e, reason="its own") if e.name == "a" else e for e in unseen.estimates]
     log = NextLogResult(0.02, 1.5, 99.0, 5000.0, 3, {"a": 0.15})
-    kept = words.advised(replace(unseen, estimates=own), Advice((log,), (), 60.0))
+    kept = words.advised(replace(unseen, sure=replace(unseen.sure, estimates=own)), Advice((log,), (), 60.0))
     assert estimate(kept, "a").reason == (
         "its own; add a log of 99 s at 20 mm/s and 1.5 N, sampled at 5000 Hz, which is expected to tell it to 15 %"
     )

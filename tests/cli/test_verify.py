@@ -83,7 +83,7 @@ def test_starts_are_recorded(monkeypatch, asked, recorded):
 
     def plain(task, starts, *_):
         searched.append(starts)
-        return [], Findings(Status.NO_CYCLES, "", task.unknowns, None, None, None, [], {}, {})
+        return [], Findings(Status.NO_CYCLES, "", task.unknowns)
 
     monkeypatch.setattr(identification, "plain_or_uneven", plain)
     monkeypatch.setattr(identification, "result_of", lambda *_: Result())

@@ -18,8 +18,8 @@ from identify.diagnosis.fitted import Fitted, as_it_ended
 from identify.diagnosis.hypotheses import GROSS, SLIGHT, found_and_stated
 from identify.diagnosis.nested import fit_beside, fit_model
 from identify.effects import MAIN
-from identify.estimation.attempt import Clock, judged, solve_from
-from identify.estimation.search import COST_CUTOFF, search
+from identify.estimation.attempt import judged, solve_from
+from identify.estimation.search import COST_CUTOFF, SearchProblem, search
 from identify.estimation.starts import features_of, starts_of
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
@@ -67,7 +67,7 @@ def _lagging(lag):
 def _diagnosed(scene, records):
     """What is said of the misfit that the data's own start ends in: a whole fit would try others first."""
     logs, unknowns = _prepared(scene, records)
-    attempt, _ = search(logs, unknowns, thorough=False)
+    attempt, _ = search(SearchProblem(logs, unknowns, thorough=False))
     assert attempt is not None and attempt.gate.status is not Status.CONVERGED
     cause = diagnose(scene, records, logs, unknowns, attempt)
     assert cause is not None and cause.better is None
@@ -168,12 +168,10 @@ def test_a_suspect_is_looked_for_at_random_where_its_own_start_is_hopeless():
     features, bases = features_of(logs)
     own = fit_features(unknowns, features, bases, candidates(unknowns, features, bases))
     assert own[0].cost > COST_CUTOFF
-    found = list(starts_of(logs, unknowns, "data", 0, False, COST_CUTOFF, Clock()))
+    found = list(starts_of(logs, unknowns, "data", 0, False, COST_CUTOFF))
     truth = case.rig["stiffness"] / freed.rig.stiffness
     assert np.exp(found[0][unknowns.names.index("stiffness")]) == pytest.approx(truth, rel=0.05)
-    assert not list(
-        starts_of(logs, unknowns, "data", 0, True, COST_CUTOFF, Clock())
-    )  # cycles that differ have no start
+    assert not list(starts_of(logs, unknowns, "data", 0, True, COST_CUTOFF))  # cycles that differ have no start
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +179,7 @@ def right(case):
     """A scene, its records and logs, and their answer."""
     scene, records = _scene(RIG), [case.records[i] for i in LOGS]
     logs, unknowns = _prepared(scene, records)
-    return scene, records, logs, unknowns, search(logs, unknowns)[0]
+    return scene, records, logs, unknowns, search(SearchProblem(logs, unknowns))[0]
 
 
 def _astray(attempt):
@@ -192,7 +190,7 @@ def _astray(attempt):
 def test_a_better_answer_that_was_met_on_the_way_is_handed_back(right):
     """What is set free may explain nothing but lead the search out of another optimum, in which logs are left out."""
     scene, records, logs, unknowns, answer = right
-    alone = solve_from(logs, [1], replace(unknowns, start=answer.solved.theta), Clock())
+    alone = solve_from(logs, [1], replace(unknowns, start=answer.solved.theta))
     cause = diagnose(scene, records, logs, unknowns, _astray(alone))
     assert cause is not None and cause.better is not None
     assert cause.better.logs == (0, 1) and cause.better.gate.status is Status.CONVERGED
@@ -228,7 +226,7 @@ def test_a_better_answer_leaves_out_no_log_that_was_described(right):
 def test_a_log_that_a_better_answer_describes_is_not_said_to_be_left_out(case, monkeypatch):
     scene = _scene(RIG, range(len(SPEEDS)))
     logs, unknowns = _prepared(scene, case.records)
-    met = iter([search(logs, unknowns)[0]])
+    met = iter([search(SearchProblem(logs, unknowns))[0]])
     monkeypatch.setattr(answering, "search_grouped", lambda *_, **__: (None, {0: "log_0 was left out"}))
     monkeypatch.setattr(answering, "looked_into", lambda findings, *_: (findings, next(met, None)))
     result = fit(scene, case.records).result

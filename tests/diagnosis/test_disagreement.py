@@ -16,7 +16,7 @@ from identify.diagnosis import disagreement as disagreeing
 from identify.diagnosis.diagnosis import diagnose
 from identify.diagnosis.disagreement import disagreement
 from identify.diagnosis.fitted import as_it_ended
-from identify.estimation.search import search
+from identify.estimation.search import SearchProblem, search
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -51,7 +51,7 @@ def _ended(records, **third):
     scene = Scene.from_document({"effects": list(NAMES), "rig": RIG, "logs": logs})
     unknowns = from_scene(scene)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-    return scene, prepared, unknowns, search(prepared, unknowns, thorough=False)[0]
+    return scene, prepared, unknowns, search(SearchProblem(prepared, unknowns, thorough=False))[0]
 
 
 def _disagreement(records, **third):

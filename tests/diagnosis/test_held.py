@@ -17,9 +17,8 @@ from identify.diagnosis import findings as held
 from identify.diagnosis import second_look
 from identify.diagnosis.diagnosis import Doubt, diagnose
 from identify.diagnosis.findings import Findings, against_data
-from identify.estimation.attempt import Clock
 from identify.estimation.residual_autocorrelation import MORE
-from identify.estimation.search import search
+from identify.estimation.search import SearchProblem, search
 from identify.identification import find
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
@@ -51,7 +50,7 @@ def _scene(effects=(), **rig):
 
 
 def _found(scene, records):
-    return find(scene, list(records), clock=Clock(), progress=lambda _stage, _share: None)[1]
+    return find(scene, list(records), progress=lambda _stage, _share: None)[1]
 
 
 @lru_cache(maxsize=2)
@@ -133,7 +132,7 @@ def test_an_effect_the_scene_lacks_is_named():
     records = list(_records(3, ("direct_effect",), (("direct_strength", 0.02), ("direct_speed", 1e-4))))
     unknowns = from_scene(scene)
     logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-    attempt, _ = search(logs, unknowns, thorough=False)
+    attempt, _ = search(SearchProblem(logs, unknowns, thorough=False))
     assert 1.05 < attempt.gate.chi2_per_sample < 1.0 + MORE
     assert attempt.gate.status is Status.MODEL_MISFIT
     assert "direct_effect" in diagnose(scene, records, logs, unknowns, attempt).sentence
@@ -153,11 +152,6 @@ def test_logs_that_contradict_each_other_are_asked_what_would_reconcile_them(mon
         "log_3 contradicts the others",
         None,
         SimpleNamespace(gate=SimpleNamespace(suspects="")),
-        None,
-        None,
-        [],
-        {},
-        {},
     )
     lag = Doubt("a lag of the force sensor of 5 ms", 326.0, 0.032, "D")
     monkeypatch.setattr(second_look, "hum", lambda _attempt: "")

@@ -15,7 +15,7 @@ from identify.diagnosis.diagnosis import FARTHEST, STEP, diagnose, refined
 from identify.diagnosis.fitted import Fitted
 from identify.diagnosis.hypotheses import GROSS, log_speeds
 from identify.effects import MAIN
-from identify.estimation.search import search
+from identify.estimation.search import SearchProblem, search
 from identify.logs.parting import PART, name_of_recording, recordings
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
@@ -53,7 +53,7 @@ def _suspected(scene, records, misfits=MISFITS):
 def _diagnosed(scene, records):
     """The gate of what the data's own start ends in, and what is said of it: a whole fit would try others first."""
     logs, unknowns = _prepared(scene, records), from_scene(scene)
-    attempt, _ = search(logs, unknowns, thorough=False)
+    attempt, _ = search(SearchProblem(logs, unknowns, thorough=False))
     return attempt.gate, diagnose(scene, records, logs, unknowns, attempt)
 
 

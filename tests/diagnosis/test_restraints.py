@@ -18,7 +18,7 @@ from identify.diagnosis.findings import Findings
 from identify.diagnosis.hypotheses import Suspect, restraints, ties
 from identify.effects import MAIN
 from identify.estimation.attempt import Attempt
-from identify.estimation.search import search
+from identify.estimation.search import SearchProblem, search
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 
@@ -49,7 +49,7 @@ def test_a_bound_that_a_misfit_comes_of_is_named(case: Case, monkeypatch: pytest
     stated = scene(a={"upper": 150.0})
     unknowns, records = from_scene(stated), [case.records[i] for i in LOGS]
     logs = [prepare(stated, entry, record, unknowns) for entry, record in zip(stated.logs, records, strict=True)]
-    attempt, _ = search(logs, unknowns, thorough=False)
+    attempt, _ = search(SearchProblem(logs, unknowns, thorough=False))
     assert attempt is not None and attempt.gate.status is not Status.CONVERGED
     cause = diagnose(stated, records, logs, unknowns, attempt)
     assert cause is not None
@@ -86,11 +86,6 @@ def ended(status: Status, message: str) -> Findings:
         message,
         from_scene(scene()),
         cast(Attempt, SimpleNamespace(gate=SimpleNamespace(suspects=""))),
-        None,
-        None,
-        [],
-        {},
-        {},
     )
 
 
@@ -121,14 +116,14 @@ def test_a_bound_that_an_answer_within_the_noise_sits_at_is_named_first(
     stated = scene(a={"upper": 0.8 * DEMO["a"]})
     unknowns = from_scene(stated)
     logs = [prepare(stated, entry, record, unknowns) for entry, record in zip(stated.logs, records, strict=True)]
-    attempt, _ = search(logs, unknowns, thorough=False)
+    attempt, _ = search(SearchProblem(logs, unknowns, thorough=False))
     assert attempt is not None and attempt.gate.status is Status.CONVERGED
     freer = scene(damping={"start": RIG["damping"]})  # of which chi^2 is no larger than without the bound alone
     rig = Suspect("damping", lambda *_: freer, lambda *_: "a wrong rig")
     monkeypatch.setattr(diagnosis, "SLIGHT", (rig,))
 
     def asked() -> Doubt | None:
-        findings = Findings(Status.CONVERGED, "", unknowns, attempt, None, None, [], {}, {})
+        findings = Findings(Status.CONVERGED, "", unknowns, attempt)
         return doubt(stated, records, logs, findings, beyond=True, anew=False)
 
     found = asked()
@@ -204,7 +199,7 @@ def test_a_tie_that_the_data_contradict_is_named_with_what_they_say_instead(
         stated = scene(mu_k0={"tie": {"to": "mu_s", "offset": offset}}, **others)
         unknowns = from_scene(stated)
         logs = [prepare(stated, entry, record, unknowns) for entry, record in zip(stated.logs, records, strict=True)]
-        attempt, _ = search(logs, unknowns, thorough=False)
+        attempt, _ = search(SearchProblem(logs, unknowns, thorough=False))
         assert attempt is not None
         cause = diagnose(stated, records, logs, unknowns, attempt)
         return "" if cause is None else cause.sentence

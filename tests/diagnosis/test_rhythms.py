@@ -13,16 +13,15 @@ from identify.base.outcome import Status
 from identify.diagnosis.nested import fit_model
 from identify.diagnosis.selection import _with_one_noise
 from identify.effects import MAIN
-from identify.estimation.attempt import Clock
 from identify.estimation.preview import preview
 from identify.identification import find
 from identify.logs.prepare import prepare
 from identify.logs.rhythms import rhythms
 from identify.logs.unknowns import from_scene
+from identify.logs.vibration import quieted, tuned
 from identify.model.model import assemble
 from identify.scene import Scene
 from identify.shooting.passes import solve_in_passes
-from identify.shooting.vibration import quieted, tuned
 from identify.simulation.simulate import run
 
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
@@ -54,7 +53,7 @@ def _prepared(records):
 
 
 def _found(effects, records):
-    return find(_scene(effects), records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+    return find(_scene(effects), records, progress=lambda _stage, _share: None)[1]
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +118,7 @@ def test_the_error_of_the_steps_is_what_finer_steps_change():
     found = _found(MAIN, _logs(MAIN, {"a": 900.0, "delta_mu_k": -0.14}))
     solved, unknowns = found.attempt.solved, found.unknowns
     sd = np.sqrt(np.diag(found.covariance))
-    assert max(abs(share) for share in found.discretisation.values()) < 0.1
+    assert max(abs(share) for share in found.sure.discretisation.values()) < 0.1
     logs = solved.problem.logs
     start = replace(unknowns, start=solved.theta).with_weak_priors()
     coarse = _solved_with(logs, solved.trajectories, start, 2)
@@ -161,7 +160,7 @@ def test_what_a_scene_fixes_of_a_drift_stays_fixed():
     drift, effects = {"occlusion_level": -0.06, "occlusion_time": 8.0}, (*MAIN, "occlusion")
     records = _logs(effects, drift)
     scene = _scene(effects, parameters={name: {"fixed": value} for name, value in drift.items()})
-    found = find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+    found = find(scene, records, progress=lambda _stage, _share: None)[1]
     assert found.status is Status.CONVERGED
     solved, unknowns = found.attempt.solved, found.unknowns
     values = unknowns.values(solved.theta, found.attempt.prepared[0].data.base)

@@ -35,7 +35,7 @@ def refused(record: Record, monkeypatch: pytest.MonkeyPatch) -> str:
     scene = Scene.from_document({"effects": list(MAIN), "rig": RIG, "logs": logs})
     unknowns = from_scene(scene)
     prepared = [prepare(scene, scene.logs[0], record, unknowns)]
-    misfit: Any = Findings(Status.MODEL_MISFIT, "it misfits", unknowns, None, None, None, [], {}, {})
+    misfit: Any = Findings(Status.MODEL_MISFIT, "it misfits", unknowns)
     found, better = second_look.looked_into(misfit, scene, [record], prepared, to_nobody)
     assert found.status is Status.MODEL_MISFIT and better is None
     return found.message

@@ -16,7 +16,6 @@ from identify.base.outcome import Status
 from identify.diagnosis import findings as held
 from identify.estimation import agreement
 from identify.estimation.agreement import Pull, contradiction, pulls
-from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -98,7 +97,7 @@ def _found(factor, **parameters):
     logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, *_) in enumerate(LOGS, 1)]
     document = {"effects": [*NAMES, "varying_normal_force"], "rig": dict(RIG), "logs": logs}
     scene = Scene.from_document(document | ({"parameters": parameters} if parameters else {}), Path())
-    _, found = find(scene, list(_records(factor)), clock=Clock(), progress=lambda _stage, _share: None)
+    _, found = find(scene, list(_records(factor)), progress=lambda _stage, _share: None)
     return found
 
 

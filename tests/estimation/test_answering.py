@@ -15,12 +15,12 @@ from identify import answering
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
 from identify.diagnosis.findings import Findings
-from identify.estimation.attempt import Attempt, Clock, solve_from
+from identify.estimation.attempt import Attempt, solve_from
 from identify.estimation.grouped import search_grouped
+from identify.estimation.search import SearchProblem
 from identify.estimation.status_words import ended, untried
 from identify.identification import find
 from identify.logs.prepare import Prepared
-from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
 
 UNUSED = "since the start values led to no answer of all logs"
@@ -32,9 +32,9 @@ def made() -> tuple[Scene, list[Record]]:
     return Kind("two speeds", (SLOW, FAST), (), DEMO, RIG).made(0)
 
 
-def of_one_log(prepared: list[Prepared], unknowns: Unknowns, **_named: Any) -> tuple[Attempt | None, dict[int, str]]:
+def of_one_log(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
     """What a start ends in that describes the first log and leaves out the second."""
-    return solve_from(prepared, [0], unknowns, Clock()), {1: "log_2.csv slides at the answer of the other"}
+    return solve_from(problem.prepared, [0], problem.unknowns), {1: "log_2.csv slides at the answer of the other"}
 
 
 def as_it_ended(
@@ -42,7 +42,7 @@ def as_it_ended(
 ) -> Findings:
     """What a search ended in; how sure it is plays no part here."""
     status, message = untried(prepared, left_out) if attempt is None else ended(attempt, {})
-    return Findings(status, message, task.unknowns, attempt, None, None, [], left_out, {})
+    return Findings(status, message, task.unknowns, attempt, left_out)
 
 
 def found(
@@ -51,15 +51,15 @@ def found(
     """What comes of a user's start where searches end so, and which searches there were."""
     asked: list[str] = []
 
-    def search(*given: Any, sources: str, **named: Any) -> tuple[Attempt | None, dict[int, str]]:
-        asked.append(sources)
-        return (from_user if sources == "user" else from_data)(*given, sources=sources, **named)
+    def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
+        asked.append(problem.sources)
+        return (from_user if problem.sources == "user" else from_data)(problem)
 
     monkeypatch.setattr(answering, "search_grouped", search)
     monkeypatch.setattr(answering, "_findings", as_it_ended)
     monkeypatch.setattr(answering, "looked_into", lambda findings, *_: (findings, None))
     scene, records = made
-    return find(scene, records, clock=Clock(), progress=to_nobody, starts="user")[1], asked
+    return find(scene, records, progress=to_nobody, starts="user")[1], asked
 
 
 def test_a_log_that_the_start_values_leave_out_is_described_from_the_data(made, monkeypatch) -> None:
@@ -70,7 +70,7 @@ def test_a_log_that_the_start_values_leave_out_is_described_from_the_data(made, 
 
 
 def test_start_values_that_lead_nowhere_are_no_reason_to_refuse(made, monkeypatch) -> None:
-    answer, asked = found(made, monkeypatch, lambda *_, **__: (None, {}), search_grouped)
+    answer, asked = found(made, monkeypatch, lambda _: (None, {}), search_grouped)
     assert asked == ["user", "data"]
     assert answer.status is Status.CONVERGED and answer.message.endswith(UNUSED)
 
@@ -86,8 +86,8 @@ def test_what_the_data_lead_to_counts_only_if_it_is_better(made, monkeypatch) ->
     assert asked == ["user", "data"]
     assert answer.attempt.logs == (0,) and UNUSED not in answer.message
 
-    def refused(*given: Any, **named: Any) -> tuple[Attempt | None, dict[int, str]]:
-        attempt, left_out = search_grouped(*given, **named)
+    def refused(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
+        attempt, left_out = search_grouped(problem)
         assert attempt is not None
         return replace(attempt, gate=replace(attempt.gate, status=Status.MODEL_MISFIT)), left_out
 
@@ -108,6 +108,6 @@ def test_the_last_better_answer_is_the_one_that_is_reported(made, monkeypatch) -
     monkeypatch.setattr(answering, "looked_into", always_better)
     seen = []
     monkeypatch.setattr(answering, "rejected_as_incomplete", lambda better, *_: seen.append(better) or better)
-    answer = find(scene, records, clock=Clock(), progress=to_nobody)[1]
+    answer = find(scene, records, progress=to_nobody)[1]
     assert len(looks) == answering.ANSWERS
     assert answer.attempt is seen[-1]

@@ -18,7 +18,7 @@ from identify.effects import MAIN
 from identify.estimation import examined as fine_enough
 from identify.estimation.combinations import combinations, directions
 from identify.estimation.preview import preview
-from identify.estimation.search import search
+from identify.estimation.search import SearchProblem, search
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -208,7 +208,7 @@ def test_an_answer_whose_finer_steps_the_solver_does_not_settle_is_kept(monkeypa
     records, finest = [case.records[i] for i in (2, 3)], FitOptions(accuracy=replace(DEFAULT, share=1e-9))
     unknowns = from_scene(scene)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-    answer, _ = search(prepared, unknowns)
+    answer, _ = search(SearchProblem(prepared, unknowns))
     assert answer.gate.status is Status.CONVERGED
 
     def finer(status):

@@ -15,7 +15,7 @@ from experiments.study_problem import SPEEDS
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation import attempt
-from identify.estimation.attempt import Attempt, Clock, place_on, solve_from
+from identify.estimation.attempt import Attempt, place_on, solve_from
 from identify.estimation.events import join
 from identify.estimation.examined import active_event_bound
 from identify.logs.prepare import Prepared
@@ -77,9 +77,9 @@ def test_half_of_the_slips_lost_in_the_noise_make_a_log_faint() -> None:
 @pytest.mark.slow
 def test_a_faint_log_joins_as_the_model_follows_it() -> None:
     prepared, unknowns, slips = hidden()
-    others = solve_from(prepared, [1, 2], unknowns, Clock())
+    others = solve_from(prepared, [1, 2], unknowns)
     assert others is not None and others.gate.status is Status.CONVERGED
-    joined = join(others, prepared, [0], unknowns, Clock())
+    joined = join(others, prepared, [0], unknowns)
     assert joined.logs == (0, 1, 2) and joined.gate.status is Status.CONVERGED
     assert joined.solved.trajectories[0].arrests == slips[0] > 2 * prepared[0].falls.size
     # Two fast logs hardly tell contacts that age slowly from slips that are long; hundreds of small ones do.
@@ -106,7 +106,7 @@ def both_ways() -> tuple[tuple[list[Prepared], Unknowns], list[Attempt], Attempt
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(attempt, "_solved", noted)
-        given_back = solve_from(prepared, [0, 2], replace(unknowns, start=start), Clock())
+        given_back = solve_from(prepared, [0, 2], replace(unknowns, start=start))
     return (prepared, replace(unknowns, start=start)), tried, given_back
 
 
@@ -129,7 +129,7 @@ def test_a_solver_that_fails_on_such_a_rest_is_no_end(monkeypatch: pytest.Monkey
     gave_up = replace(tried[0].solved, solution=replace(tried[0].solved.solution, success=False, infeasibility=1.0))
     given = iter([replace(tried[0], solved=gave_up), both])
     monkeypatch.setattr(attempt, "_solved", lambda *_: next(given))
-    assert solve_from(prepared, [0, 2], unknowns, Clock()) is both
+    assert solve_from(prepared, [0, 2], unknowns) is both
 
 
 def test_rests_shorter_than_a_slip_is_placed_exactly_are_followed() -> None:

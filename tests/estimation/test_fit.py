@@ -19,7 +19,6 @@ from identify import Scene, fit
 from identify.base.errors import FitError
 from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.estimation import search
 from identify.examples import FOLDER
 from identify.identification import find
 from tests.support import oracle
@@ -246,7 +245,7 @@ def test_fixed_prior_and_estimated_rig_quantities(case):
 def test_the_sign_of_the_force_and_masked_samples_do_not_matter(case):
     """Force negative throughout, some samples missing: the same answer but for the missing samples."""
     logs = (1, 2)
-    quiet = {"clock": search.Clock(), "progress": lambda _stage, _share: None}
+    quiet = {"progress": lambda _stage, _share: None}
     _, plain = find(_scene(logs), _records(case, logs), **quiet)
     records = []
     for record in _records(case, logs):

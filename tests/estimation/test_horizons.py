@@ -10,7 +10,7 @@ from experiments.run_plan_study import NOISE, scene
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation import attempt
-from identify.estimation.attempt import Clock, solve_from
+from identify.estimation.attempt import solve_from
 from identify.logs.prepare import beginning, prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -46,7 +46,7 @@ def pair():
 def test_a_course_is_met_by_way_of_its_beginning(pair):
     truth, unknowns, logs = pair
     assert [log.manner.name for log in logs] == ["cycles", "course"]
-    both = solve_from(logs, [0, 1], unknowns, Clock())
+    both = solve_from(logs, [0, 1], unknowns)
     assert both.gate.status is Status.CONVERGED and both.prepared[1].data.end == logs[1].data.end, "all of the course"
     kinetic = unknowns.names.index("mu_k0")
     off = [abs(theta[kinetic] - truth["mu_k0"]) for theta in (unknowns.start, both.solved.theta)]
@@ -58,7 +58,7 @@ def test_at_once_it_is_not_met(pair, monkeypatch):
     """The negative control."""
     _, unknowns, logs = pair
     monkeypatch.setattr(attempt, "HORIZONS", (1.0,))
-    whole = solve_from(logs, [0, 1], unknowns, Clock())
+    whole = solve_from(logs, [0, 1], unknowns)
     assert whole is None or whole.gate.status is not Status.CONVERGED, "at once it is not met"
 
 

@@ -11,7 +11,7 @@ from experiments.run_recovery_study import FIVE, Study
 from experiments.study_problem import FIFTH, SPEEDS
 from identify.base.outcome import Status
 from identify.estimation import search as room
-from identify.estimation.attempt import Attempt, Clock, solve_from
+from identify.estimation.attempt import Attempt, solve_from
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from tests.support.taken_logs import taken
@@ -24,7 +24,7 @@ def pair() -> tuple[list[Prepared], Unknowns, Attempt]:
     """Three logs, and the answer of all: a fit of the first two leaves open `a`, at which the third cannot join."""
     case, _, _ = Study(FIVE).case(94)
     logs, unknowns = taken(list(case.records[2:]), [*SPEEDS, FIFTH][2:], case.truth, case.rig)
-    found = solve_from(logs, [0, 1, LAST], unknowns, Clock())
+    found = solve_from(logs, [0, 1, LAST], unknowns)
     assert found is not None and found.gate.status is Status.CONVERGED
     return logs, unknowns, found
 
@@ -41,7 +41,7 @@ def searched(
         return found if LAST in first else replace(found, logs=(0, 1))
 
     patch.setattr(room, "_from_logs", without)
-    best, left_out = room.search(logs, unknowns)
+    best, left_out = room.search(room.SearchProblem(logs, unknowns))
     assert best is not None
     return asked, best, left_out
 

@@ -15,7 +15,7 @@ from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
 from identify.diagnosis.findings import Findings
 from identify.estimation import examined
-from identify.estimation.attempt import Attempt, Clock, solve_from
+from identify.estimation.attempt import Attempt, solve_from
 from identify.logs.prepare import Prepared
 from identify.scene import Scene
 
@@ -32,13 +32,13 @@ def test_a_better_answer_of_fewer_logs_is_refused(monkeypatch: pytest.MonkeyPatc
         if met:
             return found, None
         assert found.status is Status.CONVERGED and found.attempt is not None and found.attempt.logs == (0, 1)
-        alone = solve_from(prepared, [0], replace(found.unknowns, start=found.attempt.solved.theta), Clock())
+        alone = solve_from(prepared, [0], replace(found.unknowns, start=found.attempt.solved.theta))
         assert alone is not None and alone.logs == (0,)
         met.append(alone)
         return found, alone
 
     monkeypatch.setattr(answering, "looked_into", of_one_log)
     monkeypatch.setattr(examined, "lowest_optimum", lambda attempt, *_: (attempt, []))  # how sure it is plays no part
-    _, refused = identification.find(scene, records, clock=Clock(), progress=to_nobody)
+    _, refused = identification.find(scene, records, progress=to_nobody)
     assert met and refused.status is Status.MODEL_MISFIT
     assert "does not stick-slip as log_2.csv does" in refused.message

@@ -12,7 +12,7 @@ from identify.estimation import profile_line as profile_ground
 from identify.estimation.agreement import noise_of
 from identify.estimation.examined import information_at
 from identify.estimation.profile_line import ProfileLine
-from identify.estimation.search import search
+from identify.estimation.search import SearchProblem, search
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 
@@ -29,7 +29,7 @@ def fitted():
     scene = Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": logs})
     unknowns = from_scene(scene)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-    attempt, _ = search(prepared, unknowns)
+    attempt, _ = search(SearchProblem(prepared, unknowns))
     size = np.sqrt(np.diag(information_at(attempt, unknowns).covariance()))
     return attempt, unknowns, size
 

@@ -146,7 +146,8 @@ def test_the_derivatives_of_a_course_are_those_of_differences():
 @pytest.mark.slow
 def test_sliding_sharpens_a_fit_and_one_at_another_speed_is_left_out():
     logs, unknowns = _prepared(_kind(SLOW, FAST, SLIDING), seed=2)
-    (alone, _), (joined, left_out) = search.search(logs[:2], unknowns), search.search(logs, unknowns)
+    alone, _ = search.search(search.SearchProblem(logs[:2], unknowns))
+    joined, left_out = search.search(search.SearchProblem(logs, unknowns))
     assert alone.gate.status is joined.gate.status is Status.CONVERGED
     assert joined.logs == (0, 1, 2) and not left_out
     free = np.flatnonzero(unknowns.free).tolist()
@@ -155,7 +156,7 @@ def test_sliding_sharpens_a_fit_and_one_at_another_speed_is_left_out():
     truth = unknowns.theta(np.array([(DEMO | RIG)[n] for n in unknowns.names]), logs[0].data.base)
     assert max(abs(joined.solved.theta - truth)[i] / sd[unknowns.names[i]][1] for i in free) < 4.0
     logs, unknowns = _prepared(_kind(SLOW, FAST, replace(SLIDING, said=5e-3)), seed=2)
-    wrong, left_out = search.search(logs, unknowns)
+    wrong, left_out = search.search(search.SearchProblem(logs, unknowns))
     assert wrong.logs == (0, 1) and "log_3.csv" in left_out[2]
 
 
@@ -231,7 +232,7 @@ def test_an_excluded_slip_parts_a_log_and_a_stick_does_not():
     assert gaps_apart(stick, records)[0] is stick
     unknowns = from_scene(cut)
     prepared = [prepare(cut, entry, part, unknowns) for entry, part in zip(cut.logs, copies, strict=True)]
-    found, left_out = search.search(prepared, unknowns)
+    found, left_out = search.search(search.SearchProblem(prepared, unknowns))
     assert found.gate.status is Status.CONVERGED and not left_out, found.gate.message
     away = found.solved.theta - unknowns.theta(np.array([(DEMO | RIG)[n] for n in unknowns.names]), unknowns.base(RIG))
     covariance = information_at(found, unknowns).covariance()
@@ -242,7 +243,7 @@ def test_an_excluded_slip_parts_a_log_and_a_stick_does_not():
 def two_speeds():
     """Two logs, their unknowns, and the answer."""
     prepared, unknowns = _prepared(_kind(SLOW, FAST))
-    return prepared, unknowns, search.search(prepared, unknowns)[0]
+    return prepared, unknowns, search.search(search.SearchProblem(prepared, unknowns))[0]
 
 
 @pytest.mark.parametrize("change", ["missed", "invented"])
@@ -252,7 +253,7 @@ def test_a_slip_that_was_missed_or_invented_is_mended(two_speeds, change):
     middle = 0.5 * (falls[6] + falls[7])
     wrong = np.delete(falls, 4) if change == "missed" else np.sort(np.append(falls, middle))
     spoiled = [replace(prepared[0], falls=wrong), prepared[1]]
-    found, _ = search.search(spoiled, unknowns)
+    found, _ = search.search(search.SearchProblem(spoiled, unknowns))
     assert found.gate.status is Status.CONVERGED
     assert found.solved.trajectories[0].cycles == right.solved.trajectories[0].cycles
     # The steps of the fine grid may differ; the loosest parameter has a standard error of 0.2.
@@ -265,7 +266,7 @@ def test_a_missed_slip_that_is_not_mended_is_a_wrong_event_count(two_speeds, mon
     monkeypatch.setattr(search, "FURTHER", 0)
     prepared, unknowns, _ = two_speeds
     spoiled = [replace(prepared[0], falls=np.delete(prepared[0].falls, 4)), prepared[1]]
-    found, _ = search.search(spoiled, unknowns)
+    found, _ = search.search(search.SearchProblem(spoiled, unknowns))
     assert found.gate.status is Status.WRONG_EVENT_COUNT
     assert "log_1.csv, cycle" in found.gate.message
 

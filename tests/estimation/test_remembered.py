@@ -14,7 +14,6 @@ from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
 from identify.estimation import goodness_of_fit as gate
-from identify.estimation.attempt import Clock
 from identify.estimation.goodness_of_fit import pass_gate
 from identify.estimation.residual_autocorrelation import CHANCE, in_common, remembered
 from identify.identification import find
@@ -43,7 +42,7 @@ def _records(seed, slow=SLOW):
 def _found(records):
     logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, *_) in enumerate(LOGS, 1)]
     scene = Scene.from_document({"effects": [*NAMES], "rig": dict(RIG), "logs": logs}, Path())
-    return find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+    return find(scene, records, progress=lambda _stage, _share: None)[1]
 
 
 def _distance(found):

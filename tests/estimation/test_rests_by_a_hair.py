@@ -10,7 +10,6 @@ from identify import Scene
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation import attempt
-from identify.estimation.attempt import Clock
 from identify.estimation.sequence import hardly, is_clear
 from identify.identification import find
 from identify.model.model import assemble
@@ -39,7 +38,7 @@ def searched(record, pair, rig, speed, start):
     parameters = {name: {"fixed": value} for name, value in pair.items()} | {n: {"start": v} for n, v in start.items()}
     logs = [{"path": "log.csv", "drive_speed": speed}]
     scene = Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": logs, "parameters": parameters})
-    _, found = find(scene, [record], clock=Clock(), progress=lambda _stage, _share: None, starts="user")
+    _, found = find(scene, [record], progress=lambda _stage, _share: None, starts="user")
     assert found.status is Status.CONVERGED and found.attempt is not None and found.covariance is not None
     return found
 

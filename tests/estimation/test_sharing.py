@@ -15,7 +15,6 @@ from identify.base.errors import SceneError
 from identify.base.outcome import Status
 from identify.cli.main import main
 from identify.effects import MAIN
-from identify.estimation.attempt import Clock
 from identify.identification import find, fit
 from identify.report.log_document import outlooks_of
 from identify.scene import Scene
@@ -58,7 +57,7 @@ def _scene(parameters, groups="AB", **rig):
 def _found(parameters, groups="AB", **rig):
     records = _records()[: 2 * len(groups)]
     scene = _scene(parameters, groups, **rig)
-    return find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+    return find(scene, records, progress=lambda _stage, _share: None)[1]
 
 
 @pytest.fixture(scope="module")
@@ -190,7 +189,7 @@ def test_the_answers_of_the_logs_are_those_that_the_commands_give(tmp_path, caps
 
 def test_a_log_that_took_no_part_is_answered_by_its_own_group_or_not_at_all():
     scene, records, _ = _tied_groups()
-    prepared, found = find(scene, records, clock=Clock(), progress=lambda _stage, _share: None)
+    prepared, found = find(scene, records, progress=lambda _stage, _share: None)
     whole = outlooks_of(prepared, found)
     left = replace(found, attempt=replace(found.attempt, logs=(0, 1, 2)))
     answers = outlooks_of(prepared, left)

@@ -30,7 +30,7 @@ def test_events_settle_within_the_slip_where_samples_lie_farther_apart(monkeypat
     monkeypatch.setattr(passes, "SAMPLE_OF_A_SLIP", np.inf)  # negative control: half a sample is three slips here,
     monkeypatch.setattr(passes, "AT_BOUND", np.inf)  # and an event that goes as far as it can has not arrived
     logs, unknowns = taken(case.records, SPEEDS, case.truth, case.rig)  # even from the truth
-    hasty = attempt.solve_from(logs, attempt.usable(logs), unknowns, attempt.Clock())
+    hasty = attempt.solve_from(logs, attempt.usable(logs), unknowns)
     assert hasty is not None and "normal force is off" in hasty.gate.message
 
 
@@ -43,13 +43,13 @@ def test_samples_that_change_sides_to_and_fro_end_the_passes(monkeypatch):
     unknowns = from_scene(scene)
     logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, case.records, strict=True)]
     start = replace(unknowns, start=next(own_starts(logs, unknowns)))
-    tried = attempt.solve_from(logs, attempt.usable(logs), start, attempt.Clock())
+    tried = attempt.solve_from(logs, attempt.usable(logs), start)
     assert tried.gate.status is Status.SOLVER_FAILED and "event" in tried.gate.message
     assert tried.solved.passes < 15
     began, placed = [], attempt.place_on
     monkeypatch.setattr(attempt, "PRIOR_SCHEDULE", (4.0, 1.0))
     monkeypatch.setattr(attempt, "place_on", lambda *where: began.append(where) or placed(*where))
-    assert attempt.solve_held(logs, attempt.usable(logs), start, attempt.Clock(), ways=2) is None
+    assert attempt.solve_held(logs, attempt.usable(logs), start, ways=2) is None
     assert len(began) == 1, "nothing wandered off: to hold it less firmly leads to the same place"
 
 

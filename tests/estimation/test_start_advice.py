@@ -15,7 +15,7 @@ from identify import Scene
 from identify.base.errors import SceneError
 from identify.base.outcome import Status
 from identify.base.wording import START_VALUES
-from identify.estimation.attempt import Clock, solve_from
+from identify.estimation.attempt import solve_from
 from identify.estimation.known_early import prefit_warnings
 from identify.examples import SCENE, TRUTH
 from identify.logs.prepare import prepare
@@ -44,7 +44,7 @@ def example():
 
 
 def _solved(log, unknowns, start):
-    attempt = solve_from([log], [0], replace(unknowns, start=start), Clock())
+    attempt = solve_from([log], [0], replace(unknowns, start=start))
     return attempt.gate if attempt is not None else None
 
 

@@ -106,7 +106,7 @@ def test_a_longer_time_that_is_advised_leads_to_an_answer() -> None:
 def test_advice_of_more_time_ends_before_it_is_beyond_belief() -> None:
     """A fit that is never done: the sentence changes from time to time that is tried, and ends without more of it."""
     unknowns = from_scene(Scene.from_toml(FOLDER / "pair.toml"))
-    findings = Findings(Status.MODEL_MISFIT, "it does not fit", unknowns, None, None, None, [], {}, {})
+    findings = Findings(Status.MODEL_MISFIT, "it does not fit", unknowns)
     tried = [Trial("hypotheses: mass", (), "examined", None, 1.0)]
     said, limit = list[str](), 60.0
     while limit is not None:
@@ -146,7 +146,7 @@ def test_starts_that_the_time_did_not_suffice_for_are_named(monkeypatch: pytest.
     unknowns = from_scene(scene)
     logs = [prepare(scene, *pair, unknowns) for pair in zip(scene.logs, case.records, strict=True)]
     with tracing() as trace, time_limit(1e6):
-        found, _ = search.search(logs, unknowns)
+        found, _ = search.search(search.SearchProblem(logs, unknowns))
     assert found is not None and found.gate.status is Status.MODEL_MISFIT
     assert Strategy.FURTHER_STARTS.title in trace.not_tried and len(trace.trials) == 1
 

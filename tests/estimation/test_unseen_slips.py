@@ -7,7 +7,7 @@ import pytest
 from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
 from identify.base.outcome import Status
-from identify.estimation.attempt import Clock, place_on, solve_from
+from identify.estimation.attempt import place_on, solve_from
 from identify.estimation.events import join
 from identify.logs import prepare as preparing
 from identify.logs.prepare import Prepared
@@ -27,9 +27,9 @@ def test_the_log_joins_by_its_level(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its steady end is a smaller share of it than a record is judged by."""
     monkeypatch.setattr(preparing, "LEAST_SHARE", 0.0)
     prepared, unknowns = case()
-    known = solve_from(prepared, CYCLING, unknowns, Clock())
+    known = solve_from(prepared, CYCLING, unknowns)
     assert known is not None and known.gate.status is Status.CONVERGED
-    found = join(known, prepared, [SLOWEST], unknowns, Clock())
+    found = join(known, prepared, [SLOWEST], unknowns)
     assert found.gate.status is Status.CONVERGED and found.logs == (SLOWEST, *CYCLING)
     assert found.prepared[0].manner.name == "sliding" and found.solved.trajectories[0].arrests == 0
 

@@ -16,7 +16,7 @@ from identify.estimation import certainty as sureness
 from identify.estimation import examined, search
 from identify.estimation import other_optima as room
 from identify.estimation.agreement import noise_of
-from identify.estimation.attempt import Clock, solve_again, solve_from
+from identify.estimation.attempt import solve_again, solve_from
 from identify.estimation.covariance import information
 from identify.estimation.other_optima import optima_about, within
 from identify.estimation.profile import Profiles, Side, profile
@@ -27,8 +27,8 @@ from identify.logs.parting import parted
 from identify.logs.prepare import prepare
 from identify.logs.scene_records import with_records
 from identify.logs.unknowns import from_scene
+from identify.logs.vibration import tuned
 from identify.shooting.accuracy import DEFAULT_OPTIONS
-from identify.shooting.vibration import tuned
 
 
 def _prepared(scene, records):
@@ -53,7 +53,7 @@ def pair():
     """A good answer, the search space, and an answer that stopped too early: with mu_k0 held five errors away."""
     kind = Kind("", (SLOW, FAST), (SLOW, FAST), DEMO, RIG)
     prepared, unknowns = _prepared(*kind.made(1))
-    right, _ = search.search(prepared, unknowns)
+    right, _ = search.search(search.SearchProblem(prepared, unknowns))
     assert right.gate.status is Status.CONVERGED
     covariance = _covariance(right, unknowns)
     i = unknowns.names.index("mu_k0")
@@ -134,7 +134,7 @@ def astray():
     prepared, unknowns = _prepared(*parted(*with_records(made.scene(all_known=False), made.records(50.0))))
     values = np.array([(made.truth | VALLEY).get(name, 1.0) for name in unknowns.names])
     start = np.where(unknowns.free, unknowns.theta(values, prepared[0].data.base), unknowns.start)
-    wrong = solve_from(prepared, [0, 1], replace(unknowns, start=start), Clock())
+    wrong = solve_from(prepared, [0, 1], replace(unknowns, start=start))
     assert wrong.gate.status is Status.CONVERGED, "it passes the gate"
     return made, wrong, unknowns
 
@@ -248,7 +248,7 @@ def test_starts_with_one_parameter_held_in_turn_lead_to_a_valley_that_thrown_one
     place = np.where(unknowns.free, unknowns.theta(values, prepared[0].data.base), unknowns.start)
     starts = ranked(prepared, unknowns, held_starts(prepared, unknowns, place))
     best = islice(distinguishable(starts, chi2.ppf(0.95, 6)), 3)
-    found = (room.solve_or_hold(prepared, [0, 1], replace(unknowns, start=s.theta), Clock(), 800.0) for s in best)
+    found = (room.solve_or_hold(prepared, [0, 1], replace(unknowns, start=s.theta), 800.0) for s in best)
     assert min(2.0 * each.solved.solution.cost for each in found) < 1062.0
 
 

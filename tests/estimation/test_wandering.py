@@ -29,12 +29,12 @@ def test_a_search_that_wanders_off_starts_again_with_what_is_not_told_held(monke
         solved = replace(found.solved, solution=replace(found.solved.solution, success=False))
         return replace(found, solved=solved, gate=replace(found.gate, status=Status.MODEL_MISFIT, chi2_per_sample=9.0))
 
-    def holding(prepared, chosen, unknowns, clock):
+    def holding(prepared, chosen, unknowns):
         tried.append(unknowns.start)
-        return solve_held(prepared, chosen, unknowns, clock) if held else None
+        return solve_held(prepared, chosen, unknowns) if held else None
 
     monkeypatch.setattr(room, "solve_from", wandering)
     monkeypatch.setattr(room, "solve_held", holding)
-    found, _ = room.search(logs, unknowns)
+    found, _ = room.search(room.SearchProblem(logs, unknowns))
     assert found is not None and (found.gate.status is Status.CONVERGED) == held
     assert len(tried) == 1 if held else len(tried) > 1  # the first way that is found is taken

@@ -132,7 +132,7 @@ def test_steps_as_a_user_reads_them_agree():
 
 
 def test_a_fit_says_what_it_took_and_the_scene_of_its_result_holds_it(monkeypatch):
-    found = Findings(Status.NO_CYCLES, "", None, None, None, None, [], {}, {})
+    found = Findings(Status.NO_CYCLES, "", None)
     monkeypatch.setattr(identification, "plain_or_uneven", lambda *_arguments: ([], found))
     monkeypatch.setattr(identification, "_curves", lambda *_arguments: ())
     monkeypatch.setattr(identification, "result_of", lambda *_: Result(notes=("another",)))

@@ -13,8 +13,8 @@ from identify import Scene
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation import goodness_of_fit as gate
-from identify.estimation.attempt import Clock, solve_from
-from identify.estimation.search import search
+from identify.estimation.attempt import solve_from
+from identify.estimation.search import SearchProblem, search
 from identify.logs import manner
 from identify.logs import prepare as preparing
 from identify.logs.prepare import prepare, settled_part
@@ -48,7 +48,7 @@ def searched() -> tuple[tuple[int, ...], dict[int, str]]:
     scene, records = logs()
     unknowns = from_scene(scene)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-    found, left_out = search(prepared, unknowns)
+    found, left_out = search(SearchProblem(prepared, unknowns))
     assert found is not None and found.gate.status is Status.CONVERGED
     return found.logs, left_out
 
@@ -134,10 +134,10 @@ def test_an_answer_that_slides_through_slips_that_the_noise_hides_is_refused(mon
     assert level is not None and level.manner.rhythm is None
     slides = pair | rig | {"mu_s": 0.2720, "mu_k0": 0.2719, "D": 8.2e-6, "t_cr": 4.8}
     start = unknowns.theta(np.array([slides[name] for name in unknowns.names]), unknowns.base(rig))
-    found = solve_from([level], [0], replace(unknowns, start=start).with_weak_priors(), Clock())
+    found = solve_from([level], [0], replace(unknowns, start=start).with_weak_priors())
     assert found is not None and found.gate.status is Status.MODEL_MISFIT
     assert "where this answer slides, slow.csv swings by 0.0" in found.gate.message
     assert found.solved.theta[unknowns.names.index("mu_k0")] > 1.2 * pair["mu_k0"]
     monkeypatch.setattr(gate, "swing_left", lambda *_: None)
-    accepted = solve_from([level], [0], replace(unknowns, start=start).with_weak_priors(), Clock())
+    accepted = solve_from([level], [0], replace(unknowns, start=start).with_weak_priors())
     assert accepted is not None and accepted.gate.status is Status.CONVERGED

@@ -15,7 +15,7 @@ from experiments import in_vivo
 from identify import answering
 from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.estimation.attempt import Clock, solve_from
+from identify.estimation.attempt import solve_from
 from identify.identification import find, fit
 from identify.logs import loads
 from identify.logs.loads import as_far_as_told, calmed, smooth
@@ -112,7 +112,7 @@ def test_a_fit_follows_a_load_that_trembles_while_the_mass_slips():
         records.append(Record(times, load, force))
     logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, speed in enumerate(speeds)]
     document = {"effects": [*MAIN, "varying_normal_force"], "rig": RIG, "logs": logs}
-    _, found = find(Scene.from_document(document, Path()), records, clock=Clock(), progress=lambda _s, _x: None)
+    _, found = find(Scene.from_document(document, Path()), records, progress=lambda _s, _x: None)
     assert found.status is Status.CONVERGED, found.message
     values = {e.name: e for e in found.estimates}
     for name in ("mu_s", "mu_k0", "D"):
@@ -292,7 +292,7 @@ def test_the_way_to_a_trembling_load_leads_by_a_calm_one(monkeypatch, calm, foll
 
     monkeypatch.setattr(answering, "calmed", lambda _data: quiet.data)
     monkeypatch.setattr(answering, "solve_from", lambda *_: attempt("followed", followed))
-    logs, found, _ = answering._by_way_of_calm([trembling], _Start(np.ones(1)), searched, Clock())
+    logs, found, _ = answering._by_way_of_calm([trembling], _Start(np.ones(1)), searched)
     assert found.name == taken
     assert logs[0].data == ("calm" if taken == "calm" else "trembling")
     assert asked == ["calm"] + ["trembling"] * (plain is not None)
@@ -301,7 +301,7 @@ def test_the_way_to_a_trembling_load_leads_by_a_calm_one(monkeypatch, calm, foll
 def test_where_no_load_trembles_the_search_is_made_once(monkeypatch):
     monkeypatch.setattr(answering, "calmed", lambda data: data)
     asked = []
-    answering._by_way_of_calm([_Log("level")], _Start(np.ones(1)), lambda logs: (asked.append(logs), None, {}), Clock())
+    answering._by_way_of_calm([_Log("level")], _Start(np.ones(1)), lambda logs: (asked.append(logs), None, {}))
     assert len(asked) == 1
 
 
@@ -372,7 +372,7 @@ def test_every_slip_of_a_course_has_a_load_of_its_own(monkeypatch, own):
     values = np.array([truth[name] for name in unknowns.names])
     if not own:
         monkeypatch.setattr(ShootingTrajectory, "own_slips", [])
-    found = solve_from([log], [0], replace(unknowns, start=unknowns.theta(values, base)), Clock())
+    found = solve_from([log], [0], replace(unknowns, start=unknowns.theta(values, base)))
     assert (found.gate.status is Status.CONVERGED) == own
     assert (found.solved.trajectories[0].slip_deviation.size > 10) == own
 

@@ -17,7 +17,6 @@ from experiments.study_problem import DEMO, RIG
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.effects.quantities import Effect, Parameter, Situation, Terms
-from identify.estimation.attempt import Clock
 from identify.identification import find
 from identify.model.model import assemble
 from identify.scene import Scene
@@ -52,7 +51,7 @@ def _fitted(names: tuple[str, ...], truth: dict[str, float], seed: int):
         "rig": dict(RIG),
         "logs": [{"path": f"{speed}.csv", "drive_speed": speed} for speed, _, _ in SPEEDS],
     }
-    return find(Scene.from_document(document, Path()), records, clock=Clock(), progress=lambda _stage, _share: None)[1]
+    return find(Scene.from_document(document, Path()), records, progress=lambda _stage, _share: None)[1]
 
 
 def _assert_found(found, truth: dict[str, float], names: tuple[str, ...]) -> None:

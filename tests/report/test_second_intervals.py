@@ -8,7 +8,6 @@ import pytest
 
 from identify import Scene, SceneError, examples
 from identify.base.result import ToleranceResult
-from identify.estimation.attempt import Clock
 from identify.estimation.tolerances import _directions, added_by_tolerances
 from identify.identification import find
 from identify.report.result import _farther
@@ -22,7 +21,7 @@ NAMES = ("mu_s", "mu_k0", "D", "t_cr", "delta_mu_k", "a")
 @pytest.fixture(scope="module")
 def answer():
     scene = Scene.from_toml(examples.SCENE).choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"])
-    prepared, found = find(scene, clock=Clock(), progress=lambda *_: None)
+    prepared, found = find(scene, progress=lambda *_: None)
     assert found.information is not None and found.attempt is not None
     values = found.unknowns.values(found.attempt.solved.theta, prepared[0].data.base)
     return found.information, values
@@ -63,9 +62,7 @@ def test_an_error_of_the_speed_reaches_a_rig_whose_mass_and_stiffness_are_tied()
     tied = ["mass", "stiffness"]
     rig = [f'rig.{name}={{value="{RIG[name]}", tolerance="1 %"}}' for name in tied]
     scene = Scene.from_toml(examples.SCENE, [*rig, 'rig.natural_frequency_tolerance="0.001 %"'])
-    prepared, found = find(
-        scene.choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]), clock=Clock(), progress=lambda *_: None
-    )
+    prepared, found = find(scene.choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]), progress=lambda *_: None)
     assert found.information is not None and found.attempt is not None
     values = found.unknowns.values(found.attempt.solved.theta, prepared[0].data.base)
     free = added((found.information, values), drive_speed=0.01)

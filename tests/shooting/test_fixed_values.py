@@ -11,8 +11,8 @@ from identify.effects import ALL, MAIN
 from identify.estimation.starts import own_starts
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
+from identify.logs.vibration import tuned
 from identify.scene import Scene
-from identify.shooting.vibration import tuned
 
 BY_NAME = {effect.name: effect for effect in ALL}
 FITTED = [effect for effect in ALL if effect.name not in ("inertia", "friction_heterogeneity")]  # no fit has the last

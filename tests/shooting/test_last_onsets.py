@@ -9,7 +9,7 @@ import identify.shooting.passes as room
 from data_io import Record
 from identify import Scene
 from identify.base.outcome import Status
-from identify.estimation.attempt import Clock, solve_again, solve_from
+from identify.estimation.attempt import solve_again, solve_from
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import SPEED, assemble
@@ -42,7 +42,7 @@ def trembling():
     )
     prepared = prepare(scene, scene.logs[0], Record(time, load, force), unknowns)
     assert prepared.data.loose > 0.0, "what the grip is at an onset is not told"
-    return solve_from([prepared], [0], unknowns, Clock()), unknowns, motion.onsets
+    return solve_from([prepared], [0], unknowns), unknowns, motion.onsets
 
 
 def begun_early(trajectory: ShootingTrajectory, cycle: int, early: float) -> ShootingTrajectory:

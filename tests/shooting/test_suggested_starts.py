@@ -11,7 +11,7 @@ from experiments.in_vivo import twin
 from identify.estimation.starts import own_starts
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.unknowns import Unknowns, from_scene
-from identify.shooting.vibration import tuned
+from identify.logs.vibration import tuned
 
 NUMBER, RATE = 26, 1000.0  # the same finger at 500 Hz was answered, at 1000 Hz no start led anywhere
 Finger = tuple[list[Prepared], Unknowns, Unknowns]
