@@ -56,7 +56,7 @@ def fitted(steps: Sequence[int], logs: Sequence[int]) -> tuple[list[Fitted], lis
     for count in steps:
         grid, theta = replace(COARSE, steps=count), truth
         p = [unknowns.values(truth, log.base) for log in data]
-        placed = place(unknowns.model, data, p, [log.falls for log in found.prepared], grid).trajectories
+        placed = place(unknowns.model, data, p, [log.falls for log in found.prepared], grid)
         trajectories = [trajectory for trajectory in placed if trajectory is not None]
         since = time.process_time()
         for _ in range(ROUNDS):

@@ -201,7 +201,7 @@ def against_least_squares(
 
     def hard() -> float:
         p = [start.values(truth, base) for _ in data]
-        trajectories = place(start.model, data, p, [log.falls for log in logs], COARSE).trajectories
+        trajectories = place(start.model, data, p, [log.falls for log in logs], COARSE)
         return solve_in_passes(data, [g for g in trajectories if g is not None], start.with_weak_priors()).solution.cost
 
     series = []

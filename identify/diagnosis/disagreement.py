@@ -1,6 +1,6 @@
 """A log that does not agree with the others: without it they fit, it fits alone, and all together do not.
 
-Logs that fit together are held against each other at their answer (`uncertainty/agreement.py`); where they do not fit
+Logs that fit together are held against each other at their answer (`estimation/agreement.py`); where they do not fit
 there is none. A log in which something else is wrong, a slip that was missed say, does not fit alone either.
 """
 

@@ -1,7 +1,7 @@
 """What may be wrong with rig or sensor, or lack in a model: one table; a suspect is a scene with one thing more free.
 
 Those of `GROSS` explain misfits; those of `SLIGHT` too, and hide in answers that fit. Beside them stand what a scene
-says of its parameters (`restraints.py`) and the drive speeds of single logs (`log_speeds.py`).
+says of its parameters (`restraints`) and the drive speeds of single logs (`log_speeds`).
 """
 
 from __future__ import annotations

@@ -327,8 +327,8 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
     chosen = [i for i in chosen if prepared[i].manner.name == "cycles"]
     logs = [prepared[i] for i in chosen]
     p = [unknowns.values(log.data.theta(unknowns.start), log.data.base) for log in logs]
-    placement = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
-    for number, log, trajectory in zip(chosen, logs, placement.trajectories, strict=True):
+    placed = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
+    for number, log, trajectory in zip(chosen, logs, placed, strict=True):
         if trajectory is None or not _joins_up(trajectory, log):
             if trajectory is not None and is_near_grazing(
                 log, trajectory

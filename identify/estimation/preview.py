@@ -95,7 +95,7 @@ def _seen(log: Prepared, unknowns: Unknowns, theta: Array) -> PreviewLog:
     trajectory, told = nothing, log.left_out or ""
     if log.left_out is None:
         p = unknowns.values(log.data.theta(theta), log.data.base)
-        placed = place(unknowns.model, [log.data], [p], [log.falls], COARSE).trajectories[0]
+        placed = place(unknowns.model, [log.data], [p], [log.falls], COARSE)[0]
         if placed is None:
             told = "with these values the model does not stick and slip here"
         else:

@@ -114,7 +114,7 @@ class Scene:
         """
         if self.effects == "auto":
             raise SceneError(
-                'effects = "auto" leaves the effects to be chosen, which is not built yet; list them by name: '
+                'effects = "auto" leaves the effects to be chosen from logs by a fit; list them by name: '
                 'effects = ["inertia", …]'
             )
         return assemble(self.effects)

@@ -191,7 +191,7 @@ def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tupl
             for trajectory, log in zip(answer.trajectories, logs, strict=True)
         ]
         events = [0.5 * (trajectory.onset + trajectory.arrest) for trajectory in answer.trajectories]
-        placed = place(unknowns.model, [log.data for log in logs], p, events, FIRST_GRID).trajectories
+        placed = place(unknowns.model, [log.data for log in logs], p, events, FIRST_GRID)
         good = [trajectory for trajectory in placed if trajectory is not None]
         counts = [trajectory.cycles for trajectory in good] == [trajectory.cycles for trajectory in answer.trajectories]
         if counts and len(good) == len(logs):

@@ -47,7 +47,7 @@ class Followed:
 
 
 def follow(model: Model, log: LogData, p: Array, *, begins_sliding: bool) -> Followed | None:
-    """ShootingTrajectory the motion of a log by simulating it; None where the model does not move like this at all.
+    """The motion of a log by simulating it; None where the model does not move like this at all.
 
     Args:
         p: parameter values of the log (n_p,); begins_sliding: it starts in steady sliding, else at rest.
@@ -60,7 +60,7 @@ def follow(model: Model, log: LogData, p: Array, *, begins_sliding: bool) -> Fol
 
 
 def glide(model: Model, log: LogData, p: Array) -> ShootingTrajectory | None:
-    """ShootingTrajectory of a log that slides steadily from begin to end; None where the model has no such motion."""
+    """The motion of a log that slides steadily from begin to end; None where the model has no such motion."""
     course = _Course(model, log, p)
     end = course.along.steady(log.begin)
     if end is None:

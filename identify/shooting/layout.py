@@ -87,7 +87,7 @@ class Layout:
     """The whole problem: families of blocks over one vector of n unknowns and m rows.
 
     free (f,) indices of the parameters that are unknown: they are the first f unknowns; scale (n,) size of
-    each unknown; start, lower, upper (n,) in physical units; events (e,) indices of the event offsets;
+    each unknown; start, lower, upper (n,) in physical units;
     prior_mean, prior_sd (n,); prior_about (n,): the unknown about which a prior is, beyond its mean, KNOWN where none
     is; places: per log.
     """
@@ -99,7 +99,6 @@ class Layout:
     start: Array
     lower: Array
     upper: Array
-    events: Indices
     prior_mean: Array
     prior_sd: Array
     prior_about: Indices
@@ -198,7 +197,6 @@ class Collector:
         self.count, self.rows = free.size, 0
         self.source = unknowns.source
         self.groups: dict[tuple[int, str], int] = {}  # of logs: which unknown each shares
-        self.events: list[int] = []
         self.made: dict[tuple[BlockKind, int], Block] = {}
         self.parts: dict[tuple[BlockKind, int], list[_Blocks]] = {}
 
@@ -236,9 +234,7 @@ class Collector:
     def event(self, scale: float, left: float, right: float) -> int:
         """The offset of one event time, kept within the phases beside it [s]."""
         one = np.ones(1)
-        index = int(self.add(0 * one, scale * one, -0.45 * left * one, 0.45 * right * one)[0])
-        self.events.append(index)
-        return index
+        return int(self.add(0 * one, scale * one, -0.45 * left * one, 0.45 * right * one)[0])
 
     def put(
         self,

@@ -31,13 +31,6 @@ SHIFTS = 61  # places that are tried for each slip
 
 
 @dataclass(frozen=True)
-class Placement:
-    """A trajectory per log, or None where the model does not come to rest in one of its cycles (it slides)."""
-
-    trajectories: tuple[ShootingTrajectory | None, ...]
-
-
-@dataclass(frozen=True)
 class _Lanes:
     """All cycles of all logs side by side: which log, whether first of its log, fall times, inputs."""
 
@@ -48,15 +41,18 @@ class _Lanes:
     u: Array
 
 
-def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array], grid: Grid) -> Placement:
-    """ShootingTrajectory the motion of every log.
+def place(
+    model: Model, logs: list[LogData], p: list[Array], falls: list[Array], grid: Grid
+) -> list[ShootingTrajectory | None]:
+    """Place a cycle of the model on every fall: a trajectory per log, None where the model does not come to rest in one
+    of its cycles (it slides).
 
     Args:
         p: parameter values of each log (n_p,).
         falls: per log, the mid-fall times of its cycles (c,) [s].
     """
     if not logs or not sum(f.size for f in falls):
-        return Placement(tuple(None for _ in logs))
+        return [None for _ in logs]
     side = _side_by_side(logs, p, falls)
     starts = [_at_begin(model, log, q, f) for log, q, f in zip(logs, p, falls, strict=True)]
     x = _arrests(model, side, _first_arrests(model, side, starts), np.array([log.noise for log in logs])[side.log])
@@ -78,7 +74,7 @@ def place(model: Model, logs: list[LogData], p: list[Array], falls: list[Array],
             trajectories.append(None)
             continue
         trajectories.append(trajectory_of(log, starts[number], slips, mine, onset[mine], grid))
-    return Placement(tuple(trajectories))
+    return trajectories
 
 
 def _arrests(model: Model, side: _Lanes, x: Array, noise: Array) -> Array:

@@ -49,7 +49,6 @@ def with_every_parameter(layout: Layout, unknowns: Unknowns) -> Layout:
         start=start,
         lower=widened(unknowns.lower, layout.lower),
         upper=widened(unknowns.upper, layout.upper),
-        events=moved[layout.events],
         prior_mean=mean,
         prior_sd=sd,
         prior_about=np.concatenate([unknowns.prior_about, moved[layout.prior_about[free.size :]]]),

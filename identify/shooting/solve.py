@@ -183,7 +183,7 @@ def solve(
 
     Args:
         tolerance: on the scaled optimality conditions.
-        mu_init: IPOPT's first mu_init parameter: small from a good start.
+        mu_init: IPOPT's first barrier parameter: small from a good start.
         iterations: give up after this many.
         exact: with the exact Hessian instead of Gauss-Newton: dearer per iteration, but it does not creep along
             ridges; only near a solution.

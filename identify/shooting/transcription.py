@@ -1,4 +1,4 @@
-"""Where a walk along one log stands, and the blocks it can put from there: rests and parts of slides."""
+"""From motions to the layout of the problem: along every log, stick by stick and slip by slip."""
 
 from __future__ import annotations
 
@@ -23,9 +23,13 @@ ZERO = np.zeros(1)
 BOUNDED_START, BOUNDED_START_SD = 0.5, 0.5  # of a state with bounds, such as a saturation, where a record begins
 
 
-class Footing:
-    """The place in one log: the node before with its values, the offset of its time, since when, the normal force, and
-    whether the contact re-aged there. Every block that is put ends in the next place."""
+class _LogTranscriber:
+    """Walks along one log, stick by stick and slip by slip, and notes its blocks and where its events, loads and nodes
+    stand among the unknowns.
+
+    It stands at a node: with its values, the offset of its time, since when, the normal force, and whether the contact
+    re-aged there. Every block that is put ends in the next node.
+    """
 
     def __init__(
         self, collector: Collector, number: int, log: LogData, trajectory: ShootingTrajectory, grid: Grid
@@ -49,6 +53,143 @@ class Footing:
         self.node, self.value, self.offset = np.full(self.n_x, KNOWN), trajectory.start, NO_OFFSET
         self.load, self.load_value = NO_OFFSET, ZERO
         self.since, self.reaged = log.begin, False
+        parts = trajectory.loaded_at.size
+        self.loads = np.full(parts, KNOWN)
+        self.loads_in_slips: list[int] = []
+        self.strengths = np.full(parts if log.strength_sd > 0.0 else 0, KNOWN)
+        self.sliding_deviation = trajectory.sliding_deviation
+
+    def walk(self) -> Places:
+        """Note everything of this log."""
+        self._own()
+        self.shared = self.own  # where sticks have a strength of their own, `own` is that of the stick
+        start, trajectory = self._begin(), self.trajectory
+        until, nodes = np.full(trajectory.until.shape, KNOWN), np.full(trajectory.nodes.shape, KNOWN)
+        slips, swings = trajectory.slip_parts, trajectory.own_slips if self.log.tremor_sd > 0.0 else []
+        ends = [*trajectory.until.tolist(), self.log.end]
+        for i, (part, stretch) in enumerate(zip(trajectory.part, trajectory.stretches, strict=True)):
+            mine = slice(*trajectory.first[i : i + 2].tolist())
+            if i == 0 or part != trajectory.part[i - 1]:
+                self._load(part, self.log.expected[0] if part in slips else 0.0)
+            if stretch.steady:
+                nodes[mine] = self._steady(part, stretch)
+                continue
+            if stretch.ended_by != "time":
+                until[i] = self.c.event(self.tick, stretch.until - self.since, ends[i + 1] - stretch.until)
+            if stretch.kind == "rest":
+                nodes[mine] = self._rest_until(part, stretch.until, int(until[i]), stretch.nodes[-1])
+                self.reaged = False
+            else:
+                nodes[mine] = self._sliding(part, stretch, int(until[i]), trembling=i in swings)
+            self.since = stretch.until
+        if trajectory.rests_at_end and self.since < self.log.end:
+            self._last_rest(trajectory.parts)
+        loads_in_slips = np.array(self.loads_in_slips, dtype=np.int64)
+        return Places(start, until, nodes, self.loads, self.shared, loads_in_slips, self.strengths)
+
+    def _begin(self) -> Indices:
+        """The state the record starts from: elongation free, the other states with a weak prior."""
+        start = np.full(self.n_x, KNOWN)
+        first = next(iter(self.trajectory.stretches), None)
+        begins_steady = first is not None and first.steady
+        if not begins_steady:
+            start[[0]] = self.c.add(self.trajectory.start[[0]], self.size[[0]])
+        if first is not None and first.kind in ("slip", "saturated"):
+            start[[SPEED]] = self.c.add(self.trajectory.start[[SPEED]], self.size[[SPEED]])
+        known = self.held if first is not None and first.kind == "saturated" else ()
+        extra = [] if begins_steady else [i for i in range(2, self.n_x) if i not in known]
+        if extra:
+            bounded = np.array([self.c.model.states[i].lower is not None for i in extra])
+            mean = np.where(bounded, BOUNDED_START, self.trajectory.start[extra])
+            sd = np.where(bounded, BOUNDED_START_SD, self.size[extra])
+            start[extra] = self.c.add(self.trajectory.start[extra], self.size[extra], mean=mean, sd=sd)
+        self.node, self.value, self.offset = start, self.trajectory.start, NO_OFFSET
+        return start
+
+    def _load(self, cycle: int, expected: float) -> None:
+        """The normal force of this cycle: known to within the error of its measurement, or exactly.
+
+        A slow log tells its periods to a millisecond, which is a millionth of the load: no measured load is
+        that good, and a fit that took it as exact would answer with wrong friction.
+        """
+        sd, mean = self.log.onset_load_sd_at(self.trajectory.loaded_at[[cycle]]), np.array([expected])
+        if sd[0] > 0.0:
+            self.loads[cycle] = self.c.add(self.trajectory.deviation[[cycle]], sd, mean=mean, sd=sd)[0]
+        self.load = np.array([self.loads[cycle]])
+        self.load_value = self.trajectory.deviation[[cycle]] if sd[0] > 0.0 else ZERO
+        if self.strengths.size:
+            self._strength(cycle)
+
+    def _strength(self, part: int) -> None:
+        """The static friction of this stick, and of the slip after it: about that of all, scattered."""
+        at, unknowns, sd = self.strength_at, self.c.unknowns, np.array([self.log.strength_sd])
+        shared = int(np.where(self.shared >= 0, self.shared, self.c.theta)[self.c.source[at]])
+        mean = self.trajectory.theta(unknowns.start)[[self.c.source[at]]]
+        value = self.trajectory.strength[[part]] if self.trajectory.strength.size else mean
+        self.strengths[part] = self.c.add(value, sd, mean=mean if shared < 0 else ZERO, sd=sd, about=shared)[0]
+        self.own = self.shared.copy()
+        self.own[at] = self.strengths[part]
+
+    def _swing(self, part: int, at: float) -> None:
+        """The deviation of the normal force to which that at the onset goes over in a slip, as it is at a time [s]."""
+        sd, mean = self.log.load_sd_at([at]), np.array([self.log.expected[1]])
+        value = self.sliding_deviation[[part]]
+        index = self.c.add(value, sd, mean=mean, sd=sd)
+        self.loads_in_slips.append(int(index[0]))
+        self.load, self.load_value = np.append(self.load, index), np.append(self.load_value, value)
+
+    def _sliding(self, part: int, stretch: Stretch, index: int, *, trembling: bool) -> Indices:
+        """A part of a slide in one mode, whatever ends it.
+
+        Args:
+            trembling: where the measured normal force misses fast rhythms, its deviation becomes another one on the
+                way: a tremor goes through half a period while a slip lasts.
+        """
+        saturated = stretch.kind == "saturated"
+        inside = self.held if saturated else ()
+        arrests = (SPEED,) if stretch.ended_by == "arrest" else ()
+        at_end = (*self.held, *arrests) if saturated or stretch.ended_by == "saturation" else arrests
+        kind: BlockKind = "saturated" if saturated else "slip"
+        rows = self.size.copy()
+        if stretch.ended_by == "release":
+            kind = "released"
+            rows[list(self.held)] = self._pace_of_bound(stretch.nodes[-1], stretch.until)
+        if trembling:
+            kind = "slip_trembling"
+            self._swing(part, stretch.until)
+        span = (self.since, stretch.until)
+        local = self._line_by_line(rows, span, len(stretch.nodes))
+        self.reaged = saturated
+        places = self._intervals(kind, part, stretch.nodes, span, index, (inside, at_end), local)
+        self.load, self.load_value = self.load[-1:], self.load_value[-1:]
+        return places
+
+    def _steady(self, part: int, stretch: Stretch) -> Indices:
+        """Pieces of steady sliding, each with the states at its ends; what came before has faded."""
+        saturated = stretch.kind == "steady_saturated"
+        known = (SPEED, *(self.held if saturated else ()))
+        pieces = stretch.nodes.reshape(-1, 2, self.n_x)
+        edges = np.linspace(self.since, stretch.until, pieces.shape[0] + 1)
+        places = np.full(pieces.shape, KNOWN)
+        kind: BlockKind = "steady_saturated" if saturated else "steady"
+        rows = np.maximum(np.max(np.abs(self._rates(pieces[0, 0], self.since)) * self.size, axis=1), 1e-300)
+        rows[ELONGATION] = 1.0
+        for i, (span, ends) in enumerate(zip(pairwise(edges.tolist()), pieces, strict=True)):
+            for j in range(2):
+                places[i, j] = self.c.state(ends[j], self.size, known)
+            self.c.put(
+                (kind, 1),
+                (self.number, part),
+                [places[i, 0], places[i, 1], NO_OFFSET, NO_OFFSET, self.load],
+                [ends[0], ends[1], ZERO, ZERO, self.load_value],
+                self._constants(rows, *span, span[1]),
+                np.array([span]),
+                self.own,
+            )
+        self.node, self.value, self.offset = places[-1, 1], pieces[-1, 1].copy(), NO_OFFSET
+        self.value[SPEED] = self.log.speed_at(0.5 * (edges[-2] + edges[-1]))
+        self.since, self.reaged = stretch.until, saturated
+        return places.reshape(stretch.nodes.shape)
 
     def _own(self) -> None:
         """The parameters this log has for itself or with its group; those of the first log are the shared ones."""
@@ -243,163 +384,12 @@ def _kind(kind: str, reaged: bool) -> BlockKind:
     return f"{kind}_reaged" if reaged else kind  # type: ignore[return-value]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Build a layout: walk along every log, stick by stick and slip by slip, and note unknowns and blocks.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-class _LogWalk(Footing):
-    """Walks along one log and notes where its events, loads and nodes stand among the unknowns."""
-
-    def __init__(
-        self, collector: Collector, number: int, log: LogData, trajectory: ShootingTrajectory, grid: Grid
-    ) -> None:
-        super().__init__(collector, number, log, trajectory, grid)
-        parts = trajectory.loaded_at.size
-        self.loads = np.full(parts, KNOWN)
-        self.loads_in_slips: list[int] = []
-        self.strengths, self.shared = np.full(parts if log.strength_sd > 0.0 else 0, KNOWN), self.own
-        self.sliding_deviation = trajectory.sliding_deviation
-
-    def walk(self) -> Places:
-        """Note everything of this log."""
-        self._own()
-        self.shared = self.own
-        start, trajectory = self._begin(), self.trajectory
-        until, nodes = np.full(trajectory.until.shape, KNOWN), np.full(trajectory.nodes.shape, KNOWN)
-        slips, swings = trajectory.slip_parts, trajectory.own_slips if self.log.tremor_sd > 0.0 else []
-        ends = [*trajectory.until.tolist(), self.log.end]
-        for i, (part, stretch) in enumerate(zip(trajectory.part, trajectory.stretches, strict=True)):
-            mine = slice(*trajectory.first[i : i + 2].tolist())
-            if i == 0 or part != trajectory.part[i - 1]:
-                self._load(part, self.log.expected[0] if part in slips else 0.0)
-            if stretch.steady:
-                nodes[mine] = self._steady(part, stretch)
-                continue
-            if stretch.ended_by != "time":
-                until[i] = self.c.event(self.tick, stretch.until - self.since, ends[i + 1] - stretch.until)
-            if stretch.kind == "rest":
-                nodes[mine] = self._rest_until(part, stretch.until, int(until[i]), stretch.nodes[-1])
-                self.reaged = False
-            else:
-                nodes[mine] = self._sliding(part, stretch, int(until[i]), trembling=i in swings)
-            self.since = stretch.until
-        if trajectory.rests_at_end and self.since < self.log.end:
-            self._last_rest(trajectory.parts)
-        loads_in_slips = np.array(self.loads_in_slips, dtype=np.int64)
-        return Places(start, until, nodes, self.loads, self.shared, loads_in_slips, self.strengths)
-
-    def _begin(self) -> Indices:
-        """The state the record starts from: elongation free, the other states with a weak prior."""
-        start = np.full(self.n_x, KNOWN)
-        first = next(iter(self.trajectory.stretches), None)
-        begins_steady = first is not None and first.steady
-        if not begins_steady:
-            start[[0]] = self.c.add(self.trajectory.start[[0]], self.size[[0]])
-        if first is not None and first.kind in ("slip", "saturated"):
-            start[[SPEED]] = self.c.add(self.trajectory.start[[SPEED]], self.size[[SPEED]])
-        known = self.held if first is not None and first.kind == "saturated" else ()
-        extra = [] if begins_steady else [i for i in range(2, self.n_x) if i not in known]
-        if extra:
-            bounded = np.array([self.c.model.states[i].lower is not None for i in extra])
-            mean = np.where(bounded, BOUNDED_START, self.trajectory.start[extra])
-            sd = np.where(bounded, BOUNDED_START_SD, self.size[extra])
-            start[extra] = self.c.add(self.trajectory.start[extra], self.size[extra], mean=mean, sd=sd)
-        self.node, self.value, self.offset = start, self.trajectory.start, NO_OFFSET
-        return start
-
-    def _load(self, cycle: int, expected: float) -> None:
-        """The normal force of this cycle: known to within the error of its measurement, or exactly.
-
-        A slow log tells its periods to a millisecond, which is a millionth of the load: no measured load is
-        that good, and a fit that took it as exact would answer with wrong friction.
-        """
-        sd, mean = self.log.onset_load_sd_at(self.trajectory.loaded_at[[cycle]]), np.array([expected])
-        if sd[0] > 0.0:
-            self.loads[cycle] = self.c.add(self.trajectory.deviation[[cycle]], sd, mean=mean, sd=sd)[0]
-        self.load = np.array([self.loads[cycle]])
-        self.load_value = self.trajectory.deviation[[cycle]] if sd[0] > 0.0 else ZERO
-        if self.strengths.size:
-            self._strength(cycle)
-
-    def _strength(self, part: int) -> None:
-        """The static friction of this stick, and of the slip after it: about that of all, scattered."""
-        at, unknowns, sd = self.strength_at, self.c.unknowns, np.array([self.log.strength_sd])
-        shared = int(np.where(self.shared >= 0, self.shared, self.c.theta)[self.c.source[at]])
-        mean = self.trajectory.theta(unknowns.start)[[self.c.source[at]]]
-        value = self.trajectory.strength[[part]] if self.trajectory.strength.size else mean
-        self.strengths[part] = self.c.add(value, sd, mean=mean if shared < 0 else ZERO, sd=sd, about=shared)[0]
-        self.own = self.shared.copy()
-        self.own[at] = self.strengths[part]
-
-    def _swing(self, part: int, at: float) -> None:
-        """The deviation of the normal force to which that at the onset goes over in a slip, as it is at a time [s]."""
-        sd, mean = self.log.load_sd_at([at]), np.array([self.log.expected[1]])
-        value = self.sliding_deviation[[part]]
-        index = self.c.add(value, sd, mean=mean, sd=sd)
-        self.loads_in_slips.append(int(index[0]))
-        self.load, self.load_value = np.append(self.load, index), np.append(self.load_value, value)
-
-    def _sliding(self, part: int, stretch: Stretch, index: int, *, trembling: bool) -> Indices:
-        """A part of a slide in one mode, whatever ends it.
-
-        Args:
-            trembling: where the measured normal force misses fast rhythms, its deviation becomes another one on the
-                way: a tremor goes through half a period while a slip lasts.
-        """
-        saturated = stretch.kind == "saturated"
-        inside = self.held if saturated else ()
-        arrests = (SPEED,) if stretch.ended_by == "arrest" else ()
-        at_end = (*self.held, *arrests) if saturated or stretch.ended_by == "saturation" else arrests
-        kind: BlockKind = "saturated" if saturated else "slip"
-        rows = self.size.copy()
-        if stretch.ended_by == "release":
-            kind = "released"
-            rows[list(self.held)] = self._pace_of_bound(stretch.nodes[-1], stretch.until)
-        if trembling:
-            kind = "slip_trembling"
-            self._swing(part, stretch.until)
-        span = (self.since, stretch.until)
-        local = self._line_by_line(rows, span, len(stretch.nodes))
-        self.reaged = saturated
-        places = self._intervals(kind, part, stretch.nodes, span, index, (inside, at_end), local)
-        self.load, self.load_value = self.load[-1:], self.load_value[-1:]
-        return places
-
-    def _steady(self, part: int, stretch: Stretch) -> Indices:
-        """Pieces of steady sliding, each with the states at its ends; what came before has faded."""
-        saturated = stretch.kind == "steady_saturated"
-        known = (SPEED, *(self.held if saturated else ()))
-        pieces = stretch.nodes.reshape(-1, 2, self.n_x)
-        edges = np.linspace(self.since, stretch.until, pieces.shape[0] + 1)
-        places = np.full(pieces.shape, KNOWN)
-        kind: BlockKind = "steady_saturated" if saturated else "steady"
-        rows = np.maximum(np.max(np.abs(self._rates(pieces[0, 0], self.since)) * self.size, axis=1), 1e-300)
-        rows[ELONGATION] = 1.0
-        for i, (span, ends) in enumerate(zip(pairwise(edges.tolist()), pieces, strict=True)):
-            for j in range(2):
-                places[i, j] = self.c.state(ends[j], self.size, known)
-            self.c.put(
-                (kind, 1),
-                (self.number, part),
-                [places[i, 0], places[i, 1], NO_OFFSET, NO_OFFSET, self.load],
-                [ends[0], ends[1], ZERO, ZERO, self.load_value],
-                self._constants(rows, *span, span[1]),
-                np.array([span]),
-                self.own,
-            )
-        self.node, self.value, self.offset = places[-1, 1], pieces[-1, 1].copy(), NO_OFFSET
-        self.value[SPEED] = self.log.speed_at(0.5 * (edges[-2] + edges[-1]))
-        self.since, self.reaged = stretch.until, saturated
-        return places.reshape(stretch.nodes.shape)
-
-
 def lay_out(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns, grid: Grid) -> Layout:
     """Lay out the multiple-shooting problem of several logs around their trajectories."""
     free = np.flatnonzero(unknowns.free)
     collector = Collector(unknowns.model, unknowns, free)
     places = tuple(
-        _LogWalk(collector, number, log, trajectory, grid).walk()
+        _LogTranscriber(collector, number, log, trajectory, grid).walk()
         for number, (log, trajectory) in enumerate(zip(logs, trajectories, strict=True))
     )
     families = collector.families()
@@ -416,7 +406,6 @@ def lay_out(logs: list[LogData], trajectories: list[ShootingTrajectory], unknown
         start,
         lower,
         upper,
-        np.array(collector.events, dtype=np.int64),
         mean,
         sd,
         np.concatenate(collector.about),

@@ -1,6 +1,6 @@
 """Solving again near a known answer: Newton steps with factors that are kept until they no longer serve.
 
-For profiles and replicates, whose answers lie a few standard errors from the one known: no mu_init, no line search;
+For profiles and replicates, whose answers lie a few standard errors from the one known: no barrier, no line search;
 what does not settle is said, and left to the solver.
 """
 

@@ -62,7 +62,7 @@ def _case():
 def _placed():
     unknowns, log, p, onsets, arrests = _case()
     falls = onsets + 0.5 * (arrests - onsets)
-    (trajectory,) = place(unknowns.model, [log], [p], [falls], COARSE).trajectories
+    (trajectory,) = place(unknowns.model, [log], [p], [falls], COARSE)
     assert trajectory is not None
     return trajectory
 

@@ -123,7 +123,7 @@ def placed(
 ) -> list[ShootingTrajectory]:
     """The motion at the start values of the search, placed on the falls of the logs (default the true ones)."""
     p = [unknowns.values(unknowns.start, d.base) for d in data]
-    trajectories = place(unknowns.model, data, p, falls or [log.falls for log in logs], grid).trajectories
+    trajectories = place(unknowns.model, data, p, falls or [log.falls for log in logs], grid)
     assert all(trajectory is not None for trajectory in trajectories), (
         "the start does not stick-slip in one of the logs"
     )
