@@ -47,7 +47,7 @@ def fitted(steps: Sequence[int], logs: Sequence[int]) -> tuple[list[Fitted], lis
     scene = Scene.from_document(document | {"logs": [document["logs"][i] for i in logs]}, Path())
     records = [case.records[i] for i in logs]
     found, unknowns = answer(scene, records)
-    data = [log.data for log in found.prepared]
+    data = [log.data for log in found.fitted_logs]
     base = unknowns.base(RIG)
     truth = unknowns.theta(np.array([(DEMO | RIG)[name] for name in unknowns.names]), base)
     out: list[Fitted] = []
@@ -56,7 +56,7 @@ def fitted(steps: Sequence[int], logs: Sequence[int]) -> tuple[list[Fitted], lis
     for count in steps:
         grid, theta = replace(COARSE, steps=count), truth
         p = [unknowns.values(truth, log.base) for log in data]
-        placed = place(unknowns.model, data, p, [log.falls for log in found.prepared], grid)
+        placed = place(unknowns.model, data, p, [log.falls for log in found.fitted_logs], grid)
         trajectories = [trajectory for trajectory in placed if trajectory is not None]
         since = time.process_time()
         for _ in range(ROUNDS):

@@ -89,7 +89,7 @@ def setting(fast: bool) -> Setting:
         replace(
             log, data=replace(log.data, force=force, normal_force_sd=0.0, normal_force=NormalForce.of(NORMAL_FORCE))
         )
-        for log, force in zip(found.prepared, clean, strict=True)
+        for log, force in zip(found.fitted_logs, clean, strict=True)
     )
     data = [log.data for log in logs]
     solved = solve_in_passes(data, found.solved.trajectories, searched.with_weak_priors())

@@ -194,7 +194,7 @@ def against_least_squares(
 ) -> tuple[Timing, Timing]:
     """The hard solve and least squares, both from the truth on the same samples, taking turns."""
     found, unknowns = answer(scene, records)
-    logs = found.prepared
+    logs = found.fitted_logs
     base = unknowns.base(RIG)
     truth = unknowns.theta(np.array([TRUTH[name] for name in unknowns.names]), base)
     data, start = [log.data for log in logs], replace(unknowns, start=truth)

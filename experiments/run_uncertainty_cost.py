@@ -60,7 +60,9 @@ def main(fast: bool = False) -> dict[str, float]:
 
     def walk(steps: int) -> object:
         noise = noise_of(attempt)
-        return profile(attempt.prepared, solved, unknowns, covariance, lambda _stage, _share: None, noise, steps=steps)
+        return profile(
+            attempt.fitted_logs, solved, unknowns, covariance, lambda _stage, _share: None, noise, steps=steps
+        )
 
     print(describe())
     print(f"{solved.problem.samples} samples, {sum(cycles)} cycles; one fit {one:.2f} s of processor time")

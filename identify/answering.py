@@ -83,7 +83,7 @@ def _answered(task: Task, sources: Sources, progress: Progress) -> Answer:
 
     def searched(logs: list[Prepared]) -> _Searched:
         found = search_grouped(SearchProblem(logs, unknowns, sources, seed, progress=progress))
-        scatter = 0.0 if found[0] is None else found[0].prepared[0].data.strength_sd
+        scatter = 0.0 if found[0] is None else found[0].fitted_logs[0].data.strength_sd
         return with_strengths(logs, scatter), *found
 
     with time_limit(SEARCH_SHARE * seconds_left()):
@@ -112,7 +112,7 @@ def _examined(
             return findings
         better = replace(better, found_by=(Strategy.HYPOTHESES.title,))
         attempt = rejected_as_incomplete(better, prepared, required_logs(prepared))
-        left_out = {i: why for i, why in left_out.items() if i not in attempt.logs}
+        left_out = {i: why for i, why in left_out.items() if i not in attempt.log_numbers}
     return _findings(task, prepared, attempt, left_out, progress)  # the last better answer is one to report, too
 
 
@@ -131,7 +131,7 @@ def _by_way_of_calm(
         return found if converged or known is None else (logs, known, left_out)
     there = replace(unknowns, start=known.solved.theta)
     followed = run_strategy(
-        Strategy.CALM_LOAD, lambda: solve_from(prepared, list(known.logs), there), known, known.logs
+        Strategy.CALM_LOAD, lambda: solve_from(prepared, list(known.log_numbers), there), known, known.log_numbers
     )
     if followed is None or followed.gate.status is not Status.CONVERGED:
         return logs, known, left_out
@@ -168,7 +168,7 @@ def _findings(
         bounds = at_bounds(unknowns, at) | bounds
     status, message = ended(attempt, bounds)
     if status is Status.CONVERGED:
-        message = what_is_held(attempt.prepared, attempt.solved.trajectories, sure.colours) or message
+        message = what_is_held(attempt.fitted_logs, attempt.solved.trajectories, sure.colours) or message
     held = _held(scene, sure) if described(as_it_ended(scene, unknowns, prepared, attempt)) else []
     return Findings(status, message, unknowns, attempt, left_out, sure, held)
 

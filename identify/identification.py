@@ -265,10 +265,10 @@ def _curves(prepared: list[Prepared], findings: Findings) -> tuple[LogCurves, ..
         return tuple(curves)
     solved = attempt.solved
     fitted = solved.fitted
-    for place, number in enumerate(attempt.logs):
+    for place, number in enumerate(attempt.log_numbers):
         z = attempt.gate.z[attempt.gate.log == place + 1]
         curves[number] = fitted_curves(
-            attempt.prepared[place], unknowns, solved.theta, solved.trajectories[place], fitted[place], z
+            attempt.fitted_logs[place], unknowns, solved.theta, solved.trajectories[place], fitted[place], z
         )
         if attempt.gate.status is not Status.CONVERGED:
             curves[number] = refused_curves(prepared[number], curves[number])

@@ -71,7 +71,7 @@ def next_logs(found: Findings) -> Advice | None:
 def _typical(found: Findings) -> tuple[Prepared, ShootingTrajectory]:
     """The log that others are to be like, with the motion behind it: the one of most slips."""
     assert found.attempt is not None
-    pairs = zip(found.attempt.prepared, found.attempt.solved.trajectories, strict=True)
+    pairs = zip(found.attempt.fitted_logs, found.attempt.solved.trajectories, strict=True)
     return max(pairs, key=lambda pair: _onsets(pair[1]).size)
 
 
@@ -97,8 +97,10 @@ def _known(found: Findings) -> Knowledge | None:
     theta = attempt.solved.theta
     precision = inverse(sure.covariance[np.ix_(kept, kept)])
     places = np.array([theta, *_other_places(unknowns, kept, theta, sure.profiles)])
-    intervals = [log.data.interval for log in attempt.prepared]
-    memory = max(log.data.interval * colour.memory for log, colour in zip(attempt.prepared, sure.colours, strict=True))
+    intervals = [log.data.interval for log in attempt.fitted_logs]
+    memory = max(
+        log.data.interval * colour.memory for log, colour in zip(attempt.fitted_logs, sure.colours, strict=True)
+    )
     known = Knowledge(
         unknowns=unknowns,
         kept=kept,
@@ -110,7 +112,7 @@ def _known(found: Findings) -> Knowledge | None:
         load_error=_load_sd(log, trajectory) / log.mean_load,
         rate=1.0 / min(intervals),
         distance=float(np.median(apart)) * max(speed for speed, _ in driven(log.data)),
-        longest=max(LONGEST, *(log.data.end - log.data.begin for log in attempt.prepared)),
+        longest=max(LONGEST, *(log.data.end - log.data.begin for log in attempt.fitted_logs)),
         apart=memory if any(not colour.white for colour in sure.colours) else 0.0,
     )
     price = _price(known, found, [i for i in kept.tolist() if told[i] in ("identified", "weak")])
@@ -135,7 +137,7 @@ def _price(known: Knowledge, found: Findings, judged: Sequence[int]) -> float:
     if not judged:
         return 1.0
     total = unknowns.prior_precision[np.ix_(unknowns.free, unknowns.free)]
-    for log, trajectory in zip(found.attempt.prepared, solved.trajectories, strict=True):
+    for log, trajectory in zip(found.attempt.fitted_logs, solved.trajectories, strict=True):
         total += told_by(unknowns, trajectory.theta(solved.theta), log, _load_sd(log, trajectory), known.distance)
     promised = inverse(total)[np.ix_(judged, judged)]
     told = found.sure.white[np.ix_(judged, judged)]
@@ -146,7 +148,7 @@ def _price(known: Knowledge, found: Findings, judged: Sequence[int]) -> float:
 def _speeds(found: Findings) -> list[float]:
     """Drive speeds to try [m/s], rising."""
     assert found.attempt is not None
-    own = [speed for log in found.attempt.prepared for speed, _ in driven(log.data)]
+    own = [speed for log in found.attempt.fitted_logs for speed, _ in driven(log.data)]
     return dials(min(own) / BEYOND, max(own) * BEYOND, DIALS)
 
 
@@ -178,7 +180,7 @@ def advised(found: Findings, advice: Advice) -> Findings:
     """The findings with the log that would tell beside every verdict that leaves something to tell."""
     assert found.attempt is not None
     attempt = found.attempt
-    told = hints(attempt.prepared, attempt.solved.trajectories, found.unknowns, attempt.solved.theta)
+    told = hints(attempt.fitted_logs, attempt.solved.trajectories, found.unknowns, attempt.solved.theta)
 
     def with_log(estimate: Estimate) -> Estimate:
         name, reason = estimate.name, estimate.reason

@@ -53,7 +53,7 @@ def nothing_amiss(fitted: Fitted, scene: Scene, memory: float) -> bool:
     """
     if fitted.attempt is None or judged(fitted.attempt).gate.status is not Status.CONVERGED:
         return False
-    solved, names = fitted.attempt.solved, [log.name for log in fitted.attempt.prepared]
+    solved, names = fitted.attempt.solved, [log.name for log in fitted.attempt.fitted_logs]
     try:
         found = pulls_of_logs(solved.problem, solved.solution.z, influence_at(solved), memory)
     except np.linalg.LinAlgError:  # directions that no log tells

@@ -50,7 +50,7 @@ def misfits_of_logs(fitted: Fitted) -> list[float]:
     out = [np.inf] * len(fitted.prepared)
     if fitted.attempt is not None:
         gate = fitted.attempt.gate
-        for place, number in enumerate(fitted.attempt.logs, 1):
+        for place, number in enumerate(fitted.attempt.log_numbers, 1):
             told = gate.z[gate.log == place]
             out[number] = float(np.median(told)) if told.size else np.inf
     return out

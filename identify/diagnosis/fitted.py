@@ -43,7 +43,7 @@ class Fitted:
     @property
     def logs(self) -> tuple[int, ...]:
         """Which logs took part."""
-        return () if self.attempt is None else self.attempt.logs
+        return () if self.attempt is None else self.attempt.log_numbers
 
     @property
     def complete(self) -> bool:
@@ -53,7 +53,7 @@ class Fitted:
     @property
     def searched(self) -> int:
         """Number of free parameters, with those every log has for itself."""
-        logs = len(self.attempt.logs) if self.attempt is not None else len(self.prepared)
+        logs = len(self.attempt.log_numbers) if self.attempt is not None else len(self.prepared)
         return int(np.count_nonzero(self.unknowns.free)) + (logs - 1) * int(np.count_nonzero(self.unknowns.own))
 
 
@@ -105,7 +105,7 @@ def taken_over(
     start = values_of(other, unknowns)
     logs = [
         replace(prepared[i], manner=cut.manner, data=replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end))
-        for i, cut in zip(known.logs, known.prepared, strict=True)
+        for i, cut in zip(known.log_numbers, known.fitted_logs, strict=True)
     ]
     trajectories = [
         _translated(g, large, small, large_p)
@@ -113,7 +113,7 @@ def taken_over(
             known.solved.trajectories,
             (
                 other.unknowns.values(g.theta(known.solved.theta), log.data.base)
-                for g, log in zip(known.solved.trajectories, known.prepared, strict=True)
+                for g, log in zip(known.solved.trajectories, known.fitted_logs, strict=True)
             ),
             strict=True,
         )

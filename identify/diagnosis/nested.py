@@ -69,7 +69,7 @@ def fit_joined(fitted: Fitted) -> Fitted:
     attempt, able = fitted.attempt, usable(list(fitted.prepared))
     if attempt is None or fitted.complete:
         return fitted
-    late = [i for i in able if i not in attempt.logs]
+    late = [i for i in able if i not in attempt.log_numbers]
     joined = join(attempt, list(fitted.prepared), late, fitted.unknowns)
     return fitted if joined is attempt else replace(fitted, attempt=joined, excess=_excess(joined))
 
@@ -110,7 +110,9 @@ def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
 
 def _better(best: Fitted, other: Fitted, beside: Fitted) -> Fitted:
     """The other fit where its misfit is smaller and it has all the logs of the model it is compared with."""
-    complete = other.attempt is not None and (beside.attempt is None or other.attempt.logs == beside.attempt.logs)
+    complete = other.attempt is not None and (
+        beside.attempt is None or other.attempt.log_numbers == beside.attempt.log_numbers
+    )
     return other if complete and other.excess < best.excess else best
 
 
@@ -126,7 +128,7 @@ def _warm(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, cost_cuto
         )
     except (ValueError, FloatingPointError):
         return None
-    return replace(known, prepared=tuple(logs), solved=solved)
+    return replace(known, fitted_logs=tuple(logs), solved=solved)
 
 
 def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:

@@ -122,7 +122,7 @@ def hum(attempt: Attempt | None) -> str:
     if attempt is None:
         return ""
     solved = attempt.solved
-    for log, prepared, curve in zip(solved.problem.logs, attempt.prepared, solved.fitted, strict=True):
+    for log, prepared, curve in zip(solved.problem.logs, attempt.fitted_logs, solved.fitted, strict=True):
         swing = Spectrum.of(log.time, np.where(log.weight > 0.0, log.force - curve, np.nan))
         if swing is None or swing.chance > BY_CHANCE or swing.share(swing.peak) < SHARE:
             continue

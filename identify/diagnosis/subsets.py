@@ -39,19 +39,19 @@ def held_out_error(fitted: Fitted) -> float:
     attempt = fitted.attempt
     if attempt is None or not np.isfinite(fitted.excess):
         return float("nan")
-    masks = [_kept_back(log, g) for log, g in zip(attempt.prepared, attempt.solved.trajectories, strict=True)]
+    masks = [_kept_back(log, g) for log, g in zip(attempt.fitted_logs, attempt.solved.trajectories, strict=True)]
     if not any(np.any(mask) for mask in masks):
         return float("nan")
     data = [
         replace(log.data, weight=np.where(mask, 0.0, log.data.weight))
-        for log, mask in zip(attempt.prepared, masks, strict=True)
+        for log, mask in zip(attempt.fitted_logs, masks, strict=True)
     ]
     start = replace(fitted.unknowns, start=attempt.solved.theta).with_weak_priors()
     solved: Solved = solve_in_passes(data, attempt.solved.trajectories, start)
     if not solved.solution.success:
         return float("inf")
     total, count = 0.0, 0
-    for log, mask, force in zip(attempt.prepared, masks, solved.fitted, strict=True):
+    for log, mask, force in zip(attempt.fitted_logs, masks, solved.fitted, strict=True):
         inside = mask & np.isfinite(force) & (log.data.weight > 0)
         total += float(np.sum(log.data.weight[inside] * (log.data.force[inside] - force[inside]) ** 2))
         count += int(np.count_nonzero(inside))

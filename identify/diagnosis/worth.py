@@ -114,14 +114,14 @@ def _factor(without: float, whole: float) -> float:
 def logs_left_out(fitted: Fitted) -> float:
     """Mean square, in noise variances, of the forces of logs foretold from the others; NaN with one log alone."""
     attempt = fitted.attempt
-    if attempt is None or len(attempt.prepared) < FEWEST_LOGS or attempt.solved.solution.infeasibility > 1e-6:
+    if attempt is None or len(attempt.fitted_logs) < FEWEST_LOGS or attempt.solved.solution.infeasibility > 1e-6:
         return float("nan")
     total, count = 0.0, 0
-    for number, (log, trajectory) in enumerate(zip(attempt.prepared, attempt.solved.trajectories, strict=True)):
+    for number, (log, trajectory) in enumerate(zip(attempt.fitted_logs, attempt.solved.trajectories, strict=True)):
         if trajectory.cycles <= SHOWN:
             continue
         hidden = log.data.time > trajectory.arrest[SHOWN - 1]
-        data = [other.data for other in attempt.prepared]
+        data = [other.data for other in attempt.fitted_logs]
         data[number] = replace(log.data, weight=np.where(hidden, 0.0, log.data.weight))
         start = replace(fitted.unknowns, start=attempt.solved.theta).with_weak_priors()
         solved = solve_in_passes(data, attempt.solved.trajectories, start)

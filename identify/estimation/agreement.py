@@ -239,7 +239,7 @@ def allowed(attempt: Attempt, known: Information, speed_tolerance: float) -> All
 
 def noise_of(attempt: Attempt) -> Remembering:
     """The noise of all logs of an attempt, coloured like its residuals."""
-    logs, fitted = [log.data for log in attempt.prepared], attempt.solved.fitted
+    logs, fitted = [log.data for log in attempt.fitted_logs], attempt.solved.fitted
     colours = (
         colour(np.where(log.weight > 0, log.force - curve, np.nan)) for log, curve in zip(logs, fitted, strict=True)
     )
@@ -279,7 +279,7 @@ def agreeing(attempt: Attempt, unknowns: Unknowns, base: Array, seen: Allowed) -
     Args:
         base: (n_p,) of the rig the values are given for; seen: what is allowed for at the answer.
     """
-    solved, names = attempt.solved, [log.name for log in attempt.prepared]
+    solved, names = attempt.solved, [log.name for log in attempt.fitted_logs]
     slow = slowness(attempt, seen.colours)
     try:
         found = pulls_of_logs(solved.problem, solved.solution.z, seen.reached or influence_at(solved), slow)
@@ -298,8 +298,8 @@ def _without_log(attempt: Attempt, unknowns: Unknowns, log: int) -> Array | None
     parameters of their own, which the first of them lends its place in theta."""
     if np.any(unknowns.own):
         return None
-    rest = [i for i in range(len(attempt.logs)) if i != log]
+    rest = [i for i in range(len(attempt.log_numbers)) if i != log]
     at_answer = replace(unknowns, start=attempt.solved.theta).with_weak_priors()
-    data, motion = [attempt.prepared[i].data for i in rest], [attempt.solved.trajectories[i] for i in rest]
+    data, motion = [attempt.fitted_logs[i].data for i in rest], [attempt.solved.trajectories[i] for i in rest]
     solved = solve_in_passes(data, motion, at_answer)
     return solved.theta if solved.solution.success else None

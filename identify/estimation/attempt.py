@@ -55,11 +55,11 @@ OFF = 2  # of these that are left out where the start is better known
 
 @dataclass(frozen=True)
 class Attempt:
-    """A solved start: which logs took part (indices), prepared and cut, the solution and its gate; found_by: the titles
-    of the strategies that led to it, in their order."""
+    """A solved start: the numbers of the logs that took part (from 0), and these logs as far as they were followed; the
+    solution and its gate; found_by: the titles of the strategies that led to it, in their order."""
 
-    logs: tuple[int, ...]
-    prepared: tuple[Prepared, ...]
+    log_numbers: tuple[int, ...]
+    fitted_logs: tuple[Prepared, ...]
     solved: Solved
     gate: Gate
     found_by: tuple[str, ...] = ()
@@ -115,22 +115,22 @@ def solve_placed(
         return attempt
     # A rest that can get no shorter is also what the solver fails on.
     at_answer = replace(unknowns, start=attempt.solved.theta)
-    whole = [prepared[number] for number in attempt.logs]
-    anew = resimulated_whole(whole, attempt.prepared, attempt.solved.trajectories, at_answer)
+    whole = [prepared[number] for number in attempt.log_numbers]
+    anew = resimulated_whole(whole, attempt.fitted_logs, attempt.solved.trajectories, at_answer)
     if anew is not None:
-        placed = list(zip(attempt.logs, *anew, strict=True))
+        placed = list(zip(attempt.log_numbers, *anew, strict=True))
         other = _solved(prepared, placed, at_answer, tightness, cost_cutoff)
         return other if other.excess < attempt.excess - BETTER else attempt
     courses = [
         (log, trajectory)
-        for log, trajectory in zip(attempt.prepared, attempt.solved.trajectories, strict=True)
+        for log, trajectory in zip(attempt.fitted_logs, attempt.solved.trajectories, strict=True)
         if log.manner.name == "course"
     ]
     # A sequence may agree with its own answer, and the data with another, where the mass rests by a hair.
     met = attempt.gate.status is Status.CONVERGED and not any(hardly(*course) for course in courses)
     if met or not courses:
         return attempt
-    extended = _by_horizons(prepared, attempt.logs, unknowns, tightness)
+    extended = _by_horizons(prepared, attempt.log_numbers, unknowns, tightness)
     return extended if extended is not None and extended.excess < attempt.excess - BETTER else attempt
 
 
@@ -203,7 +203,7 @@ def _fits_better(one: Solved, other: Solved) -> bool:
 
 def judged(attempt: Attempt) -> Attempt:
     """The attempt with the gate of its own solution: one that was taken over from another model has that model's."""
-    return replace(attempt, gate=gated(attempt.solved, attempt.prepared))
+    return replace(attempt, gate=gated(attempt.solved, attempt.fitted_logs))
 
 
 def gated(solved: Solved, logs: Sequence[Prepared]) -> Gate:
@@ -288,7 +288,7 @@ def released(held: Attempt, unknowns: Unknowns, firm: Sequence[float]) -> Iterat
 def solve_again(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int = 1000) -> Attempt:
     """Solve the logs of an attempt again from another theta (unknowns.start) and the motion found before, with at least
     and at most so many steps per interval."""
-    logs, soft = attempt.prepared, unknowns.with_weak_priors()
+    logs, soft = attempt.fitted_logs, unknowns.with_weak_priors()
     solved = solve_in_passes([log.data for log in logs], attempt.solved.trajectories, soft, steps=steps, most=most)
     return replace(attempt, solved=solved, gate=gated(solved, logs))
 
@@ -311,11 +311,11 @@ def solve_again_with_priors(
 def placed_anew(attempt: Attempt, unknowns: Unknowns, theta: Array) -> Attempt | None:
     """The logs of an attempt solved from theta (n_p,) as from a start that a user gives, with the motion that follows
     from it; None where that is no answer of all of them, or fits no better."""
-    logs = list(attempt.prepared)
+    logs = list(attempt.fitted_logs)
     found = solve_from(logs, list(range(len(logs))), replace(unknowns, start=theta))
-    if found is None or found.gate.status is not Status.CONVERGED or len(found.logs) < len(logs):
+    if found is None or found.gate.status is not Status.CONVERGED or len(found.log_numbers) < len(logs):
         return None
-    return replace(found, logs=attempt.logs) if found.excess < attempt.excess else None
+    return replace(found, log_numbers=attempt.log_numbers) if found.excess < attempt.excess else None
 
 
 def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[PlacedLog]:

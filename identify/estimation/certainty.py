@@ -88,7 +88,9 @@ def certainty(
     attempt, view = seen.attempt, seen.view
     if seen.unfinished:
         attempt = unexamined(attempt)
-    elif seen.accepted and not view.bounds and len(attempt.logs) > 1:  # at a bound the pulls of the logs do not cancel
+    elif (
+        seen.accepted and not view.bounds and len(attempt.log_numbers) > 1
+    ):  # at a bound the pulls of the logs do not cancel
         attempt = agreeing(attempt, unknowns, base, view.allowed)
     theta, groups = attempt.solved.theta, shares(attempt, unknowns)
     bounds_of = {s.log: at_bounds(unknowns, attempt.solved.trajectories[s.log].theta(theta)) for s in groups}
@@ -152,5 +154,5 @@ def _tabled(out: Certainty, unknowns: Unknowns, progress: Progress) -> Certainty
     """With what each accuracy costs and moves."""
     progress("table of accuracies", None)
     size = np.sqrt(np.diag(out.covariance))
-    table = accuracy_table(out.attempt.prepared, out.attempt.solved, unknowns, size)
+    table = accuracy_table(out.attempt.fitted_logs, out.attempt.solved, unknowns, size)
     return replace(out, accuracy_table=table)

@@ -222,14 +222,14 @@ def shares(attempt: Attempt, unknowns: Unknowns) -> list[Share]:
     for index in np.flatnonzero(unknowns.grouped).tolist():
         seen: set[int] = set()
         for number, (place, log, trajectory) in enumerate(
-            zip(layout.places, attempt.prepared, solved.trajectories, strict=True)
+            zip(layout.places, attempt.fitted_logs, solved.trajectories, strict=True)
         ):
             unknown = int(place.own[index])
             where = own.index(unknown) if unknown in own else -1
             if where in seen:
                 continue
             seen.add(where)
-            group = log.data.groups[index] or f"log {attempt.logs[number] + 1}"
+            group = log.data.groups[index] or f"log {attempt.log_numbers[number] + 1}"
             out.append(Share(index, group, float(trajectory.theta(solved.theta)[index]), where, number, index))
     followers = [(i, to) for i, to, _ in unknowns.ties]
     return out + [replace(share, index=i) for i, to in followers for share in out if share.index == to]

@@ -186,15 +186,15 @@ def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unk
     late = [i for i in late if forms[i] is not None]
     if not late:
         return best
-    joined = solve_from(prepared, sorted([*best.logs, *late]), at_answer)
+    joined = solve_from(prepared, sorted([*best.log_numbers, *late]), at_answer)
     if joined is not None and joined.gate.status is Status.CONVERGED:
         return joined
     # One log that does not fit must not keep out the others, nor one that is taken up too early.
     found = _one_by_one(best, prepared, late, seen, unknowns)
-    if len(late) == 1 or set(late) <= set(found.logs) or time_is_up():
+    if len(late) == 1 or set(late) <= set(found.log_numbers) or time_is_up():
         return found
     other = _one_by_one(best, prepared, late[::-1], seen, unknowns)
-    return other if len(other.logs) > len(found.logs) else found
+    return other if len(other.log_numbers) > len(found.log_numbers) else found
 
 
 def _one_by_one(
@@ -212,7 +212,7 @@ def _one_by_one(
         at_best = replace(unknowns, start=best.solved.theta)
         for log in _forms(prepared[i], seen.get(i), at_best, tried=len(late) == 1):
             having = [log if j == i else other for j, other in enumerate(prepared)]
-            joined = solve_from(having, sorted([*best.logs, i]), at_best)
+            joined = solve_from(having, sorted([*best.log_numbers, i]), at_best)
             if joined is not None and joined.gate.status is Status.CONVERGED:
                 best, prepared = joined, having
                 break

@@ -205,7 +205,7 @@ def _unless_bound_is_active(here: Examined) -> Examined:
     gate = here.attempt.gate
     if not here.accepted or here.view.bounds:
         return here
-    held = active_event_bound(here.attempt.solved, [log.name for log in here.attempt.prepared])
+    held = active_event_bound(here.attempt.solved, [log.name for log in here.attempt.fitted_logs])
     if held is None:
         return here
     refused = replace(gate, status=Status.WRONG_EVENT_COUNT, message=held)
@@ -229,7 +229,7 @@ def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, q: Question)
     """What is seen from an answer; seen: what is allowed for there, which walks do not change."""
     solved = attempt.solved
     bounds = at_bounds(q.unknowns, solved.theta)
-    hinted = hints(attempt.prepared, solved.trajectories, q.unknowns, solved.theta)
+    hinted = hints(attempt.fitted_logs, solved.trajectories, q.unknowns, solved.theta)
     told = {name: str(hint) for name, hint in hinted.items()}
     joint, f = seen.joint.copy(), len(seen.white)
     free = q.unknowns.free
@@ -306,7 +306,7 @@ def _profile(
     and no walk leads from the one to the other."""
     seen, trail = place.view.allowed, answer.trail
     return profile(
-        place.attempt.prepared,
+        place.attempt.fitted_logs,
         place.attempt.solved,
         q.unknowns,
         seen.white,
@@ -334,7 +334,7 @@ def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Questi
         Strategy.PROFILE_OPTIMUM,
         lambda: _settled(here.attempt, better, q.unknowns),
         here.attempt,
-        here.attempt.logs,
+        here.attempt.log_numbers,
     )
     if moved is None:
         return _with_walk(here, walked.seen_from(q.unknowns, theta), q)

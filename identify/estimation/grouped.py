@@ -42,7 +42,7 @@ def search_grouped(problem: SearchProblem) -> tuple[Attempt | None, dict[int, st
         if attempt is None or attempt.gate.status is not Status.CONVERGED:
             # A group too poor to stand alone may still do with the others.
             return search(problem)
-        found.append(replace(attempt, logs=tuple(part[i] for i in attempt.logs)))
+        found.append(replace(attempt, log_numbers=tuple(part[i] for i in attempt.log_numbers)))
     together = run_strategy(Strategy.GROUP_BY_GROUP, lambda: _together(found, unknowns))
     return search(problem) if together is None else (together, left_out)
 
@@ -64,7 +64,9 @@ def _together(attempts: list[Attempt], unknowns: Unknowns) -> Attempt:
     trajectories: list[ShootingTrajectory] = []
     thetas: list[Array] = []
     for attempt, theta in zip(attempts, _pooled(attempts, unknowns), strict=True):
-        for number, log, trajectory in zip(attempt.logs, attempt.prepared, attempt.solved.trajectories, strict=True):
+        for number, log, trajectory in zip(
+            attempt.log_numbers, attempt.fitted_logs, attempt.solved.trajectories, strict=True
+        ):
             mine = trajectory.theta(theta)
             numbers.append(number)
             logs.append(log)

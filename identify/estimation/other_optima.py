@@ -83,8 +83,8 @@ def multistart_around(
             break
         start = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
         cost_cutoff = best.solved.solution.cost + COST_CUTOFF
-        tried = solve_from(list(prepared), list(attempt.logs), start, cost_cutoff=cost_cutoff)
-        if tried is None or tried.logs != attempt.logs:
+        tried = solve_from(list(prepared), list(attempt.log_numbers), start, cost_cutoff=cost_cutoff)
+        if tried is None or tried.log_numbers != attempt.log_numbers:
             continue
         found.append(tried.excess)
         best = min(best, tried, key=_rank)
@@ -110,7 +110,7 @@ def _by_features(
     Args:
         theta, reach: where draws lie (n_p,), and how far around (n_p,).
     """
-    features, bases = features_of([prepared[i] for i in attempt.logs])
+    features, bases = features_of([prepared[i] for i in attempt.log_numbers])
     if not features:
         return
     draws = theta + reach * random.standard_normal((FEATURES, theta.size))
@@ -228,7 +228,7 @@ def objection(attempt: Attempt, other: Attempt, noise: Remembering) -> float:
 def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Iterator[Array]:
     """The starts (n_p,) worth a solve, by turns: with one parameter held in turn beside the answer, thrown about it and
     about the data's own start, from the levels."""
-    logs, rng = list(attempt.prepared), np.random.default_rng(seed)
+    logs, rng = list(attempt.fitted_logs), np.random.default_rng(seed)
     far = FAR * unknowns.spread * np.where(unknowns.logarithmic, 1.0, 0.5)
     far = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(far, unknowns.prior_deviation), 0.0)
     kinds = []
@@ -246,17 +246,17 @@ def _thrown(attempt: Attempt, unknowns: Unknowns, seed: int, own: bool) -> Itera
 def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     """Where a solve of all logs of an answer from a start (unknowns.start) settles, with its samples, or comes to
     describe them on a ridge of which it finds no end; None where it does neither."""
-    logs = list(attempt.prepared)
+    logs = list(attempt.fitted_logs)
     found = run_strategy(
         Strategy.OTHER_OPTIMA,
         lambda: solve_or_hold(logs, usable(logs), unknowns, _cost(attempt) + COST_CUTOFF),
         attempt,
-        attempt.logs,
+        attempt.log_numbers,
     )
-    if found is None or len(found.logs) < len(logs):
+    if found is None or len(found.log_numbers) < len(logs):
         return None
     if stalled(found) and found.solved.problem.samples == attempt.solved.problem.samples:
-        return replace(found, logs=attempt.logs, prepared=attempt.prepared)
+        return replace(found, log_numbers=attempt.log_numbers, fitted_logs=attempt.fitted_logs)
     return of_same_samples(attempt, found, unknowns) if found.gate.status is Status.CONVERGED else None
 
 
@@ -266,5 +266,7 @@ def of_same_samples(attempt: Attempt, found: Attempt, unknowns: Unknowns) -> Att
         moved = solve_again_with_priors(attempt, unknowns, found.solved.theta, found.solved.trajectories)
         found = replace(moved, found_by=found.found_by)
     return (
-        replace(found, logs=attempt.logs, prepared=attempt.prepared) if found.gate.status is Status.CONVERGED else None
+        replace(found, log_numbers=attempt.log_numbers, fitted_logs=attempt.fitted_logs)
+        if found.gate.status is Status.CONVERGED
+        else None
     )

@@ -78,7 +78,7 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
         if number > 0 and found is not None:
             found = replace(found, found_by=(Strategy.OTHER_LOGS.title, *found.found_by))
         best = _better(best, found)
-        if _fits(best) and faint | slips <= set(best.logs):
+        if _fits(best) and faint | slips <= set(best.log_numbers):
             break
     if not _fits(best):
         best = run_strategy(Strategy.STEADY_PARTS, lambda: _levels_only(problem, able), logs=able) or best
@@ -121,7 +121,7 @@ class _Progressing:
         """Whether nothing more is to be tried: what passes as autocorrelated noise may yet be a misfit that another
         start has not."""
         best = self.best
-        return _fits(best) and best.gate.level == 1.0 and set(self.logs) <= set(best.logs)
+        return _fits(best) and best.gate.level == 1.0 and set(self.logs) <= set(best.log_numbers)
 
     @property
     def chosen(self) -> list[Prepared]:
@@ -259,11 +259,14 @@ def _with_strengths(state: _Progressing, at: Unknowns, attempt: Attempt) -> tupl
         return problem.prepared, attempt
     problem.progress("solving with a strength of each stick", 0.55)
     own = run_strategy(
-        Strategy.STICK_STRENGTHS, lambda: with_own_strengths(attempt, problem.prepared, at), attempt, attempt.logs
+        Strategy.STICK_STRENGTHS,
+        lambda: with_own_strengths(attempt, problem.prepared, at),
+        attempt,
+        attempt.log_numbers,
     )
     if not _fits(own):
         return problem.prepared, attempt
-    return with_strengths(problem.prepared, own.prepared[0].data.strength_sd), own
+    return with_strengths(problem.prepared, own.fitted_logs[0].data.strength_sd), own
 
 
 def _events_corrected(state: _Progressing, at: Unknowns, attempt: Attempt) -> tuple[list[Prepared], Attempt]:
@@ -292,12 +295,12 @@ def _held(state: _Progressing, prepared: list[Prepared], at: Unknowns, attempt: 
 
 def _with_the_others(state: _Progressing, prepared: list[Prepared], attempt: Attempt) -> Attempt:
     problem = state.problem
-    late = [i for i in state.able if i not in attempt.logs]
+    late = [i for i in state.able if i not in attempt.log_numbers]
     if not late:
         return attempt
     problem.progress("joining the other logs", 0.8)
     joined = run_strategy(
-        Strategy.JOINED, lambda: join(attempt, prepared, late, problem.unknowns), attempt, attempt.logs
+        Strategy.JOINED, lambda: join(attempt, prepared, late, problem.unknowns), attempt, attempt.log_numbers
     )
     return joined or attempt
 
@@ -308,7 +311,7 @@ def _mended(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -> l
     wrong = {int(log) - 1 for log, z in zip(gate.log.tolist(), gate.z.tolist(), strict=True) if not z < PER_CYCLE}
     out = list(prepared)
     for position in wrong:
-        number = attempt.logs[position]
+        number = attempt.log_numbers[position]
         out[number] = with_events_mended(prepared[number], unknowns)
     return out if any(new is not old for new, old in zip(out, prepared, strict=True)) else None
 
@@ -328,7 +331,11 @@ def _better(best: Attempt | None, attempt: Attempt | None) -> Attempt | None:
 
     def rank(a: Attempt) -> tuple[bool, int, float]:
         chi2 = a.gate.chi2_per_sample
-        return a.gate.status is not Status.CONVERGED, -len(a.logs), abs(chi2 - 1.0) if np.isfinite(chi2) else np.inf
+        return (
+            a.gate.status is not Status.CONVERGED,
+            -len(a.log_numbers),
+            abs(chi2 - 1.0) if np.isfinite(chi2) else np.inf,
+        )
 
     return min(best, attempt, key=rank)
 
@@ -351,7 +358,7 @@ def rejected_as_incomplete(best: Attempt, prepared: Sequence[Prepared], needed: 
     Args:
         needed: numbers of these logs.
     """
-    missing = [prepared[i].name for i in needed if i not in best.logs]
+    missing = [prepared[i].name for i in needed if i not in best.log_numbers]
     if not missing or best.gate.status is not Status.CONVERGED:
         return best
     message = (
@@ -364,7 +371,7 @@ def rejected_as_incomplete(best: Attempt, prepared: Sequence[Prepared], needed: 
 
 def _missing(best: Attempt | None, prepared: list[Prepared], able: list[int]) -> dict[int, str]:
     """Why logs that could have taken part did not."""
-    taken = best.logs if best is not None else ()
+    taken = best.log_numbers if best is not None else ()
     why = "does not stick-slip, or not like this, at the answer of the other logs"
     if best is None:
         why = "is not reproduced by any start: the model slides steadily where it sticks"

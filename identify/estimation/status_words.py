@@ -85,7 +85,7 @@ def ended(attempt: Attempt, bounds: Mapping[str, str]) -> tuple[Status, str]:
     gate = attempt.gate
     if gate.status is Status.CONVERGED and bounds:
         return Status.AT_BOUND, "; ".join(bounds.values())
-    if gate.status is not Status.CONVERGED and (uneven := uneven_words(attempt.prepared)):
+    if gate.status is not Status.CONVERGED and (uneven := uneven_words(attempt.fitted_logs)):
         return Status.MODEL_MISFIT, (
             f"{uneven} (misfit {gate.chi2_per_sample:.3g} times the noise variance); "
             "see the cycle scatter and the classical table in the report"

@@ -65,9 +65,9 @@ def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unk
         if time_is_up() or not sd > 0.0:
             return None
         if found is None:
-            found = solve_from(with_strengths(prepared, sd), list(attempt.logs), unknowns)
+            found = solve_from(with_strengths(prepared, sd), list(attempt.log_numbers), unknowns)
         else:
-            scattering = replace(found, prepared=tuple(with_strengths(found.prepared, sd)))
+            scattering = replace(found, fitted_logs=tuple(with_strengths(found.fitted_logs, sd)))
             found = solve_again(scattering, replace(unknowns, start=found.solved.theta))
         if found is None or not found.solved.solution.success:
             return None

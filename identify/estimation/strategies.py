@@ -170,7 +170,7 @@ def run_strategy(
         found = replace(found, found_by=(*before, strategy.title, *after))
     trace = _trace.get()
     if trace is not None:
-        taken = logs if found is None else found.logs
+        taken = logs if found is None else found.log_numbers
         status, cost = ("no answer", None) if found is None else (found.gate.status.value, found.cost_per_sample)
         trace.trials.append(Trial(strategy.title, tuple(i + 1 for i in taken), status, cost, seconds))
     return found

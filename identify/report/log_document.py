@@ -79,8 +79,8 @@ def of_log(number: int, log: Prepared, found: Findings) -> tuple[Array, Array] |
     theta, covariance = attempt.solved.theta, found.covariance.copy()
     verdicts = {e.name: e.verdict for e in found.estimates}
     if sure is not None and sure.of_groups:
-        if number in attempt.logs:
-            theta = attempt.solved.trajectories[attempt.logs.index(number)].theta(theta)
+        if number in attempt.log_numbers:
+            theta = attempt.solved.trajectories[attempt.log_numbers.index(number)].theta(theta)
         theta, order = theta.copy(), np.arange(free.size)
         for i, index in enumerate(free.tolist()):
             if not found.unknowns.grouped[index]:
@@ -110,7 +110,7 @@ def log_result(
         part_of: the number (from 1) of the log of the scene that it is a part of; None where it is whole.
     """
     record, verdict, regime = log.record, log.verdict, log.regime
-    taken = found.attempt is not None and index in found.attempt.logs
+    taken = found.attempt is not None and index in found.attempt.log_numbers
     if found.estimated is not None and found.status is Status.CONVERGED:
         taken = index not in found.left_out
     return LogResult(
@@ -217,7 +217,7 @@ def creep_velocities(prepared: list[Prepared], found: Findings) -> dict[str, Num
     both = [int(unknowns.source[names.index(name)]) for name in ("D", "t_cr")]
     out: dict[str, Number] = {}
     seen = set()
-    for number in found.attempt.logs:
+    for number in found.attempt.log_numbers:
         groups = prepared[number].data.groups
         mine = [groups[i] or f"log {number + 1}" for i in both if unknowns.grouped[i]]
         group = ", ".join(dict.fromkeys(mine))

@@ -90,7 +90,7 @@ def _message(prepared: list[Prepared], found: Findings) -> str:
     if found.status is not Status.CONVERGED:
         return found.message
     taken = [log for i, log in enumerate(prepared) if i not in found.left_out]
-    logs = found.attempt.prepared if found.attempt else taken
+    logs = found.attempt.fitted_logs if found.attempt else taken
     parts = [log.rests_on for log in logs if log.rests_on]
     whole = [log.name for log in logs if not log.rests_on]
     if len(whole) > MOST_NAMED:
@@ -110,7 +110,7 @@ def _found_by(found: Findings) -> tuple[str, ...]:
 def _events(prepared: list[Prepared], found: Findings) -> list[str]:
     """Slips that the search put in or took out, and courses it could not follow to their end."""
     notes = []
-    for number, log in zip(found.attempt.logs, found.attempt.prepared, strict=True) if found.attempt else ():
+    for number, log in zip(found.attempt.log_numbers, found.attempt.fitted_logs, strict=True) if found.attempt else ():
         before, after = prepared[number].falls, log.falls
         put = [f"{t:.4g} s" for t in after.tolist() if t not in before]
         out = [f"{t:.4g} s" for t in before.tolist() if t not in after]
@@ -302,7 +302,7 @@ def _gate(found: Findings) -> GateResult | None:
         return None
     gate = found.attempt.gate
     worst = gate.worst
-    log = found.attempt.logs[int(gate.log[worst]) - 1] + 1 if worst >= 0 else None
+    log = found.attempt.log_numbers[int(gate.log[worst]) - 1] + 1 if worst >= 0 else None
     return GateResult(
         finite(float(gate.chi2_per_sample)),
         WorstCycle(log, int(gate.cycle[worst]), finite(float(gate.z[worst]))) if log else None,
@@ -318,7 +318,7 @@ def _fit(found: Findings) -> FitFigures | None:
     solved = found.attempt.solved
     # One weight holds for all samples of a log that count, so the compressed squares give the residual in newtons.
     squares, count = 0.0, solved.problem.samples
-    variance = np.array([1.0 / np.max(log.data.weight) for log in found.attempt.prepared])
+    variance = np.array([1.0 / np.max(log.data.weight) for log in found.attempt.fitted_logs])
     for family, cost in zip(solved.problem.layout.families, solved.problem.block_costs(solved.solution.z), strict=True):
         squares += float(variance[family.log] @ cost)
     return FitFigures(
@@ -367,7 +367,7 @@ def _with_second_intervals(
     """Beside each interval the one that errors of rig and sensors widen; in the same list, null where that has none."""
     assert found.information is not None and found.attempt is not None
     unknowns, solved = found.unknowns, found.attempt.solved
-    values = unknowns.values(solved.theta, found.attempt.prepared[0].data.base)
+    values = unknowns.values(solved.theta, found.attempt.fitted_logs[0].data.base)
     memory = slowness(found.attempt, found.sure.colours) if found.sure is not None else 1.0
     added = added_by_tolerances(found.information, values, tolerances, memory)
     by_name = dict(zip(np.array(unknowns.names)[unknowns.free].tolist(), (NORMAL * added).tolist(), strict=True))

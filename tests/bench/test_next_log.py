@@ -73,7 +73,7 @@ def unseen():
 def rehearsed(found, *, load_sd: float | None = None) -> np.ndarray:
     """Standard errors (f,) that rehearsals of the fitted logs promise."""
     total = np.zeros((6, 6))
-    for log in found.attempt.prepared:
+    for log in found.attempt.fitted_logs:
         data, seconds = log.data, log.data.end - log.data.begin
         theta = found.attempt.solved.theta
         made = rehearse(found.unknowns, theta, data.base, LogDesign(data.drive_speed, log.mean_load), 1e-4, seconds)
@@ -201,7 +201,7 @@ def advice(unseen):
 def test_reasons_and_the_result_name_the_log(unseen, advice, monkeypatch):
     """The fit itself and its advice are those of the fixtures: made twice, they are the same."""
     free, pair, log = UNSEEN
-    monkeypatch.setattr(identification, "plain_or_uneven", lambda *_: (unseen.attempt.prepared, unseen))
+    monkeypatch.setattr(identification, "plain_or_uneven", lambda *_: (unseen.attempt.fitted_logs, unseen))
     monkeypatch.setattr(identification, "next_logs", lambda found: advice if found.attempt is unseen.attempt else None)
     reason = estimate(words.advised(unseen, advice), "a").reason
     assert reason.startswith("slips hold at most 7 samples, so their shape is not seen: add a log of 2.8 s at 1 mm/s")

@@ -142,7 +142,7 @@ def test_only_what_explains_all_logs_is_named(case):
     freed = fit_model(mass.freed(scene, []), records, thorough=False)
     ended = replace(freed, excess=1e4)
     assert [e.words[:16] for e in _explanations([(mass, freed)], scene, ended)] == ["a mass of 0.2 kg"]
-    partial = replace(freed, attempt=replace(freed.attempt, logs=(0,)))
+    partial = replace(freed, attempt=replace(freed.attempt, log_numbers=(0,)))
     assert partial.excess == freed.excess
     assert not _explanations([(mass, partial)], scene, ended)
 
@@ -193,7 +193,7 @@ def test_a_better_answer_that_was_met_on_the_way_is_handed_back(right):
     alone = solve_from(logs, [1], replace(unknowns, start=answer.solved.theta))
     cause = diagnose(scene, records, logs, unknowns, _astray(alone))
     assert cause is not None and cause.better is not None
-    assert cause.better.logs == (0, 1) and cause.better.gate.status is Status.CONVERGED
+    assert cause.better.log_numbers == (0, 1) and cause.better.gate.status is Status.CONVERGED
     # another optimum lies farther off
     np.testing.assert_allclose(cause.better.solved.theta, answer.solved.theta, atol=0.02)
 
@@ -217,8 +217,8 @@ def test_a_better_answer_leaves_out_no_log_that_was_described(right):
     ended = as_it_ended(scene, unknowns, logs, _astray(answer))
     back = Fitted(scene, unknowns, tuple(logs), answer, answer.excess)
     assert _is_nearer(back, ended) and not _is_nearer(ended, back)
-    assert _is_nearer(back, as_it_ended(scene, unknowns, logs, replace(_astray(answer), logs=(1,))))
-    assert not _is_nearer(replace(back, attempt=replace(answer, logs=(1,))), ended)
+    assert _is_nearer(back, as_it_ended(scene, unknowns, logs, replace(_astray(answer), log_numbers=(1,))))
+    assert not _is_nearer(replace(back, attempt=replace(answer, log_numbers=(1,))), ended)
     assert not _is_nearer(replace(back, excess=ended.excess - 0.5 * REMAINS * ended.excess), ended)
     assert not _is_nearer(replace(back, attempt=None, excess=np.inf), ended)
 

@@ -20,7 +20,7 @@ def left(frequency: float, height: float, rate: float = 1000.0) -> Any:
     fitted = np.where(time < 3.5, curve, np.nan)
     log = SimpleNamespace(time=time, force=force, weight=np.ones(time.size))
     solved = SimpleNamespace(problem=SimpleNamespace(logs=[log]), fitted=[fitted])
-    return SimpleNamespace(solved=solved, prepared=[SimpleNamespace(name="log.csv")])
+    return SimpleNamespace(solved=solved, fitted_logs=[SimpleNamespace(name="log.csv")])
 
 
 @pytest.mark.parametrize(

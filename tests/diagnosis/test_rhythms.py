@@ -90,7 +90,7 @@ def test_there_is_no_rhythm_where_nothing_moves():
 def _values(fitted):
     attempt = fitted.attempt
     assert attempt is not None and attempt.gate.status is Status.CONVERGED, attempt
-    values = fitted.unknowns.values(attempt.solved.theta, attempt.prepared[0].data.base)
+    values = fitted.unknowns.values(attempt.solved.theta, attempt.fitted_logs[0].data.base)
     return dict(zip(fitted.unknowns.names, values.tolist(), strict=True))
 
 
@@ -163,7 +163,7 @@ def test_what_a_scene_fixes_of_a_drift_stays_fixed():
     found = find(scene, records, progress=lambda _stage, _share: None)[1]
     assert found.status is Status.CONVERGED
     solved, unknowns = found.attempt.solved, found.unknowns
-    values = unknowns.values(solved.theta, found.attempt.prepared[0].data.base)
+    values = unknowns.values(solved.theta, found.attempt.fitted_logs[0].data.base)
     told = dict(zip(unknowns.names, values.tolist(), strict=True))
     assert {name: told[name] for name in drift} == pytest.approx(drift, rel=1e-12)
     assert {name: told[name] for name in PAIR} == pytest.approx(PAIR, rel=0.05)

@@ -65,7 +65,7 @@ def found(
 def test_a_log_that_the_start_values_leave_out_is_described_from_the_data(made, monkeypatch) -> None:
     answer, asked = found(made, monkeypatch, of_one_log, search_grouped)
     assert asked == ["user", "data"]
-    assert answer.status is Status.CONVERGED and answer.attempt.logs == (0, 1) and not answer.left_out
+    assert answer.status is Status.CONVERGED and answer.attempt.log_numbers == (0, 1) and not answer.left_out
     assert answer.message.endswith(UNUSED)
 
 
@@ -84,7 +84,7 @@ def test_where_they_lead_to_an_answer_of_all_logs_the_data_are_not_asked(made, m
 def test_what_the_data_lead_to_counts_only_if_it_is_better(made, monkeypatch) -> None:
     answer, asked = found(made, monkeypatch, of_one_log, of_one_log)
     assert asked == ["user", "data"]
-    assert answer.attempt.logs == (0,) and UNUSED not in answer.message
+    assert answer.attempt.log_numbers == (0,) and UNUSED not in answer.message
 
     def refused(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
         attempt, left_out = search_grouped(problem)
@@ -92,7 +92,9 @@ def test_what_the_data_lead_to_counts_only_if_it_is_better(made, monkeypatch) ->
         return replace(attempt, gate=replace(attempt.gate, status=Status.MODEL_MISFIT)), left_out
 
     answer, _ = found(made, monkeypatch, of_one_log, refused)
-    assert answer.status is Status.CONVERGED and answer.attempt.logs == (0,), "a refusal of all is no answer of all"
+    assert answer.status is Status.CONVERGED and answer.attempt.log_numbers == (0,), (
+        "a refusal of all is no answer of all"
+    )
 
 
 def test_the_last_better_answer_is_the_one_that_is_reported(made, monkeypatch) -> None:

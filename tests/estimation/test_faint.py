@@ -80,7 +80,7 @@ def test_a_faint_log_joins_as_the_model_follows_it() -> None:
     others = solve_from(prepared, [1, 2], unknowns)
     assert others is not None and others.gate.status is Status.CONVERGED
     joined = join(others, prepared, [0], unknowns)
-    assert joined.logs == (0, 1, 2) and joined.gate.status is Status.CONVERGED
+    assert joined.log_numbers == (0, 1, 2) and joined.gate.status is Status.CONVERGED
     assert joined.solved.trajectories[0].arrests == slips[0] > 2 * prepared[0].falls.size
     # Two fast logs hardly tell contacts that age slowly from slips that are long; hundreds of small ones do.
     assert error(others, unknowns, "D") > 0.1 > 0.02 > error(joined, unknowns, "D")

@@ -59,6 +59,6 @@ def test_holds_tell_strength_and_ageing_apart_from_the_start(logs):
 def test_both_are_solved_together_from_there(logs):
     prepared, unknowns = logs
     found, left_out = search.search(search.SearchProblem(prepared, unknowns))
-    assert found.logs == (0, 1) and not left_out
+    assert found.log_numbers == (0, 1) and not left_out
     values = dict(zip(unknowns.names, unknowns.values(found.solved.theta, prepared[0].data.base).tolist(), strict=True))
     assert values["t_cr"] == pytest.approx(AGES["t_cr"], rel=0.02)

@@ -47,7 +47,9 @@ def test_a_course_is_met_by_way_of_its_beginning(pair):
     truth, unknowns, logs = pair
     assert [log.manner.name for log in logs] == ["cycles", "course"]
     both = solve_from(logs, [0, 1], unknowns)
-    assert both.gate.status is Status.CONVERGED and both.prepared[1].data.end == logs[1].data.end, "all of the course"
+    assert both.gate.status is Status.CONVERGED and both.fitted_logs[1].data.end == logs[1].data.end, (
+        "all of the course"
+    )
     kinetic = unknowns.names.index("mu_k0")
     off = [abs(theta[kinetic] - truth["mu_k0"]) for theta in (unknowns.start, both.solved.theta)]
     assert off[1] < 0.3 * off[0], "the course tells what the slow log does not"

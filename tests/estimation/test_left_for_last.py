@@ -38,7 +38,7 @@ def searched(
 
     def without(_logs: list[Prepared], first: list[int], *_: object) -> Attempt:
         asked.append(first)
-        return found if LAST in first else replace(found, logs=(0, 1))
+        return found if LAST in first else replace(found, log_numbers=(0, 1))
 
     patch.setattr(room, "_from_logs", without)
     best, left_out = room.search(room.SearchProblem(logs, unknowns))
@@ -51,7 +51,7 @@ def test_it_is_looked_at_with_all_others(
 ) -> None:
     asked, best, left_out = searched(pair, monkeypatch)
     assert asked[0] == [0, 1] and asked[-1] == [0, 1, LAST]
-    assert best.logs == (0, 1, LAST) and left_out == {}
+    assert best.log_numbers == (0, 1, LAST) and left_out == {}
 
 
 def test_one_without_slips_is_left_out_at_once(
@@ -60,5 +60,5 @@ def test_one_without_slips_is_left_out_at_once(
     logs, unknowns, found = pair
     still = [*logs[:LAST], replace(logs[LAST], falls=np.empty(0))]
     asked, best, left_out = searched((still, unknowns, found), monkeypatch)
-    assert asked == [[0, 1]] and best.logs == (0, 1)
+    assert asked == [[0, 1]] and best.log_numbers == (0, 1)
     assert list(left_out) == [LAST] and "left out" in left_out[LAST]

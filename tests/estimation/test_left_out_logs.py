@@ -31,9 +31,9 @@ def test_a_better_answer_of_fewer_logs_is_refused(monkeypatch: pytest.MonkeyPatc
         """At the right answer of both, the answer of the first log alone is met; at that, nothing."""
         if met:
             return found, None
-        assert found.status is Status.CONVERGED and found.attempt is not None and found.attempt.logs == (0, 1)
+        assert found.status is Status.CONVERGED and found.attempt is not None and found.attempt.log_numbers == (0, 1)
         alone = solve_from(prepared, [0], replace(found.unknowns, start=found.attempt.solved.theta))
-        assert alone is not None and alone.logs == (0,)
+        assert alone is not None and alone.log_numbers == (0,)
         met.append(alone)
         return found, alone
 

@@ -37,7 +37,7 @@ def fitted():
 @pytest.fixture
 def line(fitted):
     attempt, unknowns, size = fitted
-    return ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size, noise_of(attempt))
+    return ProfileLine.at(attempt.fitted_logs, attempt.solved, unknowns, size, noise_of(attempt))
 
 
 def held(line, name, off):
@@ -76,7 +76,7 @@ def test_where_events_move_far_the_samples_are_assigned_anew(fitted, line, monke
     near = line._warm(line.best, index, value)
     monkeypatch.setattr(profile_ground, "MOVED", 1e-4)
     attempt, unknowns, size = fitted
-    at = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size, noise_of(attempt))
+    at = ProfileLine.at(attempt.fitted_logs, attempt.solved, unknowns, size, noise_of(attempt))
     moved = at._warm(at.best, index, value)
     assert near.home is line.best.home
     assert moved is not None and moved.home is not at.best.home
@@ -87,7 +87,7 @@ def test_where_events_move_far_the_samples_are_assigned_anew(fitted, line, monke
 def test_homes_are_let_go_and_made_anew(fitted, monkeypatch):
     monkeypatch.setattr(profile_ground, "MOVED", 1e-4)
     attempt, unknowns, size = fitted
-    line = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size, noise_of(attempt))
+    line = ProfileLine.at(attempt.fitted_logs, attempt.solved, unknowns, size, noise_of(attempt))
     index, value = held(line, "mu_k0", OFF)
     first = line._warm(line.best, index, value)
     for off in (-OFF, 0.5 * OFF, -0.5 * OFF):
@@ -102,12 +102,12 @@ def test_where_newtons_steps_have_no_factors_the_solver_is_asked(fitted, monkeyp
         raise RuntimeError("Factor is exactly singular")
 
     attempt, unknowns, size = fitted
-    line = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size, noise_of(attempt))
+    line = ProfileLine.at(attempt.fitted_logs, attempt.solved, unknowns, size, noise_of(attempt))
     index, value = held(line, "mu_k0", OFF)
     warm = line.best.home().warm
     monkeypatch.setattr("identify.shooting.warm.Factors", singular)
     assert warm.settle(line.best.z, held=(0, 2.0 * line.best.z[0])) is None
-    without = ProfileLine.at(attempt.prepared, attempt.solved, unknowns, size, noise_of(attempt))
+    without = ProfileLine.at(attempt.fitted_logs, attempt.solved, unknowns, size, noise_of(attempt))
     found = without.point(without.best, index, value)
     assert without.best.home is None and found is not None and found.home is None
     assert 2 * (found.cost - without.best.cost) == pytest.approx(OFF**2, rel=0.3)
@@ -142,11 +142,11 @@ def test_where_the_answer_does_not_settle_with_coarser_steps_than_its_own_the_wa
     def by_solver(ground, theta, trajectories, held):
         return free(ground, theta, trajectories, held) if ground.grid.steps == own else None
 
-    coarse = ProfileLine.at(attempt.prepared, solved, unknowns, size, noise_of(attempt))
+    coarse = ProfileLine.at(attempt.fitted_logs, solved, unknowns, size, noise_of(attempt))
     assert coarse.ground.grid.steps == profile_ground.STEPS and coarse.seen  # what settles coarsely is walked coarsely
     monkeypatch.setattr(profile_ground.Ground, "home", home)
     monkeypatch.setattr(profile_ground.Ground, "solved", by_solver)
-    fine = ProfileLine.at(attempt.prepared, solved, unknowns, size, noise_of(attempt))
+    fine = ProfileLine.at(attempt.fitted_logs, solved, unknowns, size, noise_of(attempt))
     assert asked == [profile_ground.STEPS, own]
     assert fine.ground.grid.steps == own and fine.first is not None and fine.seen
     point = fine.point(fine.best, unknowns.names.index("a"), fine.best.theta[unknowns.names.index("a")] + 0.01)

@@ -149,7 +149,7 @@ def test_sliding_sharpens_a_fit_and_one_at_another_speed_is_left_out():
     alone, _ = search.search(search.SearchProblem(logs[:2], unknowns))
     joined, left_out = search.search(search.SearchProblem(logs, unknowns))
     assert alone.gate.status is joined.gate.status is Status.CONVERGED
-    assert joined.logs == (0, 1, 2) and not left_out
+    assert joined.log_numbers == (0, 1, 2) and not left_out
     free = np.flatnonzero(unknowns.free).tolist()
     sd = {n: [float(np.sqrt(c[i, i])) for c in map(_covariance, (alone, joined))] for i, n in _free(unknowns)}
     assert sd["a"][1] < 0.7 * sd["a"][0]
@@ -157,7 +157,7 @@ def test_sliding_sharpens_a_fit_and_one_at_another_speed_is_left_out():
     assert max(abs(joined.solved.theta - truth)[i] / sd[unknowns.names[i]][1] for i in free) < 4.0
     logs, unknowns = _prepared(_kind(SLOW, FAST, replace(SLIDING, said=5e-3)), seed=2)
     wrong, left_out = search.search(search.SearchProblem(logs, unknowns))
-    assert wrong.logs == (0, 1) and "log_3.csv" in left_out[2]
+    assert wrong.log_numbers == (0, 1) and "log_3.csv" in left_out[2]
 
 
 def test_one_log_with_steps_of_speed_tells_all_six_and_a_wrong_step_is_refused(no_further_logs):

@@ -62,7 +62,7 @@ def test_noise_with_a_memory_is_accepted_and_widens_the_errors(monkeypatch):
     assert 1.0 < level < 1.5 and "noise with a memory" in found.message
     white = np.diag(found.sure.white)
     assert np.all(np.diag(found.covariance) > level * white), "as much wider as the noise is larger, and more"
-    names = [log.name for log in found.attempt.prepared]
+    names = [log.name for log in found.attempt.fitted_logs]
     assert pass_gate(found.attempt.solved, names, [True, True]).status is Status.CONVERGED
     assert pass_gate(found.attempt.solved, names, [False, False]).status is Status.MODEL_MISFIT, "noise that was stated"
     monkeypatch.setattr(gate, "MORE", 0.0)  # negative control: as it was

@@ -191,12 +191,12 @@ def test_a_log_that_took_no_part_is_answered_by_its_own_group_or_not_at_all():
     scene, records, _ = _tied_groups()
     prepared, found = find(scene, records, progress=lambda _stage, _share: None)
     whole = outlooks_of(prepared, found)
-    left = replace(found, attempt=replace(found.attempt, logs=(0, 1, 2)))
+    left = replace(found, attempt=replace(found.attempt, log_numbers=(0, 1, 2)))
     answers = outlooks_of(prepared, left)
     drops = [told[3]["amplitude"]["drop"]["value"] for told in (answers, whole)]
     assert drops[0] == pytest.approx(drops[1], rel=1e-6)
     sure = replace(found.sure, shares=[share for share in found.sure.shares if share.group == "A"])
-    answers = outlooks_of(prepared, replace(left, attempt=replace(found.attempt, logs=(0, 1)), sure=sure))
+    answers = outlooks_of(prepared, replace(left, attempt=replace(found.attempt, log_numbers=(0, 1)), sure=sure))
     assert "amplitude" in answers[1]
     assert answers[3] == {"text": "No answer: this log took no part, and no other log tells mu_s of B."}
 

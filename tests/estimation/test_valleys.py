@@ -43,7 +43,7 @@ def _covariance(attempt, unknowns):
 
 
 def _sure(attempt, unknowns):
-    base = attempt.prepared[0].data.base
+    base = attempt.fitted_logs[0].data.base
     quiet = {"speed_tolerance": 0.0, "seed": 0, "progress": lambda *_: None}
     return sureness.certainty(attempt, unknowns, base, DEFAULT_OPTIONS, lambda _: {}, **quiet)
 
@@ -74,7 +74,7 @@ def test_a_profile_hands_back_the_lowest_point_from_which_it_began(pair):
     found = {}
     for name, attempt in (("right", right), ("early", early)):
         solved, noise = attempt.solved, noise_of(attempt)
-        found[name] = profile(attempt.prepared, solved, unknowns, covariance, lambda *_: None, noise, only=d)
+        found[name] = profile(attempt.fitted_logs, solved, unknowns, covariance, lambda *_: None, noise, only=d)
     assert found["right"].better is None
     lowest = min(point.cost for point in found["right"].met)  # the solver stops where what is left tells nothing
     gain = 2.0 * (early.solved.solution.cost - lowest)
@@ -98,7 +98,7 @@ def test_an_answer_that_stopped_too_early_is_moved_to_the_lowest_point(pair):
 def test_intervals_seen_from_an_answer_that_they_do_not_hold_are_open(pair):
     right, early, unknowns, covariance = pair
     only = [unknowns.names.index("mu_k0")]
-    walked = profile(right.prepared, right.solved, unknowns, covariance, lambda *_: None, noise_of(right), only=only)
+    walked = profile(right.fitted_logs, right.solved, unknowns, covariance, lambda *_: None, noise_of(right), only=only)
     low, high = walked.ends["mu_k0"]
     assert low.end is not None and high.end is not None
     seen = walked.seen_from(unknowns, early.solved.theta)
@@ -115,7 +115,7 @@ def test_starts_are_ranked_by_the_motion_that_follows_from_each(pair):
     far, nowhere = there.copy(), there.copy()
     far[unknowns.names.index("D")] += 1.0
     nowhere[[unknowns.names.index(name) for name in ("mu_k0", "delta_mu_k")]] = 2.0, 0.5  # slides steadily
-    order = ranked(list(right.prepared), unknowns, [nowhere, far, beside, there])
+    order = ranked(list(right.fitted_logs), unknowns, [nowhere, far, beside, there])
     assert [next(i for i, t in enumerate((there, beside, far)) if t is start.theta) for start in order] == [0, 1, 2]
     costs = [start.cost for start in order]
     assert 0.45 < costs[0] < 0.7 and costs == sorted(costs), "half of chi^2 per sample, on the coarse grid"
@@ -169,7 +169,7 @@ def test_other_valleys_are_of_the_same_samples_and_inside_the_joint_region_the_l
     assert costs and costs == sorted(costs)
     assert costs[-1] < wrong.solved.solution.cost + 0.5 * chi2.ppf(0.95, np.count_nonzero(unknowns.free))
     for optimum in optima:
-        assert optimum.gate.status is Status.CONVERGED and optimum.logs == wrong.logs
+        assert optimum.gate.status is Status.CONVERGED and optimum.log_numbers == wrong.log_numbers
         assert optimum.solved.problem.samples == wrong.solved.problem.samples
 
 
@@ -195,7 +195,7 @@ def test_the_lowest_valley_takes_the_place_and_what_was_left_is_kept(astray, mon
 def test_where_noise_has_a_memory_a_valley_counts_that_white_noise_would_object_to(astray):
     _, wrong, unknowns = astray
     limit = float(chi2.ppf(0.95, np.count_nonzero(unknowns.free)))
-    weights = tuple(log.data.weight for log in wrong.prepared)
+    weights = tuple(log.data.weight for log in wrong.fitted_logs)
     curves = wrong.solved.fitted
     off = np.sqrt(2.0 * limit / np.sum(weights[0][np.isfinite(curves[0])]))
     solution = replace(wrong.solved.solution, cost=wrong.solved.solution.cost + limit)
@@ -215,7 +215,9 @@ def test_an_interval_holds_a_valley_that_the_data_do_not_object_to(doubled):
     covariance, ends = _covariance(wrong, unknowns), []
     solved, noise = wrong.solved, noise_of(wrong)
     for optima in ([], [optimum.solved for optimum in found]):
-        walked = profile(wrong.prepared, solved, unknowns, covariance, lambda *_: None, noise, only=[i], optima=optima)
+        walked = profile(
+            wrong.fitted_logs, solved, unknowns, covariance, lambda *_: None, noise, only=[i], optima=optima
+        )
         ends.append([side.end for side in walked.ends["mu_k0"]])
     assert ends[0][0] > truth + 0.02, "who does not look for it claims what is wrong"
     assert ends[1][0] < truth - 0.005 and truth < ends[1][1]
