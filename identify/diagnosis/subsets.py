@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from identify.base.budget import time_is_up
 from identify.base.progress import Progress
 from identify.diagnosis.compared_models import ComparedModels
-from identify.diagnosis.fitted import Fitted, fits
+from identify.diagnosis.fitted import Fitted, fits, foretold
 from identify.diagnosis.nested import fit_joined, fit_larger, fit_model, fit_shaken, fit_smaller, promise
 from identify.diagnosis.selection_numbers import CONFUSED, ENOUGH, better, penalty, searched, statistic
 from identify.diagnosis.selection_words import Gain
 from identify.logs.prepare import Prepared
-from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -42,19 +41,7 @@ def held_out_error(fitted: Fitted) -> float:
     masks = [_kept_back(log, g) for log, g in zip(attempt.fitted_logs, attempt.solved.trajectories, strict=True)]
     if not any(np.any(mask) for mask in masks):
         return float("nan")
-    data = [
-        replace(log.data, weight=np.where(mask, 0.0, log.data.weight))
-        for log, mask in zip(attempt.fitted_logs, masks, strict=True)
-    ]
-    start = replace(fitted.unknowns, start=attempt.solved.theta).with_weak_priors()
-    solved: Solved = solve_in_passes(data, attempt.solved.trajectories, start)
-    if not solved.solution.success:
-        return float("inf")
-    total, count = 0.0, 0
-    for log, mask, force in zip(attempt.fitted_logs, masks, solved.fitted, strict=True):
-        inside = mask & np.isfinite(force) & (log.data.weight > 0)
-        total += float(np.sum(log.data.weight[inside] * (log.data.force[inside] - force[inside]) ** 2))
-        count += int(np.count_nonzero(inside))
+    total, count = foretold(fitted, masks)
     return total / count if count else float("nan")
 
 

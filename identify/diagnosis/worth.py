@@ -18,7 +18,7 @@ from identify.base.document import finite
 from identify.base.errors import IdentifyError
 from identify.base.progress import Progress
 from identify.base.result import ComparedModel
-from identify.diagnosis.fitted import Fitted, as_it_ended
+from identify.diagnosis.fitted import Fitted, as_it_ended, foretold
 from identify.diagnosis.nested import fit_smaller
 from identify.diagnosis.subsets import held_out_error
 from identify.estimation.attempt import Attempt
@@ -26,7 +26,6 @@ from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
 from identify.scene.variant import scene_with
-from identify.shooting.passes import solve_in_passes
 
 Array = NDArray[np.float64]
 
@@ -120,17 +119,10 @@ def logs_left_out(fitted: Fitted) -> float:
     for number, (log, trajectory) in enumerate(zip(attempt.fitted_logs, attempt.solved.trajectories, strict=True)):
         if trajectory.cycles <= SHOWN:
             continue
-        hidden = log.data.time > trajectory.arrest[SHOWN - 1]
-        data = [other.data for other in attempt.fitted_logs]
-        data[number] = replace(log.data, weight=np.where(hidden, 0.0, log.data.weight))
-        start = replace(fitted.unknowns, start=attempt.solved.theta).with_weak_priors()
-        solved = solve_in_passes(data, attempt.solved.trajectories, start)
-        if not solved.solution.success:
-            return float("inf")
-        force = solved.fitted[number]
-        inside = hidden & np.isfinite(force) & (log.data.weight > 0)
-        total += float(np.sum(log.data.weight[inside] * (log.data.force[inside] - force[inside]) ** 2))
-        count += int(np.count_nonzero(inside))
+        hidden = [np.zeros(other.data.time.size, bool) for other in attempt.fitted_logs]
+        hidden[number] = log.data.time > trajectory.arrest[SHOWN - 1]
+        squares, samples = foretold(fitted, hidden)
+        total, count = total + squares, count + samples
     return total / count if count else float("nan")
 
 

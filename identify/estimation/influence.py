@@ -32,7 +32,6 @@ class Influence:
     priors add; log (g,) the log of each cycle.
     """
 
-    factors: Factors
     kept: Indices
     columns: Array
     moves: Array
@@ -83,7 +82,7 @@ def influence(problem: Problem, z: Array, cycles: list[int], *, absorbed: bool =
     log = np.repeat(np.arange(len(cycles)), cycles)
     covariance = white.sum(axis=0) + prior
     taken = _absorbed(factors, layout, pulled, white, covariance) if absorbed else np.zeros_like(white)
-    return Influence(factors, kept, columns, moves, white, taken, prior, log)
+    return Influence(kept, columns, moves, white, taken, prior, log)
 
 
 def _groups(layout: Layout, cycles: list[int]) -> list[Indices]:

@@ -77,8 +77,8 @@ def _start(scene: Scene, prepared: list[Prepared], unknowns: Unknowns) -> tuple[
     """Theta (n_p,) of the start, and where it comes from in words."""
     if user_start(scene):
         return unknowns.start, "the start values of the scene"
-    able = [(i, log) for i, log in enumerate(prepared) if log.left_out is None]
-    features = [(extract(i, log.data, log.falls, log.rig.half_period), log.data.base) for i, log in able]
+    able = [log for log in prepared if log.left_out is None]
+    features = [(extract(log.data, log.falls, log.rig.half_period), log.data.base) for log in able]
     found = [f for f, _ in features if f is not None]
     bases = [base for f, base in features if f is not None]
     if not found:

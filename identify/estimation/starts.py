@@ -172,12 +172,12 @@ def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Arra
     log of each."""
     features: list[Features] = []
     bases: list[Array] = []
-    for i, log in enumerate(prepared):
+    for log in prepared:
         found = list[Features | None]()
         if log.manner.name == "cycles":
-            found = [extract(i, log.data, log.falls, log.rig.half_period)]
+            found = [extract(log.data, log.falls, log.rig.half_period)]
         elif slips_one_by_one(log):
-            found = [*extract_one_by_one(i, log.data, log.segmentation.cycles, log.rig.half_period)]
+            found = [*extract_one_by_one(log.data, log.segmentation.cycles, log.rig.half_period)]
         features += [f for f in found if f is not None]
         bases += [log.data.base] * sum(f is not None for f in found)
     return features, bases

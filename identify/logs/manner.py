@@ -19,8 +19,6 @@ from identify.simulation.drive import Drive
 Array = NDArray[np.float64]
 Name = Literal["cycles", "course", "sliding"]
 
-FEW = 3  # slips before a log slides: fewer are followed one by one
-MOSTLY = 0.5  # share of the samples that slide from which on a log is followed, not folded
 SEEN_RISE = 5  # samples of a first rise from which on it is one
 LOOSE = 5.0  # standard deviations of the scatter within a bin beyond which a force is not level
 BIN = 8  # samples at least
@@ -85,7 +83,7 @@ def _as_it_looks(record: ForceRecord, found: Segmentation, falls: Array) -> Mann
     begins = bool(found.phase.size and found.phase[0] == SLIDING) and _starts_loaded(time, force, noise, drive)
     if not drive.constant:
         return Manner("course", settled, begins)
-    slides = found.ends_sliding and (falls.size < FEW or found.share(SLIDING) > MOSTLY)
+    slides = found.slides_on(falls.size)
     if falls.size and not slides:
         return Manner("cycles", None, False, found.faint)
     if falls.size == 0 and not slides:

@@ -15,10 +15,10 @@ from identify.base.errors import FitError
 from identify.logs.judgement import Judgement, judge
 from identify.logs.loads import LoadSpline, as_far_as_told, as_modelled
 from identify.logs.log_data import LogData, StickLoading
-from identify.logs.manner import FEW, ForceRecord, Manner, manner_of, moving_pieces, window_of_course, window_of_cycles
+from identify.logs.manner import ForceRecord, Manner, manner_of, moving_pieces, window_of_course, window_of_cycles
 from identify.logs.parting import name_of
 from identify.logs.regime import Known, Regime, Verdict, judged
-from identify.logs.segment import ENDS_LOADING, REMEDY, SLIDING, STICK, Segmentation
+from identify.logs.segment import ENDS_LOADING, FEW_SLIPS, REMEDY, SLIDING, STICK, Segmentation
 from identify.logs.segmented import RecordEdits, Segmented, account, followed, segmented
 from identify.logs.slip_quality import RecordPart
 from identify.logs.unknowns import Unknowns
@@ -300,7 +300,7 @@ def _pieces(log: Prepared, moving: ForceRecord, stiffness: float) -> tuple[Prepa
         part = ForceRecord(time, force, log.record.normal_force[rows], noise, half_period, Drive.of(speed))
         manner = manner_of(part, found, found.cycles.fall, stiffness)
         falls = np.empty(0)
-        if manner.name == "cycles" and found.count >= FEW:
+        if manner.name == "cycles" and found.count >= FEW_SLIPS:
             begin, end = window_of_cycles(part, found)
             falls = found.cycles.fall
         elif manner.name != "cycles" and manner.settled is not None:

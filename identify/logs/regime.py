@@ -30,8 +30,7 @@ UNCOMPARED = 2.0  # log odds against slips whose rises are too few to be compare
 SINE = 0.985  # part of the mean cycle that its first harmonic holds from which on it is one sine
 POINTS = 128  # of the mean cycle
 CORNER = 0.1  # of a rise at either end, which a sample of the slip may reach into
-FEW = 3  # rises from which on their slopes can be compared; slips before a log slides: fewer are followed one by one
-MOSTLY = 0.5  # share of the samples that slide from which on a log is followed, not folded
+FEW = 3  # rises from which on their slopes can be compared
 UNEVEN = 0.08  # scatter of the drop from one slip to the next, beyond noise and sampling, as a share
 FOR_SCATTER = 6  # drops
 SLOW, SMALL = 5.0, 0.07  # swings that discs and rigs make alike: how often [Hz], peak to valley over the level
@@ -153,7 +152,7 @@ def judged(
             return Verdict(None, SURE, ("the force only rises: no slip has come yet",), found)
         tested = _tested(time, force, found, known)
         first = first or tested
-        if tested.slips and not (found.ends_sliding and (found.count < FEW or found.share(SLIDING) > MOSTLY)):
+        if tested.slips and not found.slides_on(found.count):
             return _slipping(found, tested)
         if tested.slips and brief is None:
             word = "one slip" if found.count == 1 else f"{found.count} slips"

@@ -35,6 +35,8 @@ __all__ = ["SLIDING", "SLIP", "STICK", "DetectedCycles", "Segmentation", "segmen
 Array = NDArray[np.float64]
 
 CLEAR = 6.0  # standard deviations of the smoothed force: of smaller falls many are lost in the noise
+FEW_SLIPS = 3  # slips before a record slides: fewer are followed one by one
+MOSTLY = 0.5  # share of the samples that slide from which on a record is followed, not folded
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,10 @@ class Segmentation:
     def share(self, phase: int) -> float:
         """Share of the samples in a phase (STICK, SLIP or SLIDING), 0 to 1."""
         return float(np.count_nonzero(self.phase == phase) / self.phase.size) if self.phase.size else 0.0
+
+    def slides_on(self, slips: int) -> bool:
+        """Whether the record slides after so many slips, which are few or a small part of it."""
+        return self.ends_sliding and (slips < FEW_SLIPS or self.share(SLIDING) > MOSTLY)
 
     @staticmethod
     def _median(values: Array) -> float:

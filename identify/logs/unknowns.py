@@ -8,7 +8,7 @@ the base is each log's own value, so one theta shared by all logs is a common de
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +34,10 @@ class Unknowns:
 
     `start` is theta at the first guess and the value of what is not free; `lower`, `upper` bound theta;
     `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `told`: the scene says something of it;
-    `spread` conditions the solver; `given` (2, n_p): the bounds that the scene itself gives (empty: none);
+    `walls` (2, n_p): the lower and upper bounds that the scene itself gives, the others are the model's own;
+    `prior_about` (n_p,): the parameter about which a prior is, beyond its mean, -1 where about none;
     `per`: by what each parameter differs from log to log (None: by nothing; "log"; a label; empty: none differs);
-    `ties`: (index, index of the parameter it follows, base value) of each tied parameter, which is not free;
-    `about` (n_p,): the parameter about which a prior is, beyond its mean, -1 where about none (empty: none is).
+    `ties`: (index, index of the parameter it follows, base value) of each tied parameter, which is not free.
     """
 
     model: Model
@@ -48,15 +48,10 @@ class Unknowns:
     prior_mean: Array
     prior_sd: Array
     told: NDArray[np.bool_]
-    given: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((2, 0), bool))
+    walls: NDArray[np.bool_]
+    prior_about: NDArray[np.int64]
     per: tuple[str | None, ...] = ()
     ties: tuple[tuple[int, int, float], ...] = ()
-    about: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-
-    @property
-    def prior_about(self) -> NDArray[np.int64]:
-        """The parameter (n_p,) about which each prior is, beyond its mean; -1: about none."""
-        return self.about if self.about.size else np.full(self.free.size, -1)
 
     @property
     def prior_precision(self) -> Array:
@@ -78,11 +73,6 @@ class Unknowns:
         varied, out = self.prior_about >= 0, theta - self.prior_mean
         out[varied] -= theta[self.prior_about[varied]]
         return np.asarray(out / self.prior_sd)
-
-    @property
-    def walls(self) -> NDArray[np.bool_]:
-        """Which lower and upper bounds (2, n_p) the scene itself gives; the others are the model's own."""
-        return self.given if self.given.size else np.zeros((2, self.free.size), bool)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -192,7 +182,7 @@ def from_scene(scene: Scene) -> Unknowns:
     free, start = np.zeros(n, bool), np.zeros(n)
     lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
     mean, sd, told = np.zeros(n), np.full(n, np.inf), np.zeros(n, bool)
-    vanishing, given = _vanishing(model), np.zeros((2, n), bool)
+    vanishing, walls = _vanishing(model), np.zeros((2, n), bool)
     for i, declared in enumerate(model.parameters):
         name, spec = declared.name, scene.parameters.get(declared.name)
         base = rig[name] if name in RIG_PARAMETERS else 1.0 if declared.scale == "log" else 0.0
@@ -217,7 +207,7 @@ def from_scene(scene: Scene) -> Unknowns:
         start[i] = search(fallback if value is None else value)
         free[i] = spec.fixed is None and spec.tie is None
         lower[i], upper[i] = search(spec.lower), search(spec.upper)
-        given[:, i] = spec.lower > declared.lower, spec.upper < declared.upper
+        walls[:, i] = spec.lower > declared.lower, spec.upper < declared.upper
         if name in vanishing and rig["mass"] > 0.0:
             lower[i] = max(lower[i], float(np.log(RESOLVED * np.sqrt(rig["mass"] / rig["stiffness"]))))
         if spec.prior_mean is not None and spec.prior_sd is not None:
@@ -238,9 +228,7 @@ def from_scene(scene: Scene) -> Unknowns:
         spec, known = scene.parameters.get(name), scene.rig.ratio_tolerances.get(ratio, 0.0)
         if known and name in names and free[names.index(name)] and (spec is None or spec.prior_sd is None):
             about[names.index(name)], sd[names.index(name)] = names.index("stiffness"), share * known
-    return Unknowns(
-        model, free, np.clip(start, lower, upper), lower, upper, mean, sd, told, given, per, ties, about=about
-    )
+    return Unknowns(model, free, np.clip(start, lower, upper), lower, upper, mean, sd, told, walls, about, per, ties)
 
 
 def _vanishing(model: Model) -> set[str]:

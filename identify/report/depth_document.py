@@ -183,10 +183,9 @@ def accuracy_result(found: Findings, taken: Accuracy, seconds: FitSeconds) -> Ac
     Args:
         taken: the level of the fit; seconds: that it took.
     """
-    if found.attempt is None or found.information is None or not np.any(found.unknowns.free):
+    if found.attempt is None or found.sure is None or not np.any(found.unknowns.free):
         return None
-    size = np.sqrt(np.diag(found.information.covariance() if found.covariance is None else found.covariance))
-    tabled = found.sure.accuracy_table if found.sure is not None else None
+    size, tabled = np.sqrt(np.diag(found.sure.covariance)), found.sure.accuracy_table
     own = seconds.processor - sum(row.seconds for row in tabled or ())  # of the fit alone
     halvings = sum(trial.strategy == Strategy.FINER_STEPS.title for trial in found.trace.trials)
     steps = found.attempt.solved.grid.steps

@@ -252,8 +252,8 @@ def _first_root(y: Array, slope: Array, bend: Array) -> Array:
 # ----------------------------------------------------------------------------------------------------------------------
 # Many stick-slip cycles at once, coarsely: the simulator behind starts and initial nodes.
 #
-# Every lane has its own parameters, drive speed, normal force and start state. Here they rest until they break away, and slide
-# on as above. Accurate to a fraction of a percent, which is what a start needs; answers come from
+# Every lane has its own parameters, drive speed, normal force and start state. Here they rest until they
+# break away, and slide on as above. Accurate to a fraction of a percent, which is what a start needs; answers come from
 # `simulate` and the shooting.
 # ----------------------------------------------------------------------------------------------------------------------
 

@@ -104,14 +104,13 @@ MOST_SAMPLES = 1 << 14  # of one log in the fold: enough for any mean
 class Features:
     """One settled cycle of one log. times (b,) [s] from the middle of the fall, waveform (b,) [N] at the mean
     normal force, sd (b,); period [s] and its sd (period_sd infinite where a log shows one fall only); arrest:
-    valley force [N]; drop [N]; cycles folded; time of its middle cycle [s].
+    valley force [N]; drop [N]; time of its middle cycle [s].
 
     Of a slip that is like no other (`after` is a number) arrest is the force at which the rest before it begins, after
     that at which it ends [N] (infinite: not known); legs: drive speed [m/s] and duration [s] of each part of the rest
     but the last; period the time from the begin of the rest to the middle of the fall.
     """
 
-    log: int
     drive_speed: float
     normal_force: float
     times: Array
@@ -121,7 +120,6 @@ class Features:
     period_sd: float
     arrest: float
     drop: float
-    cycles: int
     time: float
     after: float = np.nan
     legs: tuple[tuple[float, float], ...] = ()
@@ -132,11 +130,10 @@ class Features:
         return bool(np.isnan(self.after))
 
 
-def extract(number: int, log: LogData, falls: Array, half_period: float) -> Features | None:
+def extract(log: LogData, falls: Array, half_period: float) -> Features | None:
     """The features of a log, or None without a fall that can be folded.
 
     Args:
-        number: of the log among all.
         falls: mid-fall times of its cycles (c,) [s].
         half_period: half the natural period [s].
     """
@@ -172,7 +169,6 @@ def extract(number: int, log: LogData, falls: Array, half_period: float) -> Feat
     if periods.size > 2:
         period_sd = max(period_sd, 1.25 * float(np.std(periods[1:])) / np.sqrt(periods.size - 1))
     return Features(
-        number,
         log.drive_speed,
         float(np.mean(log.normal_force.at(settled))),
         (0.5 * (edges[:-1] + edges[1:]))[used],
@@ -182,12 +178,11 @@ def extract(number: int, log: LogData, falls: Array, half_period: float) -> Feat
         float(period_sd),
         float(np.min(mean[used])),
         drop,
-        int(settled.size),
         float(np.mean(settled)),
     )
 
 
-def extract_one_by_one(number: int, log: LogData, cycles: DetectedCycles, half_period: float) -> list[Features]:
+def extract_one_by_one(log: LogData, cycles: DetectedCycles, half_period: float) -> list[Features]:
     """The features of every slip of a drive programme that follows another one while the drive moves on."""
     assert log.programme is not None
     drive, out = log.programme, list[Features]()
@@ -199,7 +194,7 @@ def extract_one_by_one(number: int, log: LogData, cycles: DetectedCycles, half_p
         until = min([later, *drive.changes(fall, later)])
         mine = (log.time > edges[-2]) & (log.time < until)
         shown = replace(log, drive_speed=speeds[-1], weight=np.where(mine, log.weight, 0.0))
-        found = extract(number, shown, cycles.fall[i : i + 1], half_period) if speeds[-1] > 0.0 else None
+        found = extract(shown, cycles.fall[i : i + 1], half_period) if speeds[-1] > 0.0 else None
         if found is not None:
             rests = until > cycles.arrest[i]
             out.append(

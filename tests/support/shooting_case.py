@@ -106,6 +106,8 @@ def search_space(
         np.zeros(n),
         np.full(n, np.inf),
         np.ones(n, bool),
+        np.zeros((2, n), bool),
+        np.full(n, -1),
     )
     base = empty.base(RIG)
     neutral = np.isin(model.parameter_names, RIG_PARAMETERS)
