@@ -21,7 +21,7 @@ from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.scene import Scene
 from identify.shooting.shooting_trajectory import ShootingTrajectory
-from identify.shooting.transcription import lay_out
+from identify.shooting.transcription import transcribe
 from identify.simulation.drive import NormalForce
 from identify.simulation.phases import initial_states
 from identify.simulation.simulate import run
@@ -87,7 +87,7 @@ def _laid_out(names: tuple[str, ...]) -> tuple[int, int, int]:
     times = np.arange(0.0, end, 1 / RATE)
     shown, base = motion.sample(times)["force"], unknowns.base(p)
     log = LogData(times, shown, np.ones(times.size), base, SPEED, NormalForce.of(force), 0.0, 0.0, float(end))
-    layout = lay_out([log], [_guess(motion, Grid())], unknowns, Grid())
+    layout = transcribe([log], [_guess(motion, Grid())], unknowns, Grid())
     return layout.free.size, layout.size, layout.rows
 
 

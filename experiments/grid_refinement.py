@@ -17,7 +17,7 @@ from identify.logs.log_data import Grid
 from identify.scene import Scene
 from identify.shooting.passes import COARSE
 from identify.shooting.placing import place
-from identify.shooting.shooting import transcribe
+from identify.shooting.shooting import shooting_problem
 from identify.shooting.solve import solve
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ def fitted(steps: Sequence[int], logs: Sequence[int]) -> tuple[list[Fitted], lis
         since = time.process_time()
         for _ in range(ROUNDS):
             start = replace(unknowns, start=theta)
-            problem = transcribe(data, trajectories, start, grid)
+            problem = shooting_problem(data, trajectories, start, grid)
             solution = solve(problem, tolerance=1e-9, mu_init=1e-6)
             theta = theta.copy()
             theta[problem.layout.free] = solution.x[: problem.layout.free.size]

@@ -22,7 +22,7 @@ from identify.logs.unknowns import Unknowns, from_scene
 from identify.scene import Scene
 from identify.shooting.passes import COARSE, solve_in_passes
 from identify.shooting.placing import place
-from identify.shooting.shooting import transcribe
+from identify.shooting.shooting import shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.solve import solve
 from identify.simulation.drive import NormalForce
@@ -219,7 +219,9 @@ def _solved(
     free = unknowns.free.copy()
     if held is not None:
         free[held] = False
-    problem = transcribe(logs, trajectories, replace(unknowns, start=theta, free=free), replace(COARSE, steps=STEPS))
+    problem = shooting_problem(
+        logs, trajectories, replace(unknowns, start=theta, free=free), replace(COARSE, steps=STEPS)
+    )
     solution = solve(problem, mu_init=1e-6, iterations=PATIENCE, exact=True)
     if not (solution.success and solution.infeasibility < CLOSED and np.all(np.isfinite(solution.x))):
         return None

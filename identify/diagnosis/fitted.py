@@ -127,7 +127,9 @@ def taken_over(
     assert known is not None
     start = values_of(other, unknowns)
     logs = [
-        replace(prepared[i], manner=cut.manner, data=replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end))
+        replace(
+            prepared[i], fit_mode=cut.fit_mode, data=replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end)
+        )
         for i, cut in zip(known.log_numbers, known.fitted_logs, strict=True)
     ]
     trajectories = [

@@ -23,7 +23,7 @@ from identify.logs.prepared_scene import prepare_scene
 from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
 from identify.shooting.passes import solve_in_passes
-from identify.shooting.shooting import transcribe
+from identify.shooting.shooting import shooting_problem
 from identify.shooting.solve import solve
 
 Array = NDArray[np.float64]
@@ -165,6 +165,6 @@ def promise(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> float:
     prepared, unknowns = _prepared(scene, records)
     solved = smaller.attempt.solved
     logs, trajectories, unknowns = taken_over(smaller, prepared, unknowns)
-    problem = transcribe([log.data for log in logs], trajectories, unknowns.with_weak_priors(), solved.grid)
+    problem = shooting_problem([log.data for log in logs], trajectories, unknowns.with_weak_priors(), solved.grid)
     tried = solve(problem, tolerance=1e-3, mu_init=1e-6, iterations=GLANCE)
     return 2.0 * (solved.solution.cost - tried.cost) if tried.infeasibility < CLOSED else np.inf

@@ -79,7 +79,7 @@ class Attempt:
         return 2.0 * solution.cost - self.solved.problem.samples if obeys else np.inf
 
 
-def usable(prepared: list[Prepared]) -> list[int]:
+def usable(prepared: Sequence[Prepared]) -> list[int]:
     """Numbers of the logs that are not left out."""
     return [i for i, log in enumerate(prepared) if log.left_out is None]
 
@@ -124,7 +124,7 @@ def solve_placed(
     courses = [
         (log, trajectory)
         for log, trajectory in zip(attempt.fitted_logs, attempt.solved.trajectories, strict=True)
-        if log.manner.name == "course"
+        if log.fit_mode.name == "continuous"
     ]
     # A sequence may agree with its own answer, and the data with another, where the mass rests by a hair.
     met = attempt.gate.status is Status.CONVERGED and not any(hardly(*course) for course in courses)
@@ -142,7 +142,7 @@ def _by_horizons(
     solve leaves again; over a few of them it is that of the data."""
     found: Attempt | None = None
     for share in HORIZONS:
-        logs = [beginning(log, share) if log.manner.name == "course" else log for log in prepared]
+        logs = [beginning(log, share) if log.fit_mode.name == "continuous" else log for log in prepared]
         placed = place_on(logs, list(numbers), unknowns)
         if len(placed) < len(numbers) or time_is_up():
             return None
@@ -322,9 +322,9 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
     """Number, cut log and trajectory of every chosen log that the start can be placed on."""
     out: list[PlacedLog] = []
     for number in chosen:
-        if prepared[number].manner.name != "cycles":
+        if prepared[number].fit_mode.name != "cycles":
             out += [(number, *found) for found in _followed(prepared[number], unknowns)]
-    chosen = [i for i in chosen if prepared[i].manner.name == "cycles"]
+    chosen = [i for i in chosen if prepared[i].fit_mode.name == "cycles"]
     logs = [prepared[i] for i in chosen]
     p = [unknowns.values(log.data.theta(unknowns.start), log.data.base) for log in logs]
     placed = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
@@ -333,7 +333,7 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
             if trajectory is not None and is_near_grazing(
                 log, trajectory
             ):  # rests are shorter than slips are placed exactly
-                out += [(number, *found) for found in _followed(log.as_course, unknowns)]
+                out += [(number, *found) for found in _followed(log.as_continuous, unknowns)]
             continue
         out.append((number, as_far_as_placed(log, trajectory), trajectory))
     return sorted(out, key=lambda entry: entry[0])
@@ -349,7 +349,7 @@ def as_far_as_placed(log: Prepared, trajectory: ShootingTrajectory) -> Prepared:
 def _followed(log: Prepared, unknowns: Unknowns) -> list[tuple[Prepared, ShootingTrajectory]]:
     """The log of a course of its own, or of sliding, cut to what the start follows of it; empty where it does not."""
     p = unknowns.values(log.data.theta(unknowns.start), log.data.base)
-    if log.manner.name == "sliding":
+    if log.fit_mode.name == "sliding":
         gliding = glide(unknowns.model, log.data, p)
         return [] if gliding is None else [(log, gliding)]
     found = followed(log, unknowns)

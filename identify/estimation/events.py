@@ -21,7 +21,7 @@ from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns
 from identify.shooting.passes import COARSE
-from identify.shooting.shooting import transcribe
+from identify.shooting.shooting import shooting_problem
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class _Placed:
 def with_events_mended(log: Prepared, unknowns: Unknowns) -> Prepared:
     """The log with slips put in or taken out as long as the start (unknowns.start) then fits it better; the log itself
     where nothing does."""
-    if log.manner.name != "cycles" or log.falls.size == 0:
+    if log.fit_mode.name != "cycles" or log.falls.size == 0:
         return log
     now = _placed(log, log.falls, unknowns)
     if now is None or now.misfit < TOO_BAD:
@@ -80,7 +80,7 @@ def _placed(log: Prepared, falls: Array, unknowns: Unknowns) -> _Placed | None:
     if not placed:
         return None
     _, cut, trajectory = placed[0]
-    problem = transcribe([cut.data], [trajectory], unknowns, COARSE)
+    problem = shooting_problem([cut.data], [trajectory], unknowns, COARSE)
     curve = problem.fitted(problem.start)[0]
     told = (log.data.weight > 0) & np.isfinite(curve)
     squares = np.where(told, log.data.weight * (log.data.force - curve) ** 2, np.nan)
@@ -180,7 +180,7 @@ def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unk
     """Solve again with the logs that took no part so far, their slips mended at the answer, where it can be placed on
     them."""
     at_answer = replace(unknowns, start=best.solved.theta)
-    seen = {i: prepared[i] for i in late if prepared[i].manner.faint}
+    seen = {i: prepared[i] for i in late if prepared[i].fit_mode.faint}
     forms = {i: _placeable(prepared[i], at_answer) for i in late}
     prepared = [forms.get(i) or log for i, log in enumerate(prepared)]
     late = [i for i in late if forms[i] is not None]
@@ -238,11 +238,15 @@ def _placeable(log: Prepared, unknowns: Unknowns) -> Prepared | None:
     """A log with its slips mended, else its steady end: of slips that the noise hides the data tell the level; else
     followed, whatever was seen of its slips: a swing that dies out near the end of stick-slip looks like some. None
     where it can be placed as none of these."""
-    made = (_joining_mended(log, unknowns), settled_part(log), log.as_course if log.manner.name == "cycles" else None)
+    made = (
+        _joining_mended(log, unknowns),
+        settled_part(log),
+        log.as_continuous if log.fit_mode.name == "cycles" else None,
+    )
     forms = (form for form in made if form is not None)
     return next((form for form in forms if place_on([form], [0], unknowns)), None)
 
 
 def _joining_mended(log: Prepared, unknowns: Unknowns) -> Prepared:
     """A log with its slips mended; one whose slips the noise hides is followed, whatever was seen of them."""
-    return log.as_course if log.manner.faint else with_events_mended(log, unknowns)
+    return log.as_continuous if log.fit_mode.faint else with_events_mended(log, unknowns)

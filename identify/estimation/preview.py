@@ -20,7 +20,7 @@ from identify.scene import Scene
 from identify.shooting.features import extract
 from identify.shooting.passes import COARSE
 from identify.shooting.placing import place
-from identify.shooting.shooting import transcribe
+from identify.shooting.shooting import shooting_problem
 from identify.shooting.starts import candidates, fit_features
 
 Array = NDArray[np.float64]
@@ -100,7 +100,7 @@ def _seen(log: Prepared, unknowns: Unknowns, theta: Array) -> PreviewLog:
             told = "with these values the model does not stick and slip here"
         else:
             at_start = replace(unknowns.with_weak_priors(), start=placed.theta(theta))
-            problem = transcribe([as_far_as_placed(log, placed).data], [placed], at_start, COARSE)
+            problem = shooting_problem([as_far_as_placed(log, placed).data], [placed], at_start, COARSE)
             trajectory = problem.fitted(problem.start)[0]
             inside = np.isfinite(trajectory) & log.used
             off = float(np.sqrt(np.mean((trajectory - log.force)[inside] ** 2))) if np.any(inside) else float("nan")

@@ -17,7 +17,7 @@ from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.layout import kept_parameters
 from identify.shooting.passes import Solved
-from identify.shooting.shooting import Problem, transcribe
+from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.solve import solve
 from identify.shooting.warm import Settled, Warm
@@ -112,7 +112,7 @@ class Ground:
 
     def home(self, theta: Array, trajectories: list[ShootingTrajectory]) -> Home | None:
         """The neighbourhood of a motion; None where it is none for Newton's steps."""
-        problem = transcribe(list(self.logs), trajectories, replace(self.soft, start=theta), self.grid)
+        problem = shooting_problem(list(self.logs), trajectories, replace(self.soft, start=theta), self.grid)
         kept = kept_parameters(problem.layout)
         own = np.full(kept.size - problem.layout.free.size, float(np.max(self.size)))
         try:
@@ -134,7 +134,7 @@ class Ground:
         free = self.unknowns.free.copy()
         if held >= 0:
             free[held] = False
-        problem = transcribe(list(self.logs), trajectories, replace(self.soft, start=theta, free=free), self.grid)
+        problem = shooting_problem(list(self.logs), trajectories, replace(self.soft, start=theta, free=free), self.grid)
         solution = solve(problem, mu_init=1e-6, iterations=PATIENCE, exact=True)
         if not (solution.success and solution.infeasibility < CLOSED and np.all(np.isfinite(solution.x))):
             return None

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
-from identify.estimation.attempt import FIRST, Attempt, solve_from, solve_held, stalled
+from identify.estimation.attempt import FIRST, Attempt, solve_from, solve_held, stalled, usable
 from identify.estimation.events import join, with_events_mended
 from identify.estimation.goodness_of_fit import PER_CYCLE
 from identify.estimation.starts import Sources, slips_one_by_one, starts_of
@@ -66,7 +66,7 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
     if not able:
         return None, left_out
     cycling = [[i for i in able if prepared[i].typical >= least] for least in LEAST]
-    faint = {i for i in able if prepared[i].manner.faint}
+    faint = {i for i in able if prepared[i].fit_mode.faint}
     starting = [i for i in able if (i in cycling[0] or slips_one_by_one(prepared[i])) and i not in faint]
     choices = [starting, [i for i in cycling[0] if i not in faint], *cycling, able]
     slips = {i for i in able if prepared[i].falls.size >= SLIPS}
@@ -347,9 +347,7 @@ def alike(prepared: Sequence[Prepared]) -> bool:
 
 def required_logs(prepared: Sequence[Prepared]) -> list[int]:
     """Numbers of the logs that an answer has to describe: they are not left out, and show enough cycles."""
-    return [
-        i for i, log in enumerate(prepared) if log.left_out is None and log.typical >= LEAST[1] and not log.manner.faint
-    ]
+    return [i for i in usable(prepared) if prepared[i].typical >= LEAST[1] and not prepared[i].fit_mode.faint]
 
 
 def rejected_as_incomplete(best: Attempt, prepared: Sequence[Prepared], needed: Sequence[int]) -> Attempt:

@@ -28,7 +28,7 @@ def modes_of(trajectory: ShootingTrajectory) -> tuple[tuple[str, str], ...]:
 def followed(log: Prepared, unknowns: Unknowns) -> tuple[Prepared, ShootingTrajectory] | None:
     """A log of a course of its own as the parameters (unknowns.start) have it, cut to what can be followed."""
     p = unknowns.values(log.data.theta(unknowns.start), log.data.base)
-    found = follow(unknowns.model, log.data, p, begins_sliding=log.manner.begins_sliding)
+    found = follow(unknowns.model, log.data, p, begins_sliding=log.fit_mode.begins_sliding)
     if found is None:
         return None
     return replace(log, data=replace(log.data, end=min(found.end, log.data.end))), found.trajectory
@@ -38,7 +38,7 @@ def is_near_grazing(log: Prepared, trajectory: ShootingTrajectory) -> bool:
     """Whether slips of a log that is solved cycle by cycle come to rest by a hair: how they rest is easily taken for
     something else where it is only told by when they fall."""
     half_period = log.rig.half_period
-    if log.manner.name != "cycles" or trajectory.sticks.size == 0 or half_period is None:
+    if log.fit_mode.name != "cycles" or trajectory.sticks.size == 0 or half_period is None:
         return False
     return float(np.median(trajectory.sticks)) < HAIR * half_period
 
@@ -63,7 +63,7 @@ def resimulated_whole(
 ) -> tuple[list[Prepared], list[ShootingTrajectory]] | None:
     """As `resimulated`, with the logs whose slips rest by a hair followed as courses; None where none do."""
     found = [
-        _at_answer(uncut.as_course, trajectory, unknowns) if is_near_grazing(log, trajectory) else None
+        _at_answer(uncut.as_continuous, trajectory, unknowns) if is_near_grazing(log, trajectory) else None
         for uncut, log, trajectory in zip(whole, logs, trajectories, strict=True)
     ]
     return _put_in(found, logs, trajectories)
@@ -87,7 +87,9 @@ def _courses(
 ) -> list[tuple[Prepared, ShootingTrajectory] | None]:
     """The courses as they are at the answer, None in the place of what is none."""
     return [
-        _at_answer(replace(uncut, manner=log.manner), trajectory, unknowns) if log.manner.name == "course" else None
+        _at_answer(replace(uncut, fit_mode=log.fit_mode), trajectory, unknowns)
+        if log.fit_mode.name == "continuous"
+        else None
         for uncut, log, trajectory in zip(whole, logs, trajectories, strict=True)
     ]
 

@@ -17,7 +17,7 @@ from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import quieted, rhythmic
 from identify.shooting.features import Features, extract, extract_one_by_one
 from identify.shooting.passes import COARSE
-from identify.shooting.shooting import transcribe
+from identify.shooting.shooting import shooting_problem
 from identify.shooting.starts import GOOD, Start, candidates, fit_features, level_starts, random_starts
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -50,14 +50,14 @@ class PlacedStart(Start):
 def ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Array]) -> list[PlacedStart]:
     """Thetas (n_p,) by the cost per residual of the motions that follow from them, of courses by that of their first
     beginning; those that can be placed on fewer logs last, those that can on none left out."""
-    prepared = [beginning(log, HORIZONS[0]) if log.manner.name == "course" else log for log in prepared]
+    prepared = [beginning(log, HORIZONS[0]) if log.fit_mode.name == "continuous" else log for log in prepared]
     out = []
     for theta in tried:
         at = replace(unknowns, start=theta)
         placed = place_on(prepared, list(range(len(prepared))), at)
         if placed:
             logs = [log.data for _, log, _ in placed]
-            problem = transcribe(logs, [trajectory for _, _, trajectory in placed], at, COARSE)
+            problem = shooting_problem(logs, [trajectory for _, _, trajectory in placed], at, COARSE)
             cost = problem.evaluate(problem.start, derivatives=False).cost / max(problem.samples, 1)
             curves = zip(placed, problem.fitted(problem.start), strict=True)
             seen = {number: _weighted(curve * np.sqrt(log.data.weight)) for (number, log, _), curve in curves}
@@ -174,7 +174,7 @@ def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Arra
     bases: list[Array] = []
     for log in prepared:
         found = list[Features | None]()
-        if log.manner.name == "cycles":
+        if log.fit_mode.name == "cycles":
             found = [extract(log.data, log.falls, log.rig.half_period)]
         elif slips_one_by_one(log):
             found = [*extract_one_by_one(log.data, log.segmentation.cycles, log.rig.half_period)]
@@ -185,7 +185,7 @@ def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Arra
 
 def slips_one_by_one(log: Prepared) -> bool:
     """Whether a drive programme shows slips that follow others, so that each tells what the rest before it did."""
-    return log.manner.name == "course" and log.data.programme is not None and log.segmentation.count > 1
+    return log.fit_mode.name == "continuous" and log.data.programme is not None and log.segmentation.count > 1
 
 
 def _distinct(starts: Sequence[Start], unknowns: Unknowns) -> Iterator[Array]:

@@ -49,7 +49,7 @@ def untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status,
     if uneven := uneven_words(prepared):
         return Status.MODEL_MISFIT, f"{uneven}; see the cycle scatter and the classical table in the report"
     taken = [log for log in prepared if log.left_out is None]
-    if taken and all(log.manner.name != "cycles" for log in taken):
+    if taken and all(log.fit_mode.name != "cycles" for log in taken):
         return Status.MODEL_MISFIT, (
             "no start reproduces how these logs move: check that the drive speed of each, and the times at which it "
             "changes, are as stated, and mass, stiffness and damping; where the force does not change with the speed, "

@@ -12,10 +12,10 @@ from data_io import Record
 from data_io.arrays import kept
 from data_io.signals import mean_and_drift
 from identify.base.errors import FitError
+from identify.logs.fit_mode import FitMode, ForceRecord, continuous_window, cycles_window, fit_mode_of, moving_pieces
 from identify.logs.judgement import Judgement, judge
 from identify.logs.loads import LoadSpline, as_far_as_told, as_modelled
 from identify.logs.log_data import LogData, StickLoading
-from identify.logs.manner import ForceRecord, Manner, manner_of, moving_pieces, window_of_course, window_of_cycles
 from identify.logs.parting import name_of
 from identify.logs.regime import Known, Regime, Verdict, judged
 from identify.logs.segment import ENDS_LOADING, FEW_SLIPS, REMEDY, SLIDING, STICK, Segmentation
@@ -52,7 +52,7 @@ class Prepared:
     cycles that are fitted; reason the log is left out, or None; noise_estimated: from the data, not given;
     account of what was cut and corrected, with the record as it was read; judgement: of the quality gate;
     hidden_swing: by how much the normal force varies beyond its noise where the model takes its mean (half its range,
-    as a share); verdict: on its regime; manner: how it is followed; pieces: the stretches of a course of its own that
+    as a share); verdict: on its regime; fit_mode: how it is followed; pieces: the stretches of a course of its own that
     are logs of constant speed.
     """
 
@@ -71,13 +71,13 @@ class Prepared:
     judgement: Judgement
     hidden_swing: float = 0.0
     verdict: Verdict | None = None
-    manner: Manner = field(default_factory=lambda: Manner("cycles", None, False))
+    fit_mode: FitMode = field(default_factory=lambda: FitMode("cycles", None, False))
     pieces: tuple[Prepared, ...] = ()
 
     @property
-    def as_course(self) -> Prepared:
+    def as_continuous(self) -> Prepared:
         """The same log, to be followed by the model instead of cycle by cycle as they were seen."""
-        return replace(self, manner=replace(self.manner, name="course", faint=False))
+        return replace(self, fit_mode=replace(self.fit_mode, name="continuous", faint=False))
 
     @property
     def regime(self) -> Regime | None:
@@ -87,7 +87,7 @@ class Prepared:
     @property
     def typical(self) -> int:
         """Number of cycles in the stretch that shows most of them."""
-        if self.manner.name == "cycles":
+        if self.fit_mode.name == "cycles":
             return int(self.falls.size)
         return max((piece.falls.size for piece in self.pieces), default=0)
 
@@ -137,7 +137,7 @@ class Prepared:
         mean = float(np.mean(load.values))
         drop = cycles.onset_force * mean / load.at(cycles.onset) - cycles.arrest_force * mean / load.at(cycles.arrest)
         drop = drop[1:]
-        if drop.size < 3 or self.manner.name != "cycles":
+        if drop.size < 3 or self.fit_mode.name != "cycles":
             return 0.0
         step = np.diff(drop) / np.sqrt(2.0)
         # The median of few steps is large by chance: its standard error is CHANCE / sqrt(n) of what it estimates.
@@ -169,12 +169,12 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     judgement = _judged(log, scene, unknowns)
     stiffness = 0.0 if unknowns.model.vibrates else log.rig.stiffness  # else the mass swings with something else
     moving = log.moving
-    manner = manner_of(moving, log.found, log.falls, stiffness)
-    if manner.name == "cycles":
-        begin, end = window_of_cycles(moving, log.found, log.entry.skip_cycles)
+    fit_mode = fit_mode_of(moving, log.found, log.falls, stiffness)
+    if fit_mode.name == "cycles":
+        begin, end = cycles_window(moving, log.found, log.entry.skip_cycles)
     else:
-        begin, end = window_of_course(moving, log.found, manner)
-    reason = _rejected(judgement, log.name) or _reason(manner, log, judgement)
+        begin, end = continuous_window(moving, log.found, fit_mode)
+    reason = _rejected(judgement, log.name) or _reason(fit_mode, log, judgement)
     if reason is not None and judgement.swapped:
         reason = f"{log.name}: normal force and friction force look swapped"
     course, hidden = _load(log, (begin, end), judgement, scene, unknowns)
@@ -194,11 +194,11 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         judgement=judgement,
         hidden_swing=hidden,
         verdict=log.verdict,
-        manner=manner,
+        fit_mode=fit_mode,
     )
-    if manner.name == "sliding":
+    if fit_mode.name == "sliding":
         return replace(made, data=_as_sure_as_its_level(made, made.data))
-    if manner.name != "course":
+    if fit_mode.name != "continuous":
         return made
     return replace(made, pieces=_pieces(made, moving, stiffness))
 
@@ -298,21 +298,23 @@ def _pieces(log: Prepared, moving: ForceRecord, stiffness: float) -> tuple[Prepa
         verdict = judged(time, force, Known(stiffness, speed, half_period), noise=noise)
         found = followed(time, force, verdict, half_period or None, noise)
         part = ForceRecord(time, force, log.record.normal_force[rows], noise, half_period, Drive.of(speed))
-        manner = manner_of(part, found, found.cycles.fall, stiffness)
+        fit_mode = fit_mode_of(part, found, found.cycles.fall, stiffness)
         falls = np.empty(0)
-        if manner.name == "cycles" and found.count >= FEW_SLIPS:
-            begin, end = window_of_cycles(part, found)
+        if fit_mode.name == "cycles" and found.count >= FEW_SLIPS:
+            begin, end = cycles_window(part, found)
             falls = found.cycles.fall
-        elif manner.name != "cycles" and manner.settled is not None:
-            begin, end, manner = manner.settled, float(time[-1]), replace(manner, name="sliding")
+        elif fit_mode.name != "cycles" and fit_mode.steady_since is not None:
+            begin, end, fit_mode = fit_mode.steady_since, float(time[-1]), replace(fit_mode, name="sliding")
         else:
             continue
         piece = replace(data, begin=begin, end=end, drive_speed=speed, programme=None)
-        out.append(replace(log, data=piece, falls=falls, manner=manner, segmentation=found, verdict=verdict, pieces=()))
+        out.append(
+            replace(log, data=piece, falls=falls, fit_mode=fit_mode, segmentation=found, verdict=verdict, pieces=())
+        )
     return tuple(out)
 
 
-def _reason(manner: Manner, log: Segmented, judgement: Judgement) -> str | None:
+def _reason(fit_mode: FitMode, log: Segmented, judgement: Judgement) -> str | None:
     """Why a log that is sound is left out."""
     name, cycles, skipped = log.name, log.found.count, log.entry.skip_cycles
     if log.verdict.strokes > 1:
@@ -321,17 +323,17 @@ def _reason(manner: Manner, log: Segmented, judgement: Judgement) -> str | None:
             "speed one way does not describe; give the programme of the drive with its signs, name the position column "
             '(columns = { position = "…" }), or a window of one stroke'
         )
-    if manner.name == "cycles" and log.falls.size == 0 and cycles:
+    if fit_mode.name == "cycles" and log.falls.size == 0 and cycles:
         return f"{name}: skip_cycles = {skipped} leaves none of its {cycles} cycles; lower it"
-    if manner.name == "cycles" and log.falls.size == 0:
+    if fit_mode.name == "cycles" and log.falls.size == 0:
         told = f": {ENDS_LOADING}; {REMEDY}" if judgement.ends_loading else ""
         return f"{name} shows no complete stick-slip cycle{told}"
-    if manner.rhythm is not None and log.drive.constant:
-        return f"{name} seems to slide, but {manner.rhythm}"
-    if manner.name == "sliding" and manner.settled is None:
+    if fit_mode.rhythm is not None and log.drive.constant:
+        return f"{name} seems to slide, but {fit_mode.rhythm}"
+    if fit_mode.name == "sliding" and fit_mode.steady_since is None:
         return f"{name} slides without sticking, and its force never settles within its noise"
-    if manner.name == "sliding" and manner.settled is not None and log.drive.constant:
-        lasts, whole = float(log.time[-1]) - manner.settled, float(log.time[-1] - log.time[0])
+    if fit_mode.name == "sliding" and fit_mode.steady_since is not None and log.drive.constant:
+        lasts, whole = float(log.time[-1]) - fit_mode.steady_since, float(log.time[-1] - log.time[0])
         if lasts < LEAST_SHARE * whole:
             return (
                 f"{name} slides without sticking, and its force settles for the last {lasts:.3g} s only, "
@@ -350,8 +352,8 @@ def _rejected(judgement: Judgement, name: str) -> str | None:
 def settled_part(prepared: Prepared) -> Prepared | None:
     """The log from where it slides steadily on, as a log of sliding; None where it does not, or for so short a part of
     the record that its level is none of it."""
-    since = prepared.manner.settled
-    if since is None or prepared.manner.name == "cycles":
+    since = prepared.fit_mode.steady_since
+    if since is None or prepared.fit_mode.name == "cycles":
         return None
     if prepared.data.programme is not None:
         since = max(since, prepared.data.programme.starts[-1])
@@ -359,12 +361,12 @@ def settled_part(prepared: Prepared) -> Prepared | None:
     if speed == 0.0 or not since < prepared.data.end or prepared.share_from(since) < LEAST_SHARE:
         return None
     data = _as_sure_as_its_level(prepared, replace(prepared.data, begin=since, drive_speed=speed, programme=None))
-    return replace(prepared, data=data, manner=replace(prepared.manner, name="sliding"), pieces=())
+    return replace(prepared, data=data, fit_mode=replace(prepared.fit_mode, name="sliding"), pieces=())
 
 
 def beginning(prepared: Prepared, share: float) -> Prepared:
     """The log cut to this share of what comes before it slides steadily; all of it for 1."""
-    data, settled = prepared.data, prepared.manner.settled
+    data, settled = prepared.data, prepared.fit_mode.steady_since
     changing = data.end if settled is None or not data.begin < settled < data.end else settled
     end = data.begin + share * (changing - data.begin) if share < 1.0 else data.end
     return replace(prepared, data=replace(data, end=end))

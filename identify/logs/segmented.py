@@ -12,8 +12,8 @@ from data_io.arrays import kept, shown, thinned
 from data_io.correct import Change, Corrected, Corrections, Cut, correct
 from data_io.record import zero_of_times
 from identify.base.errors import FitError
+from identify.logs.fit_mode import ForceRecord
 from identify.logs.log_regime import changes_speed, of_strokes
-from identify.logs.manner import ForceRecord
 from identify.logs.parting import name_of
 from identify.logs.regime import SURE, Known, Regime, Verdict, judged
 from identify.logs.segment import Segmentation, segment

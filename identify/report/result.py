@@ -118,12 +118,12 @@ def _events(prepared: list[Prepared], found: Findings) -> list[str]:
             if times:
                 notes.append(f"{log.name}: a slip {word} at {', '.join(times)}.")
         left = prepared[number].data.end - log.data.end
-        if log.manner.name == "course" and left > UNFOLLOWED * (log.data.end - log.data.begin):
+        if log.fit_mode.name == "continuous" and left > UNFOLLOWED * (log.data.end - log.data.begin):
             notes.append(
                 f"{log.name}: fitted up to {log.data.end:.4g} s; from there on the motion of the answer is none that a "
                 "fit follows (a swing that never fades, or a mass that is pulled back)."
             )
-        if log.manner.name == "sliding" and prepared[number].manner.name == "course":
+        if log.fit_mode.name == "sliding" and prepared[number].fit_mode.name == "continuous":
             notes.append(
                 f"{log.name}: only what slides steadily is fitted, from {log.data.begin:.4g} s on: the way there is "
                 "not described."

@@ -169,7 +169,7 @@ class _Blocks:
     theta: Indices
 
 
-class Collector:
+class NlpBuilder:
     """Gathers unknowns, rows and blocks while a layout is built; thrown away afterwards."""
 
     def __init__(self, model: Model, unknowns: Unknowns, free: Indices) -> None:

@@ -20,7 +20,7 @@ from identify.logs.loads import calmed
 from identify.logs.log_data import Grid, LogData
 from identify.logs.unknowns import Unknowns
 from identify.shooting.onsets import turns_back, with_first_onsets, with_last_onsets
-from identify.shooting.shooting import Problem, transcribe
+from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.solve import Solution, solve
 
@@ -197,7 +197,7 @@ def _in_passes(
         since = time.perf_counter()
         coarse = grid is COARSE
         pattern = None if solved is None else solved.problem.pattern
-        problem = transcribe(calm if coarse else logs, trajectories, unknowns, grid, pattern=pattern)
+        problem = shooting_problem(calm if coarse else logs, trajectories, unknowns, grid, pattern=pattern)
         transcription_seconds += time.perf_counter() - since
         slips = sum(trajectory.arrests for trajectory in trajectories)
         tried = _tried(problem, tolerance, mu_init, bent, slips)

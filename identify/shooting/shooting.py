@@ -17,9 +17,9 @@ from identify.logs.log_data import Grid, LogData
 from identify.logs.unknowns import Unknowns
 from identify.shooting.layout import Family, Layout
 from identify.shooting.pattern import Moments, Pattern, compressed, samples_of
-from identify.shooting.relaid import with_coarser_steps, with_every_parameter, with_finer_steps
+from identify.shooting.retranscription import with_coarser_steps, with_every_parameter, with_finer_steps
 from identify.shooting.shooting_trajectory import ShootingTrajectory
-from identify.shooting.transcription import lay_out
+from identify.shooting.transcription import transcribe
 
 Array = NDArray[np.float64]
 
@@ -213,7 +213,7 @@ class Problem:
         return Point(cost, rows, tuple(curves), gradient, jacobian, self.pattern.hessian(in_hessian, scale))
 
 
-def transcribe(
+def shooting_problem(
     logs: list[LogData],
     trajectories: list[ShootingTrajectory],
     unknowns: Unknowns,
@@ -221,6 +221,6 @@ def transcribe(
     *,
     pattern: Pattern | None = None,
 ) -> Problem:
-    """The multiple-shooting problem of several logs around their trajectories; see `lay_out`, and `Problem` for
+    """The multiple-shooting problem of several logs around their trajectories; see `transcribe`, and `Problem` for
     pattern."""
-    return Problem(logs, lay_out(logs, trajectories, unknowns, grid), pattern=pattern)
+    return Problem(logs, transcribe(logs, trajectories, unknowns, grid), pattern=pattern)

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.manner import moving_pieces
+from identify.logs.fit_mode import moving_pieces
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting import batch as lanes
@@ -42,7 +42,7 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
     weakened = known.get("delta_mu_k", value.get("delta_mu_k", 0.0))
     share = 1.0 - np.exp(-known.get("a", value.get("a", 0.0)) * speeds[slow])
     mu_k0 = max(float(levels[slow]) - weakened * float(share), 0.01)
-    peaked = any(log.manner.name == "course" for log in logs)
+    peaked = any(log.fit_mode.name == "continuous" for log in logs)
     mu_s = max(top, mu_k0 + LEAST_STEP) if peaked else mu_k0 + STEP
     rows = []
     rests, peaks = _peaks(logs)

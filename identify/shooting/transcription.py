@@ -12,7 +12,7 @@ from identify.logs.log_data import Grid, LogData
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION, SPEED
 from identify.shooting.blocks import BlockKind
-from identify.shooting.layout import KNOWN, Collector, Indices, Layout, Places
+from identify.shooting.layout import KNOWN, Indices, Layout, NlpBuilder, Places
 from identify.shooting.parts import after_reageing, cut, parts_of_rest
 from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 from identify.simulation.sliding import rate_slopes
@@ -32,12 +32,12 @@ class _LogTranscriber:
     """
 
     def __init__(
-        self, collector: Collector, number: int, log: LogData, trajectory: ShootingTrajectory, grid: Grid
+        self, builder: NlpBuilder, number: int, log: LogData, trajectory: ShootingTrajectory, grid: Grid
     ) -> None:
-        self.c, self.number, self.log, self.trajectory, self.grid = collector, number, log, trajectory, grid
-        model = collector.model
+        self.c, self.number, self.log, self.trajectory, self.grid = builder, number, log, trajectory, grid
+        model = builder.model
         self.n_x = len(model.states)
-        p = collector.unknowns.values(trajectory.theta(collector.unknowns.start), log.base)
+        p = builder.unknowns.values(trajectory.theta(builder.unknowns.start), log.base)
         k, m = (p[model.parameter_names.index(n)] for n in ("stiffness", "mass"))
         force = 0.1 * log.mean_normal_force
         by_unit = {"m": force / k, "m/s": force / np.sqrt(k * m), "N": force}
@@ -384,18 +384,18 @@ def _kind(kind: str, reaged: bool) -> BlockKind:
     return f"{kind}_reaged" if reaged else kind  # type: ignore[return-value]
 
 
-def lay_out(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns, grid: Grid) -> Layout:
+def transcribe(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns, grid: Grid) -> Layout:
     """Lay out the multiple-shooting problem of several logs around their trajectories."""
     free = np.flatnonzero(unknowns.free)
-    collector = Collector(unknowns.model, unknowns, free)
+    builder = NlpBuilder(unknowns.model, unknowns, free)
     places = tuple(
-        _LogTranscriber(collector, number, log, trajectory, grid).walk()
+        _LogTranscriber(builder, number, log, trajectory, grid).walk()
         for number, (log, trajectory) in enumerate(zip(logs, trajectories, strict=True))
     )
-    families = collector.families()
+    families = builder.families()
     joined = [
         np.concatenate(part)
-        for part in (collector.scale, collector.start, collector.lower, collector.upper, collector.mean, collector.sd)
+        for part in (builder.scale, builder.start, builder.lower, builder.upper, builder.mean, builder.sd)
     ]
     scale, start, lower, upper, mean, sd = joined
     return Layout(
@@ -408,7 +408,7 @@ def lay_out(logs: list[LogData], trajectories: list[ShootingTrajectory], unknown
         upper,
         mean,
         sd,
-        np.concatenate(collector.about),
-        collector.rows,
+        np.concatenate(builder.about),
+        builder.rows,
         places,
     )

@@ -63,7 +63,7 @@ class UnevenEstimator:
         for number, log in enumerate(task.logs):
             if number in left_out:
                 continue
-            reason: str | None = wording.not_cycling(log.name) if log.manner.name != "cycles" else None
+            reason: str | None = wording.not_cycling(log.name) if log.fit_mode.name != "cycles" else None
             sticks = None if reason else sticks_of(log, in_series=bool(task.unknowns.model.series_state))
             if sticks is not None and sticks.count < FEWEST:
                 reason = wording.too_few(log.name, sticks.count, log.segmentation.count, FEWEST)

@@ -6,7 +6,7 @@ import pytest
 
 from identify.estimation.examined import active_event_bound
 from identify.shooting.passes import COARSE, Solved
-from identify.shooting.shooting import transcribe
+from identify.shooting.shooting import shooting_problem
 from identify.shooting.solve import solve
 from tests.support import shooting_case as case
 
@@ -19,7 +19,7 @@ def held_at(room: float | None) -> Solved:
     log = case.simulated(case.PAIR, *case.MIDDLE)
     data = case.log_data(log, UNKNOWNS, noise_seed=4)
     trajectories = case.placed(UNKNOWNS, [log], [data], COARSE)
-    problem = transcribe([data], trajectories, UNKNOWNS, COARSE)
+    problem = shooting_problem([data], trajectories, UNKNOWNS, COARSE)
     solution = solve(problem, tolerance=1e-8, mu_init=1e-6)
     if room is not None:
         event = int(problem.layout.places[0].events[4])

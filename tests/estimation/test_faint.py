@@ -61,7 +61,7 @@ def near_grazing() -> tuple[list[Prepared], Unknowns, tuple[int, ...]]:
 
 def test_half_of_the_slips_lost_in_the_noise_make_a_log_faint() -> None:
     prepared, _, slips = hidden()
-    assert [log.manner.faint for log in prepared] == [True, False, False]
+    assert [log.fit_mode.faint for log in prepared] == [True, False, False]
     assert prepared[0].segmentation.count < 0.7 * slips[0]
     # What lies between the slips that were seen holds others: lines through it would show twice the noise.
     assert prepared[0].segmentation.noise == pytest.approx(NOISE, rel=0.05)
@@ -137,4 +137,4 @@ def test_rests_shorter_than_a_slip_is_placed_exactly_are_followed() -> None:
     placed = place_on(prepared, [1], unknowns)
     assert [number for number, _, _ in placed] == [1]
     _, log, trajectory = placed[0]
-    assert log.manner.name == "course" and trajectory.cycles == 0 and trajectory.arrests == slips[1]
+    assert log.fit_mode.name == "continuous" and trajectory.cycles == 0 and trajectory.arrests == slips[1]

@@ -45,7 +45,7 @@ def pair():
 
 def test_a_course_is_met_by_way_of_its_beginning(pair):
     truth, unknowns, logs = pair
-    assert [log.manner.name for log in logs] == ["cycles", "course"]
+    assert [log.fit_mode.name for log in logs] == ["cycles", "continuous"]
     both = solve_from(logs, [0, 1], unknowns)
     assert both.gate.status is Status.CONVERGED and both.fitted_logs[1].data.end == logs[1].data.end, (
         "all of the course"
@@ -66,9 +66,11 @@ def test_at_once_it_is_not_met(pair, monkeypatch):
 
 def test_a_beginning_ends_before_what_slides_steadily(pair):
     log = pair[2][1]
-    assert log.manner.settled is not None
+    assert log.fit_mode.steady_since is not None
     half = beginning(log, 0.5).data
-    assert half.end == pytest.approx(0.5 * (log.data.begin + log.manner.settled)) and half.begin == log.data.begin
+    assert (
+        half.end == pytest.approx(0.5 * (log.data.begin + log.fit_mode.steady_since)) and half.begin == log.data.begin
+    )
     assert beginning(log, 1.0).data.end == log.data.end
-    endless = replace(log, manner=replace(log.manner, settled=None))
+    endless = replace(log, fit_mode=replace(log.fit_mode, steady_since=None))
     assert beginning(endless, 0.5).data.end == pytest.approx(0.5 * (log.data.begin + log.data.end))

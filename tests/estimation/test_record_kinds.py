@@ -37,7 +37,7 @@ from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.shooting.following import follow, glide
 from identify.shooting.passes import COARSE
-from identify.shooting.shooting import transcribe
+from identify.shooting.shooting import shooting_problem
 from identify.simulation.drive import Drive
 from identify.simulation.simulate import run
 from identify.simulation.sliding import lasting
@@ -113,14 +113,14 @@ def test_a_course_at_the_truth_joins_up_and_fits(log, pair, rig):
     p = np.array([(pair | rig)[n] for n in unknowns.names])
     at = replace(unknowns, start=unknowns.theta(p, data.base))
     found = follow(unknowns.model, data, p, begins_sliding=False)
-    problem = transcribe([data], [found.trajectory], at, COARSE)
+    problem = shooting_problem([data], [found.trajectory], at, COARSE)
     assert found.end == data.end
     assert 2 * problem.evaluate(problem.start, derivatives=False).cost < 1.5 * problem.samples
     # As many unknowns as rows, but for the parameters, the load of each part, elongation and gamma at the begin.
     assert problem.layout.size - problem.layout.rows == int(unknowns.free.sum()) + found.trajectory.parts + 2
     other = replace(data, programme=Drive(data.programme.starts, tuple(1.5 * v for v in data.programme.speeds)))
     wrong = follow(unknowns.model, other, p, begins_sliding=False)
-    problem = transcribe([other], [wrong.trajectory], at, COARSE)
+    problem = shooting_problem([other], [wrong.trajectory], at, COARSE)
     assert 2 * problem.evaluate(problem.start, derivatives=False).cost > 3 * problem.samples
 
 
@@ -129,7 +129,7 @@ def test_the_derivatives_of_a_course_are_those_of_differences():
     p = np.array([(MILD | STIFF)[n] for n in unknowns.names])
     at = replace(unknowns, start=unknowns.theta(p, prepared.data.base))
     trajectory = follow(unknowns.model, prepared.data, p, begins_sliding=False).trajectory
-    problem = transcribe([prepared.data], [trajectory], at, COARSE)
+    problem = shooting_problem([prepared.data], [trajectory], at, COARSE)
     kinds = {family.block.kind for family in problem.layout.families}
     assert {"hold_reaged", "steady_saturated", "stick", "saturated", "slip"} <= kinds
     z, random = problem.start, np.random.default_rng(1)
@@ -365,9 +365,9 @@ def test_gliding_needs_a_drive_that_moves():
 
 def test_a_log_of_its_own_course_is_told_from_one_of_cycles():
     logs, _ = _prepared(_kind(SLOW, SLIDING, Log(5e-2, 3.0, 2000.0), HOLDS))
-    assert [log.manner.name for log in logs] == ["cycles", "sliding", "course", "course"]
+    assert [log.fit_mode.name for log in logs] == ["cycles", "sliding", "continuous", "continuous"]
     assert [log.left_out for log in logs] == [None] * 4
-    assert len(logs[3].pieces) == 3 and all(piece.manner.name == "cycles" for piece in logs[3].pieces)
+    assert len(logs[3].pieces) == 3 and all(piece.fit_mode.name == "cycles" for piece in logs[3].pieces)
 
 
 def test_a_slip_that_was_not_recorded_parts_a_log_and_a_stick_does_not():

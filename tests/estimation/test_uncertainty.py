@@ -11,7 +11,7 @@ from identify.estimation.covariance import Interval, estimates, information, inv
 from identify.estimation.hints import _shape
 from identify.logs.log_data import Grid
 from identify.shooting.passes import COARSE, solve_in_passes
-from identify.shooting.shooting import transcribe
+from identify.shooting.shooting import shooting_problem
 from tests.support import shooting_case as case
 
 SMALL = Grid(slip=4, saturated=4, steps=3)
@@ -29,7 +29,7 @@ def _quiet(log, unknowns, seed=None, **options):
 
 
 def _information(data, trajectories, unknowns, grid):
-    problem = transcribe(data, trajectories, unknowns, grid)
+    problem = shooting_problem(data, trajectories, unknowns, grid)
     return information(*problem.with_all_parameters(unknowns, problem.start))
 
 
@@ -54,7 +54,7 @@ def test_covariance_agrees_with_the_dense_null_space(load_sd):
     data = [case.log_data(log, unknowns, load_sd=load_sd) for log in logs]
     trajectories = case.placed(unknowns, logs, data, SMALL)
     covariance = _information(data, trajectories, unknowns, SMALL).covariance()
-    problem = transcribe(data, trajectories, unknowns, SMALL)
+    problem = shooting_problem(data, trajectories, unknowns, SMALL)
     point = problem.evaluate(problem.start, derivatives=True)
     upper, jacobian = point.hessian.toarray(), point.jacobian.toarray()
     hessian = upper + np.triu(upper, 1).T
@@ -128,7 +128,7 @@ def test_information_adds_up(fitted):
 
 def test_information_wants_every_parameter(fitted):
     unknowns, data, solved = fitted
-    problem = transcribe(data, solved.trajectories, unknowns, solved.grid)
+    problem = shooting_problem(data, solved.trajectories, unknowns, solved.grid)
     with pytest.raises(ValueError, match="every parameter"):
         information(problem, problem.start)
 

@@ -31,7 +31,7 @@ def test_the_log_joins_by_its_level(monkeypatch: pytest.MonkeyPatch) -> None:
     assert known is not None and known.gate.status is Status.CONVERGED
     found = join(known, prepared, [SLOWEST], unknowns)
     assert found.gate.status is Status.CONVERGED and found.log_numbers == (SLOWEST, *CYCLING)
-    assert found.fitted_logs[0].manner.name == "sliding" and found.solved.trajectories[0].arrests == 0
+    assert found.fitted_logs[0].fit_mode.name == "sliding" and found.solved.trajectories[0].arrests == 0
 
 
 def test_followed_it_would_claim_slips_that_nobody_saw(monkeypatch: pytest.MonkeyPatch) -> None:

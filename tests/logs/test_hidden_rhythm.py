@@ -15,7 +15,7 @@ from identify.effects import MAIN
 from identify.estimation import goodness_of_fit as gate
 from identify.estimation.attempt import solve_from
 from identify.estimation.search import SearchProblem, search
-from identify.logs import manner
+from identify.logs import fit_mode
 from identify.logs import prepare as preparing
 from identify.logs.prepare import prepare, settled_part
 from identify.logs.spectrum import hidden_rhythm
@@ -60,7 +60,7 @@ def test_slips_of_two_samples_do_not_slide_and_their_log_says_how_to_sample_it(m
     said = left_out[0]
     assert said.startswith("log_1.csv seems to slide, but swings by 0.0") and "8.4" in said
     assert "3.7 samples per period" in said and "sample it at 2.1e+02 Hz or more" in said
-    monkeypatch.setattr(manner, "hidden_rhythm", lambda *_args, **_named: None)
+    monkeypatch.setattr(fit_mode, "hidden_rhythm", lambda *_args, **_named: None)
     monkeypatch.setattr(gate, "swing_left", lambda *_: None)
     assert searched() == ((0, 1), {}), "and mu_s is identified, a quarter too low"
 
@@ -116,7 +116,7 @@ def test_where_the_drive_vibrates_nothing_is_made_of_it() -> None:
     }
     for scene, seen in ((plain, True), (Scene.from_document(shaken, Path()), False)):
         made = prepare(scene, scene.logs[0], records[0], from_scene(scene))
-        assert (made.manner.rhythm is not None) == seen
+        assert (made.fit_mode.rhythm is not None) == seen
 
 
 def test_an_answer_that_slides_through_slips_that_the_noise_hides_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,7 +131,7 @@ def test_an_answer_that_slides_through_slips_that_the_noise_hides_is_refused(mon
     unknowns = from_scene(scene)
     monkeypatch.setattr(preparing, "LEAST_SHARE", 0.1)  # it settles for the last sixth: by itself too little
     level = settled_part(prepare(scene, scene.logs[0], record, unknowns))
-    assert level is not None and level.manner.rhythm is None
+    assert level is not None and level.fit_mode.rhythm is None
     slides = pair | rig | {"mu_s": 0.2720, "mu_k0": 0.2719, "D": 8.2e-6, "t_cr": 4.8}
     start = unknowns.theta(np.array([slides[name] for name in unknowns.names]), unknowns.base(rig))
     found = solve_from([level], [0], replace(unknowns, start=start).with_weak_priors())

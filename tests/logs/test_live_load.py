@@ -367,7 +367,7 @@ def test_every_slip_of_a_course_has_a_load_of_its_own(monkeypatch, own):
     scene, record, truth = _held_in_a_live_grip()
     unknowns = from_scene(scene)
     log = prepare(scene, scene.logs[0], record, unknowns)
-    assert log.manner.name == "course"
+    assert log.fit_mode.name == "continuous"
     base = log.data.base
     values = np.array([truth[name] for name in unknowns.names])
     if not own:

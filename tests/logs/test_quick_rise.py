@@ -7,7 +7,7 @@ import pytest
 from experiments.run_recovery_study import FIVE, Study
 from experiments.study_problem import FIFTH, NORMAL_FORCE, scene_of
 from identify.effects import MAIN
-from identify.logs import manner
+from identify.logs import fit_mode
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -27,5 +27,5 @@ def test_the_fit_of_a_fast_log_begins_before_its_first_slip(number: int, monkeyp
     """Drives of 20 mm/s: the force peaks 15 ms after the onset, and what it rises by until then is no stick."""
     log, onset = begun(number)
     assert log.data.begin < onset < log.segmentation.cycles.onset[0]
-    monkeypatch.setattr(manner, "SHORT_LOADING", 0.0)  # without it
+    monkeypatch.setattr(fit_mode, "SHORT_LOADING", 0.0)  # without it
     assert begun(number)[0].data.begin > onset

@@ -10,9 +10,9 @@ import pytest
 from identify.logs.log_data import Grid
 from identify.model.model import assemble
 from identify.shooting.passes import COARSE, solve_in_passes
-from identify.shooting.shooting import Problem, transcribe
+from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.solve import solve
-from identify.shooting.transcription import lay_out
+from identify.shooting.transcription import transcribe
 from tests.support import shooting_case as case
 
 SMALL = Grid(slip=4, saturated=3, steps=2)
@@ -35,7 +35,7 @@ def _problem(
     data = [case.log_data(log, unknowns, noise_seed=noise_seed, load_sd=load_sd, tremor_sd=tremor_sd) for log in logs]
     data = [replace(log, strength_sd=strength_sd) for log in data]
     trajectories = case.placed(unknowns, logs, data, grid)
-    return transcribe(data, trajectories, unknowns, grid), logs
+    return shooting_problem(data, trajectories, unknowns, grid), logs
 
 
 def _somewhere(problem, size=1e-3, seed=3):
@@ -236,7 +236,7 @@ def test_the_same_motion_about_other_event_times_has_the_same_rows_and_cost():
     logs = [case.simulated(case.PAIR, *s) for s in (case.SLOW, case.MIDDLE)]
     before = case.placed(case.search_space(case.PAIR, case.FRICTION), logs, problem.logs, SMALL)
     trajectories = [place.read(trajectory, x) for place, trajectory in zip(problem.layout.places, before, strict=True)]
-    again = transcribe(problem.logs, trajectories, unknowns, SMALL)
+    again = shooting_problem(problem.logs, trajectories, unknowns, SMALL)
     assert np.max(np.abs(again.start - z)) > 0.0
     a, b = problem.evaluate(z, derivatives=False), again.evaluate(again.start, derivatives=False)
     np.testing.assert_allclose(a.rows, b.rows, atol=1e-9)
@@ -250,7 +250,7 @@ def test_the_truth_solves_the_rows_and_has_the_event_times_of_the_independent_in
     data = [case.log_data(log, unknowns) for log in logs]
     trajectories = case.placed(unknowns, logs, data, FINE)
     for _ in range(2):
-        layout = lay_out(data, trajectories, unknowns, FINE)
+        layout = transcribe(data, trajectories, unknowns, FINE)
         # Without the weak prior of gamma at the begin, which is 0 here: the data are exact.
         problem = Problem(data, replace(layout, prior_sd=np.full(layout.size, np.inf)))
         solution = solve(problem)
@@ -300,7 +300,7 @@ def test_a_guess_with_a_slide_of_no_length_is_a_failed_solve(recwarn):
     pinched = trajectories[1].until.copy()
     pinched[worn] = pinched[worn + 1]
     trajectories[1] = replace(trajectories[1], until=pinched)
-    solution = solve(transcribe(problem.logs, trajectories, problem.layout.unknowns, COARSE))
+    solution = solve(shooting_problem(problem.logs, trajectories, problem.layout.unknowns, COARSE))
     assert not solution.success and solution.cost == np.inf
     assert solution.words == "Events_Out_Of_Order"
     assert not recwarn.list

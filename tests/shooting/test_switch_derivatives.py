@@ -11,7 +11,7 @@ from identify.logs.log_data import Grid
 from identify.shooting import blocks
 from identify.shooting import blocks as reageing
 from identify.shooting.layout import KNOWN
-from identify.shooting.shooting import transcribe
+from identify.shooting.shooting import shooting_problem
 from tests.support import oracle
 from tests.support import shooting_case as case
 
@@ -48,7 +48,7 @@ def _solved(pair, log):
     data = [case.log_data(log, unknowns) for log in logs]
     trajectories = case.placed(unknowns, logs, data, GRID)
     for _ in range(2):  # the second time about the event times found, so that every sample lies in its own cell
-        problem = transcribe(data, trajectories, unknowns, GRID)
+        problem = shooting_problem(data, trajectories, unknowns, GRID)
         layout, place = problem.layout, problem.layout.places[0]
         begin = place.start[place.start != KNOWN]
         follows = np.setdiff1d(np.arange(layout.free.size, layout.size), begin)

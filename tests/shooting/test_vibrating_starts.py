@@ -21,7 +21,7 @@ from identify.shooting import passes
 from identify.shooting.onsets import with_first_onsets
 from identify.shooting.passes import COARSE, solve_in_passes
 from identify.shooting.placing import place
-from identify.shooting.shooting import transcribe
+from identify.shooting.shooting import shooting_problem
 from identify.simulation.drive import NormalForce
 from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
@@ -131,7 +131,7 @@ def test_a_solve_that_ends_with_a_late_slip_goes_on_from_where_it_begins(monkeyp
 
 def _problem():
     unknowns, log, *_ = _case()
-    return transcribe([log], [_placed()], unknowns, COARSE)
+    return shooting_problem([log], [_placed()], unknowns, COARSE)
 
 
 def test_a_rest_of_many_blocks_goes_through_the_re_ageing_once():

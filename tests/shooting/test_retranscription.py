@@ -9,9 +9,9 @@ import pytest
 
 from identify.logs.log_data import Grid
 from identify.logs.unknowns import FORGOTTEN
-from identify.shooting.relaid import with_finer_steps
-from identify.shooting.shooting import Problem, transcribe
-from identify.shooting.transcription import lay_out
+from identify.shooting.retranscription import with_finer_steps
+from identify.shooting.shooting import Problem, shooting_problem
+from identify.shooting.transcription import transcribe
 from tests.support import shooting_case as case
 
 SMALL = Grid(slip=4, saturated=3, steps=2)
@@ -31,7 +31,7 @@ def _made(per: str | None = None, tremor: float = 0.0):
         trajectories = [
             replace(g, own=np.where(unknowns.own, unknowns.start, np.nan)) if g.own.size else g for g in trajectories
         ]
-    problem = transcribe(data, trajectories, unknowns, SMALL)
+    problem = shooting_problem(data, trajectories, unknowns, SMALL)
     z = problem.start + 1e-3 * np.random.default_rng(5).standard_normal(problem.layout.size)
     return data, trajectories, unknowns, problem, z
 
@@ -51,7 +51,7 @@ def test_every_parameter_is_where_a_walk_would_put_it(per, tremor):
     data, trajectories, unknowns, problem, z = _made(per, tremor)
     assert not np.all(unknowns.free)
     again, at = problem.with_all_parameters(unknowns, z)
-    walked = lay_out(data, trajectories, replace(unknowns, free=np.ones(len(unknowns.names), bool)), SMALL)
+    walked = transcribe(data, trajectories, replace(unknowns, free=np.ones(len(unknowns.names), bool)), SMALL)
     for name in ("free", "scale", "start", "lower", "upper", "events", "prior_mean", "prior_sd"):
         np.testing.assert_array_equal(getattr(again.layout, name), getattr(walked, name), err_msg=name)
     for mine, theirs in zip(again.layout.places, walked.places, strict=True):
@@ -75,7 +75,7 @@ def test_a_wide_prior_of_the_search_is_no_information_on_what_a_log_has_for_itse
 def test_finer_steps_are_those_of_a_finer_grid():
     data, trajectories, unknowns, problem, z = _made()
     finer = problem.with_finer_steps()
-    walked = transcribe(data, trajectories, unknowns, replace(SMALL, steps=4))
+    walked = shooting_problem(data, trajectories, unknowns, replace(SMALL, steps=4))
     _same(finer, walked, z)
     coarse, fine = (p.evaluate(z, derivatives=False) for p in (problem, finer))
     assert np.max(np.abs(coarse.rows - fine.rows)) > 1e-9, "more steps change nothing"

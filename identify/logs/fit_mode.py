@@ -17,7 +17,7 @@ from identify.logs.zigzag import running_means
 from identify.simulation.drive import Drive
 
 Array = NDArray[np.float64]
-Name = Literal["cycles", "course", "sliding"]
+Name = Literal["cycles", "continuous", "sliding"]
 
 SEEN_RISE = 5  # samples of a first rise from which on it is one
 LOOSE = 5.0  # standard deviations of the scatter within a bin beyond which a force is not level
@@ -28,12 +28,12 @@ LEVEL = 0.5  # of the middle force: a record that starts above slides from its s
 
 
 @dataclass(frozen=True)
-class Manner:
-    """The name; settled: since when the last stretch slides steadily [s], None where it does not; begins_sliding;
+class FitMode:
+    """The name; steady_since: since when the last stretch slides steadily [s], None where it does not; begins_sliding;
     faint: the noise hides so much of the cycles that many of them were missed; rhythm: of what only looks steady."""
 
     name: Name
-    settled: float | None
+    steady_since: float | None
     begins_sliding: bool
     faint: bool = False
     rhythm: Swing | None = None
@@ -52,17 +52,17 @@ class ForceRecord:
     drive: Drive
 
 
-def manner_of(record: ForceRecord, found: Segmentation, falls: Array, stiffness: float) -> Manner:
+def fit_mode_of(record: ForceRecord, found: Segmentation, falls: Array, stiffness: float) -> FitMode:
     """Tell how a log moves.
 
     Args:
         found: its phases; falls: of its cycles [s]; stiffness: of the rig [N/m]; 0, as the half period of the record,
             where it is not known, or something else makes the mass swing.
     """
-    manner = _as_it_looks(record, found, falls)
-    if manner.settled is None:
-        return manner
-    late = record.time >= manner.settled
+    fit_mode = _as_it_looks(record, found, falls)
+    if fit_mode.steady_since is None:
+        return fit_mode
+    late = record.time >= fit_mode.steady_since
     rhythm = hidden_rhythm(
         record.time[late],
         record.force[late],
@@ -71,30 +71,30 @@ def manner_of(record: ForceRecord, found: Segmentation, falls: Array, stiffness:
         drive_speed=record.drive.at(float(record.time[-1])),
         half_period=record.half_period,
     )
-    return manner if rhythm is None else replace(manner, settled=None, rhythm=rhythm)
+    return fit_mode if rhythm is None else replace(fit_mode, steady_since=None, rhythm=rhythm)
 
 
-def _as_it_looks(record: ForceRecord, found: Segmentation, falls: Array) -> Manner:
+def _as_it_looks(record: ForceRecord, found: Segmentation, falls: Array) -> FitMode:
     time, force, noise, drive = record.time, record.force, record.noise, record.drive
-    settled = since_settled(time, force, noise, record.half_period)
+    settled = steady_since(time, force, noise, record.half_period)
     if settled is not None and drive.constant and found.stick_slope is not None:
         # A slip near the end of a slow log leaves a stick too short to be seen to rise.
         settled = settled if _slides(time, force, settled, noise, found.stick_slope[0]) else None
     begins = bool(found.phase.size and found.phase[0] == SLIDING) and _starts_loaded(time, force, noise, drive)
     if not drive.constant:
-        return Manner("course", settled, begins)
+        return FitMode("continuous", settled, begins)
     slides = found.slides_on(falls.size)
     if falls.size and not slides:
-        return Manner("cycles", None, False, found.faint)
+        return FitMode("cycles", None, False, found.faint)
     if falls.size == 0 and not slides:
-        return Manner("cycles", None, False)
+        return FitMode("cycles", None, False)
     rise = int(np.argmax(found.phase != STICK)) if found.phase.size and found.phase[0] == STICK else 0
     if falls.size == 0 and (begins or rise < SEEN_RISE):
-        return Manner("sliding", settled, begins)
-    return Manner("course", settled, begins)
+        return FitMode("sliding", settled, begins)
+    return FitMode("continuous", settled, begins)
 
 
-def since_settled(time: Array, force: Array, noise: float, half_period: float) -> float | None:
+def steady_since(time: Array, force: Array, noise: float, half_period: float) -> float | None:
     """Since when a force is level within its noise up to the end [s]; None where it is not for long enough."""
     good = np.isfinite(force)
     if np.count_nonzero(good) < LEAST_SETTLED:
@@ -165,7 +165,7 @@ CLEAR = 0.1  # of the loading line after the bend that is left out
 ONSET_MARGIN = 6.0  # standard deviations by which a record must leave its first loading line
 
 
-def window_of_cycles(record: ForceRecord, found: Segmentation, skip: int = 0) -> tuple[float, float]:
+def cycles_window(record: ForceRecord, found: Segmentation, skip: int = 0) -> tuple[float, float]:
     """The part of a record of cycles: from the first stick that is a straight line on.
 
     A record may start before the drive does, or in the middle of a slip; both are cut off. After `skip`
@@ -234,13 +234,13 @@ def _line_start(time: Array, force: Array, begin: float, onset: float, noise: fl
     return bend + CLEAR * max(float(t[late][0]) - bend, 0.0)
 
 
-def window_of_course(record: ForceRecord, found: Segmentation, manner: Manner) -> tuple[float, float]:
+def continuous_window(record: ForceRecord, found: Segmentation, fit_mode: FitMode) -> tuple[float, float]:
     """The part of a record without a train of cycles: begin and end [s]."""
     time, force = record.time, record.force
     begin, end = float(time[0]), float(time[-1])
-    if manner.name == "sliding":
-        return (begin if manner.settled is None else manner.settled), end
-    if manner.begins_sliding:
+    if fit_mode.name == "sliding":
+        return (begin if fit_mode.steady_since is None else fit_mode.steady_since), end
+    if fit_mode.begins_sliding:
         return begin, end
     resting = found.phase == STICK
     first = float(time[int(np.argmin(resting))]) if not np.all(resting) else end

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.logs.manner import ForceRecord, Manner, manner_of, since_settled
+from identify.logs.fit_mode import FitMode, ForceRecord, fit_mode_of, steady_since
 from identify.logs.segment import SLIDING, segment
 from identify.simulation.drive import Drive
 
@@ -13,7 +13,7 @@ NOISE, RATE, LOADING = 0.0045, 20.0, 0.00125  # N, Hz, N/s: a slow drive on a so
 HALF_PERIOD = 0.05
 
 
-def manner(after: float, rises: float, seed: int) -> tuple[Manner, float | None]:
+def fit_mode(after: float, rises: float, seed: int) -> tuple[FitMode, float | None]:
     """Of a ramp to 1 N, a fall to 0.7 N within two samples, and then `after` seconds that rise by `rises` N/s; and
     since when it looks level."""
     ramp = np.arange(0.0, 1.0 / LOADING, 1.0 / RATE) * LOADING
@@ -23,26 +23,26 @@ def manner(after: float, rises: float, seed: int) -> tuple[Manner, float | None]
     time = np.arange(force.size) / RATE
     found = segment(time, force, half_period=HALF_PERIOD, noise=NOISE)
     record = ForceRecord(time, force, np.ones(time.size), NOISE, HALF_PERIOD, Drive.of(1.67e-6))
-    told = manner_of(record, found, found.cycles.fall, 750.0)
-    return told, since_settled(time, force, NOISE, HALF_PERIOD)
+    told = fit_mode_of(record, found, found.cycles.fall, 750.0)
+    return told, steady_since(time, force, NOISE, HALF_PERIOD)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 5])
 def test_a_slow_log_that_ends_in_the_stick_after_a_slip_does_not_slide(seed: int) -> None:
     """Four seconds after a slip of 0.3 N a stick that is loaded for four minutes looks level."""
-    told, level_since = manner(4.0, LOADING, seed)
-    assert told.name == "course" and level_since is not None and told.settled is None
+    told, level_since = fit_mode(4.0, LOADING, seed)
+    assert told.name == "continuous" and level_since is not None and told.steady_since is None
 
 
 @pytest.mark.parametrize("after", [8.0, 60.0])
 def test_a_level_force_slides_where_a_stick_would_be_seen_to_rise(after: float) -> None:
-    settled = manner(after, 0.0, 4)[0].settled
+    settled = fit_mode(after, 0.0, 4)[0].steady_since
     assert settled == pytest.approx(1.0 / LOADING, abs=1.0)
 
 
 def test_what_is_too_short_to_be_told_from_a_stick_is_not_called_sliding() -> None:
-    told, level_since = manner(1.5, 0.0, 4)
-    assert level_since is not None and told.settled is None
+    told, level_since = fit_mode(1.5, 0.0, 4)
+    assert level_since is not None and told.steady_since is None
 
 
 def slide_hold_slide(drive: Drive, first: float) -> tuple[np.ndarray, np.ndarray]:
@@ -62,5 +62,5 @@ def test_a_fast_drive_is_through_its_first_rise_in_a_few_samples(first: float, s
     found = segment(time, force, half_period=0.026, noise=NOISE)
     found = replace(found, phase=np.full_like(found.phase, SLIDING))  # too short a stick to be seen as one
     record = ForceRecord(time, force, np.ones(time.size), NOISE, 0.026, drive)
-    told = manner_of(record, found, found.cycles.fall, 1470.0)
-    assert told.name == "course" and told.begins_sliding == slides
+    told = fit_mode_of(record, found, found.cycles.fall, 1470.0)
+    assert told.name == "continuous" and told.begins_sliding == slides
