@@ -50,7 +50,7 @@ FAST = (("usual, data", 1, 2),)
 
 CODE: Mapping[Strategy, Sequence[object]] = {
     Strategy.PIECES_FIRST: (search._pieces_first,),
-    Strategy.PRIOR_CONTINUATION: (search._prior_continuation, search._held, search.solve_held),
+    Strategy.PRIOR_CONTINUATION: (search._prior_continuation, search._held, search.solve_by_continuation),
     Strategy.STEADY_PARTS: (search._levels_only,),
     Strategy.GROUP_BY_GROUP: (grouped,),
     Strategy.EVENTS_CORRECTED: (search._events_corrected, search._mended, events.with_events_mended),

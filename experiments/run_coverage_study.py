@@ -30,7 +30,7 @@ from identify.effects import MAIN
 from identify.estimation.bootstrap import bootstrap
 from identify.estimation.influence import Influence, influence, sample_moves
 from identify.estimation.profile import CRITICAL, profile
-from identify.estimation.residual_autocorrelation import Remembering, colour, coloured_covariance
+from identify.estimation.residual_autocorrelation import NoiseAutocorrelation, colour, coloured_covariance
 from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
@@ -129,7 +129,7 @@ def repeat(
     known = influence(problem, settled.z, cycles, absorbed=deep)
     fitted = problem.fitted(settled.z)
     colours = tuple(colour(log.force - curve) for log, curve in zip(data, fitted, strict=True))
-    noise = Remembering(tuple(log.weight for log in data), colours, (1.0,) * len(data))
+    noise = NoiseAutocorrelation(tuple(log.weight for log in data), colours, (1.0,) * len(data))
     moves = sample_moves(problem, settled.z, known.columns)
     allowed = coloured_covariance(moves, [NOISE**2] * len(data), colours) + known.prior
     off = np.abs(theta - setting.truth)
@@ -158,7 +158,7 @@ def _deep(
     settled: Settled,
     known: Influence,
     allowed: Array,
-    noise: Remembering,
+    noise: NoiseAutocorrelation,
     data: list[LogData],
     random: np.random.Generator,
     walked: bool,
@@ -193,7 +193,7 @@ def _same_by_walking(
     problem: Problem,
     z: Array,
     known: Influence,
-    noise: Remembering,
+    noise: NoiseAutocorrelation,
     memory: Array,
     data: list[LogData],
     held: Array,

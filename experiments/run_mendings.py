@@ -88,9 +88,9 @@ MENDINGS: Mapping[str, Mending] = {
         lambda *_: True,
     ),
     "placed_anew": Mending(examined, "placed_anew", _nothing),
-    "hold_other_optima": Mending(
+    "continue_other_optima": Mending(
         other_optima,
-        "solve_or_hold",
+        "solve_or_continue",
         lambda prepared, chosen, unknowns, cost_cutoff: attempt.solve_from(
             prepared, chosen, unknowns, cost_cutoff=cost_cutoff
         ),

@@ -223,7 +223,7 @@ def _solved(
         logs, trajectories, replace(unknowns, start=theta, free=free), replace(COARSE, steps=STEPS)
     )
     solution = solve(problem, mu_init=1e-6, iterations=PATIENCE, exact=True)
-    if not (solution.success and solution.infeasibility < CLOSED and np.all(np.isfinite(solution.x))):
+    if not (solution.success and solution.constraint_violation < CLOSED and np.all(np.isfinite(solution.x))):
         return None
     layout = problem.layout
     found = theta.copy()

@@ -15,7 +15,7 @@ from identify.base.stages import stage
 from identify.diagnosis.findings import Findings, Held, against_data
 from identify.diagnosis.fitted import as_it_ended, described
 from identify.diagnosis.second_look import looked_into
-from identify.estimation.agreement import slowness
+from identify.estimation.agreement import largest_inflation
 from identify.estimation.attempt import Attempt, solve_from
 from identify.estimation.certainty import Certainty, certainty
 from identify.estimation.grouped import search_grouped
@@ -175,6 +175,6 @@ def _findings(
 
 def _held(scene: Scene, sure: Certainty) -> list[Held]:
     """The rig as stated, against the data."""
-    memory = slowness(sure.attempt, sure.colours)
+    memory = largest_inflation(sure.attempt, sure.colours)
     theta = sure.attempt.solved.theta
     return against_data(sure.information, theta, stated_rig(scene), memory, tolerances=scene.rig.tolerances)

@@ -31,7 +31,7 @@ from identify.diagnosis.hypotheses import (
     ties,
 )
 from identify.diagnosis.nested import fit_beside, fit_from_values, fit_larger, fit_model, fit_smaller
-from identify.estimation.agreement import contradiction, influence_at, pulls_of_logs, slowness
+from identify.estimation.agreement import contradiction, influence_at, largest_inflation, log_scores
 from identify.estimation.attempt import Attempt, judged
 from identify.estimation.covariance import sizes
 from identify.estimation.strategies import Strategy, as_one_trial, may_run
@@ -55,7 +55,7 @@ def nothing_amiss(fitted: Fitted, scene: Scene, memory: float) -> bool:
         return False
     solved, names = fitted.attempt.solved, [log.name for log in fitted.attempt.fitted_logs]
     try:
-        found = pulls_of_logs(solved.problem, solved.solution.z, influence_at(solved), memory)
+        found = log_scores(solved.problem, solved.solution.z, influence_at(solved), memory)
     except np.linalg.LinAlgError:  # directions that no log tells
         return False
     return not contradiction(found, fitted.unknowns, solved.theta, fitted.unknowns.base(stated_rig(scene)), names)
@@ -274,7 +274,7 @@ def doubt(
     if attempt is None:
         return None
     told = [e.name for e in findings.estimates if e.verdict in ("identified", "weak")]
-    memory = 1.0 if findings.sure is None else slowness(attempt, findings.sure.colours)
+    memory = 1.0 if findings.sure is None else largest_inflation(attempt, findings.sure.colours)
     ended = as_it_ended(scene, unknowns, prepared, attempt)
     if not described(ended):
         return None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.diagnosis.fitted import Fitted, fits, taken_over, values_of
-from identify.estimation.attempt import Attempt, judged, solve_from, solve_slowly, usable
+from identify.estimation.attempt import Attempt, judged, solve_from, solve_with_weakening_priors, usable
 from identify.estimation.events import join
 from identify.estimation.other_optima import multistart_around
 from identify.estimation.search import SearchProblem, alike, search
@@ -154,7 +154,7 @@ def _placed_anew(
     other: Fitted, scene: Scene, prepared: list[Prepared], unknowns: Unknowns, *, slowly: bool = False
 ) -> Fitted:
     at_values = replace(unknowns, start=values_of(other, unknowns))
-    attempt = (solve_slowly if slowly else solve_from)(prepared, usable(prepared), at_values)
+    attempt = (solve_with_weakening_priors if slowly else solve_from)(prepared, usable(prepared), at_values)
     return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
 
 
@@ -167,4 +167,4 @@ def promise(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> float:
     logs, trajectories, unknowns = taken_over(smaller, prepared, unknowns)
     problem = shooting_problem([log.data for log in logs], trajectories, unknowns.with_weak_priors(), solved.grid)
     tried = solve(problem, tolerance=1e-3, mu_init=1e-6, iterations=GLANCE)
-    return 2.0 * (solved.solution.cost - tried.cost) if tried.infeasibility < CLOSED else np.inf
+    return 2.0 * (solved.solution.cost - tried.cost) if tried.constraint_violation < CLOSED else np.inf

@@ -161,7 +161,7 @@ def looked_into(
         findings = replace(findings, message=f"{findings.message}{also}")
     refused = findings.status is Status.MODEL_MISFIT and findings.attempt is not None  # well as its curve may fit
     doubtful = refused or _doubtful(findings)
-    if not doubtful and not (_placed(findings) and restraints(scene, sitting(findings.unknowns, findings.attempt))):
+    if not doubtful and not (_is_answer(findings) and restraints(scene, sitting(findings.unknowns, findings.attempt))):
         return findings, None
     progress("looking for what is wrong", 0.95)
     found = doubt(scene, read, prepared, findings, beyond=doubtful, anew=refused or _rises(findings))
@@ -192,7 +192,7 @@ def _suspected(findings: Findings) -> str:
     return "" if gate is None or not gate.suspects or cut_short() else f"; {gate.suspects}"
 
 
-def _placed(findings: Findings) -> bool:
+def _is_answer(findings: Findings) -> bool:
     """Whether the logs are described, with a parameter at a bound or none."""
     return findings.status in (Status.CONVERGED, Status.AT_BOUND) and findings.attempt is not None
 

@@ -113,7 +113,7 @@ def _factor(without: float, whole: float) -> float:
 def logs_left_out(fitted: Fitted) -> float:
     """Mean square, in noise variances, of the forces of logs foretold from the others; NaN with one log alone."""
     attempt = fitted.attempt
-    if attempt is None or len(attempt.fitted_logs) < FEWEST_LOGS or attempt.solved.solution.infeasibility > 1e-6:
+    if attempt is None or len(attempt.fitted_logs) < FEWEST_LOGS or attempt.solved.solution.constraint_violation > 1e-6:
         return float("nan")
     total, count = 0.0, 0
     for number, (log, trajectory) in enumerate(zip(attempt.fitted_logs, attempt.solved.trajectories, strict=True)):

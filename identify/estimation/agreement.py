@@ -20,7 +20,7 @@ from identify.base.quantiles import chi_square_exceeded
 from identify.estimation.attempt import Attempt
 from identify.estimation.covariance import Information, sizes
 from identify.estimation.influence import Influence, influence, sample_moves
-from identify.estimation.residual_autocorrelation import Colour, Remembering, colour, coloured_covariance
+from identify.estimation.residual_autocorrelation import Colour, NoiseAutocorrelation, colour, coloured_covariance
 from identify.estimation.stick_strength import integrated_moves
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import rhythmic
@@ -37,7 +37,7 @@ MATTERS = 0.10  # of its size by which a parameter must move for it: less is a s
 
 
 @dataclass(frozen=True)
-class Pull:
+class LogScore:
     """One log against the others: log, its index; squared distance, in units of its covariance, and its degrees of
     freedom; by how much the parameters (f,) move where the log is left out."""
 
@@ -52,7 +52,7 @@ class Pull:
         return self.freedom > 0 and self.squared > chi_square_exceeded(CHANCE, self.freedom)
 
 
-def pulls(moves: Array, covariances: Array) -> list[Pull]:
+def scores_of(moves: Array, covariances: Array) -> list[LogScore]:
     """How far each source of data pulls the common answer away from that of the others.
 
     Args:
@@ -67,12 +67,12 @@ def pulls(moves: Array, covariances: Array) -> list[Pull]:
         along = (directions.T @ move)[told]
         squared = float(np.sum(along**2 / (share[told] * (1.0 - share[told]))))
         shift = size * (half @ (directions[:, told] @ (along / (1.0 - share[told]))))
-        out.append(Pull(number, squared, int(np.count_nonzero(told)), -shift))
+        out.append(LogScore(number, squared, int(np.count_nonzero(told)), -shift))
     return out
 
 
-def pulls_of_logs(problem: Problem, z: Array, known: Influence, memory: float) -> list[Pull]:
-    """As `pulls`, of the logs of a solution z (n,) scaled; memory: by how much that of the noise widens a variance.
+def log_scores(problem: Problem, z: Array, known: Influence, memory: float) -> list[LogScore]:
+    """As `scores_of`, of the logs of a solution z (n,) scaled; memory: by how much that of the noise widens a variance.
 
     Last, behind those of the logs, comes the pull of what the user knows beside them: priors of shared parameters.
 
@@ -80,9 +80,9 @@ def pulls_of_logs(problem: Problem, z: Array, known: Influence, memory: float) -
         LinAlgError: a covariance that is none.
     """
     moves, covariances = _of_sources(problem, z, known)
-    found = pulls(moves, covariances)
+    found = scores_of(moves, covariances)
     if problem.layout.varied.size and any(pull.contradicts for pull in found):
-        found = pulls(_integrated(problem, z, known, moves, covariances), covariances)
+        found = scores_of(_integrated(problem, z, known, moves, covariances), covariances)
     return [replace(pull, squared=pull.squared / memory) for pull in found]
 
 
@@ -99,7 +99,7 @@ def _integrated(problem: Problem, z: Array, known: Influence, moves: Array, cova
 def imbalance(problem: Problem, z: Array, known: Influence) -> tuple[float, Array]:
     """Where all pulls together move the answer z (n,) scaled: the squared distance, in units of its covariance, and the
     move (f,). Nothing, unless something holds it that is no information, an event that can go no farther say. Errors as
-    `pulls_of_logs`."""
+    `log_scores`."""
     moves, covariances = _of_sources(problem, z, known)
     _, _, whitened = _whitened(moves, covariances)
     return float(np.sum(whitened.sum(axis=0) ** 2)), moves.sum(axis=0)
@@ -141,7 +141,7 @@ def _owners(layout: Layout, logs: int) -> NDArray[np.int64]:
 
 
 def contradiction(
-    found: Sequence[Pull],
+    found: Sequence[LogScore],
     unknowns: Unknowns,
     theta: Array,
     base: Array,
@@ -194,14 +194,14 @@ class Allowed:
     """Covariances of the free parameters (f,) at an answer.
 
     white (f, f) without the memory of the noise, joint (f + o, f + o) with it and with the parameters of single logs or
-    groups; remembered (f,): by how much the memory and the level of the noise alone widen each variance; noise of all
-    logs; reached: how the residuals reached the parameters, where the noise has a memory.
+    groups; variance_inflation (f,): by how much the memory and the level of the noise alone widen each variance; noise
+    of all logs; reached: how the residuals reached the parameters, where the noise has a memory.
     """
 
     white: Array
     joint: Array
-    remembered: Array
-    noise: Remembering
+    variance_inflation: Array
+    noise: NoiseAutocorrelation
     reached: Influence | None
 
     @property
@@ -233,21 +233,21 @@ def allowed(attempt: Attempt, known: Information, speed_tolerance: float) -> All
         return Allowed(white, joint, np.ones(len(white)), noise, None)
     reached = influence_at(attempt.solved)
     excess = _excess(attempt, reached, noise)
-    remembered = 1.0 + np.diag(excess)[: len(white)] / np.diag(white)
-    return Allowed(white, joint + excess, remembered, noise, reached)
+    variance_inflation = 1.0 + np.diag(excess)[: len(white)] / np.diag(white)
+    return Allowed(white, joint + excess, variance_inflation, noise, reached)
 
 
-def noise_of(attempt: Attempt) -> Remembering:
+def noise_of(attempt: Attempt) -> NoiseAutocorrelation:
     """The noise of all logs of an attempt, coloured like its residuals."""
     logs, fitted = [log.data for log in attempt.fitted_logs], attempt.solved.fitted
     colours = (
         colour(np.where(log.weight > 0, log.force - curve, np.nan)) for log, curve in zip(logs, fitted, strict=True)
     )
     levels = np.broadcast_to(attempt.gate.levels, len(logs)).tolist()
-    return Remembering(tuple(log.weight for log in logs), tuple(colours), tuple(levels))
+    return NoiseAutocorrelation(tuple(log.weight for log in logs), tuple(colours), tuple(levels))
 
 
-def slowness(attempt: Attempt, colours: Sequence[Colour]) -> float:
+def largest_inflation(attempt: Attempt, colours: Sequence[Colour]) -> float:
     """By how much the memory and the level of the noise widen the variance of what changes slowly, at most."""
     return max(1.0, attempt.gate.level) * max([1.0, *(colour.memory for colour in colours)])
 
@@ -258,7 +258,7 @@ def influence_at(solved: Solved) -> Influence:
     return influence(solved.problem, solved.solution.z, cycles, absorbed=False)
 
 
-def _excess(attempt: Attempt, known: Influence, noise: Remembering) -> Array:
+def _excess(attempt: Attempt, known: Influence, noise: NoiseAutocorrelation) -> Array:
     """What the memory of the noise adds to the covariance of white noise."""
     problem = attempt.solved.problem
     moves = sample_moves(problem, attempt.solved.solution.z, known.columns)
@@ -280,9 +280,9 @@ def agreeing(attempt: Attempt, unknowns: Unknowns, base: Array, seen: Allowed) -
         base: (n_p,) of the rig the values are given for; seen: what is allowed for at the answer.
     """
     solved, names = attempt.solved, [log.name for log in attempt.fitted_logs]
-    slow = slowness(attempt, seen.colours)
+    slow = largest_inflation(attempt, seen.colours)
     try:
-        found = pulls_of_logs(solved.problem, solved.solution.z, seen.reached or influence_at(solved), slow)
+        found = log_scores(solved.problem, solved.solution.z, seen.reached or influence_at(solved), slow)
     except np.linalg.LinAlgError:  # directions that no log tells: their verdicts say so
         return attempt
     message = contradiction(

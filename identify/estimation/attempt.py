@@ -75,7 +75,7 @@ class Attempt:
         """Sum of squares in noise variances less the number of samples; infinite where the motion is none of the
         model."""
         solution = self.solved.solution
-        obeys = solution.success or solution.infeasibility < OBEYS
+        obeys = solution.success or solution.constraint_violation < OBEYS
         return 2.0 * solution.cost - self.solved.problem.samples if obeys else np.inf
 
 
@@ -217,7 +217,9 @@ def stalled(attempt: Attempt) -> bool:
     return gate.status is Status.SOLVER_FAILED and abs(gate.chi2_per_sample - 1.0) < CREEPING
 
 
-def solve_held(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, ways: int = 1) -> Attempt | None:
+def solve_by_continuation(
+    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, ways: int = 1
+) -> Attempt | None:
     """Solve from a start with priors around it that hold what the data do not tell, then let go of them as far as the
     solver follows; None where it follows nowhere. The information matrix never sees these priors.
 
@@ -231,7 +233,7 @@ def solve_held(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, 
         if time_is_up():
             break
         released_to = np.inf
-        for tightness, tried in _released(prepared, chosen, unknowns, PRIOR_SCHEDULE[first:]):
+        for tightness, tried in _with_weakening_priors(prepared, chosen, unknowns, PRIOR_SCHEDULE[first:]):
             if not tried.solved.solution.success:
                 break
             released_to = tightness
@@ -242,20 +244,20 @@ def solve_held(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, 
     return best
 
 
-def solve_or_hold(
+def solve_or_continue(
     prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, cost_cutoff: float = np.inf
 ) -> Attempt | None:
     """Solve from a start; where its ridge has no end, hold what the data do not tell; cost_cutoff as in
     `solve_from`."""
     found = solve_from(prepared, chosen, unknowns, cost_cutoff=cost_cutoff)
-    return found if found is None or not stalled(found) else solve_held(prepared, chosen, unknowns) or found
+    return found if found is None or not stalled(found) else solve_by_continuation(prepared, chosen, unknowns) or found
 
 
-def solve_slowly(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> Attempt | None:
+def solve_with_weakening_priors(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> Attempt | None:
     """Solve from a start that may be off: its priors let go in small steps until the answer fits or the solver fails;
     None where it fails at once."""
     best: Attempt | None = None
-    for _, tried in _released(prepared, chosen, unknowns, PRIOR_SCHEDULE[OFF:]):
+    for _, tried in _with_weakening_priors(prepared, chosen, unknowns, PRIOR_SCHEDULE[OFF:]):
         if not tried.solved.solution.success:
             break
         best = tried
@@ -264,7 +266,7 @@ def solve_slowly(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns
     return best
 
 
-def _released(
+def _with_weakening_priors(
     prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, firm: Sequence[float]
 ) -> Iterator[tuple[float, Attempt]]:
     """Solves with softer and softer priors around the start, each from the answer of the one before; with the tightness
@@ -272,10 +274,10 @@ def _released(
     tried = solve_from(prepared, chosen, unknowns, firm[0])
     if tried is not None:
         yield firm[0], tried
-        yield from released(tried, unknowns, firm[1:])
+        yield from with_weakening_priors(tried, unknowns, firm[1:])
 
 
-def released(held: Attempt, unknowns: Unknowns, firm: Sequence[float]) -> Iterator[tuple[float, Attempt]]:
+def with_weakening_priors(held: Attempt, unknowns: Unknowns, firm: Sequence[float]) -> Iterator[tuple[float, Attempt]]:
     """Solves of the same samples with softer and softer priors around unknowns.start, each from the answer of the one
     before; with the tightness of each."""
     for tightness in firm:

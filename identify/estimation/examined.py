@@ -155,7 +155,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Trail:
+class History:
     """What was met on the way to an answer: optima beside it; points of the last walk, which was of so many
     samples."""
 
@@ -173,7 +173,7 @@ class Examined:
     known: Information
     walked: Profiles | None
     view: View
-    trail: Trail
+    history: History
     unfinished: bool = False
 
     @property
@@ -189,7 +189,7 @@ def examine(attempt: Attempt, known: Information, question: Question) -> Examine
     Args:
         known: at the answer that is given.
     """
-    here = _unless_bound_is_active(_lowest_about(_standing(attempt, known, question, Trail()), question))
+    here = _unless_bound_is_active(_lowest_about(_standing(attempt, known, question, History()), question))
     for tries in range(BETTER_TRIES):
         there = _walked(here, question, last=tries + 1 == BETTER_TRIES)
         if there is None:
@@ -213,16 +213,16 @@ def _unless_bound_is_active(here: Examined) -> Examined:
 
 
 def _standing(
-    attempt: Attempt, known: Information, q: Question, trail: Trail, walked: Profiles | None = None
+    attempt: Attempt, known: Information, q: Question, history: History, walked: Profiles | None = None
 ) -> Examined:
     """At an answer at which nothing was looked at yet."""
     seen = allowed(attempt, known, q.speed_tolerance)
-    return Examined(attempt, known, walked, _view(attempt, seen, walked, q), trail)
+    return Examined(attempt, known, walked, _view(attempt, seen, walked, q), history)
 
 
-def _moved(attempt: Attempt, q: Question, trail: Trail, walked: Profiles | None = None) -> Examined:
+def _moved(attempt: Attempt, q: Question, history: History, walked: Profiles | None = None) -> Examined:
     """At another answer."""
-    return _standing(attempt, information_at(attempt, q.unknowns), q, trail, walked)
+    return _standing(attempt, information_at(attempt, q.unknowns), q, history, walked)
 
 
 def _view(attempt: Attempt, seen: Allowed, walked: Profiles | None, q: Question) -> View:
@@ -248,8 +248,8 @@ def _lowest_about(here: Examined, q: Question) -> Examined:
         return here
     q.progress("looking for other optima", None)
     lowest, optima = lowest_optimum(here.attempt, q.unknowns, q.seed, here.view.allowed.noise)
-    trail = replace(here.trail, optima=tuple(optima))
-    return replace(here, trail=trail) if lowest is here.attempt else _moved(lowest, q, trail)
+    history = replace(here.history, optima=tuple(optima))
+    return replace(here, history=history) if lowest is here.attempt else _moved(lowest, q, history)
 
 
 def _tells(attempt: Attempt) -> bool:
@@ -281,16 +281,16 @@ def _walked(here: Examined, q: Question, *, last: bool) -> Examined | None:
     along = _along(here, q)
     if along == []:
         return None
-    trail, samples = here.trail, here.attempt.solved.problem.samples
+    history, samples = here.history, here.attempt.solved.problem.samples
     with no_time_limit() if q.asked.profile else nullcontext():
         walked = _profile(here, here, along, q)
-        for optimum in trail.optima:
+        for optimum in history.optima:
             sides = walked.outside(q.unknowns, optimum.solved.theta)
             noise = here.view.allowed.noise
             if walked.better is None and sides and within(here.attempt, optimum, q.unknowns, noise):
-                there = _profile(_moved(optimum, q, Trail()), here, along, q, sides)
+                there = _profile(_moved(optimum, q, History()), here, along, q, sides)
                 walked = walked.joined(there, q.unknowns)
-    here = replace(here, trail=replace(trail, met=walked.met, samples=samples))
+    here = replace(here, history=replace(history, met=walked.met, samples=samples))
     return _with_walk(here, walked, q) if walked.better is None else _at_better(here, walked, walked.better, q, last)
 
 
@@ -304,7 +304,7 @@ def _profile(
     """The walks from a place: the answer, or an optimum beside it that the data hardly tell from it. That is walked
     from for itself, on the sides that do not hold it: where a slip has another phase the curves have another form,
     and no walk leads from the one to the other."""
-    seen, trail = place.view.allowed, answer.trail
+    seen, history = place.view.allowed, answer.history
     return profile(
         place.attempt.fitted_logs,
         place.attempt.solved,
@@ -312,13 +312,13 @@ def _profile(
         seen.white,
         q.progress,
         answer.view.allowed.noise,
-        memory=seen.remembered,
-        beside=seen.memory / seen.remembered,
+        memory=seen.variance_inflation,
+        beside=seen.memory / seen.variance_inflation,
         steps=CURVE_STEPS if q.asked.profile and place is answer else 1,
         only=along,
         sides=sides,
-        optima=[optimum.solved for optimum in trail.optima] if place is answer else (),
-        before=trail.met if place is answer and trail.samples == place.attempt.solved.problem.samples else (),
+        optima=[optimum.solved for optimum in history.optima] if place is answer else (),
+        before=history.met if place is answer and history.samples == place.attempt.solved.problem.samples else (),
     )
 
 
@@ -329,7 +329,7 @@ def _with_walk(here: Examined, walked: Profiles, q: Question) -> Examined:
 
 def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Question, last: bool) -> Examined:
     """At the better place that a walk met, where the solver settles there."""
-    theta, trail = here.attempt.solved.theta, here.trail
+    theta, history = here.attempt.solved.theta, here.history
     moved = run_strategy(
         Strategy.PROFILE_OPTIMUM,
         lambda: _settled(here.attempt, better, q.unknowns),
@@ -348,8 +348,8 @@ def _at_better(here: Examined, walked: Profiles, better: ProfilePoint, q: Questi
     if not converged:
         moved = replace(moved, gate=_another_start(moved, q.unknowns, walked.gain, better, q.base))
     if inside:  # the data hardly prefer the one to the other
-        trail = replace(trail, optima=(*trail.optima, here.attempt))
-    return _moved(moved, q, trail, walked.seen_from(q.unknowns, moved.solved.theta) if last else None)
+        history = replace(history, optima=(*history.optima, here.attempt))
+    return _moved(moved, q, history, walked.seen_from(q.unknowns, moved.solved.theta) if last else None)
 
 
 def _settled(attempt: Attempt, better: ProfilePoint, unknowns: Unknowns) -> Attempt:

@@ -19,7 +19,7 @@ from data_io.arrays import thinned
 from identify.base.outcome import Status
 from identify.base.quantiles import normal
 from identify.base.wording import START_VALUES
-from identify.estimation.residual_autocorrelation import CLOSE, MORE, remembered
+from identify.estimation.residual_autocorrelation import CLOSE, MORE, autocorrelation_test
 from identify.estimation.strained import odd_stick, scatter_words, strained_load
 from identify.logs.log_data import LogData
 from identify.logs.spectrum import Swing, hidden_rhythm
@@ -300,10 +300,12 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     slow = status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and chi2 < 1.0 + MORE
     fitted = solved.fitted if slow or status is Status.CONVERGED else []
     if slow:
-        known = remembered(solved.problem.logs, solved.trajectories, fitted, noise_estimated, squares, counts, log)
+        known = autocorrelation_test(
+            solved.problem.logs, solved.trajectories, fitted, noise_estimated, squares, counts, log
+        )
         if known is not None:
             level = known.levels[log]
-            again = (squares - level * counts) / (known.slowness[log] * level * spread)
+            again = (squares - level * counts) / (known.spread_inflation[log] * level * spread)
             likely = _judge(solved, 1.0, allowed, again, log, cycle, names)[0]
             if likely is Status.CONVERGED:
                 levels, z, status, suspects = known.levels, again, likely, ""

@@ -20,11 +20,11 @@ from identify.estimation.attempt import (
     Attempt,
     solve_again_with_priors,
     solve_from,
-    solve_or_hold,
+    solve_or_continue,
     stalled,
     usable,
 )
-from identify.estimation.residual_autocorrelation import Remembering
+from identify.estimation.residual_autocorrelation import NoiseAutocorrelation
 from identify.estimation.starts import (
     apart,
     distinguishable,
@@ -139,7 +139,7 @@ FAR = 2.0  # of the spread of a logarithm: a factor of about three; of a coeffic
 
 
 def lowest_optimum(
-    attempt: Attempt, unknowns: Unknowns, seed: int, noise: Remembering
+    attempt: Attempt, unknowns: Unknowns, seed: int, noise: NoiseAutocorrelation
 ) -> tuple[Attempt, list[Attempt]]:
     """Return the lowest place (the preferred one) to which starts lead that are thrown about an answer, and about a
     lower one once more; and the other optima within its joint region: of all looks, and the answer given where it was
@@ -166,7 +166,7 @@ def lowest_optimum(
 
 
 def optima_about(
-    attempt: Attempt, unknowns: Unknowns, seed: int, noise: Remembering, *, own: bool = True
+    attempt: Attempt, unknowns: Unknowns, seed: int, noise: NoiseAutocorrelation, *, own: bool = True
 ) -> list[Attempt]:
     """Return the answers at which solves from thrown starts settle, the lowest first; all lie below the one given, or
     where the data object no more than within its joint region. That answer itself may be among them.
@@ -190,7 +190,7 @@ def optima_about(
     return sorted(there, key=_cost)
 
 
-def preferred(other: Attempt, attempt: Attempt, unknowns: Unknowns, noise: Remembering) -> bool:
+def preferred(other: Attempt, attempt: Attempt, unknowns: Unknowns, noise: NoiseAutocorrelation) -> bool:
     """Whether another answer takes the place of one: it is lower; but of two that the data do not tell apart it is the
     one whose contact strengthens at rest."""
     one, two = (weakens(unknowns, tried.solved.theta) for tried in (attempt, other))
@@ -210,7 +210,7 @@ def _cost(attempt: Attempt) -> float:
     return attempt.solved.solution.cost
 
 
-def within(attempt: Attempt, other: Attempt, unknowns: Unknowns, noise: Remembering) -> bool:
+def within(attempt: Attempt, other: Attempt, unknowns: Unknowns, noise: NoiseAutocorrelation) -> bool:
     """Whether another answer, of the same samples, lies below one, or where the data object to it no more than within
     the joint region of that one."""
     if other.solved.problem.samples != attempt.solved.problem.samples:
@@ -218,7 +218,7 @@ def within(attempt: Attempt, other: Attempt, unknowns: Unknowns, noise: Remember
     return objection(attempt, other, noise) < chi_square(LEVEL, int(np.sum(unknowns.free)))
 
 
-def objection(attempt: Attempt, other: Attempt, noise: Remembering) -> float:
+def objection(attempt: Attempt, other: Attempt, noise: NoiseAutocorrelation) -> float:
     """What the data object to another answer, of the same samples, as a loss in white noise; nothing where it lies
     lower."""
     loss = 2.0 * (_cost(other) - _cost(attempt))
@@ -249,7 +249,7 @@ def _settled(attempt: Attempt, unknowns: Unknowns) -> Attempt | None:
     logs = list(attempt.fitted_logs)
     found = run_strategy(
         Strategy.OTHER_OPTIMA,
-        lambda: solve_or_hold(logs, usable(logs), unknowns, _cost(attempt) + COST_CUTOFF),
+        lambda: solve_or_continue(logs, usable(logs), unknowns, _cost(attempt) + COST_CUTOFF),
         attempt,
         attempt.log_numbers,
     )

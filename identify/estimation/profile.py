@@ -17,7 +17,7 @@ from identify.base.progress import Progress
 from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.covariance import WEAK
 from identify.estimation.profile_line import ProfileLine, ProfilePoint
-from identify.estimation.residual_autocorrelation import Remembering
+from identify.estimation.residual_autocorrelation import NoiseAutocorrelation
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import rhythmic
@@ -237,7 +237,7 @@ def profile(
     unknowns: Unknowns,
     covariance: Array,
     progress: Progress,
-    noise: Remembering,
+    noise: NoiseAutocorrelation,
     *,
     memory: Array | None = None,
     beside: Array | None = None,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
-from identify.estimation.residual_autocorrelation import UNCHANGED, CurveChange, Remembering
+from identify.estimation.residual_autocorrelation import UNCHANGED, CurveChange, NoiseAutocorrelation
 from identify.logs.log_data import Grid, LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
@@ -81,7 +81,7 @@ class Ground:
     unknowns: Unknowns
     soft: Unknowns
     size: Array
-    noise: Remembering
+    noise: NoiseAutocorrelation
     curves: list[Array]
 
     @classmethod
@@ -91,7 +91,7 @@ class Ground:
         solved: Solved,
         unknowns: Unknowns,
         size: Array,
-        noise: Remembering,
+        noise: NoiseAutocorrelation,
         steps: int = STEPS,
     ) -> Ground:
         """The ground about an answer; size (f,): standard errors of the free parameters there; steps: RK4 steps per
@@ -136,7 +136,7 @@ class Ground:
             free[held] = False
         problem = shooting_problem(list(self.logs), trajectories, replace(self.soft, start=theta, free=free), self.grid)
         solution = solve(problem, mu_init=1e-6, iterations=PATIENCE, exact=True)
-        if not (solution.success and solution.infeasibility < CLOSED and np.all(np.isfinite(solution.x))):
+        if not (solution.success and solution.constraint_violation < CLOSED and np.all(np.isfinite(solution.x))):
             return None
         return self.point(problem, trajectories, solution.z, solution.cost, theta, held)
 
@@ -178,7 +178,7 @@ class ProfileLine:
 
     @classmethod
     def at(
-        cls, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, size: Array, noise: Remembering
+        cls, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, size: Array, noise: NoiseAutocorrelation
     ) -> ProfileLine:
         """The line through an answer, which is settled first; size (f,): standard errors of the free parameters."""
         line = cls._on(Ground.about(logs, solved, unknowns, size, noise), solved)

@@ -145,7 +145,7 @@ UNCHANGED = CurveChange()
 
 
 @dataclass(frozen=True)
-class Remembering:
+class NoiseAutocorrelation:
     """The noise of all logs: per log the weights of its samples (n,) 1/variance [1/N^2], its colour, and its variance
     over that of the weights."""
 
@@ -211,15 +211,15 @@ CHANCE = 1e-3  # that the cycles of noise have so much in common: below, it is a
 
 
 @dataclass(frozen=True)
-class Remembered:
-    """Noise with a memory: levels (logs,), the variance of the residuals over that measured in the sticks; slowness
-    (logs,), by how much its memory widens the spread of a sum of squares."""
+class AutocorrelationTest:
+    """Noise with a memory: levels (logs,), the variance of the residuals over that measured in the sticks;
+    spread_inflation (logs,), by how much its memory widens the spread of a sum of squares."""
 
     levels: Array
-    slowness: Array
+    spread_inflation: Array
 
 
-def remembered(
+def autocorrelation_test(
     logs: Sequence[LogData],
     trajectories: Sequence[ShootingTrajectory],
     fitted: Sequence[Array],
@@ -227,7 +227,7 @@ def remembered(
     squares: Array,
     counts: Array,
     log: Indices,
-) -> Remembered | None:
+) -> AutocorrelationTest | None:
     """What the residuals are, if they are noise with a memory; None where they are not, or too few cycles tell.
 
     Where no log leaves more than the noise of its sticks, they are noise on the whole, and the memory only widens the
@@ -238,7 +238,7 @@ def remembered(
             its noise is from its sticks; squares, counts, log (c,): weighted squares and number of the samples of each
             cycle, and its log.
     """
-    levels, slowness, stacks = np.ones(len(logs)), np.ones(len(logs)), []
+    levels, spread_inflation, stacks = np.ones(len(logs)), np.ones(len(logs)), []
     for number, (data, trajectory, curve) in enumerate(zip(logs, trajectories, fitted, strict=True)):
         mine = log == number
         level = float(squares[mine].sum() / max(counts[mine].sum(), 1.0))
@@ -247,15 +247,17 @@ def remembered(
         residual = np.where(data.weight > 0, data.force - curve, np.nan) / data.noise
         noise = colour(residual)
         if noise_estimated[number] and not noise.white:
-            levels[number], slowness[number] = max(level, 1.0), float(np.sqrt(_summed_squares(noise)))
+            levels[number], spread_inflation[number] = max(level, 1.0), float(np.sqrt(_summed_squares(noise)))
         if level > 1.0 + CLOSE:
             stacks.append(by_phase(data.time, residual, trajectory))
     if not stacks:
-        return Remembered(levels, slowness) if np.max(slowness) > 1.0 else None
+        return AutocorrelationTest(levels, spread_inflation) if np.max(spread_inflation) > 1.0 else None
     rows = [len(stack) for stack in stacks]
     if min(rows) < OF_EACH or sum(rows) < FEWEST_CYCLES:
         return None
-    return Remembered(levels, slowness) if in_common(stacks, np.random.default_rng(0)) > CHANCE else None
+    return (
+        AutocorrelationTest(levels, spread_inflation) if in_common(stacks, np.random.default_rng(0)) > CHANCE else None
+    )
 
 
 def _summed_squares(noise: Colour) -> float:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
-from identify.estimation.attempt import FIRST, Attempt, solve_from, solve_held, stalled, usable
+from identify.estimation.attempt import FIRST, Attempt, solve_by_continuation, solve_from, stalled, usable
 from identify.estimation.events import join, with_events_mended
 from identify.estimation.goodness_of_fit import PER_CYCLE
 from identify.estimation.starts import Sources, slips_one_by_one, starts_of
@@ -192,7 +192,7 @@ def _prior_continuation(state: _Progressing, strategy: Strategy, _starts: Iterat
     problem.progress("holding what the logs do not tell", 0.7)
 
     def solve(theta: Array) -> Attempt | None:
-        return solve_held(problem.prepared, state.logs, state.at(theta))
+        return solve_by_continuation(problem.prepared, state.logs, state.at(theta))
 
     yield from _again_from(state, strategy, state.lost, solve)
 
@@ -287,7 +287,7 @@ def _held(state: _Progressing, prepared: list[Prepared], at: Unknowns, attempt: 
     state.problem.progress("holding what the logs do not tell", 0.7)
     return run_strategy(
         Strategy.PRIOR_CONTINUATION,
-        lambda: solve_held(prepared, state.logs, at, FIRST),
+        lambda: solve_by_continuation(prepared, state.logs, at, FIRST),
         attempt,
         state.logs,
     )

@@ -30,7 +30,7 @@ from identify.base.result import (
 )
 from identify.diagnosis.choice import Choice, as_listed, effects_result
 from identify.diagnosis.findings import Findings, held_results
-from identify.estimation.agreement import slowness
+from identify.estimation.agreement import largest_inflation
 from identify.estimation.covariance import FARTHEST, Estimate
 from identify.estimation.strained import stick_scatter
 from identify.estimation.tolerances import added_by_tolerances
@@ -368,7 +368,7 @@ def _with_second_intervals(
     assert found.information is not None and found.attempt is not None
     unknowns, solved = found.unknowns, found.attempt.solved
     values = unknowns.values(solved.theta, found.attempt.fitted_logs[0].data.base)
-    memory = slowness(found.attempt, found.sure.colours) if found.sure is not None else 1.0
+    memory = largest_inflation(found.attempt, found.sure.colours) if found.sure is not None else 1.0
     added = added_by_tolerances(found.information, values, tolerances, memory)
     by_name = dict(zip(np.array(unknowns.names)[unknowns.free].tolist(), (NORMAL * added).tolist(), strict=True))
     logarithmic = dict(zip(unknowns.names, unknowns.logarithmic.tolist(), strict=True))

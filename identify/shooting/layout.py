@@ -135,7 +135,7 @@ class Layout:
         return pull
 
     @property
-    def prior_bend(self) -> tuple[Array, Array]:
+    def prior_hessian(self) -> tuple[Array, Array]:
         """Hessian of the same: its diagonal (n,), and the entries (v,) that join `varied` with what they are about."""
         diagonal = 1.0 / self.prior_sd**2
         joins = -diagonal[self.varied]

@@ -190,7 +190,7 @@ def _in_passes(
     grid, tolerance, mu_init = COARSE, 1e-3, 1e-4
     iterations, transcription_seconds = 0, 0.0
     solved: Solved | None = None
-    bent = False
+    exact = False
     been, finest = list[Array](), min(log.interval for log in logs)  # events after each fine pass
     hidden = any(_interval(log, trajectory) < log.interval for log, trajectory in zip(logs, trajectories, strict=True))
     for number in range(1, (LONGEST if hidden else MOST_PASSES) + 1):
@@ -200,8 +200,8 @@ def _in_passes(
         problem = shooting_problem(calm if coarse else logs, trajectories, unknowns, grid, pattern=pattern)
         transcription_seconds += time.perf_counter() - since
         slips = sum(trajectory.arrests for trajectory in trajectories)
-        tried = _tried(problem, tolerance, mu_init, bent, slips)
-        solution, bent = tried.solution, tried.bent
+        tried = _tried(problem, tolerance, mu_init, exact, slips)
+        solution, exact = tried.solution, tried.exact
         iterations += tried.iterations
         theta = unknowns.start.copy()
         theta[problem.layout.free] = solution.x[: problem.layout.free.size]
@@ -242,7 +242,7 @@ def _last(solved: Solved, cost_cutoff: float) -> bool:
     solution, fine = solved.solution, solved.grid is not COARSE
     misfit = 2.0 * solution.cost / max(solved.problem.samples, 1)
     far = misfit > LOST_MISFIT if not solution.success else solved.passes >= PASSES and misfit > ALL_BUT
-    broken = not solution.success and (fine or solution.infeasibility > CLOSED)
+    broken = not solution.success and (fine or solution.constraint_violation > CLOSED)
     if solution.cost > cost_cutoff or far or broken or not np.all(np.isfinite(solution.x)):
         return True
     return (
@@ -263,18 +263,18 @@ class _PassResult:
 
     solution: Solution
     iterations: int
-    bent: bool
+    exact: bool
 
 
-def _tried(problem: Problem, tolerance: float, mu_init: float, bent: bool, slips: int) -> _PassResult:
+def _tried(problem: Problem, tolerance: float, mu_init: float, exact: bool, slips: int) -> _PassResult:
     """Solve one pass with Gauss-Newton, where that creeps or wanders with the exact Hessian.
 
     Args:
-        bent: the pass before took the exact Hessian: its answer is near, and Gauss-Newton would leave it again;
+        exact: the pass before took the exact Hessian: its answer is near, and Gauss-Newton would leave it again;
             slips: in all logs.
     """
     iterations = 0
-    if bent:
+    if exact:
         solution = solve(problem, tolerance=tolerance, mu_init=mu_init, iterations=PATIENCE, exact=True)
         if solution.success:
             return _PassResult(solution, solution.iterations, True)
@@ -282,10 +282,10 @@ def _tried(problem: Problem, tolerance: float, mu_init: float, bent: bool, slips
     for most in (PATIENCE,) if slips < MANY else (ENOUGH, BRIEF):
         solution = solve(problem, tolerance=tolerance, mu_init=mu_init, iterations=most)
         iterations += solution.iterations
-        follows = solution.infeasibility < FOLLOWS and 2.0 * solution.cost < ALL_BUT * problem.samples
+        follows = solution.constraint_violation < FOLLOWS and 2.0 * solution.cost < ALL_BUT * problem.samples
         if solution.success or follows:
             break
-    if solution.success or not solution.infeasibility < NEAR or time_is_up():
+    if solution.success or not solution.constraint_violation < NEAR or time_is_up():
         return _PassResult(solution, iterations, False)
     # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.
     near = 2.0 * solution.cost < ALMOST * problem.samples
@@ -293,7 +293,11 @@ def _tried(problem: Problem, tolerance: float, mu_init: float, bent: bool, slips
     patience = (1 + (near and vibrating)) * PATIENCE
     solution = solve(problem, tolerance=tolerance, iterations=patience, exact=True, start=solution.z)
     iterations += solution.iterations
-    if not solution.success and solution.infeasibility < HANGS and 2.0 * solution.cost < ALMOST * problem.samples:
+    if (
+        not solution.success
+        and solution.constraint_violation < HANGS
+        and 2.0 * solution.cost < ALMOST * problem.samples
+    ):
         # The motion hangs together and is near: what is left is the way along a valley.
         solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, exact=True, start=solution.z)
         iterations += solution.iterations

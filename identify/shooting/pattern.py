@@ -283,7 +283,7 @@ class Pattern:
 
     def entries(self) -> tuple[Array, Array]:
         """Room for the entries that count, of the Jacobian and of the Hessian, behind which come those of the priors
-        (`Layout.prior_bend`)."""
+        (`Layout.prior_hessian`)."""
         return np.empty(self.counts[0]), np.zeros(self._hessian_slot.size)
 
     def jacobian(self, entries: Array, scale: Array) -> sp.csc_matrix:

@@ -190,7 +190,7 @@ class Problem:
         rows, cost = np.zeros(layout.rows), 0.5 * float(np.sum(prior**2))
         gradient = layout.prior_pull(prior) * scale
         curves, (in_jacobian, in_hessian) = [], self.pattern.entries()
-        in_hessian[self.pattern.counts[1] :] = np.concatenate(layout.prior_bend)
+        in_hessian[self.pattern.counts[1] :] = np.concatenate(layout.prior_hessian)
         for family, moments, scatter in zip(layout.families, self.moments, self.pattern.families, strict=True):
             slots, curve, pull = family.slot_values(x), np.empty_like(moments.reference), np.empty(family.slots.shape)
             for part in scatter.parts:

@@ -62,7 +62,7 @@ class Solution:
     success: bool
     iterations: int
     cost: float
-    infeasibility: float
+    constraint_violation: float
     multipliers: Array
 
 
@@ -165,7 +165,7 @@ def _left_by(problem: Problem, result: Mapping[str, Any], stats: Mapping[str, An
         success=bool(stats["success"]),
         iterations=int(stats["iter_count"]),
         cost=point.cost,
-        infeasibility=float(np.max(np.abs(point.rows), initial=0.0)),
+        constraint_violation=float(np.max(np.abs(point.rows), initial=0.0)),
         multipliers=np.array(result["lam_g"]).ravel(),
     )
 

@@ -15,7 +15,7 @@ from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
 from identify.diagnosis import findings as held
 from identify.estimation import agreement
-from identify.estimation.agreement import Pull, contradiction, pulls
+from identify.estimation.agreement import LogScore, contradiction
 from identify.identification import find
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -40,7 +40,7 @@ def _pulls(designs, seen):
     answer = covariance @ sum(x.T @ y for x, y in zip(designs, seen, strict=True))
     moves = np.stack([covariance @ x.T @ (y - x @ answer) for x, y in zip(designs, seen, strict=True)])
     spreads = np.stack([covariance @ x.T @ x @ covariance for x in designs])
-    return pulls(moves, spreads), answer
+    return scores_of(moves, spreads), answer
 
 
 def test_a_pull_is_the_distance_between_a_log_alone_and_the_others_alone():
@@ -124,7 +124,11 @@ def test_a_log_is_blamed_only_where_the_fit_without_it_is_another():
     unknowns = from_scene(scene)
     theta, size = unknowns.start, int(np.count_nonzero(unknowns.free))
     far = theta + np.where(np.array(unknowns.names) == "a", np.log(2.0), 0.0)
-    found = [Pull(0, 200.0, 2, np.full(size, 0.5)), Pull(1, 1.0, 2, np.zeros(size)), Pull(2, 0.0, 0, np.zeros(size))]
+    found = [
+        LogScore(0, 200.0, 2, np.full(size, 0.5)),
+        LogScore(1, 1.0, 2, np.zeros(size)),
+        LogScore(2, 0.0, 0, np.zeros(size)),
+    ]
     at = (found, unknowns, theta, unknowns.base(RIG), ["one.csv", "two.csv"])
     assert "one.csv contradicts" in contradiction(*at)
     assert "without it a is" in contradiction(*at, lambda _log: far)

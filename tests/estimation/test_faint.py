@@ -126,7 +126,9 @@ def test_slips_that_rest_by_a_hair_are_solved_both_ways() -> None:
 def test_a_solver_that_fails_on_such_a_rest_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
     # Whether it fails there, or comes to an end, is a matter of rounding: it differs from machine to machine.
     (prepared, unknowns), tried, both = both_ways()
-    gave_up = replace(tried[0].solved, solution=replace(tried[0].solved.solution, success=False, infeasibility=1.0))
+    gave_up = replace(
+        tried[0].solved, solution=replace(tried[0].solved.solution, success=False, constraint_violation=1.0)
+    )
     given = iter([replace(tried[0], solved=gave_up), both])
     monkeypatch.setattr(attempt, "_solved", lambda *_: next(given))
     assert solve_from(prepared, [0, 2], unknowns) is both

@@ -13,7 +13,7 @@ import pytest
 import identify.estimation.goodness_of_fit as room
 from identify.base.outcome import Status
 from identify.estimation.goodness_of_fit import pass_gate
-from identify.estimation.residual_autocorrelation import Remembered
+from identify.estimation.residual_autocorrelation import AutocorrelationTest
 from identify.shooting.passes import COARSE, Solved, solve_in_passes
 from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 from tests.support import shooting_case as case
@@ -231,7 +231,7 @@ def test_a_cycle_with_more_noise_is_none_too_many_where_the_noise_has_a_memory(m
     loud, exact = _fit(louder), np.ones(2)
     refused = pass_gate(loud, NAMES, EXACT)
     assert refused.status is Status.MODEL_MISFIT and 6 < refused.z[refused.worst] < 12
-    monkeypatch.setattr(room, "remembered", lambda *_: Remembered(exact, 2.0 * exact))
+    monkeypatch.setattr(room, "autocorrelation_test", lambda *_: AutocorrelationTest(exact, 2.0 * exact))
     passed = pass_gate(loud, NAMES, EXACT)
     assert passed.status is Status.CONVERGED and passed.z[passed.worst] == pytest.approx(refused.z[refused.worst] / 2)
     assert "noise with a memory" in passed.message and "in common" not in passed.message, "that was not looked at"

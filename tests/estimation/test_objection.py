@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identify.estimation.residual_autocorrelation import Colour, CurveChange, Remembering
+from identify.estimation.residual_autocorrelation import Colour, CurveChange, NoiseAutocorrelation
 
 SD, CORRELATION, SAMPLES = 0.02, 0.8, 4000
 WHITE = Colour(np.empty(0), 1.0)
 SLOW = Colour(np.array([CORRELATION]), 1.0 - CORRELATION**2)
 
 
-def remembering(*colours: Colour, levels: tuple[float, ...] | None = None) -> Remembering:
+def remembering(*colours: Colour, levels: tuple[float, ...] | None = None) -> NoiseAutocorrelation:
     weights = tuple(np.full(SAMPLES, SD**-2) for _ in colours)
-    return Remembering(weights, colours, levels or (1.0,) * len(colours))
+    return NoiseAutocorrelation(weights, colours, levels or (1.0,) * len(colours))
 
 
 def bump(width: float, size: float = 0.01) -> np.ndarray:
@@ -71,7 +71,7 @@ def test_logs_count_by_their_own_noise_level_and_weight():
     both = noise.change([nothing, nothing], [there, there])
     assert of_white.memory(0.0) == pytest.approx(2.0)
     assert both.remembered == pytest.approx(of_white.remembered + of_slow.remembered)
-    masked = Remembering((np.zeros(SAMPLES),), (SLOW,), (1.0,)).change([nothing], [there])
+    masked = NoiseAutocorrelation((np.zeros(SAMPLES),), (SLOW,), (1.0,)).change([nothing], [there])
     assert masked.moved == 0.0 and masked.objection(3.0) == 3.0
     assert noise.change([nothing * np.nan] * 2, [there] * 2).moved == 0.0
 

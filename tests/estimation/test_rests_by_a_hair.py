@@ -57,7 +57,7 @@ def test_what_such_a_slip_tells_is_true(record: Record, monkeypatch: pytest.Monk
     wrong, ends = off(record)
     assert abs(wrong) < 2.5
     assert ends[:4] == ["arrest", "arrest", "arrest", "release"]
-    monkeypatch.setattr(SlideParts, "_rests_anyway", lambda _self, _released: True)
+    monkeypatch.setattr(SlideParts, "_rests_anyway", lambda _self, _with_weakening_priors: True)
     wrong, ends = off(record)
     assert ends[:4] == ["arrest"] * 4  # it is as brief as the others
     assert abs(wrong) > 5.0  # and the closed form starts from a rest that there is not

@@ -61,7 +61,7 @@ def test_starts_lie_around_a_neighbour_where_there_is_no_answer(monkeypatch):
     tried: list[np.ndarray] = []
     monkeypatch.setattr(room, "solve_from", lambda _prepared, _logs, unknowns, *_, **__: tried.append(unknowns.start))
     solved = first.attempt.solved
-    lost = replace(solved.solution, success=False, infeasibility=1.0)
+    lost = replace(solved.solution, success=False, constraint_violation=1.0)
     failed = replace(first.attempt, solved=replace(solved, solution=lost))
     a = first.unknowns.names.index("a")
     here, there = solved.theta, solved.theta.copy()

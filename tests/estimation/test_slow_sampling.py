@@ -49,7 +49,7 @@ def test_samples_that_change_sides_to_and_fro_end_the_passes(monkeypatch):
     began, placed = [], attempt.place_on
     monkeypatch.setattr(attempt, "PRIOR_SCHEDULE", (4.0, 1.0))
     monkeypatch.setattr(attempt, "place_on", lambda *where: began.append(where) or placed(*where))
-    assert attempt.solve_held(logs, attempt.usable(logs), start, ways=2) is None
+    assert attempt.solve_by_continuation(logs, attempt.usable(logs), start, ways=2) is None
     assert len(began) == 1, "nothing wandered off: to hold it less firmly leads to the same place"
 
 

@@ -37,13 +37,13 @@ def fitted():
     logs = [{"path": f"{i}.csv", "drive_speed": speed} for i, (speed, _, _) in enumerate(LOGS, 1)]
     seen = []
     with pytest.MonkeyPatch.context() as patch:
-        plain = agreement.pulls_of_logs
+        plain = agreement.log_scores
 
         def noted(*asked):
             seen[:] = plain(*asked)
             return seen
 
-        patch.setattr(agreement, "pulls_of_logs", noted)
+        patch.setattr(agreement, "log_scores", noted)
         scene = Scene.from_document({"effects": effects, "rig": RIG, "logs": logs}, Path())
         return fit(scene, records).result, list(seen)
 

@@ -21,7 +21,7 @@ from identify.estimation.covariance import information
 from identify.estimation.other_optima import optima_about, within
 from identify.estimation.profile import Profiles, Side, profile
 from identify.estimation.profile_line import ProfilePoint
-from identify.estimation.residual_autocorrelation import Colour, Remembering
+from identify.estimation.residual_autocorrelation import Colour, NoiseAutocorrelation
 from identify.estimation.starts import PlacedStart, distinguishable, held_starts, ranked
 from identify.logs.parting import parted
 from identify.logs.prepare import prepare
@@ -202,8 +202,8 @@ def test_where_noise_has_a_memory_a_valley_counts_that_white_noise_would_object_
     beside = replace(wrong.solved, solution=solution)
     beside.__dict__["fitted"] = [curves[0] + off, *curves[1:]]  # twice the limit, all along the first log
     other, levels = replace(wrong, solved=beside), (1.0,) * len(weights)
-    white = Remembering(weights, (Colour(np.empty(0), 1.0),) * len(weights), levels)
-    slow = Remembering(weights, (Colour(np.array([0.9]), 1.0 - 0.9**2),) * len(weights), levels)
+    white = NoiseAutocorrelation(weights, (Colour(np.empty(0), 1.0),) * len(weights), levels)
+    slow = NoiseAutocorrelation(weights, (Colour(np.array([0.9]), 1.0 - 0.9**2),) * len(weights), levels)
     assert not within(wrong, other, unknowns, white)
     assert within(wrong, other, unknowns, slow)
 
@@ -230,11 +230,11 @@ def test_a_place_on_a_ridge_without_end_counts_and_takes_nobodys_place(astray, m
     solution = replace(wrong.solved.solution, cost=wrong.solved.solution.cost - 1.0, success=False)
     gate = replace(wrong.gate, status=Status.SOLVER_FAILED, solver="Maximum_Iterations_Exceeded")
     stalled = replace(wrong, solved=replace(wrong.solved, solution=solution), gate=gate)
-    monkeypatch.setattr(room, "solve_or_hold", lambda *_: stalled)
+    monkeypatch.setattr(room, "solve_or_continue", lambda *_: stalled)
     answer, others = room.lowest_optimum(wrong, unknowns, 0, noise_of(wrong))
     assert answer is wrong and others and all(other.gate.status is Status.SOLVER_FAILED for other in others)
     misfit = replace(stalled, gate=replace(gate, chi2_per_sample=1.6))
-    monkeypatch.setattr(room, "solve_or_hold", lambda *_: misfit)
+    monkeypatch.setattr(room, "solve_or_continue", lambda *_: misfit)
     assert room.lowest_optimum(wrong, unknowns, 0, noise_of(wrong))[1] == [], "what does not fit says nothing"
 
 
@@ -250,7 +250,7 @@ def test_starts_with_one_parameter_held_in_turn_lead_to_a_valley_that_thrown_one
     place = np.where(unknowns.free, unknowns.theta(values, prepared[0].data.base), unknowns.start)
     starts = ranked(prepared, unknowns, held_starts(prepared, unknowns, place))
     best = islice(distinguishable(starts, chi2.ppf(0.95, 6)), 3)
-    found = (room.solve_or_hold(prepared, [0, 1], replace(unknowns, start=s.theta), 800.0) for s in best)
+    found = (room.solve_or_continue(prepared, [0, 1], replace(unknowns, start=s.theta), 800.0) for s in best)
     assert min(2.0 * each.solved.solution.cost for each in found) < 1062.0
 
 
@@ -307,8 +307,8 @@ def test_an_optimum_that_an_interval_does_not_hold_is_walked_from_on_that_side(a
 
     question = SimpleNamespace(unknowns=unknowns, asked=DEFAULT_OPTIONS)
     allowed = SimpleNamespace(noise=noise_of(wrong))
-    trail = examined.Trail(optima=(inside, other, ruled_out))
-    here = examined.Examined(wrong, None, None, SimpleNamespace(allowed=allowed), trail)
+    history = examined.History(optima=(inside, other, ruled_out))
+    here = examined.Examined(wrong, None, None, SimpleNamespace(allowed=allowed), history)
     monkeypatch.setattr(examined, "_profile", walks)
     monkeypatch.setattr(examined, "_along", lambda *_: None)
     monkeypatch.setattr(examined, "_moved", lambda attempt, *_: replace(here, attempt=attempt))

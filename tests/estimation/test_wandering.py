@@ -21,7 +21,7 @@ def test_a_search_that_wanders_off_starts_again_with_what_is_not_told_held(monke
     scene, records = replace(scene, logs=scene.logs[2:3]), case.records[2:3]
     unknowns = from_scene(scene)
     logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-    solve_from, solve_held, tried = room.solve_from, room.solve_held, list[np.ndarray]()
+    solve_from, solve_by_continuation, tried = room.solve_from, room.solve_by_continuation, list[np.ndarray]()
 
     def wandering(*given):
         """As a solver does on a ridge: no answer, though the start was placed."""
@@ -31,10 +31,10 @@ def test_a_search_that_wanders_off_starts_again_with_what_is_not_told_held(monke
 
     def holding(prepared, chosen, unknowns):
         tried.append(unknowns.start)
-        return solve_held(prepared, chosen, unknowns) if held else None
+        return solve_by_continuation(prepared, chosen, unknowns) if held else None
 
     monkeypatch.setattr(room, "solve_from", wandering)
-    monkeypatch.setattr(room, "solve_held", holding)
+    monkeypatch.setattr(room, "solve_by_continuation", holding)
     found, _ = room.search(room.SearchProblem(logs, unknowns))
     assert found is not None and (found.gate.status is Status.CONVERGED) == held
     assert len(tried) == 1 if held else len(tried) > 1  # the first way that is found is taken

@@ -23,7 +23,7 @@ def test_among_hundreds_of_slips_the_exact_hessian_comes_sooner(monkeypatch, sli
 
     def creeping(_problem, *, iterations, exact=False, **_):
         asked.append((iterations, exact))
-        return SimpleNamespace(success=exact, iterations=iterations, infeasibility=row, cost=0.5, z=None)
+        return SimpleNamespace(success=exact, iterations=iterations, constraint_violation=row, cost=0.5, z=None)
 
     monkeypatch.setattr(passes, "solve", creeping)
     unknowns = SimpleNamespace(model=SimpleNamespace(vibrates=False))
@@ -41,7 +41,7 @@ def test_a_motion_that_hangs_together_is_followed_to_the_end_of_its_valley(monke
         asked.append((exact, start))
         arrived = exact and start == "exact"
         where = "exact" if exact else "plain"
-        return SimpleNamespace(success=arrived, iterations=iterations, infeasibility=row, cost=0.5, z=where)
+        return SimpleNamespace(success=arrived, iterations=iterations, constraint_violation=row, cost=0.5, z=where)
 
     monkeypatch.setattr(passes, "solve", in_a_valley)
     unknowns = SimpleNamespace(model=SimpleNamespace(vibrates=False))

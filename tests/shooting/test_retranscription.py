@@ -52,7 +52,7 @@ def test_every_parameter_is_where_a_walk_would_put_it(per, tremor):
     assert not np.all(unknowns.free)
     again, at = problem.with_all_parameters(unknowns, z)
     walked = transcribe(data, trajectories, replace(unknowns, free=np.ones(len(unknowns.names), bool)), SMALL)
-    for name in ("free", "scale", "start", "lower", "upper", "events", "prior_mean", "prior_sd"):
+    for name in ("free", "scale", "start", "lower", "upper", "prior_mean", "prior_sd"):
         np.testing.assert_array_equal(getattr(again.layout, name), getattr(walked, name), err_msg=name)
     for mine, theirs in zip(again.layout.places, walked.places, strict=True):
         for name in ("start", "until", "nodes", "deviation", "own", "slip_deviation", "strength"):

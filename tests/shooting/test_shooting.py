@@ -256,7 +256,7 @@ def test_the_truth_solves_the_rows_and_has_the_event_times_of_the_independent_in
         solution = solve(problem)
         trajectories = [place.read(g, solution.x) for place, g in zip(layout.places, trajectories, strict=True)]
     assert solution.success
-    assert solution.infeasibility < 1e-9
+    assert solution.constraint_violation < 1e-9
     assert solution.cost < 1e-3
     for log, trajectory in zip(logs, trajectories, strict=True):
         assert np.max(np.abs(trajectory.onset - log.truth.onsets[: log.cycles])) < 1e-6
@@ -273,7 +273,7 @@ def test_the_passes_end_where_the_noise_is():
     trajectories = case.placed(unknowns, logs, problem.logs, COARSE)
     solved = solve_in_passes(problem.logs, trajectories, unknowns)
     assert solved.solution.success
-    assert solved.solution.infeasibility < 1e-9
+    assert solved.solution.constraint_violation < 1e-9
     assert solved.event_shift < 0.5
     chi2 = 2 * solved.solution.cost / solved.problem.samples
     assert abs(chi2 - 1.0) < 5 * np.sqrt(2 / solved.problem.samples)

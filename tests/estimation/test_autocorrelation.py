@@ -15,7 +15,7 @@ from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
 from identify.estimation import goodness_of_fit as gate
 from identify.estimation.goodness_of_fit import pass_gate
-from identify.estimation.residual_autocorrelation import CHANCE, in_common, remembered
+from identify.estimation.residual_autocorrelation import CHANCE, autocorrelation_test, in_common
 from identify.identification import find
 from identify.model.model import assemble
 from identify.scene import Scene
@@ -92,10 +92,12 @@ def test_noise_as_large_as_in_the_sticks_may_scatter_more_from_cycle_to_cycle(co
     trajectory = SimpleNamespace(arrest=np.linspace(1.0, 19.0, 10), onset=np.linspace(0.9, 18.9, 10))
     pieces = np.array_split((force / WHITE) ** 2, 10)
     squares, counts = np.array([p.sum() for p in pieces]), np.array([float(p.size) for p in pieces])
-    known = remembered([data], [trajectory], [np.zeros(count)], [not stated], squares, counts, np.zeros(10, int))
+    known = autocorrelation_test(
+        [data], [trajectory], [np.zeros(count)], [not stated], squares, counts, np.zeros(10, int)
+    )
     if stated or correlation == 0.0:
         assert known is None
         return
     assert known is not None and known.levels[0] == pytest.approx(1.0, abs=0.02)
     # of a sum of squares of an autoregression of first order, against that of white noise
-    assert known.slowness[0] == pytest.approx(np.sqrt((1 + correlation**2) / (1 - correlation**2)), rel=0.05)
+    assert known.spread_inflation[0] == pytest.approx(np.sqrt((1 + correlation**2) / (1 - correlation**2)), rel=0.05)
