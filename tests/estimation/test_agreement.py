@@ -15,7 +15,7 @@ from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
 from identify.diagnosis import findings as held
 from identify.estimation import agreement
-from identify.estimation.agreement import LogScore, contradiction
+from identify.estimation.agreement import LogScore, contradiction, scores_of
 from identify.identification import find
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
