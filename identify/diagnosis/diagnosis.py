@@ -1,8 +1,8 @@
 """Why a model misfits: one thing at a time that may be wrong with rig or sensor is set free, and what explains the
 logs within their noise is named.
 
-A suspect explains a misfit where it alone takes it down to noise, or nearly all of it. What explains it is said,
-never silently taken over: the answer stays a misfit until the user mends the scene. Where no suspect does, it may be
+A hypothesis explains a misfit where it alone takes it down to noise, or nearly all of it. What explains it is said,
+never silently taken over: the answer stays a misfit until the user mends the scene. Where no hypothesis does, it may be
 that one log does not agree with the others.
 """
 
@@ -23,7 +23,7 @@ from identify.diagnosis.fitted import Fitted, as_it_ended, described, fits
 from identify.diagnosis.hypotheses import (
     GROSS,
     SLIGHT,
-    Suspect,
+    Hypothesis,
     found_and_stated,
     log_speeds,
     restraints,
@@ -69,14 +69,14 @@ STEP = 0.01  # of the value: about how well sticks tell it
 FARTHEST = 3.0  # of these steps that it is moved
 
 
-def refined(suspect: Suspect, fitted: Fitted, fit: Callable[[Fitted, Scene], Fitted]) -> Fitted:
-    """The fit with the value of a suspect where the misfit is least, near the one it was given; the fit as it is where
-    that is nowhere better.
+def refined(hypothesis: Hypothesis, fitted: Fitted, fit: Callable[[Fitted, Scene], Fitted]) -> Fitted:
+    """The fit with the value of a hypothesis where the misfit is least, near the one it was given; the fit as it is
+    where that is nowhere better.
 
     Args:
         fit: a scene from the values of a fit of one like it.
     """
-    nearby = suspect.nearby
+    nearby = hypothesis.nearby
     if nearby is None or not np.isfinite(fitted.excess):
         return fitted
     low, high = (fit(fitted, nearby(fitted.scene, 1.0 + step)) for step in (-STEP, STEP))
@@ -90,11 +90,11 @@ def refined(suspect: Suspect, fitted: Fitted, fit: Callable[[Fitted, Scene], Fit
 
 Array = NDArray[np.float64]
 
-REMAINS = 0.1  # share of the misfit that may remain for a suspect to be named
+REMAINS = 0.1  # share of the misfit that may remain for a hypothesis to be named
 PROMISING = 0.5  # share that may remain with a value that is only about right
 CLEAR = 0.005  # relative change of a rig value below which it is not called wrong
 TOLD = 25.0  # likelihood-ratio statistic by which one explanation is better than another
-NEAR = 3.0  # sum of squares per sample (in noise variances) up to which suspects start from the misfit's values
+NEAR = 3.0  # sum of squares per sample (in noise variances) up to which hypotheses start from the misfit's values
 ASKED = 16.0  # statistic that makes an answer that fits doubtful, where something else does so already
 ALIKE = 1e-3  # share of the samples by which fits may differ that are compared: the last stick is cut anew
 MATTERS = 0.05  # of its size by which a parameter must move for an answer that fits to be refused
@@ -116,7 +116,7 @@ def diagnose(
     if fits(ended):
         return None
     found: list[_Explanation] = []
-    freed_fits: list[tuple[Suspect, Fitted]] = []
+    freed_fits: list[tuple[Hypothesis, Fitted]] = []
     beside = (
         *restraints(scene, sitting(unknowns, attempt)),
         *ties(scene),
@@ -140,9 +140,9 @@ def diagnose(
 
 
 def _as_stated(
-    tried: list[tuple[Suspect, Fitted]], scene: Scene, records: Sequence[Record], ended: Fitted
+    tried: list[tuple[Hypothesis, Fitted]], scene: Scene, records: Sequence[Record], ended: Fitted
 ) -> Cause | None:
-    """The answer of the model as it is stated, where a suspect describes the logs and is no explanation, having the
+    """The answer of the model as it is stated, where a hypothesis describes the logs and is no explanation, having the
     value that is stated; None where there is none."""
     led = [fitted for _, fitted in tried if fits(fitted) and set(fitted.logs) >= set(ended.logs)]
     if not led:
@@ -152,8 +152,8 @@ def _as_stated(
 
 
 def _back(freed: Fitted, scene: Scene, records: Sequence[Record], ended: Fitted) -> Attempt | None:
-    """The answer of the model as it is stated, from the fit of a suspect, where it is nearer to the data: what was set
-    free may explain nothing but have led the search elsewhere."""
+    """The answer of the model as it is stated, from the fit of a hypothesis, where it is nearer to the data: what was
+    set free may explain nothing but have led the search elsewhere."""
     back = fit_beside(freed, scene, records)
     return back.attempt if _is_nearer(back, ended) else None
 
@@ -176,61 +176,62 @@ def _is_nearer(back: Fitted, ended: Fitted) -> bool:
 
 
 def _tried(
-    suspects: Sequence[Suspect], scene: Scene, prepared: Sequence[Prepared], fit: Callable[[Scene], Fitted]
-) -> list[tuple[Suspect, Fitted]]:
-    """Every suspect with what came of its fit, done in that way, where there is an answer."""
+    hypotheses: Sequence[Hypothesis], scene: Scene, prepared: Sequence[Prepared], fit: Callable[[Scene], Fitted]
+) -> list[tuple[Hypothesis, Fitted]]:
+    """Every hypothesis with what came of its fit, done in that way, where there is an answer."""
     out = []
-    for suspect in suspects:
+    for hypothesis in hypotheses:
         fitted = None
         if not may_run(Strategy.HYPOTHESES):
             break
         try:
-            freed = suspect.freed(scene, prepared)
+            freed = hypothesis.freed(scene, prepared)
             if freed is not None:
-                with as_one_trial(Strategy.HYPOTHESES, suspect.parameter):
+                with as_one_trial(Strategy.HYPOTHESES, hypothesis.parameter):
                     fitted = fit(freed)
         except (FitError, SceneError):
             continue
         if fitted is not None and fitted.attempt is not None:
-            out.append((suspect, fitted))
+            out.append((hypothesis, fitted))
     return out
 
 
 def _refined(
-    tried: list[tuple[Suspect, Fitted]], ended: Fitted, records: Sequence[Record]
-) -> list[tuple[Suspect, Fitted]]:
-    """Every suspect with its fit, of those that promise to explain the misfit with the value that does so best."""
+    tried: list[tuple[Hypothesis, Fitted]], ended: Fitted, records: Sequence[Record]
+) -> list[tuple[Hypothesis, Fitted]]:
+    """Every hypothesis with its fit, of those that promise to explain the misfit with the value that does so best."""
     return [
-        (suspect, refined(suspect, fitted, lambda near, scene: fit_from_values(near, scene, records)))
+        (hypothesis, refined(hypothesis, fitted, lambda near, scene: fit_from_values(near, scene, records)))
         if fitted.excess < PROMISING * ended.excess
-        else (suspect, fitted)
-        for suspect, fitted in tried
+        else (hypothesis, fitted)
+        for hypothesis, fitted in tried
     ]
 
 
 @dataclass(frozen=True)
 class _Explanation:
-    """A suspect that explains a misfit: the fit with it free, the words that name it, and whether the scene says it."""
+    """A hypothesis that explains a misfit: the fit with it free, the words that name it, and whether the scene says
+    it."""
 
     fitted: Fitted
     words: str
     restrains: bool
 
 
-def _explanations(tried: list[tuple[Suspect, Fitted]], scene: Scene, ended: Fitted) -> list[_Explanation]:
-    """Every suspect that explains a misfit, in all its logs: without one of them less is left in any case. What is of
-    one log alone has to explain it whole."""
+def _explanations(tried: list[tuple[Hypothesis, Fitted]], scene: Scene, ended: Fitted) -> list[_Explanation]:
+    """Every hypothesis that explains a misfit, in all its logs: without one of them less is left in any case. What is
+    of one log alone has to explain it whole."""
     found, excess = [], ended.excess
-    for suspect, fitted in tried:
-        nearly = np.isfinite(excess) and fitted.excess < REMAINS * excess and not suspect.logs
+    for hypothesis, fitted in tried:
+        nearly = np.isfinite(excess) and fitted.excess < REMAINS * excess and not hypothesis.logs
         if not (fits(fitted) or nearly) or not set(fitted.logs) >= set(ended.logs):
             continue
-        value, stated = found_and_stated(suspect, fitted, scene)
+        value, stated = found_and_stated(hypothesis, fitted, scene)
         if stated > 0.0 and abs(value / stated - 1.0) < CLEAR:
             continue
         rest = "within the noise" if fits(fitted) else f"but for {100 * fitted.excess / excess:.2g} % of it"
-        words = f"{suspect.words(fitted, value, stated)} explains the misfit {rest}"
-        found.append(_Explanation(fitted, words, suspect.restrains))
+        words = f"{hypothesis.words(fitted, value, stated)} explains the misfit {rest}"
+        found.append(_Explanation(fitted, words, hypothesis.restrains))
     return found
 
 
@@ -280,9 +281,11 @@ def doubt(
         return None
     cleared = {h.name for h in findings.held if h.squared < ASKED / 2}
     rig = [s for s in SLIGHT if beyond and s.parameter not in cleared]
-    suspects = [*restraints(scene, sitting(unknowns, attempt)), *rig]
+    hypotheses = [*restraints(scene, sitting(unknowns, attempt)), *rig]
     found: list[_Gain] = []
-    for suspect, fitted in _tried(suspects, scene, prepared, lambda freed: _with_more(ended, freed, records, anew)):
+    for hypothesis, fitted in _tried(
+        hypotheses, scene, prepared, lambda freed: _with_more(ended, freed, records, anew)
+    ):
         gain = (ended.excess - fitted.excess) / memory
         if not gain > ASKED:
             continue
@@ -290,8 +293,8 @@ def doubt(
         back = back if back.attempt is None else replace(back, attempt=judged(back.attempt))
         if (ended.excess - back.excess) / memory > ASKED and back.logs == ended.logs and described(back):
             return Doubt(ANOTHER_ANSWER, gain, np.inf, "", back.attempt)
-        words = suspect.words(fitted, *found_and_stated(suspect, fitted, scene))
-        found.append(_Gain(gain, words, suspect.restrains, fitted))
+        words = hypothesis.words(fitted, *found_and_stated(hypothesis, fitted, scene))
+        found.append(_Gain(gain, words, hypothesis.restrains, fitted))
     if not found:
         return None
     found.sort(key=lambda each: -each.gain)
@@ -304,8 +307,8 @@ def doubt(
 
 @dataclass(frozen=True)
 class _Gain:
-    """A suspect without which an answer that fits is beaten: by how much chi^2 falls, the words that name it, whether
-    the scene says it, and the fit with it free."""
+    """A hypothesis without which an answer that fits is beaten: by how much chi^2 falls, the words that name it,
+    whether the scene says it, and the fit with it free."""
 
     gain: float
     words: str

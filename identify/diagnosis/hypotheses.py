@@ -1,4 +1,5 @@
-"""What may be wrong with rig or sensor, or lack in a model: one table; a suspect is a scene with one thing more free.
+"""What may be wrong with rig or sensor, or lack in a model: one table; a hypothesis is a scene with one thing more
+free.
 
 Those of `GROSS` explain misfits; those of `SLIGHT` too, and hide in answers that fit. Beside them stand what a scene
 says of its parameters (`restraints`) and the drive speeds of single logs (`log_speeds`).
@@ -36,7 +37,7 @@ Words = Callable[[Fitted, float, float], str]
 
 
 @dataclass(frozen=True)
-class Suspect:
+class Hypothesis:
     """What may be wrong: its parameter, the scene with it free (None where it is free already, or cannot be it), and
     the sentence that names it, given the fit with it free, the value found and the one stated (0 where none is). logs:
     numbers of those it is of alone (empty: all); nearby: of what no fit can search, the scene with its value times a
@@ -50,16 +51,16 @@ class Suspect:
     restrains: bool = False
 
 
-def found_and_stated(suspect: Suspect, fitted: Fitted, scene: Scene) -> tuple[float, float]:
-    """Value that a fit found and value that the scene states of a suspect (0 where none is stated)."""
+def found_and_stated(hypothesis: Hypothesis, fitted: Fitted, scene: Scene) -> tuple[float, float]:
+    """Value that a fit found and value that the scene states of a hypothesis (0 where none is stated)."""
     assert fitted.attempt is not None
-    if suspect.parameter == "drive_speed":
-        first = (suspect.logs or (0,))[0]
+    if hypothesis.parameter == "drive_speed":
+        first = (hypothesis.logs or (0,))[0]
         return constant_speed(fitted.scene, first) or 0.0, constant_speed(scene, first) or 0.0
     names = fitted.unknowns.names
     base = fitted.unknowns.base(stated_rig(scene))
-    value = fitted.unknowns.values(fitted.attempt.solved.theta, base)[names.index(suspect.parameter)]
-    return float(value), float(getattr(scene.rig, suspect.parameter, 0.0) or 0.0)
+    value = fitted.unknowns.values(fitted.attempt.solved.theta, base)[names.index(hypothesis.parameter)]
+    return float(value), float(getattr(scene.rig, hypothesis.parameter, 0.0) or 0.0)
 
 
 def _rig(name: str) -> Freed:
@@ -159,25 +160,25 @@ def _stated(name: str, unit: str, remedy: str) -> Words:
     return words
 
 
-GROSS: tuple[Suspect, ...] = (
-    Suspect("mass", _rig("mass"), _stated("mass", "kg", "weigh what moves")),
-    Suspect("stiffness", _rig("stiffness"), _stated("stiffness", "N/m", "measure it against a rigid block")),
-    Suspect("damping", _rig("damping"), _stated("damping", "N/m", "let the rig ring down without contact")),
-    Suspect(
+GROSS: tuple[Hypothesis, ...] = (
+    Hypothesis("mass", _rig("mass"), _stated("mass", "kg", "weigh what moves")),
+    Hypothesis("stiffness", _rig("stiffness"), _stated("stiffness", "N/m", "measure it against a rigid block")),
+    Hypothesis("damping", _rig("damping"), _stated("damping", "N/m", "let the rig ring down without contact")),
+    Hypothesis(
         "lag_time",
         _effect("sensor_lag", "lag_time", lambda scene: 0.3 * float(np.sqrt(scene.rig.mass / scene.rig.stiffness))),
         lambda _fitted, value, _stated: (
             f"a lag of the force sensor of {1e3 * value:.3g} ms (add sensor_lag to effects)"
         ),
     ),
-    Suspect(
+    Hypothesis(
         "skin_stiffness",
         _effect("skin_compliance", "skin_stiffness", lambda scene: 5.0 * float(scene.rig.stiffness)),
         lambda _fitted, value, _stated: (
             f"something of {three_figures(value)} N/m in series with the rig (add skin_compliance to effects)"
         ),
     ),
-    Suspect(
+    Hypothesis(
         "drive_speed",
         _as_sticks_rise,
         lambda _fitted, value, stated: (
@@ -188,16 +189,16 @@ GROSS: tuple[Suspect, ...] = (
         nearby=_all_speeds,
     ),
 )
-SLIGHT: tuple[Suspect, ...] = (
+SLIGHT: tuple[Hypothesis, ...] = (
     *GROSS,
-    Suspect(
+    Hypothesis(
         "direct_strength",
         _effect("direct_effect", "direct_strength", lambda _scene: 1e-3),
         lambda _fitted, value, _stated: (
             f"a direct effect of {value:.3g} (friction that rises with speed at once: add direct_effect to effects)"
         ),
     ),
-    Suspect(
+    Hypothesis(
         "load_exponent",
         _by_load,
         lambda _fitted, value, _stated: (
@@ -205,7 +206,7 @@ SLIGHT: tuple[Suspect, ...] = (
             "load_dependence to effects)"
         ),
     ),
-    Suspect(
+    Hypothesis(
         "sensor_offset",
         _by_zero,
         lambda _fitted, value, _stated: (
@@ -240,7 +241,7 @@ def group_values(fitted: Fitted, name: str) -> dict[str, float]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The drive speed of one log may be what logs misfit by: a suspect for each whose sticks rise otherwise than stated.
+# The drive speed of one log may be what logs misfit by: a hypothesis for each whose sticks rise otherwise than stated.
 #
 # Where the sticks of all logs do, rig or drive are wrong for all of them, and no single log is suspected.
 # ----------------------------------------------------------------------------------------------------------------------
@@ -248,8 +249,8 @@ def group_values(fitted: Fitted, name: str) -> dict[str, float]:
 TRIED = 2  # logs at most
 
 
-def log_speeds(scene: Scene, prepared: Sequence[Prepared], misfits: Sequence[float]) -> tuple[Suspect, ...]:
-    """A suspect for each log whose sticks say another speed than the one stated, and than those of the others do.
+def log_speeds(scene: Scene, prepared: Sequence[Prepared], misfits: Sequence[float]) -> tuple[Hypothesis, ...]:
+    """A hypothesis for each log whose sticks say another speed than the one stated, and than those of the others do.
 
     Args:
         misfits: of each log; the logs that misfit most come first.
@@ -265,7 +266,7 @@ def log_speeds(scene: Scene, prepared: Sequence[Prepared], misfits: Sequence[flo
         if stands_out and 1.0 / REACH < 1.0 + slope < REACH:
             found.append((max(misfits[i] for i in some), _suspect(scene, some, 1.0 + slope)))
     found.sort(key=lambda each: -each[0])
-    return tuple(suspect for _, suspect in found[:TRIED])
+    return tuple(hypothesis for _, hypothesis in found[:TRIED])
 
 
 def _slope(log: Sequence[Prepared]) -> float | None:
@@ -274,12 +275,12 @@ def _slope(log: Sequence[Prepared]) -> float | None:
     return float(np.median(slopes)) if slopes else None
 
 
-def _suspect(scene: Scene, logs: Sequence[int], times: float) -> Suspect:
+def _suspect(scene: Scene, logs: Sequence[int], times: float) -> Hypothesis:
     def nearby(freed: Scene, factor: float) -> Scene:
         return with_speeds(freed, logs, factor)
 
     words = _words(name_of_recording(scene, logs))
-    return Suspect("drive_speed", _at(logs, times), words, logs=tuple(logs), nearby=nearby)
+    return Hypothesis("drive_speed", _at(logs, times), words, logs=tuple(logs), nearby=nearby)
 
 
 def _at(logs: Sequence[int], times: float) -> Freed:
@@ -304,29 +305,29 @@ def _words(name: str) -> Words:
 # What a scene says of a parameter beside the logs may be what they misfit by: a value it is held at, a prior, a bound,
 # a tie.
 #
-# Each is a suspect as a wrong rig value is; what the logs say without it is named beside it, of a parameter that
+# Each is a hypothesis as a wrong rig value is; what the logs say without it is named beside it, of a parameter that
 # differs between groups for the groups that contradict it.
 # ----------------------------------------------------------------------------------------------------------------------
 
 FAR = 3.0  # standard deviations of a prior beyond which a group's value contradicts it
 
 
-def restraints(scene: Scene, at_bound: Collection[str]) -> tuple[Suspect, ...]:
-    """A suspect for each parameter that the scene holds, gives a prior of, or bounds where the answer sits.
+def restraints(scene: Scene, at_bound: Collection[str]) -> tuple[Hypothesis, ...]:
+    """A hypothesis for each parameter that the scene holds, gives a prior of, or bounds where the answer sits.
 
     Args:
         at_bound: names of the parameters that sit at a bound.
     """
-    return _suspects(scene, lambda spec, p: _restraint(spec, p, p.name in at_bound))
+    return _hypotheses(scene, lambda spec, p: _restraint(spec, p, p.name in at_bound))
 
 
-def ties(scene: Scene) -> tuple[Suspect, ...]:
-    """A suspect for each parameter that the scene ties to another one."""
-    return _suspects(scene, lambda spec, p: "" if spec.tie is None else f"its tie ({_followed(spec.tie, p)})")
+def ties(scene: Scene) -> tuple[Hypothesis, ...]:
+    """A hypothesis for each parameter that the scene ties to another one."""
+    return _hypotheses(scene, lambda spec, p: "" if spec.tie is None else f"its tie ({_followed(spec.tie, p)})")
 
 
-def _suspects(scene: Scene, restraint: Callable[[ParameterSpec, Parameter], str]) -> tuple[Suspect, ...]:
-    """A suspect for each parameter that something restrains, said in words."""
+def _hypotheses(scene: Scene, restraint: Callable[[ParameterSpec, Parameter], str]) -> tuple[Hypothesis, ...]:
+    """A hypothesis for each parameter that something restrains, said in words."""
     if scene.effects == "auto":
         return ()
     out = []
@@ -334,7 +335,7 @@ def _suspects(scene: Scene, restraint: Callable[[ParameterSpec, Parameter], str]
         spec = scene.parameters.get(p.name)
         words = "" if spec is None or p.kind == "given" else restraint(spec, p)
         if spec is not None and words:
-            out.append(Suspect(p.name, _without(p), _restraints_words(p, spec, words), restrains=True))
+            out.append(Hypothesis(p.name, _without(p), _restraints_words(p, spec, words), restrains=True))
     return tuple(out)
 
 

@@ -151,7 +151,7 @@ def looked_into(
         if findings.attempt is None and (unit := wrong_unit(prepared, placed=False)):
             return replace(findings, status=Status.MODEL_MISFIT, message=unit), None
         if any(log.unlike for log in prepared):
-            return replace(findings, message=f"{findings.message}{_suspected(findings)}"), None
+            return replace(findings, message=f"{findings.message}{_possible_causes(findings)}"), None
         progress("looking for what is wrong", 0.95)
         cause = diagnose(scene, read, prepared, findings.unknowns, findings.attempt)
         if cause is not None:
@@ -183,13 +183,14 @@ def _unexplained(findings: Findings, scene: Scene) -> str:
     said: better values may leave no misfit."""
     if findings.status is Status.SOLVER_FAILED or cut_short():
         return hum(findings.attempt)
-    return f"{_suspected(findings)}{left_unsaid(scene)}{hum(findings.attempt)}"
+    return f"{_possible_causes(findings)}{left_unsaid(scene)}{hum(findings.attempt)}"
 
 
-def _suspected(findings: Findings) -> str:
-    """What the gate suspects of a misfit, to go behind its sentence; "" where the search was cut short."""
+def _possible_causes(findings: Findings) -> str:
+    """What the gate takes for possible causes of a misfit, to go behind its sentence; "" where the search was cut
+    short."""
     gate = None if findings.attempt is None else findings.attempt.gate
-    return "" if gate is None or not gate.suspects or cut_short() else f"; {gate.suspects}"
+    return "" if gate is None or not gate.possible_causes or cut_short() else f"; {gate.possible_causes}"
 
 
 def _is_answer(findings: Findings) -> bool:

@@ -242,9 +242,9 @@ OTHERWISE = "perhaps friction follows another law than the effects say or differ
 @dataclass(frozen=True)
 class Gate:
     """What the gate found. chi2 per sample; z (c,) per cycle with log and cycle numbers (from 1); the status,
-    and a sentence that says what failed, where, and what to do; suspects: what a misfit may come of, to go behind that
-    sentence once the search came to its end without another cause; levels (logs,) of noise with a memory: its variance
-    over that measured in the sticks, 1 for white noise."""
+    and a sentence that says what failed, where, and what to do; possible_causes: what a misfit may come of, to go
+    behind that sentence once the search came to its end without another cause; levels (logs,) of noise with a memory:
+    its variance over that measured in the sticks, 1 for white noise."""
 
     chi2_per_sample: float
     z: Array
@@ -254,7 +254,7 @@ class Gate:
     event_shift: float
     status: Status
     message: str
-    suspects: str = ""
+    possible_causes: str = ""
     levels: Array = field(default_factory=lambda: np.ones(1))
 
     @property
@@ -287,12 +287,12 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     expected = quiet[log] * counts
     z = (squares - expected) / (quiet[log] * spread)
     status, message = _judge(solved, total / max(float(expected.sum()), 1.0), allowed, z, log, cycle, names)
-    suspects = ""
+    possible_causes = ""
     if status is Status.WRONG_EVENT_COUNT:
-        suspects = _of_one_cycle(solved, z, log, cycle)
+        possible_causes = _of_one_cycle(solved, z, log, cycle)
     elif status is Status.MODEL_MISFIT and solved.solution.success and (chi2 > 1.0 or np.any(z > PER_CYCLE)):
         noise = ", or the noise level is wrong" if _one_level(squares, counts, spread) else ""
-        suspects = f"{OTHERWISE}, or a rig value is wrong, or the drive moves otherwise than stated{noise}"
+        possible_causes = f"{OTHERWISE}, or a rig value is wrong, or the drive moves otherwise than stated{noise}"
     if status is Status.CONVERGED:
         variance = "its variance" if np.min(quiet) > 1.0 - 4.0 * NOISE_ERROR else "the variance measured in the sticks"
         message = message or f"the misfit is noise ({chi2:.3f} of {variance}) in all {z.size} cycles"
@@ -308,7 +308,7 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
             again = (squares - level * counts) / (known.spread_inflation[log] * level * spread)
             likely = _judge(solved, 1.0, allowed, again, log, cycle, names)[0]
             if likely is Status.CONVERGED:
-                levels, z, status, suspects = known.levels, again, likely, ""
+                levels, z, status, possible_causes = known.levels, again, likely, ""
                 message = (
                     f"the misfit is noise with a memory ({chi2:.3f} of the variance measured in the sticks) in all "
                     f"{z.size} cycles{', which have nothing in common' if np.max(levels) > 1.0 + CLOSE else ''}"
@@ -325,7 +325,7 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
         strained = strained_load(solved, names) or odd_stick(solved, names)
         status, message = (Status.MODEL_MISFIT, strained) if strained else (status, message + scatter_words(solved))
     found = solved.solution.words, solved.event_shift
-    return Gate(chi2, z, log + 1, cycle + 1, *found, status, message, suspects, levels)
+    return Gate(chi2, z, log + 1, cycle + 1, *found, status, message, possible_causes, levels)
 
 
 def _one_level(squares: Array, counts: Array, spread: Array) -> bool:

@@ -123,7 +123,7 @@ def test_a_zero_of_the_friction_force_is_found_where_the_load_varies_and_not_loo
         records.append(Record(times, load, force + 0.03 + 2e-3 * random.standard_normal(times.size)))
     scene = _scene(RIG).with_effects((*MAIN, "varying_normal_force"))
     prepared, _ = _prepared(scene, records)
-    zero = next(suspect for suspect in SLIGHT if suspect.parameter == "sensor_offset")
+    zero = next(hypothesis for hypothesis in SLIGHT if hypothesis.parameter == "sensor_offset")
     freed = fit_model(zero.freed(scene, prepared), records, thorough=False)
     value, _ = found_and_stated(zero, freed, scene)
     assert value == pytest.approx(0.03, abs=1e-3) and "reads 30" in zero.words(freed, round(value, 3), 0.0)
@@ -138,7 +138,7 @@ def test_a_zero_of_the_friction_force_is_found_where_the_load_varies_and_not_loo
 def test_only_what_explains_all_logs_is_named(case):
     """A fit that leaves out a log leaves less of the misfit in any case."""
     scene, records = _scene(RIG | {"mass": 0.3}), [case.records[i] for i in LOGS]
-    mass = next(suspect for suspect in GROSS if suspect.parameter == "mass")
+    mass = next(hypothesis for hypothesis in GROSS if hypothesis.parameter == "mass")
     freed = fit_model(mass.freed(scene, []), records, thorough=False)
     ended = replace(freed, excess=1e4)
     assert [e.words[:16] for e in _explanations([(mass, freed)], scene, ended)] == ["a mass of 0.2 kg"]
@@ -151,7 +151,7 @@ def test_only_what_explains_all_logs_is_named(case):
 def test_a_model_taken_over_from_another_one_is_judged_by_itself(case):
     """The motion of a converged fit does not make the model converge that lacks what it had."""
     scene, records = _scene(RIG | {"mass": 0.3}), [case.records[i] for i in LOGS]
-    mass = next(suspect for suspect in GROSS if suspect.parameter == "mass")
+    mass = next(hypothesis for hypothesis in GROSS if hypothesis.parameter == "mass")
     freed = fit_model(mass.freed(scene, []), records, thorough=False)
     assert freed.attempt.gate.status is Status.CONVERGED
     back = fit_beside(freed, scene, records)
@@ -162,8 +162,8 @@ def test_a_model_taken_over_from_another_one_is_judged_by_itself(case):
 
 def test_a_suspect_is_looked_for_at_random_where_its_own_start_is_hopeless():
     case, scene, _ = wrong("stiffness", 36)
-    suspect = next(suspect for suspect in GROSS if suspect.parameter == "stiffness")
-    freed = suspect.freed(scene, [])
+    hypothesis = next(hypothesis for hypothesis in GROSS if hypothesis.parameter == "stiffness")
+    freed = hypothesis.freed(scene, [])
     logs, unknowns = _prepared(freed, case.records)
     features, bases = features_of(logs)
     own = fit_features(unknowns, features, bases, candidates(unknowns, features, bases))
@@ -201,7 +201,7 @@ def test_a_better_answer_that_was_met_on_the_way_is_handed_back(right):
 def test_a_suspect_as_it_is_stated_leads_to_a_better_answer(right, monkeypatch):
     """A mass that is set free and found as stated explains nothing, but the start from the data describes the logs."""
     scene, records, logs, unknowns, answer = right
-    mass = tuple(suspect for suspect in GROSS if suspect.parameter == "mass")
+    mass = tuple(hypothesis for hypothesis in GROSS if hypothesis.parameter == "mass")
     monkeypatch.setattr(diagnosis, "GROSS", mass)
     monkeypatch.setattr(diagnosis, "SLIGHT", ())
     cause = diagnose(scene, records, logs, unknowns, _astray(answer))

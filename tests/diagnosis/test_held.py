@@ -151,7 +151,7 @@ def test_logs_that_contradict_each_other_are_asked_what_would_reconcile_them(mon
         Status.MODEL_MISFIT,
         "log_3 contradicts the others",
         None,
-        SimpleNamespace(gate=SimpleNamespace(suspects="")),
+        SimpleNamespace(gate=SimpleNamespace(possible_causes="")),
     )
     lag = Doubt("a lag of the force sensor of 5 ms", 326.0, 0.032, "D")
     monkeypatch.setattr(second_look, "hum", lambda _attempt: "")

@@ -51,7 +51,7 @@ def test_it_follows_the_sentence_of_a_misfit_alone(status: Status, monkeypatch: 
     monkeypatch.setattr(second_look, "diagnose", lambda *_: None)
     monkeypatch.setattr(second_look, "hum", lambda _attempt: "")
     monkeypatch.setattr(second_look, "doubt", lambda *_args, **_options: None)
-    ended = cast(Attempt, SimpleNamespace(gate=SimpleNamespace(suspects="perhaps this or that")))
+    ended = cast(Attempt, SimpleNamespace(gate=SimpleNamespace(possible_causes="perhaps this or that")))
     found = Findings(status, "it does not fit", from_scene(stated), ended)
     told, _ = second_look.looked_into(found, stated, [], [], lambda *_: None)
     more = "" if status is Status.SOLVER_FAILED else f"; perhaps this or that{left_unsaid(stated)}"

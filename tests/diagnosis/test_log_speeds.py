@@ -46,8 +46,8 @@ def _prepared(scene, records):
     return [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
 
 
-def _suspected(scene, records, misfits=MISFITS):
-    return [suspect.logs for suspect in log_speeds(scene, _prepared(scene, records), misfits)]
+def _possible_causes(scene, records, misfits=MISFITS):
+    return [hypothesis.logs for hypothesis in log_speeds(scene, _prepared(scene, records), misfits)]
 
 
 def _diagnosed(scene, records):
@@ -58,7 +58,7 @@ def _diagnosed(scene, records):
 
 
 def test_a_wrong_speed_of_one_log_is_named_with_the_log_and_the_right_one(records, monkeypatch):
-    drive = tuple(suspect for suspect in GROSS if suspect.parameter == "drive_speed")  # the rest takes a fit each
+    drive = tuple(each for each in GROSS if each.parameter == "drive_speed")  # the rest takes a fit each
     monkeypatch.setattr(diagnosis, "GROSS", drive)
     monkeypatch.setattr(diagnosis, "SLIGHT", drive)
     gate, cause = _diagnosed(_scene(1.0, WRONG), records)
@@ -71,26 +71,26 @@ def test_a_wrong_speed_of_one_log_is_named_with_the_log_and_the_right_one(record
 
 
 def test_the_log_whose_sticks_rise_otherwise_is_suspected(records):
-    assert _suspected(_scene(WRONG, 1.0), records) == [(0,)]
-    assert _suspected(_scene(1.0, 1 / WRONG), records) == [(1,)]
+    assert _possible_causes(_scene(WRONG, 1.0), records) == [(0,)]
+    assert _possible_causes(_scene(1.0, 1 / WRONG), records) == [(1,)]
 
 
 def test_no_log_is_suspected_where_all_are_right_or_all_are_wrong_alike(records):
-    assert _suspected(_scene(1.0, 1.0), records) == []
-    assert _suspected(_scene(WRONG, WRONG), records) == []
-    assert _suspected(_scene(1.0, 1.01), records) == [], "what sticks cannot tell from noise"
+    assert _possible_causes(_scene(1.0, 1.0), records) == []
+    assert _possible_causes(_scene(WRONG, WRONG), records) == []
+    assert _possible_causes(_scene(1.0, 1.01), records) == [], "what sticks cannot tell from noise"
 
 
 def test_the_log_that_misfits_most_is_suspected_first(records):
     scene = _scene(WRONG, 1 / WRONG)
-    assert _suspected(scene, records, (1.0, 9.0)) == [(1,), (0,)]
-    assert _suspected(scene, records, (9.0, 1.0)) == [(0,), (1,)]
+    assert _possible_causes(scene, records, (1.0, 9.0)) == [(1,), (0,)]
+    assert _possible_causes(scene, records, (9.0, 1.0)) == [(0,), (1,)]
 
 
 def test_a_single_log_is_not_told_from_all(records):
     scene = _scene(WRONG, 1.0)
     alone = replace(scene, logs=scene.logs[:1])
-    assert _suspected(alone, records[:1], (1.0,)) == []
+    assert _possible_causes(alone, records[:1], (1.0,)) == []
 
 
 @pytest.mark.slow
@@ -100,9 +100,9 @@ def test_a_missed_slip_stays_a_missed_slip(records):
     force[inside] = np.interp(time[inside], time[~inside], force[~inside])
     hidden = [records[0], Record(time, records[1].normal_force, force)]
     scene = _scene(1.0, 1.0)
-    assert _suspected(scene, hidden) == []
+    assert _possible_causes(scene, hidden) == []
     gate, cause = _diagnosed(scene, hidden)
-    assert "perhaps a slip was missed or invented" in gate.suspects and cause is None
+    assert "perhaps a slip was missed or invented" in gate.possible_causes and cause is None
 
 
 def test_parts_of_one_log_have_one_speed(records):
@@ -112,9 +112,9 @@ def test_parts_of_one_log_have_one_speed(records):
     parted = replace(scene, logs=(*parts, other))
     assert recordings(parted) == [[0, 1], [2]]
     assert [name_of_recording(parted, some) for some in recordings(parted)] == ["log_2.csv", "log_3.csv"]
-    (suspect,) = log_speeds(parted, _prepared(parted, [records[0], *records]), (1.0, 1.0, 1.0))
-    freed = suspect.freed(parted, [])
-    assert suspect.logs == (0, 1) and freed.logs[0].drive_speed == freed.logs[1].drive_speed
+    (hypothesis,) = log_speeds(parted, _prepared(parted, [records[0], *records]), (1.0, 1.0, 1.0))
+    freed = hypothesis.freed(parted, [])
+    assert hypothesis.logs == (0, 1) and freed.logs[0].drive_speed == freed.logs[1].drive_speed
     assert freed.logs[2] == other
 
 
@@ -124,7 +124,7 @@ def _at(scene, excess):
 
 @pytest.mark.parametrize(("off", "asked"), [(0.004, 0.004), (-0.012, -0.012), (0.2, FARTHEST * STEP)])
 def test_the_value_is_taken_where_the_misfit_is_least(off, asked):
-    drive = next(suspect for suspect in GROSS if suspect.parameter == "drive_speed")
+    drive = next(hypothesis for hypothesis in GROSS if hypothesis.parameter == "drive_speed")
     scene, tried = _scene(1.0, 1.0), []
     right = (1.0 + off) * scene.logs[0].drive_speed
 
@@ -137,5 +137,5 @@ def test_the_value_is_taken_where_the_misfit_is_least(off, asked):
     assert len(tried) == 4, "three more fits"
     astray = refined(drive, _at(scene, 1.0), lambda _near, freed: _at(freed, np.inf))
     assert astray.scene is scene
-    mass = next(suspect for suspect in GROSS if suspect.parameter == "mass")
+    mass = next(hypothesis for hypothesis in GROSS if hypothesis.parameter == "mass")
     assert refined(mass, _at(scene, 1.0), fit).scene is scene and len(tried) == 4

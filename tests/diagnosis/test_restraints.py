@@ -15,7 +15,7 @@ from identify.base.outcome import Status
 from identify.diagnosis import diagnosis, second_look
 from identify.diagnosis.diagnosis import Doubt, diagnose, doubt
 from identify.diagnosis.findings import Findings
-from identify.diagnosis.hypotheses import Suspect, restraints, ties
+from identify.diagnosis.hypotheses import Hypothesis, restraints, ties
 from identify.effects import MAIN
 from identify.estimation.attempt import Attempt
 from identify.estimation.search import SearchProblem, search
@@ -85,7 +85,7 @@ def ended(status: Status, message: str) -> Findings:
         status,
         message,
         from_scene(scene()),
-        cast(Attempt, SimpleNamespace(gate=SimpleNamespace(suspects=""))),
+        cast(Attempt, SimpleNamespace(gate=SimpleNamespace(possible_causes=""))),
     )
 
 
@@ -119,7 +119,7 @@ def test_a_bound_that_an_answer_within_the_noise_sits_at_is_named_first(
     attempt, _ = search(SearchProblem(logs, unknowns, thorough=False))
     assert attempt is not None and attempt.gate.status is Status.CONVERGED
     freer = scene(damping={"start": RIG["damping"]})  # of which chi^2 is no larger than without the bound alone
-    rig = Suspect("damping", lambda *_: freer, lambda *_: "a wrong rig")
+    rig = Hypothesis("damping", lambda *_: freer, lambda *_: "a wrong rig")
     monkeypatch.setattr(diagnosis, "SLIGHT", (rig,))
 
     def asked() -> Doubt | None:
@@ -172,12 +172,12 @@ def test_only_what_restrains_is_a_suspect() -> None:
     assert restraints(scene(), ("a",)) == ()
     bounded = scene(a={"upper": 1e3}, D={"start": 3e-5}, mass={"start": 0.2, "lower": 0.1, "upper": 0.4})
     assert restraints(bounded, ("D", "mass")) == ()
-    assert [suspect.parameter for suspect in restraints(bounded, ("a", "mass"))] == ["a"]
+    assert [hypothesis.parameter for hypothesis in restraints(bounded, ("a", "mass"))] == ["a"]
 
 
 def test_what_is_left_out_is_the_restraint_alone() -> None:
     stated = scene(mass={"prior": {"mean": 0.25, "sd": 0.01}, "lower": 0.1, "upper": 0.4}, mu_k0={"fixed": 0.5})
-    found = {suspect.parameter: suspect.freed(stated, []) for suspect in restraints(stated, ())}
+    found = {hypothesis.parameter: hypothesis.freed(stated, []) for hypothesis in restraints(stated, ())}
     assert set(found) == {"mass", "mu_k0"}
     mass, held = found["mass"], found["mu_k0"]
     assert mass is not None and held is not None

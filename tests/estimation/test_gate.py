@@ -129,8 +129,8 @@ def test_a_wrong_noise_level_is_refused_unless_it_was_estimated_and_could_be_wro
     assert pass_gate(slightly, NAMES, EXACT).status is Status.CONVERGED
     assert pass_gate(plainly, NAMES, EXACT).status is Status.MODEL_MISFIT
     assert pass_gate(plainly, NAMES, (True, True)).status is Status.MODEL_MISFIT
-    assert "noise level" in pass_gate(plainly, NAMES, EXACT).suspects
-    assert "noise level" not in pass_gate(_fit(lambda data: _scaled(data, mass=1.2)), NAMES, EXACT).suspects
+    assert "noise level" in pass_gate(plainly, NAMES, EXACT).possible_causes
+    assert "noise level" not in pass_gate(_fit(lambda data: _scaled(data, mass=1.2)), NAMES, EXACT).possible_causes
 
 
 def _dip(data):
@@ -144,7 +144,7 @@ def test_one_bad_stretch_is_named():
     assert gate.status is Status.WRONG_EVENT_COUNT
     assert "calm.csv, cycle 4" in gate.message and "exclude that stretch" in gate.message
     assert gate.z[gate.worst] > 30
-    assert "at 1.18 s: perhaps" in gate.suspects and "the force was cut off or disturbed" in gate.suspects
+    assert "at 1.18 s: perhaps" in gate.possible_causes and "the force was cut off or disturbed" in gate.possible_causes
 
 
 def test_a_stretch_that_is_off_by_less_than_a_slip_lacks_none():
@@ -158,7 +158,7 @@ def test_a_stretch_that_is_off_by_less_than_a_slip_lacks_none():
 
     gate = pass_gate(_fit(shallow), NAMES, EXACT)
     assert gate.status is Status.WRONG_EVENT_COUNT and "calm.csv, cycle 4" in gate.message
-    assert "one stick was stronger or weaker" in gate.suspects and "slip" not in gate.suspects
+    assert "one stick was stronger or weaker" in gate.possible_causes and "slip" not in gate.possible_causes
 
 
 def test_the_others_are_not_said_to_fit_where_they_do_not():
@@ -184,7 +184,7 @@ def test_a_slip_missed_or_invented_is_refused(falls):
     assert gate.status in (Status.WRONG_EVENT_COUNT, Status.MODEL_MISFIT)
     assert "calm.csv" in gate.message
     assert abs(gate.cycle[gate.worst] - 4) <= 1
-    assert "perhaps a slip was missed or invented" in gate.suspects
+    assert "perhaps a slip was missed or invented" in gate.possible_causes
 
 
 def test_a_slip_that_is_flattened_in_the_record_is_one_that_may_be_missed():
@@ -195,7 +195,7 @@ def test_a_slip_that_is_flattened_in_the_record_is_one_that_may_be_missed():
         force[inside] = np.interp(data[0].time[inside], data[0].time[~inside], force[~inside])
         return [replace(data[0], force=force), data[1]]
 
-    assert "perhaps a slip was missed or invented" in pass_gate(_fit(flattened), NAMES, EXACT).suspects
+    assert "perhaps a slip was missed or invented" in pass_gate(_fit(flattened), NAMES, EXACT).possible_causes
 
 
 def test_sticks_that_scatter_leave_no_cycle_alone():
