@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
+from identify.base.result import ComparedModel
 from identify.base.stages import stage, timing_stages
 from identify.bench.next_log import Advice, advised, next_logs
 from identify.diagnosis.choice import Choice
@@ -24,6 +25,7 @@ from identify.diagnosis.findings import Findings
 from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.worth import compared_models, worth
 from identify.effects import ALL
+from identify.estimation.attempt import Attempt
 from identify.estimation.estimator import EstimationTask, Estimator
 from identify.estimation.known_early import prefit_warnings
 from identify.estimation.search import alike
@@ -48,6 +50,7 @@ PLAIN_SHARE = 0.75  # of the time limit, where cycles differ: what the estimator
 TIMES_LONGER = 4.0  # a limit that is advised, of one that did not suffice
 LONGEST_ADVISED = 600.0  # [s]: a fit that takes longer wants less to do, not more time
 UNEVEN_EFFECT = "friction_heterogeneity"  # asks for the estimator of uneven records
+LAST_STAGE = "stability and amplitude"
 
 
 def fit(
@@ -79,56 +82,87 @@ def fit(
             its status says so.
     """
     began, worked, in_functions = time.perf_counter(), time.process_time(), Mapped.total
-    told = noticed_once(progress or to_nobody)
-    choice: Choice | None = None
-    scene, drives = with_drives(scene, records)
-    stated, left = scene, scene.time_limit  # [s]
-    if estimator is None and asks_for_uneven(scene):
-        scene, estimator = scene.with_effects([e for e in scene.effects if e != UNEVEN_EFFECT]), UnevenEstimator()
+    report = noticed_once(progress or to_nobody)
+    stated, drives = with_drives(scene, records)
     with timing_stages() as seconds:
-        if scene.effects == "auto":
-            scene, records = with_records(scene, records)
-            before = now()
-            with time_limit(CHOICE_SHARE * left), stage("choose"):
-                choice = choose_from_data(scene, records, told)
-            left -= now() - before
-            scene = scene.with_effects(choice.effects)
-        starts = starts or _default_starts(scene)
-        task = _set_up(scene, records, told, asked, seed)
-        with time_limit(left), tracing() as trace:
-            if choice is not None and choice.unfinished:
-                trace.not_tried.append("comparison of effects")
-            if estimator is None:
-                prepared, findings = plain_or_uneven(task, starts, told)
-            else:
-                prepared, findings = task.prepared, estimated_by(estimator, task, told)
-            findings, advice = _with_next_logs(findings, trace, told)
-    findings = _traced(findings, trace, task.scene.time_limit)
-    last = "stability and amplitude"
-    told(last, 0.95)
-    curves = _curves(prepared, findings)
-    seconds["total"] = time.perf_counter() - began
-    result = result_of(scene, prepared, findings, seconds, seed, choice)
+        found = _identified(stated, records, report, starts, seed, asked, estimator)
+    report(LAST_STAGE, 0.95)
+    findings, curves = found.findings, _curves(found.logs, found.findings)
+    seconds["total"] = taken = time.perf_counter() - began
+    result = result_of(found.scene, found.logs, findings, seconds, seed, found.choice)
     if findings.status is Status.CONVERGED:
-        processor, taken = time.process_time() - worked, seconds["total"]
+        processor = time.process_time() - worked
         solving = (result.timing_s["build"] + result.timing_s["solve"]) / max(len(findings.trace.trials), 1)
         spent = FitSeconds(processor, (Mapped.total - in_functions) / taken, solving / taken * processor)
         result = replace(result, accuracy=accuracy_result(findings, asked.accuracy, spent))
-    if asked.effects_table and findings.status is Status.CONVERGED and findings.attempt is not None:
-        told("effects compared", 0.95)
-        whole = len(prepared) == len(scene.logs)
-        read = records or ([log.record for log in prepared] if whole else with_records(scene, None)[1])
-        rows = worth(scene, read, prepared, findings.unknowns, findings.attempt, told)
-        result = replace(result, effects_table=compared_models(rows))
-    used = (stated if stated.effects != "auto" else scene).as_document()
+        if asked.effects_table and findings.attempt is not None:
+            result = replace(result, effects_table=_effects_table(found, findings.attempt, report))
+    used = (stated if stated.effects != "auto" else found.scene).as_document()
     result = replace(
         result,
-        next_logs=() if advice is None else advice.logs,
+        next_logs=() if found.advice is None else found.advice.logs,
         notes=(*drives, *result.notes),
-        provenance={**result.provenance, "scene": used, "starts": starts, "asked": asked.document()},
+        provenance={**result.provenance, "scene": used, "starts": found.starts, "asked": asked.document()},
     )
-    told(last, 1.0)
+    report(LAST_STAGE, 1.0)
     return Fit(result.to_dict(), curves)
+
+
+@dataclass(frozen=True)
+class _Identified:
+    """What was identified: the scene with the effects that were fitted, its records as far as they were read for it,
+    how the effects were chosen (None: the scene lists them), where starts came from, the logs, what was found, which
+    log would tell more."""
+
+    scene: Scene
+    records: Sequence[Record] | None
+    choice: Choice | None
+    starts: Sources
+    logs: list[Prepared]
+    findings: Findings
+    advice: Advice | None
+
+
+def _identified(
+    scene: Scene,
+    records: Sequence[Record] | None,
+    progress: Progress,
+    starts: Sources | None,
+    seed: int,
+    asked: FitOptions,
+    estimator: Estimator | None,
+) -> _Identified:
+    """Choose effects where the scene asks for it, and fit; arguments and errors as `fit`."""
+    choice, left = None, scene.time_limit  # [s]
+    if estimator is None and asks_for_uneven(scene):
+        scene, estimator = scene.with_effects([e for e in scene.effects if e != UNEVEN_EFFECT]), UnevenEstimator()
+    if scene.effects == "auto":
+        scene, records = with_records(scene, records)
+        before = now()
+        with time_limit(CHOICE_SHARE * left), stage("choose"):
+            choice = choose_from_data(scene, records, progress)
+        left -= now() - before
+        scene = scene.with_effects(choice.effects)
+    starts = starts or _default_starts(scene)
+    task = _set_up(scene, records, progress, asked, seed)
+    with time_limit(left), tracing() as trace:
+        if choice is not None and choice.unfinished:
+            trace.not_tried.append("comparison of effects")
+        if estimator is None:
+            logs, findings = plain_or_uneven(task, starts, progress)
+        else:
+            logs, findings = task.prepared, estimated_by(estimator, task, progress)
+        findings, advice = _with_next_logs(findings, trace, progress)
+    findings = _traced(findings, trace, task.scene.time_limit)
+    return _Identified(scene, records, choice, starts, logs, findings, advice)
+
+
+def _effects_table(found: _Identified, answer: Attempt, progress: Progress) -> tuple[ComparedModel, ...]:
+    """What every effect gains beside an answer of the plain estimator."""
+    progress("effects compared", 0.95)
+    whole = len(found.logs) == len(found.scene.logs)
+    read = found.records or ([log.record for log in found.logs] if whole else with_records(found.scene, None)[1])
+    return compared_models(worth(found.scene, read, found.logs, found.findings.unknowns, answer, progress))
 
 
 def find(

@@ -313,7 +313,6 @@ def test_a_better_place_is_tried_as_a_start_and_named_where_the_solver_settles_f
         unknowns,
         base,
         FitOptions(profile=True),
-        lambda _: {},
         speed_tolerance=0.0,
         seed=0,
         progress=lambda *_: None,

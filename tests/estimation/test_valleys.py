@@ -45,7 +45,7 @@ def _covariance(attempt, unknowns):
 def _sure(attempt, unknowns):
     base = attempt.fitted_logs[0].data.base
     quiet = {"speed_tolerance": 0.0, "seed": 0, "progress": lambda *_: None}
-    return sureness.certainty(attempt, unknowns, base, DEFAULT_OPTIONS, lambda _: {}, **quiet)
+    return sureness.certainty(attempt, unknowns, base, DEFAULT_OPTIONS, **quiet)
 
 
 @pytest.fixture(scope="module")
