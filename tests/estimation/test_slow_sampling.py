@@ -60,7 +60,7 @@ def test_the_mean_of_many_falls_knows_how_much_a_few_samples_each_blur_it(monkey
     for timing in (blurred, at_once):
         monkeypatch.setattr(features, "TIMING", timing)
         slow[timing], quick[timing] = _folded(0, 10.0), _folded(2, 1.0)
-    assert slow[blurred][0].cycles > 30 and slow[blurred][1] < GOOD and slow[at_once][1] > 10.0 * GOOD
+    assert slow[blurred][1] < GOOD and slow[at_once][1] > 10.0 * GOOD
     np.testing.assert_allclose(
         quick[blurred][0].sd, quick[at_once][0].sd, rtol=0.01
     )  # well sampled, nothing is blurred
@@ -72,7 +72,9 @@ def _folded(log: int, length: float) -> tuple[features.Features, float]:
     entry = {"path": "a", "drive_speed": SPEEDS[log][0]}
     scene = Scene.from_document({"effects": list(MAIN), "rig": dict(RIG), "logs": [entry]})
     unknowns = from_scene(scene)
-    found, bases = features_of([prepare(scene, scene.logs[0], record, unknowns)])
+    prepared = prepare(scene, scene.logs[0], record, unknowns)
+    assert prepared.falls.size > 30 or length == 1.0
+    found, bases = features_of([prepared])
     truth = unknowns.theta(np.array([TRUTH[name] for name in unknowns.names]), bases[0])
     (start,) = fit_features(unknowns, found, bases, truth[None])
     return found[0], start.cost

@@ -29,7 +29,7 @@ def test_among_hundreds_of_slips_the_exact_hessian_comes_sooner(monkeypatch, sli
     unknowns = SimpleNamespace(model=SimpleNamespace(vibrates=False))
     layout = SimpleNamespace(unknowns=unknowns)
     tried = passes._tried(SimpleNamespace(layout=layout, samples=1), 1e-8, 1e-4, False, slips)
-    assert asked[:-1] == [(most, False) for most in patience] and asked[-1][1] and tried.bent
+    assert asked[:-1] == [(most, False) for most in patience] and asked[-1][1] and tried.exact
     assert tried.iterations == sum(iterations for iterations, _ in asked)
 
 
