@@ -123,8 +123,7 @@ def refuse_doubtful_roles(source: Source, request: Request, part: Part) -> None:
             raise source.error(
                 f"{shown([names[index].raw])} is called as the friction force and stands still at {taken.level:.3g} N, "
                 f"while {shown([names[i].raw])} moves from {other.low:.3g} to {other.high:.3g} N; one friction force "
-                "was "
-                f"expected; say which with --columns friction_force={names[i].name} or "
+                f"was expected; say which with --columns friction_force={names[i].name} or "
                 f"friction_force={names[index].name}"
             )
     normal = None if load is None else _look(request, part, load)
@@ -133,10 +132,8 @@ def refuse_doubtful_roles(source: Source, request: Request, part: Part) -> None:
     if normal.scatter * taken.level > _FAR * taken.scatter * normal.level:
         raise source.error(
             f"{shown([names[index].raw])} is called as the friction force and stands still at {taken.level:.3g} N, "
-            "while "
-            f"{shown([names[load].raw])}, called as the normal force, moves from {normal.low:.3g} to "
-            f"{normal.high:.3g} N; "
-            "the two may be swapped; say which is which with --columns "
+            f"while {shown([names[load].raw])}, called as the normal force, moves from {normal.low:.3g} to "
+            f"{normal.high:.3g} N; the two may be swapped; say which is which with --columns "
             f"friction_force={names[load].name},normal_force={names[index].name} or the other way round"
         )
 

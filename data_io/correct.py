@@ -1,15 +1,16 @@
 """Cut and correct a record as the user says: every change is a line of the account, and the raw forces are kept."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from data_io.arrays import true_runs
 from data_io.record import Record, zero_of_times
-from data_io.values import Finding, FloatArray, LogError
+from data_io.signals import noise_of
+from data_io.values import Finding, FloatArray
 
 # Crosstalk and tilt from the two directions of a reciprocating test: what does not change sign with the motion.
 
@@ -86,15 +87,9 @@ def _strokes(friction: FloatArray, normal: FloatArray) -> list[tuple[int, int, i
         return []
     if np.mean(np.abs(ratio - middle) < clear) > _TURNING:
         return []  # it swings through the middle and dwells on neither side: stick-slip one way
-    side = np.where(ratio > middle + clear, 1, np.where(ratio < middle - clear, -1, 0))
-    return _runs(side)
-
-
-def _runs(side: npt.NDArray[np.int_]) -> list[tuple[int, int, int]]:
-    """Return the stretches of one sign; undecided rows between them belong to none."""
-    edges = np.flatnonzero(np.diff(side)) + 1
-    bounds = [0, *edges.tolist(), side.size]
-    return [(a, b, int(side[a])) for a, b in pairwise(bounds) if side[a] != 0 and b - a >= FEWEST]
+    sides = ((1, ratio > middle + clear), (-1, ratio < middle - clear))
+    runs = ((int(a), int(b), sign) for sign, rows in sides for a, b in true_runs(rows))
+    return sorted(run for run in runs if run[1] - run[0] >= FEWEST)
 
 
 def _mean_of_pairs(strokes: list[tuple[int, float]]) -> BothWays | None:
@@ -172,160 +167,125 @@ class Corrected:
     cuts: tuple[Cut, ...]
 
 
-@dataclass(frozen=True)
-class _State:
-    """Forces (n,) [N] on their way through the corrections, and the account so far."""
-
-    friction: FloatArray
-    normal: FloatArray
-    changes: tuple[Change, ...] = ()
-    cuts: tuple[Cut, ...] = ()
-    findings: tuple[Finding, ...] = ()
-
-
-def correct(record: Record, corrections: Corrections) -> Corrected:
+def correct(record: Record, given: Corrections) -> Corrected:
     """Apply the corrections to a record; the record itself is not changed.
 
     Raises `LogError` for an interval that holds no sample, both angles at once from the strokes, or a record that does
     not go both ways.
     """
-    if corrections.crosstalk == STROKES and corrections.tilt == STROKES:
-        raise _error(record, "crosstalk and tilt both from the strokes was asked for; at one load they look alike: "
-                     "give one of them as a number")  # fmt: skip
-    state = _State(record.friction_force, record.normal_force)
-    state = _tared(record, state, corrections.normal_tare, "normal", 0.0)
-    state = _tared(record, state, corrections.tare, "friction", _shown_of_load(record, state, corrections))
-    state = _without_crosstalk(record, state, corrections.crosstalk)
-    state = _without_tilt(record, state, corrections.tilt)
-    used, cuts, told = _cut(record, corrections)
-    return Corrected(_with_forces(record, state), used, (*state.changes, *told), (*state.cuts, *cuts))
-
-
-def _error(record: Record, sentence: str) -> LogError:
-    path = record.metadata.get("path")
-    return LogError(f"{path}: {sentence}" if path else sentence)
-
-
-def _shown_of_load(record: Record, state: _State, given: Corrections) -> float:
-    """Return the share of the normal force that the friction sensor shows at rest, as far as it is given."""
-    shares = 0.0 if given.crosstalk in (None, STROKES) else float(given.crosstalk or 0.0)
-    shares += 0.0 if given.tilt in (None, STROKES) else float(np.tan(float(given.tilt or 0.0)))
-    if isinstance(given.tare, tuple) and STROKES in (given.crosstalk, given.tilt):
-        rows = (record.time >= given.tare[0]) & (record.time <= given.tare[1]) & np.isfinite(state.normal)
-        load = float(np.nanmedian(state.normal))
-        if rows.any() and float(np.mean(state.normal[rows])) > _UNLOADED * load:
-            raise _error(record, "crosstalk or tilt from the strokes needs a zero taken without load, and the tare "
-                         "interval is under load; choose another interval, or give the tare as a number")  # fmt: skip
-    return shares
-
-
-def _tared(record: Record, state: _State, tare: float | Span | None, which: str, share: float) -> _State:
-    if tare is None:
-        return state
-    values = state.friction if which == "friction" else state.normal
-    at_rest = values - share * state.normal if share else values
-    name = f"{which} force"
-    if isinstance(tare, tuple):
-        rows = (record.time >= tare[0]) & (record.time <= tare[1]) & np.isfinite(values)
-        if not rows.any():
-            raise _error(
-                record,
-                f"the tare interval {tare[0]:g} to {tare[1]:g} s holds no sample; the record runs from 0 to "
-                f"{record.time[-1]:g} s{zero_of_times(record)}: move it inside",
-            )
-        zero, error = float(np.mean(at_rest[rows])), float(np.std(at_rest[rows]) / np.sqrt(np.count_nonzero(rows)))
-        text = f"{zero:.4g} N taken off the {name}: its mean from {tare[0]:g} to {tare[1]:g} s"
-        state = replace(state, cuts=(*state.cuts, Cut("tare", *tare)))
-        if doubt := _restless(record.time[rows], at_rest[rows], at_rest, name, tare):
-            state = replace(state, findings=(*state.findings, doubt))
-    else:
-        zero, error, text = float(tare), None, f"{tare:.4g} N taken off the {name}, as given"
-    change = Change("tare" if which == "friction" else "normal_tare", text, zero, "N", error)
-    state = replace(state, changes=(*state.changes, change))
-    if which == "friction":
-        return replace(state, friction=values - zero)
-    return replace(state, normal=values - zero)
-
-
-def _restless(time: FloatArray, inside: FloatArray, whole: FloatArray, name: str, span: Span) -> Finding | None:
-    """A tare interval in which something moves: its zero is none."""
-    steps = np.diff(whole[np.isfinite(whole)])
-    noise = 1.4826 * float(np.median(np.abs(steps))) / np.sqrt(2.0)
-    noise = max(noise, float(np.min(np.abs(steps)[steps != 0], initial=np.inf)) / np.sqrt(12.0)) if steps.any() else 0.0
-    spread = float(np.ptp(np.polyval(np.polyfit(time - time[0], inside, 1), time - time[0]))) if time.size > 2 else 0.0
-    if max(float(np.std(inside)), spread) <= _RESTLESS * noise or not np.isfinite(noise):
-        return None
-    text = (
-        f"the {name} moves in the tare interval {span[0]:g} to {span[1]:g} s (by {max(spread, np.std(inside)):.3g} N; "
-        f"its noise is {noise:.2g} N): choose a stretch before anything touches or moves"
-    )
-    return Finding("tare_not_quiet", "warning", text)
-
-
-def _without_crosstalk(record: Record, state: _State, given: float | str | None) -> _State:
-    if given is None:
-        return state
-    share, error, source = _number(record, state, given, crosstalk, "crosstalk")
-    text = f"{100 * share:.3g} % of the normal force taken off the friction force (crosstalk), {source}"
-    change = Change("crosstalk", text, share, "", error)
-    return replace(state, friction=state.friction - share * state.normal, changes=(*state.changes, change))
-
-
-def _without_tilt(record: Record, state: _State, given: float | str | None) -> _State:
-    if given is None:
-        return state
-    angle, error, source = _number(record, state, given, tilt, "tilt")
-    friction, normal = levelled(state.friction, state.normal, angle)
-    text = f"forces turned by {np.degrees(angle):.3g}° into the tilted surface, {source}"
-    change = Change("tilt", text, angle, "rad", error)
-    return replace(state, friction=friction, normal=normal, changes=(*state.changes, change))
-
-
-def _number(
-    record: Record,
-    state: _State,
-    given: float | str,
-    estimate: Callable[[FloatArray, FloatArray], BothWays | None],
-    name: str,
-) -> tuple[float, float | None, str]:
-    """Return the number, its standard error, and where it comes from in words."""
-    if given != STROKES:
-        return float(given), None, "as given"
-    found = estimate(state.friction, state.normal)
-    if found is None:
-        raise _error(record, f"the {name} was to come from both stroke directions, and the record goes one way only; "
-                     f"give a number, or a record that goes to and fro")  # fmt: skip
-    pairs = "one pair of strokes" if found.pairs == 1 else f"{found.pairs} pairs of strokes"
-    return found.value, found.standard_error, f"from {pairs} to and fro"
-
-
-def _cut(record: Record, given: Corrections) -> tuple[npt.NDArray[np.bool_], list[Cut], list[Change]]:
+    if given.crosstalk == STROKES and given.tilt == STROKES:
+        raise record.error(
+            "crosstalk and tilt both from the strokes was asked for; at one load they look alike: "
+            "give one of them as a number"
+        )
+    friction, normal = record.friction_force, record.normal_force
+    changes: list[Change] = []
+    doubts: list[Finding] = []
+    if given.normal_tare is not None:
+        zero, doubt = _zero(record, normal, given.normal_tare, "normal")
+        normal = normal - (zero.value or 0.0)
+        changes, doubts = [zero], doubt
+    if given.tare is not None:
+        share = _shown_of_load(record, normal, given)
+        zero, doubt = _zero(record, friction - share * normal if share else friction, given.tare, "friction")
+        friction = friction - (zero.value or 0.0)
+        changes, doubts = [*changes, zero], [*doubts, *doubt]
+    if given.crosstalk is not None:
+        share, error, source = _number(record, friction, normal, given.crosstalk, crosstalk)
+        friction = friction - share * normal
+        text = f"{100 * share:.3g} % of the normal force taken off the friction force (crosstalk), {source}"
+        changes.append(Change("crosstalk", text, share, "", error))
+    if given.tilt is not None:
+        angle, error, source = _number(record, friction, normal, given.tilt, tilt)
+        friction, normal = levelled(friction, normal, angle)
+        text = f"forces turned by {np.degrees(angle):.3g}° into the tilted surface, {source}"
+        changes.append(Change("tilt", text, angle, "rad", error))
     time, end = record.time, float(record.time[-1])
     used = np.ones(time.size, dtype=bool)
-    cuts: list[Cut] = []
-    told: list[Change] = []
+    cuts = [Cut("tare", *tare) for tare in (given.normal_tare, given.tare) if isinstance(tare, tuple)]
     if given.window is not None:
         start, stop = given.window
         used &= (time >= start) & (time <= stop)
         cuts += [Cut("window", a, b) for a, b in ((0.0, min(start, end)), (max(stop, 0.0), end)) if b > a]
-        told.append(Change("window", f"only {start:g} to {stop:g} s of {end:.6g} s used, as given"))
+        changes.append(Change("window", f"only {start:g} to {stop:g} s of {end:.6g} s used, as given"))
     for start, stop in given.exclude:
         used &= (time < start) | (time > stop)
         cuts.append(Cut("exclude", start, stop))
-        told.append(Change("exclude", f"{start:g} to {stop:g} s left out, as given"))
-    return used, cuts, told
+        changes.append(Change("exclude", f"{start:g} to {stop:g} s left out, as given"))
+    return Corrected(_with_forces(record, friction, normal, doubts), used, tuple(changes), tuple(cuts))
 
 
-def _with_forces(record: Record, state: _State) -> Record:
+def _shown_of_load(record: Record, normal: FloatArray, given: Corrections) -> float:
+    """Return the share of the normal force that the friction sensor shows at rest, as far as it is given."""
+    shares = 0.0 if given.crosstalk in (None, STROKES) else float(given.crosstalk or 0.0)
+    shares += 0.0 if given.tilt in (None, STROKES) else float(np.tan(float(given.tilt or 0.0)))
+    if isinstance(given.tare, tuple) and STROKES in (given.crosstalk, given.tilt):
+        rows = (record.time >= given.tare[0]) & (record.time <= given.tare[1]) & np.isfinite(normal)
+        if rows.any() and float(np.mean(normal[rows])) > _UNLOADED * float(np.nanmedian(normal)):
+            raise record.error(
+                "crosstalk or tilt from the strokes needs a zero taken without load, and the tare "
+                "interval is under load; choose another interval, or give the tare as a number"
+            )
+    return shares
+
+
+def _zero(record: Record, values: FloatArray, tare: float | Span, which: str) -> tuple[Change, list[Finding]]:
+    """Return the zero of a force (n,) [N] as a line of the account, and a finding where something moves meanwhile."""
+    kind, name = "tare" if which == "friction" else "normal_tare", f"{which} force"
+    if not isinstance(tare, tuple):
+        return Change(kind, f"{tare:.4g} N taken off the {name}, as given", float(tare), "N"), []
+    rows = (record.time >= tare[0]) & (record.time <= tare[1]) & np.isfinite(values)
+    if not rows.any():
+        raise record.error(
+            f"the tare interval {tare[0]:g} to {tare[1]:g} s holds no sample; the record runs from 0 to "
+            f"{record.time[-1]:g} s{zero_of_times(record)}: move it inside"
+        )
+    time, inside = record.time[rows], values[rows]
+    zero, spread = float(np.mean(inside)), float(np.std(inside))
+    text = f"{zero:.4g} N taken off the {name}: its mean from {tare[0]:g} to {tare[1]:g} s"
+    change = Change(kind, text, zero, "N", spread / float(np.sqrt(inside.size)))
+    noise = noise_of(values[np.isfinite(values)])
+    drift = float(np.ptp(np.polyval(np.polyfit(time - time[0], inside, 1), time - time[0]))) if time.size > 2 else 0.0
+    if max(spread, drift) <= _RESTLESS * noise:
+        return change, []
+    text = (
+        f"the {name} moves in the tare interval {tare[0]:g} to {tare[1]:g} s (by {max(drift, spread):.3g} N; "
+        f"its noise is {noise:.2g} N): choose a stretch before anything touches or moves"
+    )
+    return change, [Finding("tare_not_quiet", "warning", text)]
+
+
+def _number(
+    record: Record,
+    friction: FloatArray,
+    normal: FloatArray,
+    given: float | str,
+    estimate: Callable[[FloatArray, FloatArray], BothWays | None],
+) -> tuple[float, float | None, str]:
+    """Return the number, its standard error, and where it comes from in words."""
+    if given != STROKES:
+        return float(given), None, "as given"
+    found = estimate(friction, normal)
+    if found is None:
+        raise record.error(
+            f"the {estimate.__name__} was to come from both stroke directions, and the record goes one way only; "
+            f"give a number, or a record that goes to and fro"
+        )
+    pairs = "one pair of strokes" if found.pairs == 1 else f"{found.pairs} pairs of strokes"
+    return found.value, found.standard_error, f"from {pairs} to and fro"
+
+
+def _with_forces(record: Record, friction: FloatArray, normal: FloatArray, doubts: Sequence[Finding]) -> Record:
     """Return the record with its corrected forces; the raw ones go into channels of their own."""
-    new: dict[str, Any] = {}
-    channels, units = dict(record.channels), dict(record.channel_units)
-    for role, values in (("friction_force", state.friction), ("normal_force", state.normal)):
-        raw = getattr(record, role)
-        if values is not raw:
-            new[role] = values
-            channels[RAW[role]], units[RAW[role]] = raw, "N"
-    if not new:
+    new = {"friction_force": friction, "normal_force": normal}
+    raw = {RAW[role]: getattr(record, role) for role, values in new.items() if values is not getattr(record, role)}
+    if not raw:
         return record
-    findings = (*record.findings, *state.findings)
-    return replace(record, channels=channels, channel_units=units, findings=findings, **new)
+    return replace(
+        record,
+        friction_force=friction,
+        normal_force=normal,
+        channels={**record.channels, **raw},
+        channel_units={**record.channel_units, **dict.fromkeys(raw, "N")},
+        findings=(*record.findings, *doubts),
+    )

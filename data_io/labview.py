@@ -256,8 +256,7 @@ def read_tdms(source: Source, request: Request) -> Contents:
     except MemoryError as error:
         raise source.error(
             "the channels of the TDMS file do not fit into memory; fewer were expected; export the ones that are "
-            "needed, "
-            "or a part of the time, from LabVIEW"
+            "needed, or a part of the time, from LabVIEW"
         ) from error
     except _OF_DAMAGE as error:
         reason = " ".join(str(error).split())
@@ -312,8 +311,7 @@ def _tdms_part(source: Source, request: Request, group: Any, of_file: dict[str, 
         if unknown := [scale for scale in scales if scale not in _SCALES]:
             raise source.error(
                 f"channel {shown([channel.name])} holds numbers with a scaling of the kind {unknown[0]!r:.40}, which "
-                "is "
-                "not known; scaled numbers were expected; export the file as text from LabVIEW"
+                "is not known; scaled numbers were expected; export the file as text from LabVIEW"
             )
         values = np.full(longest, np.nan)
         values[: len(channel)] = channel[:]

@@ -126,9 +126,8 @@ def check_drive(
         return []
     piece = motion.pieces[int(wrong[0])]
     text = (
-        f"the drive was stated as {meant[wrong[0]]:.4g} m/s, but column {motion.column} moves at "
-        f"{told[wrong[0]]:.4g} m/s from {piece.time:.4g} s on ({wrong.size} of {len(motion.pieces)} pieces differ); "
-        "correct drive_speed"
+        f"the drive was stated as {meant[wrong[0]]:.4g} m/s, but column {motion.column} moves at {told[wrong[0]]:.4g} "
+        f"m/s from {piece.time:.4g} s on ({wrong.size} of {len(motion.pieces)} pieces differ); correct drive_speed"
     )
     return [Finding("drive_speed_disagrees", "warning", text)]
 

@@ -144,8 +144,7 @@ def contents_of(source: Source, request: Request) -> Contents:
     if (zeros := _zeros_in_text(source.head)) is not None:
         raise source.error(
             f"from byte {zeros[0]} on (below line {zeros[2]}) {zeros[1]} zero bytes stand in the text, as after a "
-            "crash "
-            "while it was written; rows of numbers were expected; take them out in an editor, or copy it again"
+            "crash while it was written; rows of numbers were expected; take them out in an editor, or copy it again"
         )
     if source.packing is not None and not _has_lines(source):
         raise source.error(

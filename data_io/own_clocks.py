@@ -180,8 +180,7 @@ def _paired(source: Source, request: Request, part: Part) -> tuple[Part, list[Fi
     names = part.header.names
     text = (
         f"{shown((names[i].raw for i in moved), most=6)} {'has' if len(moved) == 1 else 'have'} a clock apart from "
-        "that "
-        f"of {names[roles['friction_force']].raw!r}; paired by time, between the samples by straight lines"
+        f"that of {names[roles['friction_force']].raw!r}; paired by time, between the samples by straight lines"
     )
     notes = [Finding("own_clocks", "info", text)]
     if missed:
@@ -211,8 +210,7 @@ def _like(source: Source, part: Part, index: int, other: int) -> FloatArray:
     if finite.size < 2 or not (np.diff(finite) >= 0).all():
         raise source.error(
             f"column {index + 1} ({shown([name.raw])}) is one of several clocks, and it does not rise; rising clocks "
-            "were "
-            "expected, so that the columns can be paired by time; repair it, or export the channels on one clock"
+            "were expected, so that the columns can be paired by time; repair it, or export the channels on one clock"
         )
     return values
 

@@ -6,7 +6,7 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from data_io.arrays import kept, shown, thinned
+from data_io.arrays import kept, shown, thinned, true_runs
 from data_io.record import Record
 from data_io.signals import FEWEST, UNLOADED, Load, Rest, Rests, Signal, find_rests, look_at_friction, look_at_load
 from data_io.thresholds import DEFAULTS, Thresholds, percent
@@ -101,11 +101,11 @@ def _pieces(record: Record, used: npt.NDArray[np.bool_] | None) -> list[tuple[in
     """Rows [start, stop) of every unbroken stretch that counts, step by step."""
     if used is None or used.all():
         return [(step.start, step.stop) for step in record.steps]
-    found = []
-    for step in record.steps:
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], used[step.start : step.stop].astype(np.int8), [0]))))
-        found += [(step.start + int(a), step.start + int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    return found
+    return [
+        (step.start + int(a), step.start + int(b))
+        for step in record.steps
+        for a, b in true_runs(used[step.start : step.stop])
+    ]
 
 
 def _local_interval(change: FloatArray) -> FloatArray:

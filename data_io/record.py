@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from data_io.arrays import true_runs
 from data_io.values import COLUMN_ROLES, LARGEST_FORCE, LONGEST_GAP, Finding, FloatArray, Frozen, LogError, Scalar, Step
 
 if TYPE_CHECKING:
@@ -137,8 +138,8 @@ def check_gaps(fail: Fail, time: FloatArray, normal: FloatArray, friction: Float
         return []
     if np.count_nonzero(~bad) < 2:
         raise fail("no two rows hold numbers of both forces; a log with numbers was expected; export it again")
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], bad, [False]))))
-    starts, lengths = edges[::2], np.diff(edges)[::2]
+    runs = true_runs(bad)
+    starts, lengths = runs[:, 0], runs[:, 1] - runs[:, 0]
     longest = int(np.argmax(lengths))
     if lengths[longest] > LONGEST_GAP:
         row, count = int(starts[longest]), int(lengths[longest])
@@ -195,13 +196,13 @@ class Record:
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
-        time = column(self._error, "time", self.time)
+        time = column(self.error, "time", self.time)
         n = time.size
         if n < 2:
-            raise self._error(f"{n} row(s) of data were found; at least two are needed; choose a longer step or log")
-        normal = column(self._error, "normal force", self.normal_force, n)
-        friction = column(self._error, "friction force", self.friction_force, n)
-        check_clock(self._error, time)
+            raise self.error(f"{n} row(s) of data were found; at least two are needed; choose a longer step or log")
+        normal = column(self.error, "normal force", self.normal_force, n)
+        friction = column(self.error, "friction force", self.friction_force, n)
+        check_clock(self.error, time)
         begin = self.metadata.get(WINDOW_START, 0.0)
         normal, friction, gaps = forces(
             self._gap_error, time, normal, friction, float(begin) if isinstance(begin, (int, float)) else 0.0
@@ -210,9 +211,9 @@ class Record:
             "time": time,
             "normal_force": normal,
             "friction_force": friction,
-            "drive_speed": speed(self._error, self.drive_speed, n),
-            "channels": Frozen({name: channel(self._error, name, values, n) for name, values in self.channels.items()}),
-            "channel_units": Frozen({n: unit(self._error, n, self.channel_units.get(n, "")) for n in self.channels}),
+            "drive_speed": speed(self.error, self.drive_speed, n),
+            "channels": Frozen({name: channel(self.error, name, values, n) for name, values in self.channels.items()}),
+            "channel_units": Frozen({n: unit(self.error, n, self.channel_units.get(n, "")) for n in self.channels}),
             "steps": _checked_steps(self, n),
             "metadata": Frozen(self.metadata),
             "findings": (*self.findings, *(g for g in gaps if g.code not in {f.code for f in self.findings})),
@@ -227,14 +228,15 @@ class Record:
     def __len__(self) -> int:
         return int(self.time.size)
 
-    def _error(self, sentence: str) -> LogError:
+    def error(self, sentence: str) -> LogError:
+        """Return the error of this record with its path in front."""
         path = self.metadata.get("path")
         return LogError(f"{path}: {sentence}" if path else sentence)
 
     def _gap_error(self, sentence: str) -> LogError:
         """What a reader found in place of numbers is the cause of a gap."""
         causes = [finding.message for finding in self.findings if finding.code == "text_in_rows"]
-        return self._error("; ".join([sentence, *causes[:1]]))
+        return self.error("; ".join([sentence, *causes[:1]]))
 
     def to_frame(self) -> pd.DataFrame:
         """Return the columns as a data frame; what is no column stands in `frame.attrs["stickslip"]`."""
@@ -330,9 +332,9 @@ def _checked_steps(record: Record, n: int) -> tuple[Step, ...]:
     steps = tuple(record.steps) or (Step(1, 1, 0, n),)
     bounds = [step.start for step in steps] + [n]
     if bounds[0] != 0 or any(s.stop != b or s.stop <= s.start for s, b in zip(steps, bounds[1:], strict=True)):
-        raise record._error(f"the steps do not cover rows 0 to {n} one after the other; give each row to one step")
+        raise record.error(f"the steps do not cover rows 0 to {n} one after the other; give each row to one step")
     if len({(step.run, step.number) for step in steps}) != len(steps):
-        raise record._error("two steps carry the same run and number; number them one after the other")
+        raise record.error("two steps carry the same run and number; number them one after the other")
     return steps
 
 
@@ -360,7 +362,7 @@ def within(record: Record, window: tuple[float, float] | None) -> Record:
     if (first, last) == (0, len(record)):
         return record
     if last - first < 2:
-        raise record._error(
+        raise record.error(
             f"the window {window[0]:g} to {window[1]:g} s holds {max(last - first, 0)} row(s); the log runs from "
             f"{begin:.6g} to {begin + record.time[-1]:.6g} s{zero_of_times(record)}; move the window inside"
         )

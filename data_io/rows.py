@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import itertools
 import re
 import warnings
 from collections.abc import Mapping, Set
@@ -13,7 +12,6 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from data_io.columns import role_of
 from data_io.layout import Head, decimal_mark, without_cut_row
@@ -25,6 +23,7 @@ from data_io.values import LONGEST_GAP, Finding, FloatArray
 if TYPE_CHECKING:
     import pandas as pd
 
+_BLANK: Final = "".join(map(chr, range(33)))
 _MISSING: Final = ["-", "--", "---", "1.#INF", "-1.#INF"]
 
 
@@ -172,49 +171,30 @@ def _without_short_rows(
 
     Returns the usual number of fields as well: that of the rows above, else that of most rows here.
     """
-    if '"' in block:
-        numbered = [(i, line) for i, line in enumerate(block.split("\n")) if line.strip()]
-        offsets = np.array([i for i, _ in numbered])
-        fields = np.array([len(split(line, head.delimiter)) for _, line in numbered])
-        closed = np.array([line.rstrip("\r\n ").endswith(head.delimiter) for _, line in numbered])
-    else:
-        offsets, fields, closed = _counted(block.encode(), head.delimiter)
-    if offsets.size != len(frame):
+    rows = [(i, line) for i, line in enumerate(block.split("\n")) if line.strip(_BLANK)]
+    if len(rows) != len(frame):
         return frame, usual
+    fields = np.array([_fields(line, head.delimiter) for _, line in rows], dtype=np.intp)
     if usual is None:
         usual = int(np.bincount(fields).argmax()) if fields.size else 0
     lacking = fields < min(usual, head.width)
     if usual > head.width:  # rows end with a delimiter: one that does so a field early lacks one, too
-        lacking |= (fields < usual) & closed
+        lacking |= (fields < usual) & [line.rstrip("\r\n ").endswith(head.delimiter) for _, line in rows]
     short = np.flatnonzero(lacking)
     if not short.size:
         return frame, usual
     frame = frame.copy()
     frame.iloc[short, :] = np.nan
-    offset = int(offsets[short[0]])
-    line = next(itertools.islice(io.StringIO(block), offset, None)).strip("\n")
+    offset, line = rows[short[0]]
     text = f"line {first_line + offset} holds {fields[short[0]]} fields where the others hold {usual} ({line!r:.60}); "
     remarks.append(Finding("short_rows", "warning", text + f"{short.size} such row(s) were left empty"))
     return frame, usual
 
 
-def _counted(block: bytes, delimiter: str) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
-    """Return of the lines that are not blank: number from 0, fields, and whether a delimiter ends them, each (n,)."""
-    raw = np.frombuffer(block, np.uint8)
-    ends = np.append(np.flatnonzero(raw == ord("\n")), raw.size)
-    letters = raw > ord(" ")
-    filled = np.diff(np.searchsorted(np.flatnonzero(letters), ends), prepend=0) > 0
-    if delimiter == BLANKS:
-        words = np.flatnonzero(letters & ~np.concatenate(([False], letters[:-1])))
-        fields, last = np.diff(np.searchsorted(words, ends), prepend=0), np.zeros(ends.size, bool)
-    else:
-        marks = raw == ord(delimiter)
-        fields = np.diff(np.searchsorted(np.flatnonzero(marks), ends), prepend=0) + 1
-        shown = np.flatnonzero(letters | marks)
-        behind = np.searchsorted(shown, ends)
-        last = (behind > 0) & marks[shown[behind - 1]] if shown.size else np.zeros(ends.size, bool)
-    rows = np.flatnonzero(filled)
-    return rows, fields[rows], last[rows]
+def _fields(line: str, delimiter: str) -> int:
+    if '"' in line:
+        return len(split(line, delimiter))
+    return len(line.split()) if delimiter == BLANKS else line.count(delimiter) + 1
 
 
 def _parse(source: Source, block: str, first_line: int, head: Head, decimal: str) -> pd.DataFrame:

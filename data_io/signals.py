@@ -276,7 +276,7 @@ def find_rests(record: Record, friction: FloatArray, speed: FloatArray | None = 
     force = kept(friction, finite)
     if force.size < 3 * FEWEST:
         return Rests(None, None)
-    noise = _noise(force)
+    noise = noise_of(force)
     band = max(_BAND * noise, 1e-9 * float(max(force.max(), -force.min())))
     head, tail = _flat(force, band), _flat(force[::-1], band)
     before = after = None
@@ -303,7 +303,7 @@ def _told(friction: FloatArray, start: int, stop: int) -> Rest | None:
     return Rest(start, stop, float(np.mean(values)), told=True) if values.size >= FEWEST else None
 
 
-def _noise(force: FloatArray) -> float:
+def noise_of(force: FloatArray) -> float:
     """Return the standard deviation of the noise [N], from the steps between samples; at least their quantisation."""
     steps = np.abs(thinned_steps(force))
     robust = 1.4826 * float(np.median(steps)) / np.sqrt(2.0)
