@@ -9,19 +9,19 @@ is asked for is read, so that a file may be larger than memory.
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
 
-from data_io.columns import Header, Name, coefficient_column, match_header, role_indices
-from data_io.contents import Contents, Part
+from data_io.columns import Header, Name, coefficient_column, match_header, role_indices, words
+from data_io.contents import Contents, Part, unit_of
 from data_io.hdf5_open import check_own, children, member, opened, signature_at
 from data_io.hdf5_values import check_memory, check_promise, columns_within, named_within, read_values
 from data_io.source import Request, Source
 from data_io.units import factor, to_si
-from data_io.values import COLUMN_ROLES, FloatArray, Scalar, UnitError
+from data_io.values import COLUMN_ROLES, FloatArray, UnitError
 from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, Account, read_account
 
 _UNIT_NAMES: Final = ("units", "unit", "Units", "Unit")
@@ -35,16 +35,50 @@ def can_read(head: bytes) -> bool:
     return signature_at(head) is not None
 
 
+@dataclass(frozen=True)
+class _Table:
+    """The columns of one step, not yet read: its run and number, header, datasets by index, attributes as text, and
+    what is known of its run."""
+
+    run: int
+    step: int
+    header: Header
+    datasets: Mapping[int, Any]
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    run_items: Mapping[str, str] = field(default_factory=dict)
+
+
 def read(source: Source, request: Request) -> Contents:
     """Read a step or a whole run of the project's layout, or the datasets in `columns`. Raises `LogError`."""
     with opened(source) as file:
         if any("/" in path for path in request.columns.values()):
-            return _read_named(source, request, file)
+            parts, skipped = _parts(source, request, [_named(source, request, file)])
+            return Contents(parts, skipped=skipped)
         runs = _groups(file, "run")
         ours = _text(file.attrs.get("format")) == FORMAT
         if ours or runs:
             return _read_layout(source, request, file, runs, ours=ours)
-        return _read_groups(source, request, file)
+        parts, skipped = _parts(source, request, _tests(source, request, file))
+        return Contents(parts, skipped=skipped)
+
+
+def _parts(source: Source, request: Request, tables: Sequence[_Table]) -> tuple[list[Part], float]:
+    """Read the steps that were asked for; of the others the names only. How long the log had run before [s]."""
+    run = _the_run(source, request, tables)
+    picked = {i for i, t in enumerate(tables) if t.run == run and request.step in (None, t.step)}
+    request, span = _by_file_clock(request, [tables[i] for i in sorted(picked)])
+    parts = [
+        Part(
+            table.run,
+            table.step,
+            table.header,
+            _columns(source, request, table) if i in picked else _unread(table),
+            table.parameters,
+            run_items=table.run_items,
+        )
+        for i, table in enumerate(tables)
+    ]
+    return parts, _skipped(source, request, parts, span)
 
 
 def _read_layout(
@@ -54,67 +88,56 @@ def _read_layout(
     if version != FORMAT_VERSION:
         raise source.error(f"layout version {version} was found; {FORMAT_VERSION} was expected; update this tool")
     wanted = [run for run in runs if run[0] == request.run] or runs  # the other logs of an archive need not be opened
-    steps = [
-        (run, step, _table(group, request, by_alias=False))
-        for run, run_group in wanted
-        for step, group in _groups(run_group, "step")
-    ]
-    if not steps:
+    tables = []
+    for run, run_group in wanted:
+        for step, group in _groups(run_group, "step"):
+            found = [(link, item) for link, item in children(group) if _is_dataset(item)]
+            names = tuple(Name(name, name, unit) for name, unit in map(_named_column, found))
+            header = Header(names, role_indices(names, request.columns))
+            parameters = {key: _text(value) for key, value in group.attrs.items()}
+            tables.append(_Table(run, step, header, dict(enumerate(item for _, item in found)), parameters))
+    if not tables:
         raise source.error("no group /run_1/step_1 was found; the layout's groups were expected; convert the log again")
-    run = _the_run(source, request, steps)
-    of_run = dict(runs).get(run) if run is not None else None
+    of_run = dict(runs).get(_the_run(source, request, tables) or 0)
     place = file if of_run is None or ABOUT not in of_run else of_run
     account = _account(source, place)
-    metadata: dict[str, Scalar] = dict(account.metadata)
-    picked = [table for number, step, table in steps if number == run and request.step in (None, step)]
-    request, span = _by_file_clock(request, picked)
-    parts = [
-        Part(number, step, table.header, _read_if(source, request, table, (number, step), run), table.parameters)
-        for number, step, table in steps
-    ]
-    skipped = _skipped(source, request, parts, span)
-    return Contents(parts, metadata, account.findings, ours, _drive_speed(source, place), skipped)
+    parts, skipped = _parts(source, request, tables)
+    return Contents(parts, account.metadata, account.findings, ours, _drive_speed(source, place), skipped)
 
 
-def _read_groups(source: Source, request: Request, file: Any) -> Contents:
-    """Every group that holds what a log needs is a run of one step."""
-    found: list[tuple[int, int, _Table]] = []
+def _tests(source: Source, request: Request, file: Any) -> list[_Table]:
+    """Return every group that holds what a log needs, each a run of one step."""
+    tables: list[_Table] = []
     for group in _all_groups(file):
-        table = _table(group, request, by_alias=True)
+        found = [(link, item) for link, item in children(group) if _is_dataset(item)]
+        found = [column for link, item in found for column in _columns_of(link, item, request)]
+        named = [_named_column(column) for column in found]
+        header = match_header([name for name, _ in named], request.columns)
+        units = zip(header.names, named, strict=True)
+        header = replace(header, names=tuple(n if unit is None else replace(n, unit=unit) for n, (_, unit) in units))
         needed = {"time"} if request.rate is None else set()
-        needed |= {"friction_force"} if coefficient_column(table.header) is None else set()
+        needed |= {"friction_force"} if coefficient_column(header) is None else set()
         needed |= {"normal_force"} if request.normal_force is None else set()
-        if needed <= set(table.header.roles):
-            found.append((len(found) + 1, 1, table))
-    if not found:
-        raise source.error(_unknown(file))
-    run = _the_run(source, request, found)
-    request, span = _by_file_clock(request, [table for number, _, table in found if number == run])
-    parts = [
-        Part(
-            number, 1, table.header, _read_if(source, request, table, (number, 1), run), {}, None, {"group": table.name}
+        if needed <= set(header.roles):
+            datasets = dict(enumerate(item for _, item in found))
+            tables.append(_Table(len(tables) + 1, 1, header, datasets, run_items={"group": str(group.name)}))
+    if not tables:
+        raise source.error(
+            f"the HDF5 file is not in our layout (/run_1/step_1/time ...); {_datasets(file)}; "
+            "name them, as in --columns time=/a,friction_force=/b,normal_force=/c"
         )
-        for number, _, table in found
-    ]
-    return Contents(parts, skipped=_skipped(source, request, parts, span))
+    return tables
 
 
-def _read_named(source: Source, request: Request, file: Any) -> Contents:
-    names: list[Name] = []
-    datasets = []
-    for role, path in request.columns.items():
-        dataset = _dataset_at(source, file, path)
+def _named(source: Source, request: Request, file: Any) -> _Table:
+    """Return the datasets that the user named."""
+    datasets = [_dataset_at(source, file, path) for path in request.columns.values()]
+    for (role, path), dataset in zip(request.columns.items(), datasets, strict=True):
         if dataset is None:
-            raise source.error(
-                f"no dataset {path!r} was found for {role.replace('_', ' ')}; {_datasets(file)}; name one"
-            )
-        names.append(Name(path, path, _unit(dataset)))
-        datasets.append(dataset)
+            raise source.error(f"no dataset {path!r} was found for {words(role)}; {_datasets(file)}; name one")
+    names = [Name(path, path, _unit(item)) for path, item in zip(request.columns.values(), datasets, strict=True)]
     roles = {role: index for index, role in enumerate(request.columns) if role in COLUMN_ROLES}
-    table = _Table("/", Header(tuple(names), roles), dict(enumerate(datasets)), {})
-    request, span = _by_file_clock(request, [table])
-    parts = [Part(1, 1, table.header, _columns(source, request, table.header, table.datasets))]
-    return Contents(parts, skipped=_skipped(source, request, parts, span))
+    return _Table(1, 1, Header(tuple(names), roles), dict(enumerate(datasets)))
 
 
 def _dataset_at(source: Source, file: Any, path: str) -> Any:
@@ -131,12 +154,12 @@ def _dataset_at(source: Source, file: Any, path: str) -> Any:
     return None
 
 
-def _by_file_clock(request: Request, tables: Sequence["_Table"]) -> tuple[Request, tuple[float, float]]:
+def _by_file_clock(request: Request, tables: Sequence[_Table]) -> tuple[Request, tuple[float, float]]:
     """Return the request with its window in the clock of the file, and where that begins and ends [s].
 
     Where the clocks of several steps do not go on, no window can be found in them: everything is read, and cut later.
     """
-    clocks = [_clock(request, table.header, table.datasets) for table in tables if table.datasets]
+    clocks = [_clock(request, table) for table in tables if table.datasets]
     clocks = [(time, scale) for time, scale in clocks if time.size]
     if request.window is None or not clocks or any(scale is None for _, scale in clocks):
         return replace(request, window=None), (0.0, 0.0)
@@ -162,36 +185,14 @@ def _skipped(source: Source, request: Request, parts: Sequence[Part], span: tupl
             f"{span[1] - span[0]:.6g} s{clock}; move the window inside"
         )
     index = read[0].header.roles["time"]
-    scale = factor(request.units.get("time") or read[0].header.names[index].unit or "s", "s")
+    scale = factor(unit_of(request, read[0].header, index) or "s", "s")
     return float(read[0].columns[index][0]) * scale - span[0]
 
 
-@dataclass(frozen=True)
-class _Table:
-    """The columns of one group, not yet read: its name, header, datasets by index, attributes as text."""
-
-    name: str
-    header: Header
-    datasets: Mapping[int, Any]
-    parameters: Mapping[str, str]
-
-
-def _table(group: Any, request: Request, *, by_alias: bool) -> _Table:
-    """Look at a group; roles by the usual names of columns (`by_alias`), or by the project's own names only."""
-    found = [(link, item) for link, item in children(group) if _is_dataset(item)]
-    if by_alias:
-        found = [column for link, item in found for column in _columns_of(link, item, request)]
-    names = [_text(item.attrs.get("name")) or link for link, item in found]
-    units = [_unit(item) for _, item in found]
-    if by_alias:
-        header = match_header(names, request.columns)
-        said = [n if u is None else replace(n, unit=u) for n, u in zip(header.names, units, strict=True)]
-        header = replace(header, names=tuple(said))
-    else:
-        own = tuple(Name(name, name, unit) for name, unit in zip(names, units, strict=True))
-        header = Header(own, role_indices(own, request.columns))
-    parameters = {} if by_alias else {key: _text(value) for key, value in group.attrs.items()}
-    return _Table(str(group.name), header, dict(enumerate(item for _, item in found)), parameters)
+def _named_column(column: tuple[str, Any]) -> tuple[str, str | None]:
+    """Return the name of a column, by its attribute or its link, and its unit."""
+    link, item = column
+    return _text(item.attrs.get("name")) or link, _unit(item)
 
 
 def _columns_of(link: str, item: Any, request: Request) -> list[tuple[str, Any]]:
@@ -202,30 +203,26 @@ def _columns_of(link: str, item: Any, request: Request) -> list[tuple[str, Any]]
     return [(column.label, column) for column in columns_within(item)] if wanted else []
 
 
-def _the_run(source: Source, request: Request, steps: Sequence[tuple[int, int, _Table]]) -> int | None:
+def _the_run(source: Source, request: Request, tables: Sequence[_Table]) -> int | None:
     """Return the run that will be read; None where it is open which, and nothing need be read."""
     if request.run is not None:
         return request.run
-    runs = {run for run, step, _ in steps if request.step in (None, step)}
+    runs = {table.run for table in tables if request.step in (None, table.step)}
     if not runs:
-        held = ", ".join(str(step) for step in sorted({step for _, step, _ in steps})[:_SHOWN])
+        held = ", ".join(str(step) for step in sorted({table.step for table in tables})[:_SHOWN])
         raise source.error(f"step {request.step} was asked for; the log holds step {held}; choose one of them")
     return runs.pop() if len(runs) == 1 else None
 
 
-def _read_if(
-    source: Source, request: Request, table: _Table, place: tuple[int, int], run: int | None
-) -> Mapping[int, FloatArray]:
-    """Read a step if it is the one that was asked for; the others are named only."""
-    if place[0] != run or request.step not in (None, place[1]):
-        # as long as they are, without their numbers: nobody asked for them
-        unread = np.float64(np.nan)
-        return {index: np.broadcast_to(unread, int(item.size or 0)) for index, item in table.datasets.items()}
-    return _columns(source, request, table.header, table.datasets)
+def _unread(table: _Table) -> dict[int, FloatArray]:
+    """Columns as long as they are, without their numbers: nobody asked for them."""
+    unread = np.float64(np.nan)
+    return {index: np.broadcast_to(unread, int(item.size or 0)) for index, item in table.datasets.items()}
 
 
-def _columns(source: Source, request: Request, header: Header, datasets: Mapping[int, Any]) -> dict[int, FloatArray]:
+def _columns(source: Source, request: Request, table: _Table) -> dict[int, FloatArray]:
     """Read the columns with a role, and the channels that were asked for; within the window, if there is one."""
+    header, datasets = table.header, table.datasets
     wanted = [
         index
         for index, name in enumerate(header.names)
@@ -234,12 +231,24 @@ def _columns(source: Source, request: Request, header: Header, datasets: Mapping
     ]  # fmt: skip
     for index in wanted:
         data = datasets[index]
-        _check_column(source, data)
+        if not _is_column(data):
+            raise source.error(
+                f"dataset {data.name!r} holds {data.dtype} of shape {data.shape or ()}; a column of numbers was "
+                "expected; name another one with --columns"
+            )
+        check_own(source, data)
         stored, packed = data.id.get_storage_size(), data.compression is not None
         check_promise(source, str(data.name), data.size * data.dtype.itemsize, stored, packed)
-    _check_lengths(source, [header.names[index] for index in wanted], [datasets[index].size for index in wanted])
-    rows = _rows(source, request, header, datasets)
-    time, scale = _clock(request, header, datasets) if header.names else (None, None)
+    if len({datasets[index].size for index in wanted}) > 1:
+        sizes = ", ".join(f"{header.names[index].name} {datasets[index].size}" for index in wanted)
+        raise source.error(f"the datasets differ in length ({sizes:.200}); equal lengths were expected; export again")
+    if not header.names:
+        return {}
+    time, scale = _clock(request, table)
+    rows = slice(0, int(time.size))
+    if request.window is not None and scale is not None:  # by `_by_file_clock` it is in the clock of the file
+        start = _bisected(time, request.window[0] / scale, after=False)
+        rows = slice(start, max(_bisected(time, request.window[1] / scale, after=True), start))
     check_memory(
         source,
         rows.stop - rows.start,
@@ -256,26 +265,14 @@ def _columns(source: Source, request: Request, header: Header, datasets: Mapping
     return columns
 
 
-def _rows(source: Source, request: Request, header: Header, datasets: Mapping[int, Any]) -> slice:
-    """The rows within the window of `_by_file_clock`, found by bisection; none where it lies elsewhere."""
-    if not header.names:
-        return slice(0, 0)
-    time, scale = _clock(request, header, datasets)
-    if request.window is None or scale is None:
-        return slice(0, int(time.size))
-    start = _bisected(time, request.window[0] / scale, after=False)
-    stop = _bisected(time, request.window[1] / scale, after=True)
-    return slice(start, max(stop, start))
-
-
-def _clock(request: Request, header: Header, datasets: Mapping[int, Any]) -> tuple[Any, float | None]:
+def _clock(request: Request, table: _Table) -> tuple[Any, float | None]:
     """The clock of the file, or its first column, and the factor to seconds; None where nothing tells seconds."""
-    index = header.roles.get("time", 0)
-    time = datasets[index]
-    if "time" not in header.roles or time.size == 0:
+    index = table.header.roles.get("time", 0)
+    time = table.datasets[index]
+    if "time" not in table.header.roles or time.size == 0:
         return time, None
     try:
-        return time, factor(request.units.get("time") or header.names[index].unit or "s", "s")
+        return time, factor(unit_of(request, table.header, index) or "s", "s")
     except UnitError:
         return time, None
 
@@ -331,21 +328,6 @@ def _is_column(dataset: Any) -> bool:
     return bool(shape) and dataset.dtype.kind in "fiu" and sum(size != 1 for size in shape) <= 1
 
 
-def _check_column(source: Source, dataset: Any) -> None:
-    if not _is_column(dataset):
-        raise source.error(
-            f"dataset {dataset.name!r} holds {dataset.dtype} of shape {dataset.shape or ()}; a column of numbers was "
-            "expected; name another one with --columns"
-        )
-    check_own(source, dataset)
-
-
-def _check_lengths(source: Source, names: Sequence[Name], sizes: Sequence[int]) -> None:
-    if len(set(sizes)) > 1:
-        shown = ", ".join(f"{name.name} {size}" for name, size in zip(names, sizes, strict=True))
-        raise source.error(f"the datasets differ in length ({shown:.200}); equal lengths were expected; export again")
-
-
 def _unit(dataset: Any) -> str | None:
     return next((_text(dataset.attrs[name]).strip() for name in _UNIT_NAMES if name in dataset.attrs), None)
 
@@ -386,10 +368,3 @@ def _datasets(file: Any) -> str:
     found = [name for item in there for name in within.get(item.name, []) or [item.name]]
     more = ", ..." if len(found) > _SHOWN else ""
     return f"the datasets are {', '.join(found[:_SHOWN])}{more}" if found else "it holds no datasets"
-
-
-def _unknown(file: Any) -> str:
-    return (
-        f"the HDF5 file is not in our layout (/run_1/step_1/time ...); {_datasets(file)}; "
-        "name them, as in --columns time=/a,friction_force=/b,normal_force=/c"
-    )
