@@ -48,13 +48,18 @@ def assemble(
         message = "the file has the normal force negative in compression; its sign was turned, compression is positive"
         notes.append(Finding("normal_force_flipped", "info", message))
     channels, units = _channels(steps)
+    along = all("drive_speed" in step.roles for step in steps)
+    ends = np.cumsum([step.time.size for step in steps]).tolist()
     values: dict[str, Any] = {
         "time": _one([_shifted(step.time, shift) for step, shift in zip(steps, shifts, strict=True)]),
         "normal_force": normal,
         "friction_force": _one([step.roles["friction_force"] for step in steps]),
-        "drive_speed": contents.drive_speed if (along := _joined_drive(steps)) is None else along,
+        "drive_speed": _one([step.roles["drive_speed"] for step in steps]) if along else contents.drive_speed,
         "channels": channels,
-        "steps": _bounds(picked, steps),
+        "steps": tuple(
+            Step(part.run, part.number, end - step.time.size, end, part.parameters)
+            for part, step, end in zip(picked, steps, ends, strict=True)
+        ),
     }
     if spans := unused_spans(request):
         values = _without_needless(values, spans, contents.skipped)
@@ -139,17 +144,3 @@ def _channels(steps: Sequence[SiStep]) -> tuple[dict[str, FloatArray], dict[str,
             pieces.append(values if values is not None and own == unit else np.full(step.time.size, np.nan))
         columns[name] = _one(pieces)
     return columns, units
-
-
-def _joined_drive(steps: Sequence[SiStep]) -> FloatArray | None:
-    if not all("drive_speed" in step.roles for step in steps):
-        return None
-    return _one([step.roles["drive_speed"] for step in steps])
-
-
-def _bounds(picked: Sequence[Part], steps: Sequence[SiStep]) -> tuple[Step, ...]:
-    ends = np.cumsum([step.time.size for step in steps])
-    return tuple(
-        Step(part.run, part.number, int(end) - step.time.size, int(end), part.parameters)
-        for part, step, end in zip(picked, steps, ends, strict=True)
-    )

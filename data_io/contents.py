@@ -266,7 +266,10 @@ def joined_contents(path: Path, read: Sequence[tuple[Path, Contents]]) -> Conten
         order = "the numbers in their names"
     if len(read) > 1:
         findings.append(Finding("joined_files", "info", f"{len(read)} files were joined in the order of {order}"))
-    numbered = [_numbered(p, part, number) for number, (p, part) in enumerate(parts, start=1)]
+    numbered = []
+    for number, (p, part) in enumerate(parts, start=1):
+        own = {} if part.number == number else {"step in file": str(part.number)}
+        numbered.append(replace(part, run=1, number=number, parameters={**part.parameters, "file": p.name, **own}))
     first = read[0][1]
     metadata = {**first.metadata, "files": ", ".join(p.name for p, _ in read)[:2000]}
     return Contents(numbered, metadata, findings, first.settled, first.drive_speed, form=first.form)
@@ -284,13 +287,6 @@ def _check_names(path: Path, paths: Sequence[Path]) -> None:
             f"{path}: {len(paths)} files were found ({names}) that neither say when they were started nor count up by "
             "one in their names; the files of one test were expected; name single files"
         )
-
-
-def _numbered(path: Path, part: Part, number: int) -> Part:
-    parameters = {**part.parameters, "file": path.name}
-    if part.number != number:
-        parameters["step in file"] = str(part.number)
-    return replace(part, run=1, number=number, parameters=parameters)
 
 
 def _natural(name: str) -> list[tuple[int, str]]:

@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from data_io.arrays import thinned, thinned_steps
+from data_io.arrays import same, thinned, thinned_steps
 from data_io.clock import Rows, StepClock, usable_rows
 from data_io.columns import ALIASES, EXAMPLES, KIND, Name, find_column, shown, words
 from data_io.contents import Part, unit_of
-from data_io.record import BLOCK, rising
+from data_io.record import rising
 from data_io.source import Request, Source
 from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, rescaled
 from data_io.values import COLUMN_ROLES, LARGEST_FORCE, Finding, FloatArray, UnitError, free_name
@@ -213,7 +213,7 @@ def _choices(part: Part) -> list[Finding]:
     for role, others in part.header.passed_over.items():
         index = part.header.roles[role]
         taken = part.columns.get(index)
-        differing = [i for i in others if i in part.columns and not _same(taken, part.columns[i])]
+        differing = [i for i in others if i in part.columns and not same(taken, part.columns[i])]
         if differing:
             named = shown(part.header.names[i].raw for i in differing)
             text = f"the {words(role)} was taken from {shown([part.header.names[index].raw])}, not from {named}"
@@ -231,14 +231,6 @@ def _weights(request: Request, part: Part) -> list[Finding]:
         return []
     text = f"forces in {' and '.join(found)} were taken as weights, {found[0]} as {found[0]}-force"
     return [Finding("unit_by_context", "info", text)]
-
-
-def _same(one: FloatArray | None, other: FloatArray) -> bool:
-    """Tell equal columns; block by block, because those that differ mostly do so soon."""
-    if one is None or one.size != other.size:
-        return False
-    blocks = (slice(begin, begin + BLOCK) for begin in range(0, one.size, BLOCK))
-    return all(np.array_equal(one[rows], other[rows], equal_nan=True) for rows in blocks)
 
 
 def _check_roles(source: Source, request: Request, part: Part, label: str) -> None:

@@ -130,7 +130,10 @@ def read_rtec(source: Source, request: Request) -> Contents:
 
 
 def _steps(table: Table) -> list[Part]:
-    header = _with_seconds(table)
+    header = table.header
+    time = header.roles.get("time")
+    if time is not None and not header.names[time].unit:
+        header = with_unit(header, time, "s")  # Timestamp counts seconds; the export does not say so
     index = find_column(header.names, _STEP)
     label = table.columns.get(-1 if index is None else index)
     if label is None or not table.rows:
@@ -140,11 +143,3 @@ def _steps(table: Table) -> list[Part]:
         Part(1, 1, header, {i: column[a:b] for i, column in table.columns.items()}, {_STEP: f"{label[a]:g}"})
         for a, b in pairwise(edges)
     ]
-
-
-def _with_seconds(table: Table) -> Header:
-    """Timestamp counts seconds; the export does not say so."""
-    index = table.header.roles.get("time")
-    if index is None or table.header.names[index].unit:
-        return table.header
-    return with_unit(table.header, index, "s")

@@ -119,32 +119,23 @@ def _look_first(source: Source, target: Any) -> None:
     """Have another process walk through the structure; a `LogError` where it hangs or dies of it."""
     if not hasattr(os, "fork") or not hasattr(signal, "SIGXCPU"):
         return  # Windows: no way to limit the computing of a process
-    known = _identity(target)
-    wrong = _walked.get(known) if known is not None else None
+    known = None
+    if isinstance(target, str):  # what tells whether the file is still the one it was
+        found = Path(target).stat()
+        known = (os.path.realpath(target), found.st_ino, found.st_size, found.st_mtime_ns)
+    wrong = None if known is None else _walked.get(known)
     if wrong is None:
-        wrong = _wrong_with(target, PATIENCE + int(source.size / _BYTES_PER_SECOND))
+        patience = PATIENCE + int(source.size / _BYTES_PER_SECOND)
+        alone = sys.platform == "linux" and threading.active_count() == 1
+        # a copy of this process would inherit the locks of its other threads
+        walk = _forked if alone or not isinstance(target, str) else _spawned
+        status = walk(target, patience)
+        hangs, crashes = status is None or status == -signal.SIGXCPU, status is not None and status < 0
+        wrong = "the library hangs on it" if hangs else "the library crashes on it" if crashes else ""
         if known is not None:
             _walked[known] = wrong
     if wrong:
         raise _damaged(source, wrong)
-
-
-def _wrong_with(target: Any, patience: int) -> str:
-    """What becomes of a process that walks through a file, "" where it gets through."""
-    alone = sys.platform == "linux" and threading.active_count() == 1
-    # a copy of this process would inherit the locks of its other threads
-    status = _forked(target, patience) if alone or not isinstance(target, str) else _spawned(target, patience)
-    if status is None or status == -signal.SIGXCPU:
-        return "the library hangs on it"
-    return "the library crashes on it" if status < 0 else ""
-
-
-def _identity(target: Any) -> tuple[str, int, int, int] | None:
-    """What tells whether a file is still the one it was; None for one in memory."""
-    if not isinstance(target, str):
-        return None
-    found = Path(target).stat()
-    return os.path.realpath(target), found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def _forked(target: Any, patience: int) -> int | None:

@@ -2,7 +2,7 @@
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -169,18 +169,9 @@ def named_within(dataset: Any) -> bool:
 
 def texts(value: Any) -> Sequence[str]:
     """Return an attribute as texts; of one text the words between its commas, of none nothing."""
-    if value is None:
-        return []
-    if isinstance(value, (str, bytes)):
-        whole = value.decode("utf-8", errors="replace") if isinstance(value, bytes) else value
-        return [part.strip() for part in whole.split(",")]
-    found = list(_flat(value))
-    return found if len(found) != 1 else [part.strip() for part in found[0].split(",")]
-
-
-def _flat(value: Any) -> Iterator[str]:
-    for part in np.ravel(np.asarray(value, dtype=object)):
-        yield part.decode("utf-8", errors="replace") if isinstance(part, bytes) else str(part)
+    found = [] if value is None else np.ravel(np.asarray(value, dtype=object)).tolist()
+    words = [part.decode("utf-8", errors="replace") if isinstance(part, bytes) else str(part) for part in found]
+    return words if len(words) != 1 else [part.strip() for part in words[0].split(",")]
 
 
 def _unit(dataset: Any, place: int, count: int) -> dict[str, Any]:

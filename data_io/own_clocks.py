@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from data_io.arrays import thinned_steps
+from data_io.arrays import same, thinned_steps
 from data_io.columns import Header, Name, match_names, role_of, shown
 from data_io.contents import Contents, Part, with_column
 from data_io.source import Request, Source
@@ -133,7 +133,7 @@ def _side_by_side(part: Part) -> list[Part]:
     key = part.header.names[friction].key
     twins = [i for i, name in enumerate(part.header.names) if name.key == key and i in own]
     starts = sorted({own[i] for i in twins})
-    if len(starts) < 2 or all(_same(part.columns[twins[0]], part.columns[i]) for i in twins[1:]):
+    if len(starts) < 2 or all(same(part.columns[twins[0]], part.columns[i]) for i in twins[1:]):
         return [part]
     tables = []
     for a, b in pairwise([0, *starts[1:], len(part.header.names)]):
@@ -157,7 +157,7 @@ def _paired(source: Source, request: Request, part: Part) -> tuple[Part, list[Fi
         return part, []
     clock = own[roles["friction_force"]]
     others = sorted({own[i] for i in own} - {clock})
-    others = [i for i in others if not _same(part.columns[i], part.columns[clock])]
+    others = [i for i in others if not same(part.columns[i], part.columns[clock])]
     if not others:
         return replace(part, clocks={}), []
     times = {i: _like(source, part, i, clock) for i in (clock, *others)}
@@ -240,7 +240,3 @@ def _no_overlap(part: Part, index: int, clock: int, times: Mapping[int, FloatArr
         f"{spans[0][1]:.6g}, that of {names[index].raw!r} from {spans[1][0]:.6g} to {spans[1][1]:.6g}; clocks that "
         "overlap were expected; export the channels together, or give a constant load with --normal-force"
     )
-
-
-def _same(one: FloatArray, other: FloatArray) -> bool:
-    return one is other or np.array_equal(one, other, equal_nan=True)

@@ -177,7 +177,7 @@ _COEFFICIENT_NAMES: Final = ("cof", "mu", "µ", "μ", "friction coefficient", "c
 class Quality:
     """What the gate measured. Findings hold the record's own first, then those of the gate.
 
-    sampling, signal, load_course: see `Sampling`, `Signal`, `Load`. rests: the drive at rest at both ends of the log.
+    sampling, signal, load: see `Sampling`, `Signal`, `Load`. rests: the drive at rest at both ends of the log.
     residual [N]: friction force before the drive moves or while nothing presses, None where the log does not show it.
     coefficient_error: median share by which the file's own coefficient differs from friction / normal force, None
     where the file has none.
@@ -185,31 +185,11 @@ class Quality:
 
     sampling: Sampling
     signal: Signal
-    load_course: Load
+    load: Load
     rests: Rests
     residual: float | None
     coefficient_error: float | None
     findings: tuple[Finding, ...]
-
-    @property
-    def resolution(self) -> float:
-        """Step of the grid on which the friction values lie [N], 0 where they show none."""
-        return self.signal.resolution
-
-    @property
-    def load(self) -> float:
-        """Mean normal force of the loaded rows [N]."""
-        return self.load_course.mean
-
-    @property
-    def load_drift(self) -> float:
-        """Change of the normal force from the first to the last tenth, as share of it."""
-        return self.load_course.drift
-
-    @property
-    def load_ripple(self) -> float:
-        """Standard deviation of the normal force about a straight line, as share of it."""
-        return self.load_course.ripple
 
     @property
     def verdict(self) -> Verdict:
@@ -219,7 +199,7 @@ class Quality:
     @property
     def figures(self) -> dict[str, tuple[float | None, str]]:
         """Every number of the gate by name, with its unit."""
-        sampling, signal, load = self.sampling, self.signal, self.load_course
+        sampling, signal, load = self.sampling, self.signal, self.load
         locked = self.rests.after
         return {
             "sampling_rate": (sampling.rate, "Hz"),

@@ -262,7 +262,8 @@ class Walk:
         footer = _lines(self.carry)
         if rows := [line for line in footer if _is_lost_row(line)]:
             text = f"{len(rows)} line(s) of numbers below the last table were left out: {rows[0]!r:.60}"
-            self._tables[-1] = _with_remark(self._tables[-1], Finding("rows_left_out", "warning", text))
+            remarks = (*self._tables[-1].remarks, Finding("rows_left_out", "warning", text))
+            self._tables[-1] = replace(self._tables[-1], remarks=remarks)
         return self._tables, footer
 
     def _passed_over(self, i: int) -> int:
@@ -388,10 +389,6 @@ class Walk:
 
     def _line(self, position: int) -> int:
         return self._first_line + self._text.count("\n", 0, position)
-
-
-def _with_remark(table: Table, remark: Finding) -> Table:
-    return Table(table.header, table.columns, table.preamble, table.first_line, (*table.remarks, remark))
 
 
 def _is_lost_row(line: str) -> bool:

@@ -10,7 +10,7 @@ from data_io.contents import Contents, Part
 from data_io.source import Request, Source
 from data_io.table import Table, read_tables
 from data_io.text import looks_like_text
-from data_io.values import Finding, FloatArray
+from data_io.values import Finding, FloatArray, free_name
 
 _STEP = re.compile(r"[ \t]*Step\s*+(?:No\.?|#)\s*+(?:[:=-]\s*+)?(\d{1,9})[ \t,;]*$", re.IGNORECASE)
 _RUN = re.compile(r"[ \t]*Run\s*+(?:No\.?|#)\s*+(?:[:=-]\s*+)?(\d{1,9})[ \t,;]*$", re.IGNORECASE)
@@ -66,9 +66,10 @@ def read_steps(source: Source, request: Request) -> Contents:
     run = 1
     for table in tables:
         found, run = _parts(table, run, len(parts) + 1, items, runs)
-        for part in found[:-1]:
-            findings += _about_rows(part)
-        findings += _remarks(table, found[-1])
+        findings += [finding for part in found[:-1] for finding in _about_rows(part)]
+        step = f"step {found[-1].number}"
+        findings += [replace(remark, message=f"{step}: {remark.message}") for remark in table.remarks]
+        findings += _about_rows(found[-1])
         parts += found
     if empty := [line for line in footer if _STEP.match(line)]:
         text = f"the log ends with {len(empty)} step header(s) without rows of numbers ({empty[0]})"
@@ -99,7 +100,7 @@ def _parts(
         else:
             key, value = _item(line)
             if len(target) < _MOST_ITEMS:
-                target[_free(key, target)] = value
+                target[free_name(key, target)] = value
     return [*empty, _part(table, table.columns, run, number, parameters, runs)], run
 
 
@@ -119,17 +120,6 @@ def _item(line: str) -> tuple[str, str]:
     line = " ".join("".join(letter for letter in line[:_LONGEST_ITEM] if letter.isprintable()).split())
     match = _PHRASE.fullmatch(line) or (None if re.match(r"[A-Za-z]:\\", line) else _ITEM.fullmatch(line))
     return (match[1].strip(), match[2].strip()) if match else ("note", line)
-
-
-def _free(key: str, taken: dict[str, str]) -> str:
-    return key if key not in taken else next(k for i in range(2, len(taken) + 3) if (k := f"{key} ({i})") not in taken)
-
-
-def _remarks(table: Table, part: Part) -> list[Finding]:
-    return [
-        *(replace(remark, message=f"step {part.number}: {remark.message}") for remark in table.remarks),
-        *_about_rows(part),
-    ]
 
 
 def _about_rows(part: Part) -> list[Finding]:

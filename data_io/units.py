@@ -89,9 +89,23 @@ def parse_quantity(text: object, unit: str) -> float:
     return float(scaled(number, factor(given, unit))) if given else number
 
 
+@functools.lru_cache(maxsize=1024)
 def factor(unit: str, si_unit: str) -> float:
     """Return the number that turns a value in `unit` into `si_unit`; raises `UnitError` if there is none."""
-    return 1.0 if unit == si_unit else _factor(unit, si_unit)
+    if unit == si_unit:
+        return 1.0
+    measure = _parsed(unit)
+    wanted = _registry().Quantity(1.0, si_unit)
+    if measure is not None and measure.is_compatible_with("kg") and wanted.is_compatible_with("N"):
+        return float(measure.to("kg").magnitude) * STANDARD_GRAVITY
+    if measure is None or not measure.is_compatible_with(wanted):
+        found = f"the unit {unit!r}" if unit else "no unit"
+        wrong = "is unknown" if measure is None else "was found"
+        raise UnitError(
+            f"{found} {wrong} where {'a unit of ' + si_unit if si_unit else 'a number without unit'} was expected; "
+            f"use one of {_EXAMPLES.get(si_unit, si_unit)}"
+        )
+    return float(measure.to(wanted.units).magnitude)
 
 
 def column_factor(unit: str, si_unit: str, file_unit: str | None = None) -> float:
@@ -197,22 +211,6 @@ def _registry() -> Any:
     import pint  # 0.5 s: only where a unit other than SI turns up
 
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=False)
-
-
-@functools.lru_cache(maxsize=1024)
-def _factor(unit: str, si_unit: str) -> float:
-    measure = _parsed(unit)
-    wanted = _registry().Quantity(1.0, si_unit)
-    if measure is not None and measure.is_compatible_with("kg") and wanted.is_compatible_with("N"):
-        return float(measure.to("kg").magnitude) * STANDARD_GRAVITY
-    if measure is None or not measure.is_compatible_with(wanted):
-        found = f"the unit {unit!r}" if unit else "no unit"
-        wrong = "is unknown" if measure is None else "was found"
-        raise UnitError(
-            f"{found} {wrong} where {'a unit of ' + si_unit if si_unit else 'a number without unit'} was expected; "
-            f"use one of {_EXAMPLES.get(si_unit, si_unit)}"
-        )
-    return float(measure.to(wanted.units).magnitude)
 
 
 def _parsed(unit: str) -> Any:

@@ -4,18 +4,20 @@ import csv
 import hashlib
 import io
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import astuple, dataclass, fields
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path, PurePath
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 
 from data_io.atomic import atomic_path, atomic_write
+from data_io.hdf5_open import children, opened, signature_at
 from data_io.record import Record
-from data_io.source import no_progress
+from data_io.source import load, no_progress
 from data_io.values import SEVERITIES, Finding, LogError, Scalar, Step
 
 # The JSON account in our own files of what is no column: read back with every value of the kind it must be.
@@ -110,42 +112,8 @@ class Entry:
     content_sha256: str
 
 
-def write_file(record: Record, path: Path, progress: Callable[[float], None], *, dated: bool) -> None:
-    """Write one record; read back and compared before the file appears. Raises `LogError`, `OSError`."""
-    with atomic_path(path) as temporary:
-        with _created(temporary, dated) as file:
-            about = _put(file, file, record, None, progress)
-            for key in ("source_file", "source_sha256"):
-                file.attrs[key] = str(about["metadata"].get(key, ""))
-        _check(temporary, path)
-
-
-def write_runs(records: Iterable[Record], path: Path, *, dated: bool) -> tuple[Entry, ...]:
-    """Write every record as a run of one file, one after the other, and an index. Raises `LogError`, `OSError`."""
-    import h5py
-
-    entries: list[Entry] = []
-    with atomic_path(path) as temporary:
-        with _created(temporary, dated) as file:
-            for number, record in enumerate(records, start=1):
-                group = file.create_group(f"run_{number}", track_order=True)
-                about = _put(file, group, record, number, lambda _: None)
-                entries.append(_entry(number, record, about, str(group.attrs[CONTENT])))
-            if not entries:
-                raise LogError(f"{path}: no log is left to write; one at least was expected; see why each was refused")
-            text = h5py.string_dtype()
-            kinds: dict[str, Any] = {"int": np.int64, "float": np.float64, "str": text}
-            kind = np.dtype([(field.name, kinds[_name(field.type)]) for field in fields(Entry)])
-            file.create_dataset(INDEX, data=np.array([astuple(entry) for entry in entries], dtype=kind))
-        _check(temporary, path)
-    return tuple(entries)
-
-
 def read_index(path: str | Path) -> tuple[Entry, ...]:
     """Return the index of an archive, empty for any other file. Raises `LogError` for a damaged one."""
-    from data_io.hdf5_open import children, opened, signature_at
-    from data_io.source import load
-
     source = load(Path(path))
     if signature_at(source.head) is None:
         return ()
@@ -154,7 +122,12 @@ def read_index(path: str | Path) -> tuple[Entry, ...]:
         names = tuple(field.name for field in fields(Entry))
         if table is None or getattr(table, "dtype", None) is None or table.dtype.names != names:
             return ()
-        return tuple(Entry(*(_text_of(value) for value in row)) for row in table[()].tolist())
+        rows = table[()].tolist()
+
+    def plain(value: Any) -> Any:
+        return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else value
+
+    return tuple(Entry(*map(plain, row)) for row in rows)
 
 
 def changed_runs(path: str | Path) -> list[str]:
@@ -162,15 +135,11 @@ def changed_runs(path: str | Path) -> list[str]:
 
     Raises `LogError` where the file is damaged or not ours.
     """
-    from data_io.hdf5_open import opened
-    from data_io.source import load
-
     source = load(Path(path))
     with opened(source) as file:
-        runs = _runs(file)
-        if not runs:
+        if not _runs(file):
             raise source.error("the file holds no checksum of ours; a log or archive written by convert was expected")
-        return [name for name, (told, group) in runs.items() if told != _content_of(group)]
+        return _changed(file)
 
 
 def _created(path: Path, dated: bool) -> Any:
@@ -236,6 +205,11 @@ def _runs(file: Any) -> dict[str, tuple[str, Any]]:
     return {name: (str(group.attrs[CONTENT]), group) for name, group in file.items() if CONTENT in group.attrs}
 
 
+def _changed(file: Any) -> list[str]:
+    """Return the runs whose numbers are not those that the stored checksum was made of."""
+    return [name for name, (stored, group) in _runs(file).items() if stored != _content_of(group)]
+
+
 def _content_of(group: Any) -> str:
     """Return the checksum of the numbers below a run, or below a file with one log, as they are now."""
     import h5py
@@ -253,12 +227,12 @@ def _content_of(group: Any) -> str:
     return digest.hexdigest()
 
 
-def _check(written: Path, path: Path) -> None:
+def _check(written: Path, path: str | Path) -> None:
     """Read the file again before it appears under its name."""
     import h5py
 
     with h5py.File(written, "r") as file:
-        wrong = [name for name, (told, group) in _runs(file).items() if told != _content_of(group)]
+        wrong = _changed(file)
     if wrong:
         raise LogError(f"{path}: {', '.join(wrong)} does not read back as it was written; check the disk")
 
@@ -281,18 +255,18 @@ def _entry(number: int, record: Record, about: Mapping[str, Any], content: str) 
     )
 
 
-def _name(kind: Any) -> str:
-    return kind if isinstance(kind, str) else str(kind.__name__)
-
-
-def _text_of(value: Any) -> Any:
-    return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else value
-
-
 CSV_MARK: Final = f"# {FORMAT} "
 """How a CSV of ours begins; the format version follows."""
 
-T = TypeVar("T")
+
+@contextmanager
+def _writing(path: str | Path) -> Iterator[None]:
+    """Say in a sentence why the system does not let a file be written. Raises `LogError`."""
+    try:
+        yield
+    except (OSError, UnicodeEncodeError) as error:
+        reason = getattr(error, "strerror", None) or str(error).removeprefix(f"{path}: ")
+        raise LogError(f"{path}: the log cannot be written ({reason}); choose another place") from error
 
 
 def write_hdf5(
@@ -303,7 +277,12 @@ def write_hdf5(
     Compressed, with checksums; the file is read back and compared, and appears whole or not at all. progress: called
     with the share written. dated: the file tells when it was written. Raises `LogError` where it cannot be written.
     """
-    _written(path, lambda: write_file(record, Path(path), progress, dated=dated))
+    with _writing(path), atomic_path(path) as temporary:
+        with _created(temporary, dated) as file:
+            about = _put(file, file, record, None, progress)
+            for key in ("source_file", "source_sha256"):
+                file.attrs[key] = str(about["metadata"].get(key, ""))
+        _check(temporary, path)
 
 
 def write_archive(records: Iterable[Record], path: str | Path, *, dated: bool = True) -> tuple[Entry, ...]:
@@ -312,7 +291,22 @@ def write_archive(records: Iterable[Record], path: str | Path, *, dated: bool = 
     Records are taken one after the other; only one need be in memory. Read one back with `read_log(path, run=2)`.
     Raises `LogError` where it cannot be written or there is none.
     """
-    return _written(path, lambda: write_runs(records, Path(path), dated=dated))
+    import h5py
+
+    entries: list[Entry] = []
+    with _writing(path), atomic_path(path) as temporary:
+        with _created(temporary, dated) as file:
+            for number, record in enumerate(records, start=1):
+                group = file.create_group(f"run_{number}", track_order=True)
+                about = _put(file, group, record, number, no_progress)
+                entries.append(_entry(number, record, about, str(group.attrs[CONTENT])))
+            if not entries:
+                raise LogError(f"{path}: no log is left to write; one at least was expected; see why each was refused")
+            kinds: dict[Any, Any] = {int: np.int64, float: np.float64, str: h5py.string_dtype()}
+            kind = np.dtype([(field.name, kinds[field.type]) for field in fields(Entry)])
+            file.create_dataset(INDEX, data=np.array([astuple(entry) for entry in entries], dtype=kind))
+        _check(temporary, path)
+    return tuple(entries)
 
 
 def write_csv(record: Record, path: str | Path) -> None:
@@ -320,25 +314,11 @@ def write_csv(record: Record, path: str | Path) -> None:
 
     The file appears whole or not at all. Raises `LogError` where it cannot be written.
     """
-    _written(path, lambda: _write_csv(record, path))
-
-
-def _written(path: str | Path, work: Callable[[], T]) -> T:
-    try:
-        return work()
-    except (OSError, UnicodeEncodeError) as error:
-        reason = getattr(error, "strerror", None) or str(error).removeprefix(f"{path}: ")
-        raise LogError(f"{path}: the log cannot be written ({reason}); choose another place") from error
-
-
-def _write_csv(record: Record, path: str | Path) -> None:
-    columns = record.columns()
-    units = record.units()
-    head = io.StringIO()
+    columns, units, head = record.columns(), record.units(), io.StringIO()
     writer = csv.writer(head, lineterminator="\n")
     writer.writerow(columns)
     writer.writerow([units[name] for name in columns])
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
-    with atomic_write(path) as handle:
+    with _writing(path), atomic_write(path) as handle:
         handle.write(f"{CSV_MARK}{FORMAT_VERSION}\n# {json.dumps(about_of(record))}\n{head.getvalue()}")
         handle.writelines(",".join(map(repr, row)) + "\n" for row in rows)

@@ -135,7 +135,9 @@ def say(seen: Inspection, terminal: Terminal) -> None:
         if source := record.metadata.get(f"{role}_source"):
             terminal.say(f"  {role.replace('_', ' ')}: {source}")
     terminal.say(wrapped(f"other columns: {', '.join(record.channels) or 'none'}", "  "))
-    terminal.say(f"  normal force: {quantity(quality.load, 'N')}, drift {percent(quality.load_drift, 1, signed=True)}")
+    terminal.say(
+        f"  normal force: {quantity(quality.load.mean, 'N')}, drift {percent(quality.load.drift, 1, signed=True)}"
+    )
     terminal.say(wrapped(f"drive speed: {_speed(seen)}", "  "))
     if len(seen.steps) == 1:
         _say_regime(seen.regime, terminal)
@@ -277,8 +279,8 @@ def document(seen: Inspection) -> dict[str, Any]:
         "sampling": asdict(quality.sampling),
         "quality": {
             **to_dict(seen.judgement.result()),
-            "load_N": quality.load,
-            "load_drift": quality.load_drift,
+            "load_N": quality.load.mean,
+            "load_drift": quality.load.drift,
         },
         "steps": [_step_document(step) for step in seen.steps],
         "classical": to_document(seen.classical),

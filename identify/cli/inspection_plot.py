@@ -131,7 +131,7 @@ def _gaps(axes: Axes, item: Inspection, inside: slice) -> None:
 
 def _unloaded(axes: Axes, item: Inspection, inside: slice) -> None:
     time, normal = item.record.time[inside], item.record.normal_force[inside]
-    for a, b in true_runs(normal < UNLOADED * item.judgement.quality.load):
+    for a, b in true_runs(normal < UNLOADED * item.judgement.quality.load.mean):
         axes.axvspan(float(time[a]), float(time[b - 1]), color="0.85", lw=0, zorder=0)
 
 

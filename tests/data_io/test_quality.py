@@ -30,7 +30,7 @@ def codes(quality):
 def test_a_clean_record_is_good():
     quality = assess(record())
     assert quality.verdict == "accept" and not quality.findings
-    assert quality.sampling.rate == pytest.approx(500) and quality.load == pytest.approx(1, rel=1e-3)
+    assert quality.sampling.rate == pytest.approx(500) and quality.load.mean == pytest.approx(1, rel=1e-3)
 
 
 def test_dropouts_are_counted():
@@ -88,7 +88,7 @@ def test_a_sensor_at_its_end_is_seen_and_a_plain_plateau_is_not():
 
 def test_a_coarse_sensor_is_named():
     quality = assess(record(friction_force=np.round(record().friction_force / 0.02) * 0.02))
-    assert "friction_coarse" in codes(quality) and quality.resolution == pytest.approx(0.02)
+    assert "friction_coarse" in codes(quality) and quality.signal.resolution == pytest.approx(0.02)
 
 
 def test_what_a_short_ramp_rises_in_a_row_is_no_step_of_its_sensor():
@@ -98,28 +98,30 @@ def test_what_a_short_ramp_rises_in_a_row_is_no_step_of_its_sensor():
         noise = np.random.default_rng(rows).normal(0, 4e-3, rows)
         fine = np.round(1.47 * time + noise, 5)
         quality = assess(record(time, friction_force=fine))
-        assert "friction_coarse" not in codes(quality) and quality.resolution == 0
+        assert "friction_coarse" not in codes(quality) and quality.signal.resolution == 0
         even = assess(record(time, friction_force=1.47 * time))
         assert "friction_coarse" not in codes(even), "without noise all differences are alike, and none is a step"
         coarse = assess(record(time, friction_force=np.round(np.round(fine / 0.08) * 0.08, 5)))
-        assert "friction_coarse" in codes(coarse) and coarse.resolution == pytest.approx(0.08)
+        assert "friction_coarse" in codes(coarse) and coarse.signal.resolution == pytest.approx(0.08)
 
 
 def test_the_step_is_found_through_the_rounding_of_the_file_and_none_among_uneven_levels():
     force = record().friction_force
     counts = np.round(force / 0.0123)
-    assert assess(record(friction_force=np.round(counts * 0.0123, 3))).resolution == pytest.approx(0.0123, rel=0.02)
+    assert assess(record(friction_force=np.round(counts * 0.0123, 3))).signal.resolution == pytest.approx(
+        0.0123, rel=0.02
+    )
     uneven = np.sort(np.random.default_rng(2).uniform(force.min(), force.max(), 20))
     held = uneven[np.clip(np.searchsorted(uneven, force), 0, 19)]
-    assert assess(record(friction_force=held)).resolution == 0
+    assert assess(record(friction_force=held)).signal.resolution == 0
 
 
 def test_drift_ripple_and_unloaded_rows_of_the_load():
     time = np.arange(N) / 500
     drift = assess(record(normal_force=1 - 0.2 * time / time[-1]))
-    assert drift.load_drift == pytest.approx(-0.2, rel=0.15) and codes(drift) == {"load_drift"}
+    assert drift.load.drift == pytest.approx(-0.2, rel=0.15) and codes(drift) == {"load_drift"}
     ripple = assess(record(normal_force=1 + 0.1 * np.sqrt(2) * np.sin(2 * np.pi * 5 * time)))
-    assert ripple.load_ripple == pytest.approx(0.1, rel=0.02) and "load_ripple" in codes(ripple)
+    assert ripple.load.ripple == pytest.approx(0.1, rel=0.02) and "load_ripple" in codes(ripple)
     late = np.where(time < 0.4, 0.0, 1.0)
     assert "unloaded_rows" in codes(assess(record(normal_force=late)))
 
