@@ -32,7 +32,7 @@ from identify.diagnosis.hypotheses import (
 )
 from identify.diagnosis.nested import fit_beside, fit_from_values, fit_larger, fit_model, fit_smaller
 from identify.estimation.agreement import contradiction, influence_at, largest_inflation, log_scores
-from identify.estimation.attempt import Attempt, judged
+from identify.estimation.attempt import Attempt, retested
 from identify.estimation.covariance import sizes
 from identify.estimation.strategies import Strategy, as_one_trial, may_run
 from identify.logs.prepare import Prepared
@@ -51,7 +51,7 @@ def nothing_amiss(fitted: Fitted, scene: Scene, memory: float) -> bool:
     Args:
         scene: whose rig the values are given for; memory: by how much that of the noise widens a variance.
     """
-    if fitted.attempt is None or judged(fitted.attempt).gate.status is not Status.CONVERGED:
+    if fitted.attempt is None or retested(fitted.attempt).gate.status is not Status.CONVERGED:
         return False
     solved, names = fitted.attempt.solved, [log.name for log in fitted.attempt.fitted_logs]
     try:
@@ -290,7 +290,7 @@ def doubt(
         if not gain > ASKED:
             continue
         back = fit_smaller(fitted, scene, records)
-        back = back if back.attempt is None else replace(back, attempt=judged(back.attempt))
+        back = back if back.attempt is None else replace(back, attempt=retested(back.attempt))
         if (ended.excess - back.excess) / memory > ASKED and back.logs == ended.logs and described(back):
             return Doubt(ANOTHER_ANSWER, gain, np.inf, "", back.attempt)
         words = hypothesis.words(fitted, *found_and_stated(hypothesis, fitted, scene))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.diagnosis.fitted import Fitted, fits, taken_over, values_of
-from identify.estimation.attempt import Attempt, judged, solve_from, solve_with_weakening_priors, usable
+from identify.estimation.attempt import Attempt, retested, solve_from, solve_with_weakening_priors, usable
 from identify.estimation.events import join
 from identify.estimation.other_optima import multistart_around
 from identify.estimation.search import SearchProblem, alike, search
@@ -137,7 +137,7 @@ def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted
     best = _placed_anew(other, scene, prepared, unknowns)
     warm = _warm(other, prepared, unknowns)
     if warm is not None and (best.attempt is None or warm.excess < best.excess):
-        return Fitted(scene, unknowns, tuple(prepared), judged(warm), warm.excess)
+        return Fitted(scene, unknowns, tuple(prepared), retested(warm), warm.excess)
     return best
 
 

@@ -201,7 +201,7 @@ def _fits_better(one: Solved, other: Solved) -> bool:
     return one.solution.success and one.problem.samples >= other.problem.samples and not there <= here + BETTER
 
 
-def judged(attempt: Attempt) -> Attempt:
+def retested(attempt: Attempt) -> Attempt:
     """The attempt with the gate of its own solution: one that was taken over from another model has that model's."""
     return replace(attempt, gate=gated(attempt.solved, attempt.fitted_logs))
 

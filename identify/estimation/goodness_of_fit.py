@@ -324,7 +324,7 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     if status is Status.CONVERGED:
         strained = strained_load(solved, names) or odd_stick(solved, names)
         status, message = (Status.MODEL_MISFIT, strained) if strained else (status, message + scatter_words(solved))
-    found = solved.solution.words, solved.event_shift
+    found = solved.solution.return_status, solved.event_shift
     return Gate(chi2, z, log + 1, cycle + 1, *found, status, message, possible_causes, levels)
 
 
@@ -437,7 +437,7 @@ def _judge(
     where = f"{names[log[worst]]}, cycle {cycle[worst] + 1}"
     if not np.isfinite(chi2):
         return Status.SOLVER_FAILED, (
-            f"the solver left the region where the model can be computed ({solution.words}); "
+            f"the solver left the region where the model can be computed ({solution.return_status}); "
             "check mass, stiffness and drive speed"
         )
     if solution.success and chi2 < 1.0 and not np.any(z > PER_CYCLE) and solved.event_shift < SETTLED:
@@ -450,8 +450,8 @@ def _judge(
     bad = abs(chi2 - 1.0) > allowed
     if not solution.success and not bad and np.max(np.abs(z)) <= PER_CYCLE:
         return Status.SOLVER_FAILED, (
-            f"the solver stopped with {solution.words} after {solved.iterations} iterations although the curve fits; "
-            f"{START_VALUES}, or fix a parameter that these logs cannot tell"
+            f"the solver stopped with {solution.return_status} after {solved.iterations} iterations although the curve "
+            f"fits; {START_VALUES}, or fix a parameter that these logs cannot tell"
         )
     if bad or np.max(np.abs(z), initial=0.0) > PER_CYCLE:
         if z[worst] > JUMP and _alone(z, log, cycle):
@@ -475,7 +475,7 @@ def _judge(
             + (
                 ""
                 if solution.success
-                else f"; the solver itself stopped with {solution.words}, and may do better from "
+                else f"; the solver itself stopped with {solution.return_status}, and may do better from "
                 f"elsewhere: {START_VALUES}"
             )
         )

@@ -333,7 +333,7 @@ def _first_peak(part: _Part, load: Array, knee: int) -> float | None:
 
 def _slips(part: _Part) -> tuple[Figures, Reasons]:
     found = part.found
-    drop, period = found.drop, found.period
+    drop, period = found.drop_mean_and_sd, found.period_mean_and_sd
     told: Figures = {
         "drop_N": drop[0] if drop else None,
         "drop_sd_N": drop[1] if drop and found.count > 1 else None,

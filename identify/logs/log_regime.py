@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.logs.regime import UNKNOWN, Known, Regime, Verdict, judged
+from identify.logs.regime import UNKNOWN, Known, Regime, Verdict, classify
 from identify.logs.segment import SLIDING, DetectedCycles, Segmentation
 from identify.logs.strokes import Drive, Stroke, strokes
 from identify.logs.told_drive import ToldDrive
@@ -50,7 +50,7 @@ def look(
         force = stroke.direction * (record.friction_force[rows] - tare)
         own = replace(known, drive_speed=stroke.speed or 0.0, turn=turn_of(record, rows))
         given = found if len(parts) == 1 and found is not None and found.phase.size == force.size else None
-        verdicts.append(judged(record.time[rows], force, own, given=given))
+        verdicts.append(classify(record.time[rows], force, own, given=given))
     return LogRegime(*_of_all(changes_speed(drive), parts, verdicts), parts, tuple(verdicts))
 
 
@@ -68,7 +68,7 @@ def drive_of(record: Record, told: ToldDrive) -> Drive:
 
 def of_strokes(time: Array, force: Array, strokes: Sequence[tuple[int, int, int]], known: Known) -> Verdict:
     """The verdict on a force (n,) that changes its sign, from those on its strokes (first row, end, sign)."""
-    verdicts = [judged(time[a:b], way * force[a:b], known) for a, b, way in strokes]
+    verdicts = [classify(time[a:b], way * force[a:b], known) for a, b, way in strokes]
     parts = [Stroke(1, 1, i, a, b, way, known.drive_speed) for i, (a, b, way) in enumerate(strokes, start=1)]
     found = joined([(a, v.found) for (a, _, _), v in zip(strokes, verdicts, strict=True)], force.size)
     return Verdict(*_of_all(False, parts, verdicts), found, strokes=len(parts))

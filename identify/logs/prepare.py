@@ -17,7 +17,7 @@ from identify.logs.judgement import Judgement, judge
 from identify.logs.loads import LoadSpline, as_far_as_told, as_modelled
 from identify.logs.log_data import LogData, StickLoading
 from identify.logs.parting import name_of
-from identify.logs.regime import Known, Regime, Verdict, judged
+from identify.logs.regime import Known, Regime, Verdict, classify
 from identify.logs.segment import ENDS_LOADING, FEW_SLIPS, REMEDY, SLIDING, STICK, Segmentation
 from identify.logs.segmented import RecordEdits, Segmented, account, followed, segmented
 from identify.logs.slip_quality import RecordPart
@@ -52,8 +52,8 @@ class Prepared:
     cycles that are fitted; reason the log is left out, or None; noise_estimated: from the data, not given;
     account of what was cut and corrected, with the record as it was read; judgement: of the quality gate;
     hidden_swing: by how much the normal force varies beyond its noise where the model takes its mean (half its range,
-    as a share); verdict: on its regime; fit_mode: how it is followed; pieces: the stretches of a course of its own that
-    are logs of constant speed.
+    as a share); regime_verdict: on its regime; fit_mode: how it is followed; pieces: the stretches of a course of its
+    own that are logs of constant speed.
     """
 
     record: Record
@@ -70,7 +70,7 @@ class Prepared:
     account: RecordEdits
     judgement: Judgement
     hidden_swing: float = 0.0
-    verdict: Verdict | None = None
+    regime_verdict: Verdict | None = None
     fit_mode: FitMode = field(default_factory=lambda: FitMode("cycles", None, False))
     pieces: tuple[Prepared, ...] = ()
 
@@ -82,7 +82,7 @@ class Prepared:
     @property
     def regime(self) -> Regime | None:
         """What it shows; None where no slip has come yet, or where it was not looked at."""
-        return None if self.verdict is None else self.verdict.regime
+        return None if self.regime_verdict is None else self.regime_verdict.regime
 
     @property
     def typical(self) -> int:
@@ -193,7 +193,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         account=account(entry, record, log.corrected, log.sign, float(log.time[0]), begin),
         judgement=judgement,
         hidden_swing=hidden,
-        verdict=log.verdict,
+        regime_verdict=log.verdict,
         fit_mode=fit_mode,
     )
     if fit_mode.name == "sliding":
@@ -295,7 +295,7 @@ def _pieces(log: Prepared, moving: ForceRecord, stiffness: float) -> tuple[Prepa
     for start, stop, speed in moving_pieces(data.programme or Drive((0.0,), (data.drive_speed,)), data.begin, data.end):
         rows = slice(*np.searchsorted(data.time, [start, stop]))
         time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
-        verdict = judged(time, force, Known(stiffness, speed, half_period), noise=noise)
+        verdict = classify(time, force, Known(stiffness, speed, half_period), noise=noise)
         found = followed(time, force, verdict, half_period or None, noise)
         part = ForceRecord(time, force, log.record.normal_force[rows], noise, half_period, Drive.of(speed))
         fit_mode = fit_mode_of(part, found, found.cycles.fall, stiffness)
@@ -309,7 +309,9 @@ def _pieces(log: Prepared, moving: ForceRecord, stiffness: float) -> tuple[Prepa
             continue
         piece = replace(data, begin=begin, end=end, drive_speed=speed, programme=None)
         out.append(
-            replace(log, data=piece, falls=falls, fit_mode=fit_mode, segmentation=found, verdict=verdict, pieces=())
+            replace(
+                log, data=piece, falls=falls, fit_mode=fit_mode, segmentation=found, regime_verdict=verdict, pieces=()
+            )
         )
     return tuple(out)
 

@@ -130,7 +130,7 @@ class _Tested:
 NO_SHAPE = _Shape(0, *[float("nan")] * 7)
 
 
-def judged(
+def classify(
     time: Array,
     force: Array,
     known: Known = UNKNOWN,

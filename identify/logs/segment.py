@@ -115,12 +115,12 @@ class Segmentation:
         return self._median(self.cycles.period) / self.sample_interval
 
     @property
-    def drop(self) -> tuple[float, float] | None:
+    def drop_mean_and_sd(self) -> tuple[float, float] | None:
         """Mean and standard deviation of the drops [N]; None without cycles."""
         return _mean_and_sd(self.cycles.drop)
 
     @property
-    def period(self) -> tuple[float, float] | None:
+    def period_mean_and_sd(self) -> tuple[float, float] | None:
         """Mean and standard deviation of the periods [s]; None with fewer than two cycles."""
         return _mean_and_sd(self.cycles.period)
 

@@ -15,7 +15,7 @@ from identify.base.errors import FitError
 from identify.logs.fit_mode import ForceRecord
 from identify.logs.log_regime import changes_speed, of_strokes
 from identify.logs.parting import name_of
-from identify.logs.regime import SURE, Known, Regime, Verdict, judged
+from identify.logs.regime import SURE, Known, Regime, Verdict, classify
 from identify.logs.segment import Segmentation, segment
 from identify.logs.strokes import turns_of_sign
 from identify.scene.values import LogEntry, Rig
@@ -216,10 +216,10 @@ def _verdict(time: Array, force: Array, rig: Rig, drive: Drive, elastic: bool) -
         if changes_speed(tuple(zip(drive.starts, drive.speeds, strict=True))):
             return Verdict(Regime.PROGRAMME, SURE, ("the drive changes its speed",), found)
         moves = _moves(drive, time)
-        return replace(judged(time[moves], force[moves], known, noise=rig.noise), found=found)
+        return replace(classify(time[moves], force[moves], known, noise=rig.noise), found=found)
     strokes = turns_of_sign(force)
     if len(strokes) < 2:
-        return judged(time, force, known, noise=rig.noise)
+        return classify(time, force, known, noise=rig.noise)
     return of_strokes(time, force, strokes, known)
 
 

@@ -109,7 +109,7 @@ def log_result(
         answer: what the parameters say of its stick-slip, see `outlooks_of`.
         part_of: the number (from 1) of the log of the scene that it is a part of; None where it is whole.
     """
-    record, verdict, regime = log.record, log.verdict, log.regime
+    record, verdict, regime = log.record, log.regime_verdict, log.regime
     taken = found.attempt is not None and index in found.attempt.log_numbers
     if found.estimated is not None and found.status is Status.CONVERGED:
         taken = index not in found.left_out
@@ -151,7 +151,7 @@ def _looked_at(log: Prepared) -> Record:
 
 def _quality(log: Prepared) -> QualityResult:
     seen, told = log.segmentation, log.judgement.result()
-    drop, period, slope = seen.drop, seen.period, seen.stick_slope
+    drop, period, slope = seen.drop_mean_and_sd, seen.period_mean_and_sd, seen.stick_slope
     figures = {
         "noise": QualityFigure(float(seen.noise), "N"),
         "samples_per_slip": QualityFigure(seen.samples_per_slip),

@@ -53,12 +53,12 @@ ALWAYS: Mapping[str, Any] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Solution:
-    """What the solver gave back: z (n,) scaled unknowns, x (n,) physical ones, its own words, whether they mean
+    """What the solver gave back: z (n,) scaled unknowns, x (n,) physical ones, its return_status, whether that means
     success, iterations, cost, largest row, multipliers (m,) of the rows: gradient + J^T multipliers = 0."""
 
     z: Array
     x: Array
-    words: str
+    return_status: str
     success: bool
     iterations: int
     cost: float
@@ -161,7 +161,7 @@ def _left_by(problem: Problem, result: Mapping[str, Any], stats: Mapping[str, An
     return Solution(
         z=z,
         x=z * problem.layout.scale,
-        words=str(stats["return_status"]),
+        return_status=str(stats["return_status"]),
         success=bool(stats["success"]),
         iterations=int(stats["iter_count"]),
         cost=point.cost,

@@ -18,7 +18,7 @@ from identify.diagnosis.fitted import Fitted, as_it_ended
 from identify.diagnosis.hypotheses import GROSS, SLIGHT, found_and_stated
 from identify.diagnosis.nested import fit_beside, fit_model
 from identify.effects import MAIN
-from identify.estimation.attempt import judged, solve_from
+from identify.estimation.attempt import retested, solve_from
 from identify.estimation.search import COST_CUTOFF, SearchProblem, search
 from identify.estimation.starts import features_of, starts_of
 from identify.logs.prepare import prepare
@@ -157,7 +157,7 @@ def test_a_model_taken_over_from_another_one_is_judged_by_itself(case):
     back = fit_beside(freed, scene, records)
     assert back.attempt.gate.status is not Status.CONVERGED and back.attempt.gate.chi2_per_sample > 1.2
     told = replace(freed.attempt, gate=back.attempt.gate)
-    assert judged(told).gate.status is Status.CONVERGED
+    assert retested(told).gate.status is Status.CONVERGED
 
 
 def test_a_suspect_is_looked_for_at_random_where_its_own_start_is_hopeless():

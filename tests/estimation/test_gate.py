@@ -88,7 +88,7 @@ def test_misfit_of_a_cycle_is_that_of_its_samples(right):
 )
 def test_a_curve_that_fits_is_not_enough(right, change, status, word):
     if "success" in change:
-        failed = replace(right.solution, success=False, words="Maximum_Iterations_Exceeded")
+        failed = replace(right.solution, success=False, return_status="Maximum_Iterations_Exceeded")
         wrong = replace(right, solution=failed)
     else:
         wrong = replace(right, **change)
@@ -109,7 +109,7 @@ def test_a_normal_force_moved_further_than_its_measurement_allows_is_refused():
 
 
 def test_a_state_that_cannot_be_computed_is_a_failure(right):
-    lost = replace(right.solution, z=right.solution.z * np.nan, success=False, words="Invalid_Number_Detected")
+    lost = replace(right.solution, z=right.solution.z * np.nan, success=False, return_status="Invalid_Number_Detected")
     gate = pass_gate(replace(right, solution=lost), NAMES, EXACT)
     assert gate.status is Status.SOLVER_FAILED
     assert "Invalid_Number" in gate.message

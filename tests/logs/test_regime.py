@@ -14,7 +14,7 @@ from identify.cli import main as cli
 from identify.cli.inspection import StatedRig, inspection
 from identify.logs import regime as tested
 from identify.logs.log_regime import look
-from identify.logs.regime import Known, Regime, judged
+from identify.logs.regime import Known, Regime, classify
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 MEASURED = Path(__file__).resolve().parents[3] / "shared" / "data" / "paper_on_paper"
@@ -79,7 +79,7 @@ def test_inspect_without_and_with_the_rig_say_the_same_of_a_near_harmonic_swing(
     for rig in (StatedRig(), StatedRig(2254.0, 1.1e-3), StatedRig(2254.0, 1.1e-3, 30.7e-3)):
         seen = inspection("a.csv", record, rig)
         assert seen.regime.regime is Regime.NEAR_HARMONIC and seen.steps[0].phases.count == 31
-        assert seen.steps[0].phases.drop[0] == pytest.approx(0.0226, abs=0.001)
+        assert seen.steps[0].phases.drop_mean_and_sd[0] == pytest.approx(0.0226, abs=0.001)
 
 
 def test_a_dip_with_a_floor_is_no_spike(capsys: pytest.CaptureFixture[str]) -> None:
@@ -174,23 +174,23 @@ def test_each_test_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A saw-tooth is stick-slip though the rig is stated wrongly by 50; a swing as fast as that rig loads is, and as
     slow as a disc turns is none; without the tests all would be."""
     time, force = saw()
-    assert judged(time, force).regime is Regime.STICK_SLIP
-    assert judged(time, force, Known(25_000.0, 1e-3)).regime is Regime.STICK_SLIP
+    assert classify(time, force).regime is Regime.STICK_SLIP
+    assert classify(time, force, Known(25_000.0, 1e-3)).regime is Regime.STICK_SLIP
     swing = 0.6 + 0.02 * np.sin(2.0 * np.pi * 2.0 * time) + 0.001 * np.random.default_rng(1).standard_normal(time.size)
-    assert judged(time, swing).regime is Regime.SLIDING
-    assert judged(time, swing, Known(250.0, 1e-3)).regime is Regime.NEAR_HARMONIC
-    assert judged(time, swing, Known(25_000.0, 1e-3)).regime is Regime.SLIDING
+    assert classify(time, swing).regime is Regime.SLIDING
+    assert classify(time, swing, Known(250.0, 1e-3)).regime is Regime.NEAR_HARMONIC
+    assert classify(time, swing, Known(25_000.0, 1e-3)).regime is Regime.SLIDING
     monkeypatch.setattr(tested, "SLOW", 1e-3)
     monkeypatch.setattr(tested, "MISSTATED", 0.0)
     monkeypatch.setattr(tested, "SMALL", 1e-3)
-    assert judged(time, swing).regime is Regime.NEAR_HARMONIC
-    assert judged(time, swing, Known(25_000.0, 1e-3)).regime is Regime.NEAR_HARMONIC
+    assert classify(time, swing).regime is Regime.NEAR_HARMONIC
+    assert classify(time, swing, Known(25_000.0, 1e-3)).regime is Regime.NEAR_HARMONIC
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 2000.0])
 def test_drops_that_differ_are_uneven_whatever_the_sampling(rate: float) -> None:
-    assert judged(*saw(0.25, rate)).regime is Regime.UNEVEN_STICK_SLIP
-    assert judged(*saw(0.0, rate)).regime is Regime.STICK_SLIP
+    assert classify(*saw(0.25, rate)).regime is Regime.UNEVEN_STICK_SLIP
+    assert classify(*saw(0.0, rate)).regime is Regime.STICK_SLIP
 
 
 @pytest.mark.parametrize("kind", KINDS)

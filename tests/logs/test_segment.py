@@ -122,7 +122,7 @@ def test_figures(fast):
     run, t, f = fast
     found = segment(t, f, half_period=HALF_PERIOD)
     assert found.count == run.arrests.size
-    assert found.period[0] == pytest.approx(np.mean(np.diff(run.onsets[: found.count])), rel=0.01)
+    assert found.period_mean_and_sd[0] == pytest.approx(np.mean(np.diff(run.onsets[: found.count])), rel=0.01)
     assert found.samples_per_cycle == pytest.approx(1000 * np.median(np.diff(run.onsets)), rel=0.03)
     assert 30 < found.samples_per_slip < 65
     assert sum(found.share(phase) for phase in (STICK, SLIP, SLIDING)) == pytest.approx(1.0)
@@ -158,8 +158,8 @@ def test_loading_then_steady_sliding_has_no_cycle(weakening):
     assert found.ends_sliding
     assert found.phase[0] == STICK
     assert found.share(SLIDING) > 0.9
-    assert found.drop is None
-    assert found.period is None
+    assert found.drop_mean_and_sd is None
+    assert found.period_mean_and_sd is None
 
 
 def test_noise_alone_a_ramp_and_a_constant():

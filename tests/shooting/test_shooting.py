@@ -288,7 +288,7 @@ def test_a_guess_whose_events_are_out_of_order_is_a_failed_solve():
     late[trajectories[0].ending("arrest")[0]] = trajectories[0].onset[1] + 0.5
     solved = solve_in_passes(problem.logs, [replace(trajectories[0], until=late), trajectories[1]], unknowns)
     assert not solved.solution.success and solved.solution.cost == np.inf
-    assert solved.solution.words == "Events_Out_Of_Order"
+    assert solved.solution.return_status == "Events_Out_Of_Order"
     assert solve_in_passes(problem.logs, trajectories, unknowns).solution.success
 
 
@@ -302,7 +302,7 @@ def test_a_guess_with_a_slide_of_no_length_is_a_failed_solve(recwarn):
     trajectories[1] = replace(trajectories[1], until=pinched)
     solution = solve(shooting_problem(problem.logs, trajectories, problem.layout.unknowns, COARSE))
     assert not solution.success and solution.cost == np.inf
-    assert solution.words == "Events_Out_Of_Order"
+    assert solution.return_status == "Events_Out_Of_Order"
     assert not recwarn.list
 
 
