@@ -310,7 +310,7 @@ class _Attempt:
     name: str
     gate: SimpleNamespace
     solved: SimpleNamespace
-    logs: tuple[int, ...] = (0,)
+    log_numbers: tuple[int, ...] = (0,)
     found_by: tuple[str, ...] = ()
     cost_per_sample: float | None = None
 
