@@ -11,7 +11,9 @@ from experiments.study_problem import DEMO
 from experiments.study_problem import RIG as TRUE_RIG
 from identify.base.outcome import Status
 from identify.effects import MAIN
+from identify.estimation import starts
 from identify.estimation.status_words import at_bounds, underivable
+from identify.estimation.strategies import Strategy, tracing
 from identify.identification import fit
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
@@ -65,10 +67,12 @@ def test_an_answer_without_derivatives_names_a_misfit_only_where_there_is_one():
     assert "nan" not in said(np.nan) and "drive speed and when it changes" in said(np.nan)
 
 
-def test_a_log_that_no_start_reproduces_is_not_said_to_stick_and_slip_where_it_slides():
+def test_a_log_that_no_start_reproduces_is_not_said_to_stick_and_slip_where_it_slides(monkeypatch):
     """Speed steps so fast that the friction changes no more: a level, and nothing that tells where it was reached."""
     stated = ((0.0, 5e-2), (2.0, 1e-1), (5.0, 2e-1))
     log = Log(((0.0, 5e-2), (5.0, 1e-1), (8.0, 2e-1)), 12.0, 2000.0, begins=3.0, said=stated)
-    result = fit(*Kind("fast", (log,), (), DEMO, TRUE_RIG).made(0)).result
+    monkeypatch.setattr(starts, "RANDOM", ())
+    with tracing((Strategy.FURTHER_STARTS, Strategy.HYPOTHESES)):  # the first start ends as all others do
+        result = fit(*Kind("fast", (log,), (), DEMO, TRUE_RIG).made(0)).result
     assert result["status"] == Status.MODEL_MISFIT.value and "stick-slip" not in result["message"]
     assert "take a window of one speed" in result["message"]

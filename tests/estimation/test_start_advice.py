@@ -30,8 +30,8 @@ FAR = 2.0  # standard deviation of the logarithm of a start about the truth
 # last digits, and so on the machine: one of the next draws may be the one.
 MET = {
     "do better from elsewhere": (1, passes.MOST_PASSES),
-    "although the curve fits": (43, passes.MOST_PASSES),
-    "answer may fit there too": (53, passes.MOST_PASSES),
+    "although the curve fits": (114, passes.MOST_PASSES),
+    "answer may fit there too": (71, passes.MOST_PASSES),
     "the event times still move": (0, 1),
 }
 
