@@ -22,6 +22,7 @@ from identify.base import budget, native
 from identify.estimation import starts
 from identify.estimation.strategies import Strategy, tracing
 from identify.simulation.price import SimulationPrice
+from identify.uneven.slip_functions import slip_functions
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -60,6 +61,25 @@ def machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pa
         pytest.skip("no C compiler here")
     yield tmp_path / "cache"
     native.wait()
+    for function in known:
+        function.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def shared_machine_code(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Functions of the uneven estimator are compiled once for all workers, as those of a user are, while they are used:
+    digit for digit the numbers are those of the virtual machine (tests/base/test_wide.py), in a fifth of the time."""
+    base = tmp_path_factory.getbasetemp()
+    place = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    known = (native.compiler, native.folder, native._translator, slip_functions)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STICKSLIP_COMPILE", "1")
+        patch.setenv("STICKSLIP_CACHE", str(place / "machine_code"))
+        for function in known:
+            function.cache_clear()
+        yield
+        native.stop()
+        native.wait()
     for function in known:
         function.cache_clear()
 

@@ -13,6 +13,7 @@ FOLDER = Path(__file__).resolve().parent.parent / "experiments"
 IN_VIVO, WRONG_RIG = FOLDER / "run_in_vivo_study.py", FOLDER / "run_wrong_rig.py"
 WINDOWS = FOLDER / "run_window_study.py"  # run by tests/prediction/test_windows.py
 MEASURED = FOLDER / "run_measured_records.py"  # by tests/uneven/test_measured_records.py
+UNEVEN = {FOLDER / f"run_uneven_{name}.py" for name in ("prediction", "transfer")}  # by tests/uneven/test_uneven.py
 RECOVERY = FOLDER / "run_recovery_study.py"  # by tests/estimation/test_fit.py
 FUZZ = FOLDER / "run_reader_fuzz.py"  # by tests/data_io/test_formats.py
 LAWS = FOLDER / "run_uneven_laws.py"  # adds a law to the table, which this process has in use: in one of its own
@@ -21,7 +22,7 @@ NEXT_LOG = FOLDER / "run_next_log_study.py"
 LONG = ("accuracy_price", "answer_price", "batch_faults", "fit_speed", "in_vivo_uneven", "skew_study", "uneven_study")
 SLOW = [FOLDER / f"run_{name}.py" for name in LONG]
 SCRIPTS = sorted(
-    set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED, RECOVERY, FUZZ, NEXT_LOG, LAWS, *SLOW}
+    set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED, RECOVERY, FUZZ, NEXT_LOG, LAWS, *UNEVEN, *SLOW}
 )
 
 

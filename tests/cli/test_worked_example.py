@@ -21,7 +21,10 @@ ROWS = {  # what begins a row of its table: parameter, and the unit of the page 
     "roughness": ("level_roughness", 1.0),
 }
 
-pytestmark = pytest.mark.skipif(not RECORD.is_file(), reason="the measured records are not beside this checkout")
+pytestmark = [
+    pytest.mark.usefixtures("shared_machine_code"),
+    pytest.mark.skipif(not RECORD.is_file(), reason="the measured records are not beside this checkout"),
+]
 
 
 def _cells(begins):

@@ -11,6 +11,7 @@ from identify.uneven.answer import why_withheld
 from identify.uneven.estimator import maximise
 from identify.uneven.slip_functions import PARAMETERS
 
+pytestmark = pytest.mark.usefixtures("shared_machine_code")
 measured = pytest.mark.skipif(not RECORDS.is_dir(), reason="the measured records are not beside this checkout")
 
 

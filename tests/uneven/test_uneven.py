@@ -8,6 +8,7 @@ import pytest
 from scipy import stats
 from scipy.integrate import solve_ivp
 
+from experiments import run_uneven_prediction, run_uneven_transfer
 from experiments.run_uneven_study import prepared, scene_of, truth_of
 from experiments.uneven_records import STIFF, simulated
 from identify import fit
@@ -25,7 +26,7 @@ from identify.uneven.slip_functions import LAW, MET, PARAMETERS, slip_functions
 from identify.uneven.transfer import APART, agreement
 from tests.support.document_check import validator
 
-pytestmark = pytest.mark.usefixtures("no_further_logs")
+pytestmark = pytest.mark.usefixtures("shared_machine_code", "no_further_logs")
 
 TOLD = [PARAMETERS.index(name) for name in ("strength", "weakening_rate", "mass")]
 
@@ -197,6 +198,7 @@ def answer(tracks):
 def test_a_fit_tells_quantities_with_verdicts(answer):
     result = answer.result
     assert (result["status"], result["estimator"]) == ("converged", "uneven")
+    assert not result["not_tried"], "there was time for all"
     assert validator().is_valid(plain(result))
     told = result["parameters"]
     assert all(told[name]["value"] is None and told[name]["reason"] for name in ("mu_s", "mu_k0", "a", "D"))
@@ -332,3 +334,15 @@ def test_compare_pools_what_uneven_pairs_have(answer):
     told = values([FitEntry(name, Path(), "converged", "", result=answer.typed) for name in ("first", "second")])
     pooled = {q.name: q for q in told.quantities}
     assert pooled["strength"].logarithmic and "weakening_length" in pooled and "mu_s" not in pooled
+
+
+def test_the_study_of_other_cycles_foretells_drop_and_period():
+    """Control: cycles whose mean is off by a third do not agree."""
+    found = run_uneven_prediction.main(fast=True)
+    assert [q.agrees for q in found] == [(True, True)] * 2
+    assert not any(replace(q, ratio=4.0 / 3.0).agrees[0] for q in found)
+
+
+def test_the_study_of_other_records_notices_a_friction_that_is_another():
+    (line,) = run_uneven_transfer.main(fast=True)
+    assert line["holds"] == [False, False] and "do not share one strength" in line["said"][0]

@@ -40,13 +40,8 @@ def test_a_limit_is_kept_and_what_it_left_out_is_said(track, limit):
         assert "longer" in result["message"] and "cycles described one by one" in result["not_tried"]
 
 
-def test_with_time_nothing_is_left_out(track):
-    result = fit(limited(60.0), [track.record], estimator=UnevenEstimator()).result
-    assert result["status"] == "converged" and not result["not_tried"]
-
-
 def test_a_search_that_was_cut_says_so_and_its_answer_is_not_taken(track):
-    sticks = sticks_of(prepared(STIFF, track.record))
+    sticks = sticks_of(prepared(STIFF, track.record)).part(np.arange(18))
     with time_limit(0.01):
         cut = maximise([sticks])
     whole = maximise([sticks])
