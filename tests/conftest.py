@@ -36,6 +36,8 @@ def pytest_configure() -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Readers first: an HDF5 file is looked at in a copy of the process, which costs the more the more that holds."""
+    items.sort(key=lambda item: item.path.parent.name != "data_io")
     if not config.getoption("--slow"):
         for item in items:
             if item.get_closest_marker("slow"):

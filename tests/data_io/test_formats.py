@@ -53,17 +53,17 @@ def test_every_reader_says_what_it_reads():
 def test_broken_variants(tmp_path, name, mutation):
     kind = ALL[name]
     made = kind.make(SMALL)
-    for seed in range(3):
+    for seed in range(2):
         data = TEXT[mutation].change(made.data, random.Random(seed))
         path = put(tmp_path, kind, data)
         outcome = run_reader_fuzz.judge(path, kind, made, [TEXT[mutation]], data)
         assert not outcome.startswith("WRONG"), (seed, outcome)
 
 
-def test_seven_hundred_broken_and_drawn_logs_hold_no_defect(capsys):
-    outcomes = run_reader_fuzz.main(count=500, first=10**6, draws=200)
+def test_broken_and_drawn_logs_hold_no_defect(capsys):
+    outcomes = run_reader_fuzz.main(count=250, first=10**6, draws=100)
     assert outcomes["WRONG"] == 0, capsys.readouterr().out
-    assert min(outcomes[o] for o in ("read as written", "read with a warning", "refused")) > 50
+    assert min(outcomes[o] for o in ("read as written", "read with a warning", "refused")) > 25
 
 
 def test_the_judge_of_the_broken_logs_sees_a_wrong_number(tmp_path):

@@ -196,8 +196,9 @@ NUMBERED = {
 }
 
 
-@pytest.mark.parametrize("count", [20, 5_000, 40_000])
-@pytest.mark.parametrize("setting", ["{0},{0}", "{0};{0};{0}", "{0},0.5,3"])
+@pytest.mark.parametrize(
+    ("setting", "count"), [("{0},{0}", 20), ("{0};{0};{0}", 5_000), ("{0},0.5,3", 5_000), ("{0},0.5,3", 40_000)]
+)
 def test_settings_end_wherever_they_end(tmp_path, setting, count):
     rows = "".join(f"{i / 10}\t{FORCE[i % 120]}\t3.0\n" for i in range(50_000))
     (tmp_path / "a.txt").write_text("".join(setting.format(i) + "\n" for i in range(count)) + rows)
