@@ -5,7 +5,7 @@ from functools import partial
 import pytest
 
 from identify.prediction.predict import predictions
-from identify.studies import operating_points
+from identify.studies import comparison_page, operating_points
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -14,3 +14,9 @@ def straight_lines():
         real = partial(predictions, draws=False)
         patch.setattr(operating_points, "predictions", lambda *points, draws: real(*points))
         yield
+
+
+@pytest.fixture
+def no_answers(monkeypatch):
+    """The groups are not asked what they do at common points: that is tests/studies/test_compare.py's."""
+    monkeypatch.setattr(comparison_page, "group_answers", lambda _comparison, _ground: ())

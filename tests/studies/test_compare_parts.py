@@ -136,6 +136,7 @@ def test_a_fit_is_left_out_whole_or_by_group(tmp_path):
         compare(entries, ComparisonQuestion("material", without=("PP2, volunteer V99",)))
 
 
+@pytest.mark.usefixtures("no_answers")
 def test_an_odd_group_flags_its_fit_on_the_page(tmp_path):
     random = np.random.default_rng(5)
     for k in range(8):
@@ -151,6 +152,7 @@ def test_an_odd_group_flags_its_fit_on_the_page(tmp_path):
     assert "does not belong?" in text
 
 
+@pytest.mark.usefixtures("no_answers")
 def test_the_command_counts_fits_and_not_their_parts(tmp_path, capsys):
     study(tmp_path / "study")
     arguments = ["compare", str(tmp_path / "study"), "--by", "material", "--out", str(tmp_path / "out")]
@@ -165,6 +167,7 @@ def untold(told, kept=()):
     return told
 
 
+@pytest.mark.usefixtures("no_answers")
 @pytest.mark.parametrize(("kept", "counted"), [((), 6), (("mu_k0",), 7)])
 def test_a_fit_that_tells_nothing_is_not_counted(tmp_path, kept, counted):
     """Control: with one parameter told, the fit and its person count."""
@@ -183,6 +186,7 @@ def test_a_fit_that_tells_nothing_is_not_counted(tmp_path, kept, counted):
     assert f"compared {counted} {7 - counted} left out" in tiles
 
 
+@pytest.mark.usefixtures("no_answers")
 def test_standard_errors_are_in_the_unit_of_the_mean(tmp_path):
     """Those of logarithms times the mean; control: others as they are."""
     found = compare(study(tmp_path), ComparisonQuestion("material"))
