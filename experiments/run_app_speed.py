@@ -163,17 +163,17 @@ def picture_of(browser: PageBrowser, serving: PinnedServer) -> None:
     browser.picture(Path(__file__).parents[1] / "docs" / "app.png", whole=False)
 
 
-def cancel_of(serving: PinnedServer) -> None:
+def cancel_of(serving: PinnedServer, started: float = STARTED) -> None:
     """From the cancel of a fit at work until none of its processes is left."""
     job = serving.ask("start", {"command": "fit", "scene": "pair.toml", "out": "cancelled"})
-    time.sleep(STARTED)
+    time.sleep(started)
     began = time.perf_counter()
     ended = serving.ask("cancel", {"id": job["id"]})
     print(f"cancel to idle  {time.perf_counter() - began:8.2f} s (the fit is {ended['state']})")
 
 
 def main(fast: bool = False, samples: int = 10_000_000, docs: bool = False) -> None:
-    """Print the table; fast: of 100,000 samples, five turns. docs: make the picture of the page too."""
+    """Print the table; fast: of 100,000 samples, two turns. docs: make the picture of the page too."""
     if CHROMIUM is None:
         print("no Chromium is installed (Debian: apt-get install chromium): nothing was measured")
         return
@@ -183,7 +183,7 @@ def main(fast: bool = False, samples: int = 10_000_000, docs: bool = False) -> N
         long_log(root / "long.h5", 100_000 if fast else samples)
         serving = PinnedServer(root)
         serving.ask("examples", {})
-        turns = 5 if fast else TURNS
+        turns = 2 if fast else TURNS
         try:
             with PageBrowser() as browser:
                 browser.size(1280, 900)
@@ -192,7 +192,7 @@ def main(fast: bool = False, samples: int = 10_000_000, docs: bool = False) -> N
                 if docs:
                     browser.size(1280, 860)
                     picture_of(browser, serving)
-            cancel_of(serving)
+            cancel_of(serving, 1.0 if fast else STARTED)
         finally:
             serving.stop()
 
