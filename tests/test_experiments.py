@@ -22,7 +22,8 @@ NEXT_LOG = FOLDER / "run_next_log_study.py"
 LONG = ("accuracy_price", "answer_price", "batch_faults", "fit_speed", "in_vivo_uneven", "skew_study", "uneven_study")
 SLOW = [FOLDER / f"run_{name}.py" for name in LONG]
 SCRIPTS = sorted(
-    set(FOLDER.glob("run_*.py")) - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED, RECOVERY, FUZZ, NEXT_LOG, LAWS, *UNEVEN, *SLOW}
+    set(FOLDER.glob("run_*.py"))
+    - {IN_VIVO, WRONG_RIG, WINDOWS, MEASURED, RECOVERY, FUZZ, NEXT_LOG, LAWS, *UNEVEN, *SLOW}
 )
 
 
