@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from identify import Scene, examples
-from identify.base.document import to_dict
 from identify.base.result import Result
 from identify.cli.main import main
-from identify.prediction.predict import predict
+from identify.prediction.cycle import CycleMap, loads
+from identify.prediction.orbit import settle
 from identify.prediction.sources import pair_of
 
 OFFSET = -0.19  # of mu_k0 from mu_s
@@ -73,7 +73,9 @@ def drop_at(group, speed, changed=None):
     scene = Scene.from_toml(examples.SCENE)
     values = scene.values() | dict(zip(names, moved.tolist(), strict=True))
     values["mu_k0"] = values["mu_s"] + OFFSET
-    return to_dict(predict(scene.model, values, speed, 1.0))["amplitude"]["drop"]["value"]
+    map_ = CycleMap(scene.model, 1.0, np.array([values[name] for name in scene.model.parameter_names]))
+    onset, arrest = loads(map_, settle(map_, speed).orbit.cycle)
+    return onset - arrest
 
 
 def spread_of_drop(group, speed):
