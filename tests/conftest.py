@@ -87,7 +87,9 @@ def shared_machine_code(tmp_path_factory: pytest.TempPathFactory) -> Iterator[No
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STICKSLIP_COMPILE", "1")
         patch.setenv("STICKSLIP_CACHE", str(place / "machine_code"))
-        patch.setattr(native, "SCRIPT", native.SCRIPT.replace("exec nice -n 10", "exec"))  # beside busy workers it would come late
+        patch.setattr(
+            native, "SCRIPT", native.SCRIPT.replace("exec nice -n 10", "exec")
+        )  # beside busy workers it would come late
         for function in known:
             function.cache_clear()
         yield

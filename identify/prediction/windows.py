@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.model.model import Model
 from identify.prediction.cycle import CycleMap
 from identify.prediction.map_axes import Site, axis
 from identify.prediction.map_grid import Plane
@@ -213,6 +215,12 @@ def speed_windows(map_: CycleMap, asked: Sequence[float] = ()) -> Windows:
     Raises:
         SimulationError: the motion cannot be integrated, or there is no steady sliding.
     """
+    return _windows(map_.model, map_.normal_force, map_.p.tobytes(), map_.rtol, tuple(asked))
+
+
+@lru_cache(maxsize=32)  # a fit and its report, and the page with every turn of its speed, ask again for those of a pair
+def _windows(model: Model, normal_force: float, p: bytes, rtol: float, asked: tuple[float, ...]) -> Windows:
+    map_ = CycleMap(model, normal_force, np.frombuffer(p), rtol)
     anchor = float(np.log(typical_speed(map_)))
     ends = [np.log(SLOWEST * _slowest(map_)), anchor + np.log(FASTEST), *np.log(asked)]
     first, last = (np.floor((min(ends) - anchor) / SPACING), np.ceil((max(ends) - anchor) / SPACING))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -67,14 +68,19 @@ PAIRS = {
 }
 
 
-@pytest.fixture(scope="module")
+@cache
+def skewed(name):
+    return case(PAIRS[name], just_below_the_end(PAIRS[name]), 0.06)
+
+
+@pytest.fixture
 def skew():
-    return case(PAIR, just_below_the_end(PAIR), 0.06)
+    return skewed("demo")
 
 
 @pytest.mark.parametrize("names", [("demo",), pytest.param(("soft", "load"), marks=pytest.mark.slow)])
 def test_skew_intervals_are_those_of_an_independent_monte_carlo(names):
-    scenes = [case(PAIRS[name], just_below_the_end(PAIRS[name]), 0.06) for name in names]
+    scenes = [skewed(name) for name in names]
     rng = np.random.default_rng(2)
     pairs = [study.drawn(scene, 130, rng) for scene in scenes]
     place = np.repeat(np.arange(len(scenes)), [len(each) for each in pairs])

@@ -123,6 +123,22 @@ def test_without_stick_slip_the_range_that_was_searched_is_said():
     assert simulate(lanes, np.stack([np.zeros(6), np.ones(6)]), 10).slides.all()
 
 
+def test_windows_of_a_pair_are_searched_once_and_those_of_another_are_its_own():
+    model, values = assemble(study.EFFECTS), WINDOW | {"mu_s": WINDOW["mu_s"] * 1.01}
+    own, again, other = (
+        CycleMap(model, WINDOW["normal_force"], np.array([pair[name] for name in model.parameter_names]))
+        for pair in (WINDOW, WINDOW, values)
+    )
+    assert speed_windows(own) is speed_windows(again)
+    loaded, finer = (
+        CycleMap(model, force, own.p, rtol)
+        for force, rtol in ((own.normal_force * 1.01, own.rtol), (own.normal_force, 1e-10))
+    )
+    ends = {speed_windows(map_).end.speed for map_ in (own, other, loaded, finer)}
+    assert len(ends) == 4
+    assert speed_windows(own, (1e-3,)).searched != speed_windows(own, (1e3,)).searched
+
+
 def test_points_of_one_pair_share_their_windows_and_close_loads_carry_them():
     model, force = assemble(study.EFFECTS), WINDOW["normal_force"]
     points = [OperatingPoint(WINDOW, speed, force * share) for speed, share in ((3e-4, 1.0), (9e-4, 1.0), (9e-4, 1.02))]
