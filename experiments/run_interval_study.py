@@ -71,7 +71,7 @@ def estimates(model: Model, known: Known, factor: float, count: int, seed: int) 
     covariance = factor**2 * known.covariance
     drawn = Uncertain(model, truth, known.names, covariance).draw(count, seed)
     out = []
-    for p in drawn.p:
+    for p in drawn.settings[:, :-2]:
         values = dict(zip(model.parameter_names, p.tolist(), strict=True))
         scale = [values[n] / truth[n] if model.parameter(n).scale == "log" else 1.0 for n in known.names]
         out.append((values, covariance * np.outer(scale, scale)))

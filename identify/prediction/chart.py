@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.map_axes import Site
 from identify.prediction.map_grid import Edge, Loop, Plane, outline, plane
-from identify.prediction.orbit_search import OrbitSearch, OrbitsOnGrid, growth_at, losses_of_stability
+from identify.prediction.orbit_search import OrbitSearch, OrbitsOnGrid, losses_of_stability
 from identify.prediction.path import Crossing
 from identify.prediction.quantities import QUANTITIES, quantities
 from identify.prediction.windows import Outcome, outcome_of
+from identify.simulation.sliding import growth_rates
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -108,8 +109,8 @@ def charted(grid: Plane) -> tuple[Chart, OrbitsOnGrid]:
     since, site = process_time(), grid.site
     check_calculable(site.model)
     growth = np.full(grid.shape, np.nan)
-    growth[grid.admitted] = growth_at(site.model, grid.settings[grid.admitted])
-    origin = CycleMap(site.model, site.normal_force, site.setting[:-2])
+    growth[grid.admitted] = growth_rates(site.model, grid.settings[grid.admitted])
+    origin = CycleMap.of(site.model, site.setting)
     built = process_time() - since
     known = OrbitSearch(grid, origin, growth).run()
     return _drawn(grid, growth, known, (since, built)), known

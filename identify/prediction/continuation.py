@@ -71,9 +71,7 @@ def continuation(site: Site, name: str, span: Range | None = None, points: int =
     for (_, i), orbit in orbits_found.orbits.items():
         multipliers[i] = orbit.multipliers
     eigenvalues, force = np.full((points, n_x), np.nan + 0j), np.full(points, np.nan)
-    w = np.ascontiguousarray(settings[admitted])
-    steady = slidings(site.model, np.ascontiguousarray(w[:, :-2]), w[:, -1].copy(), w[:, -2].copy())
-    for i, state in zip(np.flatnonzero(admitted).tolist(), steady, strict=True):
+    for i, state in zip(np.flatnonzero(admitted).tolist(), slidings(site.model, settings[admitted]), strict=True):
         eigenvalues[i, : state.eigenvalues.size] = state.eigenvalues
         force[i] = state.force
     return Continuation(

@@ -16,6 +16,7 @@ from identify.effects import ALL
 from identify.model.model import ELONGATION, SPEED, Model, assemble
 from identify.simulation.phases import Machine, Slide, slide
 from identify.simulation.plan import Plan, scales
+from identify.simulation.resting import borrowed, give_back
 from identify.simulation.steppers import HIGH
 from identify.simulation.tangents import node_slopes, situated_at, stepped
 
@@ -156,6 +157,11 @@ class CycleMap:
         self.time, self.speed = self._typical.time, float(self._typical.state[SPEED])
         self.scale = np.delete(self._typical.state, SPEED)  # typical size of y
 
+    @staticmethod
+    def of(model: Model, w: Array) -> CycleMap:
+        """The map at a setting w (n_w,), of whatever drive speed."""
+        return CycleMap(model, float(w[-2]), w[:-2])
+
     @cached_property
     def half_period(self) -> float:
         """Half a natural period [s], of the mass on rig and series element together."""
@@ -264,11 +270,11 @@ class CycleMap:
 
     def _margin(self, x: Array, w: Array) -> tuple[float, float]:
         """By how much a mass at rest in x withstands the drive, and the force of the drive [N]."""
-        machine = Machine(self.model, w[:-2], self._typical, Plan(self.rtol, (HIGH,)))
+        rests = borrowed(self.model)
         try:
-            return machine.rests.margin(x, situated_at(w))
+            return rests.margin(x, situated_at(w))
         finally:
-            machine.close()
+            give_back(rests)
 
     def load(self, x: Array, w: Array) -> float:
         """Force the load cell sees in state x [N]."""

@@ -47,15 +47,14 @@ class OperatingPoint:
 
 @dataclass(frozen=True)
 class Drawn:
-    """Draws of an operating point: p (n, n_p) in the model's order, drive_speed (n,) [m/s], normal_force (n,) [N].
+    """Draws of an operating point: settings (n, n_w), parameters in the model's order, normal force [N], drive speed
+    [m/s].
 
     kept: which of all that were drawn these n are; the others no pair can have (kinetic friction lost, or above the
     static).
     """
 
-    p: Array
-    drive_speed: Array
-    normal_force: Array
+    settings: Array
     kept: NDArray[np.bool_]
 
     @property
@@ -162,13 +161,12 @@ class Uncertain:
         order = (*self.model.parameter_names, "normal_force", "drive_speed")
         settings = np.stack([columns[name] for name in order], axis=1)
         kept = admissible(self.model, settings)
-        return Drawn(settings[kept, :-2], settings[kept, -1], settings[kept, -2], kept)
+        return Drawn(settings[kept], kept)
 
 
 def maps(model: Model, drawn: Drawn) -> list[tuple[CycleMap, float]]:
     """The map and the drive speed [m/s] of every draw."""
-    points = zip(drawn.p, drawn.drive_speed, drawn.normal_force, strict=True)
-    return [(CycleMap(model, float(load), p), float(speed)) for p, speed, load in points]
+    return [(CycleMap.of(model, w), float(w[-1])) for w in drawn.settings]
 
 
 def sampled(values: Array) -> AnswerInterval:

@@ -151,5 +151,4 @@ def long_enough(growth: float) -> float:
 
 def patience(map_: CycleMap, speed: float) -> float:
     """Half periods after which a mass that has not come to rest at this drive speed [m/s] is taken to slide on."""
-    rates = growth_rates(map_.model, map_.p, np.array([speed]), map_.normal_force)
-    return long_enough(float(rates[0]) * map_.half_period)
+    return long_enough(float(growth_rates(map_.model, map_.setting(speed))[0]) * map_.half_period)

@@ -33,18 +33,6 @@ STEP, LEAST = 1e-5, 1e-6  # relative step of a setting, and absolute for what is
 JUMPS = 0.1  # share of the change over an edge that is left in a narrowed crossing where the rate jumps
 
 
-def growth_at(model: Model, settings: Array) -> Array:
-    """Growth rate of the least stable disturbance of steady sliding [1/s] at settings (n, n_w), shape (n,)."""
-    w = np.ascontiguousarray(settings)
-    return growth_rates(model, w[:, :-2], w[:, -1], w[:, -2])
-
-
-def cleared_at(model: Model, settings: Array) -> Array:
-    """How far the bounded state of steady sliding stays from its bound, by `clearances`, at settings (n, n_w): (n,)."""
-    w = np.ascontiguousarray(settings)
-    return clearances(model, w[:, :-2], w[:, -1], w[:, -2])
-
-
 def losses_of_stability(plane: Plane, growth: Array) -> dict[Edge, Crossing]:
     """Every edge over which the growth rate (n_y, n_x) of steady sliding changes its sign, and where: where the rate is
     zero, or where it jumps as the contact wears out."""
@@ -58,7 +46,7 @@ def losses_of_stability(plane: Plane, growth: Array) -> dict[Edge, Crossing]:
     for turn in range(ROUNDS):
         places = low[:, None] + shares * (high - low)[:, None]
         settings = np.array([[way[0].setting(p) for p in row] for way, row in zip(ways, places.tolist(), strict=True)])
-        rates = growth_at(model, settings.reshape(-1, settings.shape[-1])).reshape(places.shape)
+        rates = growth_rates(model, settings.reshape(-1, settings.shape[-1])).reshape(places.shape)
         change = (rates[:, 1:] >= 0.0) != (rates[:, :1] >= 0.0)
         at, rows = np.argmax(change, axis=1), np.arange(len(edges))
         low, high = places[rows, at], places[rows, at + 1]
@@ -68,7 +56,7 @@ def losses_of_stability(plane: Plane, growth: Array) -> dict[Edge, Crossing]:
         last = np.abs(after - before)
     jumps = last > JUMPS * first
     ends = np.array([way[0].setting(p) for place in (low, high) for way, p in zip(ways, place.tolist(), strict=True)])
-    clear, worn = cleared_at(model, ends).reshape(2, -1)
+    clear, worn = clearances(model, ends).reshape(2, -1)
     # A law that bends there makes the rate jump too: somewhere in between.
     before, after = np.where(jumps, np.where(clear * worn < 0.0, (clear, worn), [[1.0], [-1.0]]), (before, after))
     found = low + before / (before - after) * (high - low)
@@ -88,9 +76,9 @@ def _slopes(model: Model, settings: Array, along: Array, jumps: NDArray[np.bool_
     moves = np.zeros((n, 2, n_w, n_w))
     moves[:, 0, np.arange(n_w), np.arange(n_w)], moves[:, 1, np.arange(n_w), np.arange(n_w)] = steps, -steps
     moved = np.ascontiguousarray((settings[:, None, None, :] + moves).reshape(-1, n_w))
-    values = growth_at(model, moved).reshape(n, 2, n_w)
+    values = growth_rates(model, moved).reshape(n, 2, n_w)
     if np.any(jumps):
-        values = np.where(jumps[:, None, None], cleared_at(model, moved).reshape(n, 2, n_w), values)
+        values = np.where(jumps[:, None, None], clearances(model, moved).reshape(n, 2, n_w), values)
     by_setting = (values[:, 0] - values[:, 1]) / (2.0 * steps)
     with np.errstate(all="ignore"):
         return np.asarray(-by_setting / np.sum(by_setting * along, axis=1)[:, None])

@@ -314,7 +314,7 @@ def expected(here: Orbit, scale: Array, there: CycleMap, w: Array) -> Array:
 def moved_orbit(near: Orbit, map_: CycleMap, drive_speed: float, wait: float) -> Orbit | None:
     """The stable orbit at a drive speed [m/s] of another map, sought where the derivatives of one expect it."""
     w = near.cycle.setting
-    scale = CycleMap(map_.model, float(w[-2]), w[:-2]).scale
+    scale = CycleMap.of(map_.model, w).scale
     orbit = close(map_, expected(near, scale, map_, map_.setting(drive_speed)), drive_speed, patience=wait)
     return orbit if orbit is not None and orbit.stable else None
 

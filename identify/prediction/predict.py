@@ -219,7 +219,7 @@ class _Intervals:
             return None
         if self._drawn is not None and "a" in self._map.model.parameter_names:
             drawn, rows = self._drawn
-            return sampled(drawn.p[:, self._map.model.parameter_names.index("a")] * rows[:, PEAK])
+            return sampled(drawn.settings[:, self._map.names.index("a")] * rows[:, PEAK])
         slopes = a * self._slopes[PEAK] + np.array([peak if name == "a" else 0.0 for name in self._names])
         return self._spread.positive(a * peak, slopes)
 

@@ -109,13 +109,13 @@ def stick_slip_probability(
     probabilities = [
         _probability_of(q, hits) for q, hits in zip(linear, (asked.sticks, asked.sticks & unstable), strict=True)
     ]
-    return StickSlipProbability(probabilities[0], probabilities[1], ends, drawn.p.shape[0], drawn.refused)
+    return StickSlipProbability(probabilities[0], probabilities[1], ends, len(drawn.settings), drawn.refused)
 
 
 def answers_of_draws(model: Model, drawn: Drawn, near: Orbit | None) -> DrawAnswers:
     """What every draw does; `near` is the orbit of the estimate, from which those of the draws are sought."""
-    count = drawn.p.shape[0]
-    growth = growth_rates(model, drawn.p, drawn.drive_speed, drawn.normal_force) if count else np.zeros(0)
+    count = len(drawn.settings)
+    growth = growth_rates(model, drawn.settings) if count else np.zeros(0)
     rows, sticks = np.full((count, len(QUANTITIES)), np.nan), np.zeros(count, dtype=bool)
     for i, (map_, speed) in enumerate(maps(model, drawn)):
         patience = long_enough(float(growth[i]) * map_.half_period)

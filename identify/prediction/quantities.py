@@ -182,8 +182,7 @@ def sliding_slopes(map_: CycleMap, drive_speed: float, names: Sequence[str]) -> 
     steps = STEP * np.where(w == 0.0, LEAST, np.abs(w))[columns]
     moved = np.zeros((len(columns), w.size))
     moved[np.arange(len(columns)), columns] = steps
-    each = np.concatenate([w + moved, w - moved])
-    found = slidings(map_.model, np.ascontiguousarray(each[:, :-2]), each[:, -1], each[:, -2])
+    found = slidings(map_.model, np.concatenate([w + moved, w - moved]))
     table = np.array([[state.growth, state.force] for state in found])
     slopes = (table[: len(columns)] - table[len(columns) :]) / (2.0 * steps[:, None])
     return slopes[:, 0], slopes[:, 1]

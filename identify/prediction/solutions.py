@@ -58,8 +58,7 @@ def solution_sets(maps: Sequence[CycleMap], drive_speeds: Sequence[float]) -> li
     Raises:
         SimulationError: the motion cannot be integrated, or there is no steady sliding.
     """
-    forces = np.array([m.normal_force for m in maps])
-    steady = slidings(maps[0].model, np.stack([m.p for m in maps]), np.asarray(drive_speeds, float), forces)
+    steady = slidings(maps[0].model, np.stack([m.setting(v) for m, v in zip(maps, drive_speeds, strict=True)]))
     known: list[tuple[CycleMap, Windows]] = []
     out = []
     for map_, state in zip(maps, steady, strict=True):

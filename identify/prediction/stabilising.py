@@ -17,11 +17,12 @@ from identify.prediction.intervals import POINT, AnswerInterval, OperatingPoint,
 from identify.prediction.map_axes import Site, axis, moved
 from identify.prediction.map_grid import row_at
 from identify.prediction.orbit import long_enough, settle
-from identify.prediction.orbit_search import OrbitSearch, growth_at, losses_of_stability
+from identify.prediction.orbit_search import OrbitSearch, losses_of_stability
 from identify.prediction.path import Crossing
 from identify.prediction.point_prediction import number
 from identify.prediction.sources import Tested
 from identify.prediction.wording import said, with_interval
+from identify.simulation.sliding import growth_rates
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The nearest value of one rig quantity at which sliding turns steady, or stops being so: a map over that one quantity.
@@ -56,8 +57,8 @@ def nearest_turn(site: Site, name: str, low: float, high: float) -> tuple[bool, 
     places = q.place(q.value) + np.log(STEP) * np.arange(-below, above + 1)
     grid = row_at(site, q, places)
     growth = np.full(grid.shape, np.nan)
-    growth[grid.admitted] = growth_at(site.model, grid.settings[grid.admitted])
-    found = OrbitSearch(grid, CycleMap(site.model, site.normal_force, site.setting[:-2]), growth).run()
+    growth[grid.admitted] = growth_rates(site.model, grid.settings[grid.admitted])
+    found = OrbitSearch(grid, CycleMap.of(site.model, site.setting), growth).run()
     sticks = found.sticks(grid.shape)
     steady = ((growth < 0.0) & ~sticks)[0]
     here = bool(steady[below])
@@ -237,7 +238,7 @@ def _steady_up_to(site: Site, name: str, limit: float, advised: float) -> bool:
     """Whether sliding is steady from a limit up to the value advised, looked at in BETWEEN places."""
     for share in np.linspace(0.0, 1.0, BETWEEN + 1)[1:].tolist():
         w = np.asarray(moved(site, {name: limit * (advised / limit) ** share}), float)
-        map_, growth = CycleMap(site.model, float(w[-2]), w[:-2]), float(growth_at(site.model, w[None, :])[0])
+        map_, growth = CycleMap.of(site.model, w), float(growth_rates(site.model, w)[0])
         if growth >= 0.0 or settle(map_, float(w[-1]), patience=long_enough(growth * map_.half_period)).sticks:
             return False
     return True

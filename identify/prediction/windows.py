@@ -20,8 +20,9 @@ from identify.prediction.cycle import CycleMap
 from identify.prediction.map_axes import Site, axis
 from identify.prediction.map_grid import Plane
 from identify.prediction.orbit import Orbit, patience
-from identify.prediction.orbit_search import OrbitSearch, OrbitsOnGrid, growth_at, losses_of_stability
+from identify.prediction.orbit_search import OrbitSearch, OrbitsOnGrid, losses_of_stability
 from identify.prediction.path import Crossing, drive_speed_path, moved_orbit, trace
+from identify.simulation.sliding import growth_rates
 
 Array = NDArray[np.float64]
 
@@ -226,7 +227,7 @@ def _windows(model: Model, normal_force: float, p: bytes, rtol: float, asked: tu
     first, last = (np.floor((min(ends) - anchor) / SPACING), np.ceil((max(ends) - anchor) / SPACING))
     places = np.union1d(anchor + SPACING * np.arange(first, last + 1), np.log(asked))
     grid = _speed_row(map_, places)
-    found = OrbitSearch(grid, map_, growth_at(map_.model, grid.settings[0])[None, :]).run()
+    found = OrbitSearch(grid, map_, growth_rates(map_.model, grid.settings[0])[None, :]).run()
     searched = float(np.exp(places[0])), float(np.exp(places[-1]))
     return Windows(map_.normal_force, searched, _ranges(grid, found), unstable_speeds(map_, *searched))
 
@@ -248,7 +249,7 @@ def unstable_speeds(map_: CycleMap, lowest: float, highest: float) -> tuple[tupl
     search.
     """
     grid = _speed_row(map_, np.linspace(np.log(lowest), np.log(highest), POINTS))
-    growth = growth_at(map_.model, grid.settings[0])[None]
+    growth = growth_rates(map_.model, grid.settings[0])[None]
     losses = sorted(float(np.exp(loss.place)) for loss in losses_of_stability(grid, growth).values())
     ends = [lowest] * bool(growth[0, 0] >= 0.0) + losses + [highest] * bool(growth[0, -1] >= 0.0)
     return tuple(zip(ends[::2], ends[1::2], strict=True))

@@ -44,9 +44,11 @@ class Sliding:
         return self.growth < 0.0
 
 
-def _inputs(drive_speed: Array, normal_force: Array) -> Array:
-    """u (n, 4) of the model: sliding forwards, at time 0."""
-    return np.stack([drive_speed, normal_force, np.ones(drive_speed.size), np.zeros(drive_speed.size)], axis=1)
+def _split(settings: Array) -> tuple[Array, Array]:
+    """Parameters p (n, n_p) and inputs u (n, 4) of the model, sliding forwards at time 0, of settings (n, n_w)."""
+    w = np.atleast_2d(settings)
+    forwards = np.stack([w[:, -1], w[:, -2], np.ones(len(w)), np.zeros(len(w))], axis=1)
+    return np.ascontiguousarray(w[:, :-2]), forwards
 
 
 @lru_cache(maxsize=32)
@@ -114,20 +116,20 @@ def _slidings(model: Model, p: Array, u: Array) -> tuple[Array, NDArray[np.bool_
     return x, worn, values
 
 
-def slidings(model: Model, p: Array, drive_speed: Array, normal_force: Array) -> list[Sliding]:
-    """Steady sliding at n operating points: p (n, n_p), drive speeds (n,) [m/s], normal forces (n,) [N].
+def slidings(model: Model, settings: Array) -> list[Sliding]:
+    """Steady sliding at settings (n, n_w): parameters, normal force [N], drive speed [m/s], positive.
 
     Raises:
         SimulationError: no finite steady state.
     """
-    u = _inputs(drive_speed, normal_force)
+    p, u = _split(settings)
     x, worn, values = _slidings(model, p, u)
     out = []
-    for i in range(drive_speed.size):
+    for i in range(len(p)):
         known = values[i][np.isfinite(values[i])]
         order = np.lexsort((-known.imag, -known.real))
         force = float(model.load_cell(x[i], p[i], u[i]))
-        out.append(Sliding(float(drive_speed[i]), x[i], force, bool(worn[i]), known[order]))
+        out.append(Sliding(float(u[i, 0]), x[i], force, bool(worn[i]), known[order]))
     return out
 
 
@@ -153,27 +155,23 @@ def sliding(model: Model, p: Array, drive_speed: float, normal_force: float) -> 
     Raises:
         SimulationError: no finite steady state.
     """
-    return slidings(model, np.asarray(p, float)[None, :], np.array([drive_speed]), np.array([normal_force]))[0]
+    return slidings(model, np.append(p, [normal_force, drive_speed]))[0]
 
 
-def growth_rates(model: Model, p: Array, drive_speed: Array, normal_force: float | Array) -> Array:
-    """Growth rates of the least stable disturbance of steady sliding [1/s], shape (n,).
-
-    Args:
-        p: parameters (n_p,) or (n, n_p). drive_speed: (n,) [m/s]. normal_force: [N], one or (n,).
+def growth_rates(model: Model, settings: Array) -> Array:
+    """Growth rates of the least stable disturbance of steady sliding [1/s], shape (n,), at settings (n, n_w).
 
     Raises:
         SimulationError: no finite steady state.
     """
-    u = _inputs(drive_speed, np.broadcast_to(normal_force, drive_speed.shape))
-    values = _slidings(model, np.broadcast_to(p, (drive_speed.size, np.shape(p)[-1])), u)[2]
-    return np.asarray(np.nanmax(values.real, axis=1))
+    return np.asarray(np.nanmax(_slidings(model, *_split(settings))[2].real, axis=1))
 
 
-def clearances(model: Model, p: Array, drive_speed: Array, normal_force: Array) -> Array:
+def clearances(model: Model, settings: Array) -> Array:
     """How far the bounded state of steady sliding stays from its bound, shape (n,); negative where the contact is worn
-    out (there it is what it would be without the bound). Arguments as of `growth_rates`."""
+    out (there it is what it would be without the bound). Settings (n, n_w)."""
+    p, u = _split(settings)
     if model.clamped is None:
-        return np.full(drive_speed.shape, np.inf)
-    x, _ = _steady(model, np.ascontiguousarray(p), _inputs(drive_speed, normal_force), worn=False)
+        return np.full(len(p), np.inf)
+    x, _ = _steady(model, p, u, worn=False)
     return np.asarray(x[:, model.clamped] - (model.states[model.clamped].lower or 0.0))

@@ -337,8 +337,8 @@ def _friction(ground: Common, spreads: _Spreads) -> SpeedCurve:
         moved[1 + 2 * k, place] += steps[k]
         moved[2 + 2 * k, place] -= steps[k]
     everything = np.repeat(moved, len(speeds), axis=0)
-    load = np.full(len(everything), ground.normal_force)
-    found = slidings(ground.model, everything, np.tile(speeds, len(moved)), load)
+    points = np.column_stack([np.full(len(everything), ground.normal_force), np.tile(speeds, len(moved))])
+    found = slidings(ground.model, np.append(everything, points, axis=1))
     mu = np.array([s.force for s in found]).reshape(len(moved), len(speeds)) / ground.normal_force
     slopes = (mu[1::2] - mu[2::2]) / (2.0 * steps[:, None])
     bands = [NORMAL * np.sqrt(np.einsum("kv,kl,lv->v", slopes, C, slopes)) for C in (spreads.mean, spreads.people)]

@@ -158,8 +158,8 @@ def test_draws_have_the_covariance_and_are_possible():
     matrix[0, 1] = matrix[1, 0] = 0.8 * np.sqrt(matrix[0, 0] * matrix[1, 1])
     values = ALL | {"drive_speed": SPEED, "normal_force": 1.0}
     drawn = Uncertain(MODEL, values, names, matrix).draw(20000, seed=1)
-    assert drawn.refused == 0 and np.all(drawn.normal_force == 1.0)
-    columns = [*(drawn.p[:, MODEL.parameter_names.index(n)] for n in NAMES), drawn.drive_speed]
+    assert drawn.refused == 0 and np.all(drawn.settings[:, -2] == 1.0)
+    columns = [*(drawn.settings[:, MODEL.parameter_names.index(n)] for n in NAMES), drawn.settings[:, -1]]
     np.testing.assert_allclose(
         np.cov(np.array(columns)) / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix))),
         matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix))),

@@ -13,7 +13,7 @@ from identify.model.model import assemble
 from identify.prediction import chart as chart_room
 from identify.prediction import cycle as cycle_room
 from identify.prediction import orbit_search
-from identify.prediction.chart import chart, growth_at, losses_of_stability
+from identify.prediction.chart import chart, losses_of_stability
 from identify.prediction.chart_bands import KnownCovariance, bands, closed_plane, region
 from identify.prediction.continuation import continuation
 from identify.prediction.cycle import CycleMap
@@ -22,6 +22,7 @@ from identify.prediction.map_grid import outline, plane
 from identify.prediction.orbit import settle
 from identify.prediction.quantities import quantities
 from identify.prediction.solutions import solution_set
+from identify.simulation.sliding import growth_rates
 from tests.support.maps_case import ALL, DEMO, SITE, SPANS
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
@@ -208,7 +209,7 @@ def test_sliding_that_jumps_to_stability_does_so_where_the_contact_wears_out():
     """Without weakening and with damping: unstable below v_cr = D/t_cr, stable above it."""
     site = Site(SITE.model, {**DEMO, "delta_mu_k": -1e-9}, 1e-4, 1.0)
     grid = plane(site, ("drive_speed", "t_cr"), ((1e-5, 1e-3), (0.1, 1.0)), (6, 3))
-    growth = growth_at(site.model, grid.settings.reshape(-1, 11)).reshape(grid.shape)
+    growth = growth_rates(site.model, grid.settings.reshape(-1, 11)).reshape(grid.shape)
     found = {edge: c for edge, c in losses_of_stability(grid, growth).items() if edge[0] == "x"}
     assert len(found) == 3
     for edge, crossing in found.items():
