@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,22 +24,7 @@ from identify.prediction.groups import QUANTITIES, FrictionLike, Groups, RigLike
 SATURATED = 38.0  # creep times after which a contact is saturated to the last digit
 ROUNDS = 60  # of Newton's method for the saturation
 CLOSE, NOISE = 1e-14, 1e-6  # of the saturation, relative: ample; below it steps may stop shrinking
-UNITS = {
-    "drop": "N",
-    "period": "s",
-    "stick_duration": "s",
-    "slip_duration": "s",
-    "slip_distance": "m",
-    "peak_speed": "m/s",
-    "frequency": "Hz",
-    "share_in_slip": "",
-    "amplitude": "m",
-    "largest_force": "N",
-    "onset_force": "N",
-    "arrest_force": "N",
-    "saturation": "",
-    "validity": "",
-}  # what is said of a jump, and its unit
+Numbers = float | NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -53,20 +38,24 @@ class Jump:
     """
 
     status: str | NDArray[np.str_]
-    drop: float | NDArray[np.float64]
-    period: float | NDArray[np.float64]
-    stick_duration: float | NDArray[np.float64]
-    slip_duration: float | NDArray[np.float64]
-    slip_distance: float | NDArray[np.float64]
-    peak_speed: float | NDArray[np.float64]
-    frequency: float | NDArray[np.float64]
-    share_in_slip: float | NDArray[np.float64]
-    amplitude: float | NDArray[np.float64]
-    largest_force: float | NDArray[np.float64]
-    onset_force: float | NDArray[np.float64]
-    arrest_force: float | NDArray[np.float64]
-    saturation: float | NDArray[np.float64]
-    validity: float | NDArray[np.float64]
+    drop: Annotated[Numbers, "N"]
+    period: Annotated[Numbers, "s"]
+    stick_duration: Annotated[Numbers, "s"]
+    slip_duration: Annotated[Numbers, "s"]
+    slip_distance: Annotated[Numbers, "m"]
+    peak_speed: Annotated[Numbers, "m/s"]
+    frequency: Annotated[Numbers, "Hz"]
+    share_in_slip: Annotated[Numbers, ""]
+    amplitude: Annotated[Numbers, "m"]
+    largest_force: Annotated[Numbers, "N"]
+    onset_force: Annotated[Numbers, "N"]
+    arrest_force: Annotated[Numbers, "N"]
+    saturation: Annotated[Numbers, ""]
+    validity: Annotated[Numbers, ""]
+
+
+_HINTS = get_type_hints(Jump, include_extras=True)
+UNITS = {name: hint.__metadata__[0] for name, hint in _HINTS.items() if name != "status"}  # of the numbers of a jump
 
 
 def saturations(alpha: ArrayLike, loading: ArrayLike, tau_cr: ArrayLike) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,24 +69,7 @@ QUANTITIES = (
 )  # what the eigenvalues are differentiated by
 
 
-MEANING = {
-    "omega_n": ("rad/s", "natural frequency of the mass on the spring"),
-    "zeta": ("", "damping ratio h/2k"),
-    "w": ("", "dimensionless load F_n / (v0 sqrt(m k))"),
-    "tau_cr": ("", "creep time in units of 1/omega_n"),
-    "v_cr": ("m/s", "speed D/t_cr above which sliding wears off all contact ageing"),
-    "v_acr": ("", "drive speed over v_cr"),
-    "gamma_0": ("", "saturation of the contact in steady sliding"),
-    "v_a": ("", "drive speed in units of the speed over which kinetic friction changes"),
-    "alpha": ("", "effective damping ratio of the linearised slip; at -1 and below that law runs away"),
-    "xi_o": ("", "equilibrium elongation of the linearised slip"),
-    "xi_p": ("", "elongation at the onset of slip, damper force included"),
-    "xi_p_printed": ("", "elongation at the onset of slip as printed, eq. (12)"),
-    "overshoot": ("", "A = xi_p - xi_o"),
-    "loading": ("", "loading parameter Phi = 2 alpha + A; stick-slip repeats above Phi_cr(alpha)"),
-    "z": ("", "damping of steady sliding with the slope of friction; 2 zeta without it"),
-    "Pi": ("", "friction parameter of steady sliding; unstable above Pi_fc"),
-}
+Numbers = float | NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -96,22 +79,22 @@ class Groups:
     Floats, arrays where the arguments were arrays.
     """
 
-    omega_n: float | NDArray[np.float64]
-    zeta: float | NDArray[np.float64]
-    w: float | NDArray[np.float64]
-    tau_cr: float | NDArray[np.float64]
-    v_cr: float | NDArray[np.float64]
-    v_acr: float | NDArray[np.float64]
-    gamma_0: float | NDArray[np.float64]
-    v_a: float | NDArray[np.float64]
-    alpha: float | NDArray[np.float64]
-    xi_o: float | NDArray[np.float64]
-    xi_p: float | NDArray[np.float64]
-    xi_p_printed: float | NDArray[np.float64]
-    overshoot: float | NDArray[np.float64]
-    loading: float | NDArray[np.float64]
-    z: float | NDArray[np.float64]
-    Pi: float | NDArray[np.float64]
+    omega_n: Annotated[Numbers, "rad/s", "natural frequency of the mass on the spring"]
+    zeta: Annotated[Numbers, "", "damping ratio h/2k"]
+    w: Annotated[Numbers, "", "dimensionless load F_n / (v0 sqrt(m k))"]
+    tau_cr: Annotated[Numbers, "", "creep time in units of 1/omega_n"]
+    v_cr: Annotated[Numbers, "m/s", "speed D/t_cr above which sliding wears off all contact ageing"]
+    v_acr: Annotated[Numbers, "", "drive speed over v_cr"]
+    gamma_0: Annotated[Numbers, "", "saturation of the contact in steady sliding"]
+    v_a: Annotated[Numbers, "", "drive speed in units of the speed over which kinetic friction changes"]
+    alpha: Annotated[Numbers, "", "effective damping ratio of the linearised slip; at -1 and below that law runs away"]
+    xi_o: Annotated[Numbers, "", "equilibrium elongation of the linearised slip"]
+    xi_p: Annotated[Numbers, "", "elongation at the onset of slip, damper force included"]
+    xi_p_printed: Annotated[Numbers, "", "elongation at the onset of slip as printed, eq. (12)"]
+    overshoot: Annotated[Numbers, "", "A = xi_p - xi_o"]
+    loading: Annotated[Numbers, "", "loading parameter Phi = 2 alpha + A; stick-slip repeats above Phi_cr(alpha)"]
+    z: Annotated[Numbers, "", "damping of steady sliding with the slope of friction; 2 zeta without it"]
+    Pi: Annotated[Numbers, "", "friction parameter of steady sliding; unstable above Pi_fc"]
 
     def sentences(self) -> tuple[str, ...]:
         """One plain sentence per group, of one operating point."""
@@ -122,7 +105,10 @@ class Groups:
         )
 
 
-NAMES = tuple(f.name for f in fields(Groups))
+MEANING: Mapping[str, tuple[str, str]] = {
+    name: hint.__metadata__ for name, hint in get_type_hints(Groups, include_extras=True).items()
+}
+NAMES = tuple(MEANING)
 
 
 def settings(rig: RigLike, friction: FrictionLike, drive_speed: ArrayLike, normal_force: ArrayLike) -> dict[str, Any]:

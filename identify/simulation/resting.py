@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.compiled import compiled
+from identify.base.compiled import Mapped, compiled
 from identify.base.roots import Course, first_zero
 from identify.model.model import Model
 from identify.simulation.bursts import symbols
@@ -22,7 +22,6 @@ from identify.simulation.stepper import Situated
 
 Array = NDArray[np.float64]
 
-LANES = (64, 8, 1)  # times of one call: of many, of some, of the last ones
 _BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
 _EARLY = np.concatenate([[0.0], np.geomspace(1e-16, 1.0, 193)])  # of the longest rest: where a start is looked at
 NEWTON_STEPS = 60
@@ -32,28 +31,25 @@ MARGIN = 1e-12  # of the force of what is left out of a bound
 
 
 @lru_cache(maxsize=32)
-def _functions(model: Model) -> tuple[ca.Function, ca.Function, list[ca.Function], list[ca.Function]]:
-    """By (x at the start, constants, t): the row (spare grip [N], its slope, pull [N] with its sign, state), and the
-    largest second derivative of the spare grip; for each number of LANES, of so many times the spare grip, and that
-    under shares (n_w,) of what oscillates."""
+def _functions(model: Model) -> tuple[ca.Function, ca.Function, Mapped, Mapped]:
+    """By (x at the start, constants, t): the row (breakaway margin [N], its slope, force of the drive [N], state)
+    and the largest second derivative of the margin; for many times the margin, and that under shares (n_w,) of what
+    oscillates."""
     x, c, t, p, u = symbols(model)
     rested = model.rest(x, p, u, t)
     pull = model.driving_force(rested, p, u)
-    spare = model.grip(rested, p, u) - ca.fabs(pull)
-    slope = ca.jacobian(spare, t)
-    row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(spare, slope, pull, rested)))])
-
-    def many(name: str, value: ca.SX, *more: ca.SX) -> list[ca.Function]:
-        one = ca.Function(name, [x, c, t, *more], [ca.cse(ca.densify(value))])
-        return [one.map(lanes, [True, True, False, *(True for _ in more)], [False]) for lanes in LANES]
-
+    margin = model.grip(rested, p, u) - ca.fabs(pull)
+    slope = ca.jacobian(margin, t)
+    row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(margin, slope, pull, rested)))])
     shares = ca.SX.sym("shares", model.waves.numel_out(0))
     partly = model.grip(rested, p, u) - ca.fabs(model.pulled(x, p, u, t, shares))
     bend = ca.Function("bend", [x, c, t], [ca.densify(ca.jacobian(slope, t))])
     times = ca.SX.sym("times", _BENDS.size)
     largest = ca.mmax(ca.vertcat(*(bend(x, c, at) for at in ca.vertsplit(times))))
     bends = ca.Function("bends", [x, c, times], [ca.cse(largest)])
-    return row, bends, many("spare", spare), many("partly", partly, shares)
+    many = ca.Function("margin", [x, c, t], [ca.cse(ca.densify(margin))])
+    some = ca.Function("partly", [x, c, t, shares], [ca.cse(ca.densify(partly))])
+    return row, bends, Mapped(many), Mapped(some)
 
 
 class Resting:
@@ -63,15 +59,10 @@ class Resting:
         self.model = model
         self._x, self._c = np.zeros(len(model.states)), np.zeros(len(model.parameters) + 5)
         self._t, self._bends = np.zeros(1), np.zeros(_BENDS.size)
-        self._times, self._shares = [np.zeros(lanes) for lanes in LANES], np.zeros(model.waves.numel_out(0))
-        row, bend, spare, partly = _functions(model)
+        row, bend, self._margins, self._partly = _functions(model)
         self._row, self._bend = compiled(row), compiled(bend)
-        self._spare, self._partly = [compiled(f) for f in spare], [compiled(f) for f in partly]
         self._row.bind([self._x, self._c, self._t])
         self._bend.bind([self._x, self._c, self._bends])
-        for whole, part, times in zip(self._spare, self._partly, self._times, strict=True):
-            whole.bind([self._x, self._c, times])
-            part.bind([self._x, self._c, times, self._shares])
         self._oscillates = model.vibrates
 
     def until(
@@ -162,15 +153,10 @@ class Resting:
 
     def _spares(self, times: Array, shares: Array | None) -> Array:
         """Spare grip [N] at times (n,) [s], under shares (n_w,) of what oscillates (None: all of it)."""
-        calls, out, first = self._spare if shares is None else self._partly, np.empty(times.size), 0
-        if shares is not None:
-            self._shares[:] = shares
-        for lanes, call, buffer in zip(LANES, calls, self._times, strict=True):
-            while times.size - first >= lanes:
-                buffer[:] = times[first : first + lanes]
-                out[first : first + lanes] = call()
-                first += lanes
-        return out
+        given = [*(np.repeat(array[None], times.size, axis=0) for array in (self._x, self._c)), times]
+        if shares is None:
+            return self._margins(given)[0][:, 0]
+        return self._partly([*given, np.repeat(shares[None], times.size, axis=0)])[0][:, 0]
 
 
 _IDLE: dict[Model, list[Resting]] = {}

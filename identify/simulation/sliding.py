@@ -9,14 +9,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.compiled import compiled
+from identify.base.compiled import Mapped
 from identify.base.errors import SimulationError
 from identify.model.model import SPEED, Model
 
 Array = NDArray[np.float64]
 
 NEWTON_STEPS = 30
-LANES = 32  # operating points that one call of a compiled function takes
 
 
 @dataclass(frozen=True)
@@ -52,28 +51,18 @@ def _split(settings: Array) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=32)
-def _linear(model: Model, worn: bool, lanes: int) -> ca.Function:
-    """(x, p, u) -> dx/dt and, row by row, its Jacobian, of the sliding model; for so many lanes."""
+def _linear(model: Model, worn: bool) -> Mapped:
+    """(x, p, u) -> dx/dt and, row by row, its Jacobian, of the sliding model."""
     x, p = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters))
     u = ca.SX.sym("u", 4)
     rate = (model.saturated if worn else model.slip)(x, p, u)
-    both = ca.densify(ca.vertcat(rate, ca.vec(ca.jacobian(rate, x).T)))
-    function = ca.Function("linear", [x, p, u], [both])
-    return function if lanes == 1 else function.map(lanes)
+    return Mapped(ca.Function("linear", [x, p, u], [ca.densify(rate), ca.densify(ca.vec(ca.jacobian(rate, x).T))]))
 
 
 def _linearised(model: Model, worn: bool, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
-    """dx/dt (n, n_x) and its Jacobian (n, n_x, n_x) of n lanes: x (n, n_x), p (n, n_p), u (n, 4)."""
-    n, n_x = x.shape
-    lanes = 1 if n == 1 else LANES
-    call = compiled(_linear(model, worn, lanes))
-    rows = np.minimum(np.arange(-(-n // lanes) * lanes), n - 1)
-    given = [np.ascontiguousarray(a[rows]) for a in (x, p, u)]
-    out = np.empty((rows.size, n_x + n_x * n_x))
-    for first in range(0, rows.size, lanes):
-        call.bind([a[first : first + lanes].reshape(-1) for a in given])
-        out[first : first + lanes] = call().reshape(lanes, -1)
-    return out[:n, :n_x], out[:n, n_x:].reshape(n, n_x, n_x)
+    """dx/dt (n, n_x) and its Jacobian (n, n_x, n_x): x (n, n_x), p (n, n_p), u (n, 4)."""
+    rate, slope = _linear(model, worn)([x, p, u])
+    return rate, slope.reshape(len(x), x.shape[1], -1)
 
 
 def _steady(model: Model, p: Array, u: Array, worn: bool) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identify.base.compiled import compiled
+from identify.base.compiled import Mapped
 from identify.base.errors import SimulationError
 from identify.model.model import SPEED, Model
 from identify.model.modes import ModeName
@@ -94,8 +94,6 @@ def _integrals(force: Callable[[Array], Array], left: Array, right: Array) -> Ar
 # The motion at any times: rests in closed form, slips inside the steps they were taken by, many in one call.
 # ----------------------------------------------------------------------------------------------------------------------
 
-LANES = 64  # times of one call
-FEW = 8  # the same, for the last ones
 SHOWN = 2  # what follows the states in a row: force of the load cell [N], friction over normal force
 
 
@@ -144,24 +142,13 @@ def _evaluated(
     model: Model, method: Method | None, mode: ModeName, xth: Array, numbers: Array, p: Array, tolerances: Array
 ) -> Array:
     """Rows (m, n_x + SHOWN) of m times: xth (m, 2 n_x + 3) as in `within`, numbers (m, 5)."""
-    out = np.empty((xth.shape[0], len(model.states) + SHOWN))
-    first = 0
-    for lanes in (LANES, FEW):
-        call = compiled(_row(model, method, mode, lanes))
-        x, inputs = np.zeros((lanes, xth.shape[1])), np.zeros((lanes, numbers.shape[1]))
-        call.bind([x.reshape(-1), inputs.reshape(-1), p, tolerances])
-        while xth.shape[0] - first >= (lanes if lanes > FEW else 1):
-            part = slice(first, min(first + lanes, xth.shape[0]))
-            size = part.stop - part.start
-            x[:size], inputs[:size] = xth[part], numbers[part]
-            out[part] = call().reshape(lanes, -1)[:size]
-            first += size
-    return out
+    shared = [np.repeat(given[None], len(xth), axis=0) for given in (p, tolerances)]
+    return _row(model, method, mode)([xth, numbers, *shared])[0]
 
 
 @lru_cache(maxsize=64)
-def _row(model: Model, method: Method | None, mode: ModeName, lanes: int) -> ca.Function:
-    """(as in `within`, inputs (5,), p, tolerances) -> state, force, coefficient; of so many lanes."""
+def _row(model: Model, method: Method | None, mode: ModeName) -> Mapped:
+    """(as in `within`, inputs (5,), p, tolerances) -> state, force, coefficient."""
     kind, n = ca.SX if method is None else method.kind, len(model.states)
     xth, drive = kind.sym("xth", 2 * n + 3), kind.sym("drive", 5)
     p, tolerances = kind.sym("p", len(model.parameters)), kind.sym("tolerances", n + 1)
@@ -174,8 +161,7 @@ def _row(model: Model, method: Method | None, mode: ModeName, lanes: int) -> ca.
         x = within(model, method, mode)(xth, ca.vertcat(p, drive), tolerances)
         friction = _friction(model, mode, x, p, u)
     row = ca.densify(ca.vertcat(x, model.load_cell(x, p, u), friction / u[1]))
-    one = ca.Function("row", [xth, drive, p, tolerances], [row])
-    return one.map(lanes, [False, False, True, True], [False])
+    return Mapped(ca.Function("row", [xth, drive, p, tolerances], [row]))
 
 
 def _friction(model: Model, mode: ModeName, x: Expression, p: Expression, u: Expression) -> Expression:
