@@ -236,13 +236,13 @@ class CycleMap:
         machine = Machine(self.model, w[:-2], self._typical, Plan(self.rtol, (HIGH,)), stops=stops)
         try:
             start = np.insert(y, SPEED, 0.0)
-            stick, onset, pull = _rested(machine, start, w, through_zero=not stops)
+            stick, onset, force = _rested(machine, start, w, through_zero=not stops)
             slides, x, t, rests = list[Slide](), onset, 0.0, False
             for _ in range(MOST_TURNS):
-                situated = situated_at(w, -1.0 if pull < 0.0 else 1.0)
+                situated = situated_at(w, -1.0 if force < 0.0 else 1.0)
                 slides += slide(machine, "slip", x, situated, t, limit - t)
                 x, t = slides[-1].end, slides[-1].start + slides[-1].duration
-                margin, pull = machine.rests.margin(x, situated_at(w))
+                margin, force = machine.rests.margin(x, situated_at(w))
                 rests = slides[-1].ended_by == "speed" and margin > 0.0
                 if rests or slides[-1].ended_by is None:
                     break
@@ -313,11 +313,11 @@ def _rested(machine: Machine, start: Array, w: Array, *, through_zero: bool = Fa
     # Longer than any stick: by then the spring alone pulls with more than a limit that is as strong as mu_s says.
     longest = 2.0 * (float(np.max(w[:2])) * load + k * abs(start[ELONGATION])) / (k * speed)
     for _ in range(DOUBLINGS):
-        onset, x, pull = machine.rests.until(start, situated_at(w), longest, through_zero=through_zero)
+        onset, x, force = machine.rests.until(start, situated_at(w), longest, through_zero=through_zero)
         if onset is not None:
-            return onset, x, pull
+            return onset, x, force
         longest *= 2.0
-    return longest, x, pull
+    return longest, x, force
 
 
 def _softened(model: Model, p: Array) -> float:

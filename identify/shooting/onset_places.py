@@ -233,7 +233,7 @@ class Along:
             made, until = self._quiet(t, x, change) or self._rest(t, x, change)
             t, x = made.start + made.duration, made.end
             if made.ended_by is not None:
-                if made.pull < 0.0:
+                if made.drive_force < 0.0:
                     raise SimulationError("the mass is pulled back")
                 return t, x, legs
             t = until

@@ -62,11 +62,11 @@ def ends(model: Model, mode: ModeName) -> ca.Function:
     return ca.Function("ends", [x, c, t], [ca.densify(ca.vertcat(guard, slopes))])
 
 
-def _pull(model: Model) -> ca.Function:
+def _load_size(model: Model) -> ca.Function:
     """(x, constants, t) -> size of the force of the rig over the mass [m/s^2]."""
     x, c, t, p, u = symbols(model)
     load = model.load(x, p, u)
-    return ca.Function("pull", [x, c, t], [ca.densify(ca.fabs(load) / p[model.parameter_names.index("mass")])])
+    return ca.Function("load_size", [x, c, t], [ca.densify(ca.fabs(load) / p[model.parameter_names.index("mass")])])
 
 
 @lru_cache(maxsize=64)
@@ -115,7 +115,7 @@ def _problem(model: Model, mode: ModeName, xth: Expression, c: Expression, toler
 
     # Forces have so many digits: what their rounding makes of the speed is no error of the step.
     blur = type(x).zeros(n)
-    blur[SPEED] = h * ROUNDING * _pull(model)(x, c, t)
+    blur[SPEED] = h * ROUNDING * _load_size(model)(x, c, t)
 
     return StepProblem(moving, c, lambda after: tolerances[1:] + blur + tolerances[0] * ca.fmax(size, ca.fabs(after)))
 

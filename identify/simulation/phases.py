@@ -1,4 +1,4 @@
-"""One phase of motion at a time: rest until the drive overcomes the grip, slide until a guard falls to zero.
+"""One phase of motion at a time: rest until the drive overcomes the static limit, slide until a guard falls to zero.
 
 Switch times are located on the step function itself (the last step is repeated with the length at
 which its guard is zero), so they are as accurate as the integration, not as its interpolation.
@@ -105,9 +105,9 @@ class Phase:
 
 @dataclass(frozen=True)
 class Stick(Phase):
-    """A rest; `pull` is the force of the drive on the mass at its end [N]."""
+    """A rest; `drive_force` is the force of the drive on the mass at its end [N]."""
 
-    pull: float
+    drive_force: float
 
 
 @dataclass(frozen=True)
@@ -244,10 +244,10 @@ def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: floa
     """Rest from state x until the static limit is overcome, or for `limit` [s]."""
     x = x.copy()
     x[SPEED] = 0.0
-    onset, after, pull = rests.until(x, situated, limit)
+    onset, after, force = rests.until(x, situated, limit)
     end = limit if onset is None else onset
     times, states = ([0.0, end], [x, after]) if end > 0.0 else ([0.0], [x])
-    return Stick("stick", start, situated, times, states, None if onset is None else "speed", pull)
+    return Stick("stick", start, situated, times, states, None if onset is None else "speed", force)
 
 
 def slide(

@@ -196,9 +196,9 @@ class Collocator:
         n = x.size
         matrix = -here.jacobian
         matrix[:n, :n] += REAL / h * np.eye(n)
-        pull = np.append(here.rate + ERROR @ (stages[:, :n] - x) / h, here.balance)
+        right = np.append(here.rate + ERROR @ (stages[:, :n] - x) / h, here.balance)
         try:
-            error = np.linalg.solve(matrix, pull)[:n]
+            error = np.linalg.solve(matrix, right)[:n]
         except np.linalg.LinAlgError:
             return np.inf
         size = 1e-3 * self.scale + np.maximum(np.abs(x), np.abs(stages[-1, :n]))

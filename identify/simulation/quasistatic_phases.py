@@ -1,4 +1,4 @@
-"""One phase of motion without inertia: rest until the drive overcomes the grip, slide while the forces balance.
+"""One phase of motion without inertia: rest until the drive overcomes the static limit, slide while the forces balance.
 
 As in `phases`, switch times are located on the step itself, and time is local to the phase.
 """
@@ -44,10 +44,10 @@ _POWER = -1.0 / (ESTIMATE_ORDER + 1)
 @dataclass(frozen=True)
 class BalancedPhase(Phase):
     """A stretch of one mode without inertia; `v` (s,) are the speeds along the direction of slip at the nodes [m/s],
-    `pull` is the force of the drive on a resting contact at its end [N]."""
+    `drive_force` that of the drive on a resting contact at its end [N]."""
 
     v: Array
-    pull: float = 0.0
+    drive_force: float = 0.0
 
 
 def sizes(model: Model, p: Array, normal_force: float) -> Array:
@@ -63,11 +63,11 @@ def stick(rests: Resting, x: Array, situated: Situated, limit: float) -> Balance
     Without inertia a slip may come to rest with nothing to spare: what the first force that counts says, holds.
     """
     least = negligible(situated, float(np.max(situated.p[:2])))
-    onset, after, pull = rests.from_balance(x, situated, limit, least)
+    onset, after, force = rests.from_balance(x, situated, limit, least)
     end = limit if onset is None else onset
     ended_by: GuardName | None = None if onset is None else "speed"
     times, states = np.array([0.0, end]), np.stack([x, after])
-    return BalancedPhase("stick", situated.time, situated, times, states, ended_by, np.zeros(2), pull)
+    return BalancedPhase("stick", situated.time, situated, times, states, ended_by, np.zeros(2), force)
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,11 @@
-"""How long a resting mass stays at rest: the first time at which the drive overcomes the grip.
+"""How long a resting mass stays at rest: the first time at which the drive overcomes the static limit.
 
-Where the spare grip (grip minus pull) is concave in time, as it is for a steady drive and a contact that
-saturates, Newton's method from the far end meets the only zero; anything else is scanned (`crossing`).
+Where the breakaway margin (static limit minus force of the drive) is concave in time, as it is for a steady drive and a
+contact that saturates, Newton's method from the far end meets the only zero; anything else is scanned (`first_zero`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -25,9 +24,9 @@ Array = NDArray[np.float64]
 _BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
 _EARLY = np.concatenate([[0.0], np.geomspace(1e-16, 1.0, 193)])  # of the longest rest: where a start is looked at
 NEWTON_STEPS = 60
-SPARE, SLOPE, PULL, RESTED = 0, 1, 2, 3  # places in a row
+MARGIN, SLOPE, DRIVE, RESTED = 0, 1, 2, 3  # places in a row
 APART = 4.0  # motions of the drive whose frequencies are closer than that are looked at together
-MARGIN = 1e-12  # of the force of what is left out of a bound
+SAFETY = 1e-12  # of the force of what is left out of a bound
 
 
 @lru_cache(maxsize=32)
@@ -37,10 +36,10 @@ def _functions(model: Model) -> tuple[ca.Function, ca.Function, Mapped, Mapped]:
     oscillates."""
     x, c, t, p, u = symbols(model)
     rested = model.rest(x, p, u, t)
-    pull = model.driving_force(rested, p, u)
-    margin = model.grip(rested, p, u) - ca.fabs(pull)
+    force = model.driving_force(rested, p, u)
+    margin = model.grip(rested, p, u) - ca.fabs(force)
     slope = ca.jacobian(margin, t)
-    row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(margin, slope, pull, rested)))])
+    row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(margin, slope, force, rested)))])
     shares = ca.SX.sym("shares", model.waves.numel_out(0))
     partly = model.grip(rested, p, u) - ca.fabs(model.pulled(x, p, u, t, shares))
     bend = ca.Function("bend", [x, c, t], [ca.densify(ca.jacobian(slope, t))])
@@ -81,10 +80,10 @@ class Resting:
         Raises:
             SimulationError: too fast a vibration to be looked at.
         """
-        margin, pull = self.margin(x, situated)
+        margin, force = self.margin(x, situated)
         early = margin <= 0.0
         if early and not (through_zero and self._concave(limit)):
-            return 0.0, x, pull
+            return 0.0, x, force
         onset = None
         if limit > 0.0:
             concave = early or self._concave(limit)
@@ -94,11 +93,11 @@ class Resting:
     def from_balance(
         self, x: Array, situated: Situated, limit: float, least: float
     ) -> tuple[float | None, Array, float]:
-        """The same from a start that may have nothing to spare: the first margin of more than `least` [N] says whether
+        """The same from a start that may have no margin: the first margin of more than `least` [N] says whether
         the mass rests."""
         self.margin(x, situated)
         times, onset = _EARLY * limit, None
-        margins = self._spares(times, None)
+        margins = self._margins_at(times, None)
         counts = np.flatnonzero(np.abs(margins) > least)
         if counts.size and limit > 0.0:
             first = int(counts[0])
@@ -111,21 +110,21 @@ class Resting:
     def _ended(self, t: float) -> tuple[Array, float]:
         """The state (n_x,) and the force of the drive [N] at the end of a rest."""
         row = self._at(t)
-        return row[RESTED:].copy(), float(row[PULL])
+        return row[RESTED:].copy(), float(row[DRIVE])
 
     def margin(self, x: Array, situated: Situated) -> tuple[float, float]:
         """By how much a mass at rest in x (n_x,) withstands the drive [N], and the force of the drive [N]."""
         self._x[:] = x
         self._c[:-5], self._c[-5:] = situated.p, situated.numbers
         row = self._at(0.0)
-        return float(row[SPARE]), float(row[PULL])
+        return float(row[MARGIN]), float(row[DRIVE])
 
     def _at(self, t: float) -> Array:
         self._t[0] = t
         return self._row()
 
     def _concave(self, limit: float) -> bool:
-        """Whether the spare grip bends downwards throughout."""
+        """Whether the breakaway margin bends downwards throughout."""
         if self._oscillates:
             return False
         np.multiply(_BENDS, limit, out=self._bends)
@@ -136,7 +135,7 @@ class Resting:
         t, last = limit, np.inf
         for _ in range(NEWTON_STEPS):
             row = self._at(t)
-            value, slope = float(row[SPARE]), float(row[SLOPE])
+            value, slope = float(row[MARGIN]), float(row[SLOPE])
             if t == limit and value > 0.0:
                 return None
             step = value / slope if slope < 0.0 else 0.0
@@ -147,12 +146,17 @@ class Resting:
         return t
 
     def _by_scan(self, since: float, limit: float) -> float | None:
-        *below, whole = courses(self.model, self._c[:-5], lambda t, shares: self._spares(since + t, shares))
+        p, at = self._c[:-5], self._margins_at
+        below = [
+            Course(lambda t, b=b: at(since + t, b.shares) - b.less, b.period)  # type: ignore[misc]
+            for b in bounds(self.model, p)
+        ]
+        whole = Course(lambda t: at(since + t, None), swing(self.model, p)[0])
         found = first_zero(whole, limit - since, below)
         return None if found is None else since + found
 
-    def _spares(self, times: Array, shares: Array | None) -> Array:
-        """Spare grip [N] at times (n,) [s], under shares (n_w,) of what oscillates (None: all of it)."""
+    def _margins_at(self, times: Array, shares: Array | None) -> Array:
+        """Breakaway margin [N] at times (n,) [s], under shares (n_w,) of what oscillates (None: all of it)."""
         given = [*(np.repeat(array[None], times.size, axis=0) for array in (self._x, self._c)), times]
         if shares is None:
             return self._margins(given)[0][:, 0]
@@ -175,7 +179,7 @@ def give_back(rests: Resting) -> None:
 
 @dataclass(frozen=True)
 class Bound:
-    """The spare grip under shares (n_w,) of what oscillates, less the forces [N] of the rest of it; its period [s]."""
+    """The margin under shares (n_w,) of what oscillates, less the forces [N] of the rest of it; its period [s]."""
 
     shares: Array
     less: float
@@ -183,7 +187,7 @@ class Bound:
 
 
 def bounds(model: Model, p: Array) -> list[Bound]:
-    """Bounds of the spare grip from below: without what oscillates, then with more and more of it, slow first."""
+    """Bounds of the breakaway margin from below: without what oscillates, then with more and more of it, slow first."""
     if not model.vibrates:
         return []
     forces, omegas = np.array(model.swings(p)).ravel(), np.array(model.waves(p)).ravel()
@@ -191,20 +195,10 @@ def bounds(model: Model, p: Array) -> list[Bound]:
     out, shares, period = [], np.zeros(forces.size), np.inf
     for before, i in zip([None, *order], order, strict=False):
         if before is None or omegas[i] > APART * omegas[before]:
-            less = (1.0 + MARGIN) * float(np.sum(forces[shares == 0.0]))
+            less = (1.0 + SAFETY) * float(np.sum(forces[shares == 0.0]))
             out.append(Bound(shares.copy(), less, period))
         shares[i], period = 1.0, 2.0 * np.pi / float(omegas[i])
     return out
-
-
-def courses(model: Model, p: Array, spares: Callable[[Array, Array | None], Array]) -> list[Course]:
-    """The spare grip and its bounds, the smooth one first, itself last.
-
-    Args:
-        spares: (times [s], shares (n_w,) of what oscillates, None for all) -> spare grip [N].
-    """
-    below = [Course(lambda t, b=b: spares(t, b.shares) - b.less, b.period) for b in bounds(model, p)]  # type: ignore[misc]
-    return [*below, Course(lambda t: spares(t, None), swing(model, p)[0])]
 
 
 def swing(model: Model, p: Array) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """Run the hybrid model forward: stick, slip and saturated contact with located switches, no smoothing.
 
 The friction law is used as it stands (eqs. 1, 2, 5, 6): a mass at rest stays at rest until the drive
-overcomes the grip, and the sign function is never smoothed.
+overcomes the static limit, and the sign function is never smoothed.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def phases(
         limit = max(float(ends[segment]) - t, 0.0)
         if mode == "stick":
             stick = machine.rest(x, situated, limit)
-            direction, made = -1.0 if stick.pull < 0.0 else 1.0, (stick,)
+            direction, made = -1.0 if stick.drive_force < 0.0 else 1.0, (stick,)
         else:
             made = machine.slide(mode, x, situated, limit)
         phase = made[-1]
