@@ -167,7 +167,7 @@ def test_draws_have_the_covariance_and_are_possible():
     )
     broad = Uncertain(MODEL, values, ("mu_s", "mu_k0"), np.diag([0.2**2, 0.2**2])).draw(2000)
     assert 100 < broad.refused < 1500
-    static, kinetic = (broad.p[:, MODEL.parameter_names.index(n)] for n in ("mu_s", "mu_k0"))
+    static, kinetic = (broad.settings[:, MODEL.parameter_names.index(n)] for n in ("mu_s", "mu_k0"))
     assert np.all(static > kinetic) and np.all(kinetic > 0.13)
 
 
