@@ -64,7 +64,7 @@ def _to_blame(model: Model, what: Callable[[Model], bool]) -> list[str]:
 # The setting w (n_w,) = parameters, normal force [N], drive speed [m/s] holds during a stick and its slip.
 # ----------------------------------------------------------------------------------------------------------------------
 
-ACCURATE = 1e-9  # relative tolerance of a step: small jumps are differences of large numbers
+ACCURATE = 1e-8  # relative tolerance of a step: a tenth of it, and less, is left in durations and jumps
 SLIDES_AFTER = 12.0  # half periods sqrt(m/k) pi without coming to rest: the mass slides
 CREEP = 1e-6  # of a half period: a slip this short is no slip, the contact creeps along with the drive
 RENEWED = 0.01  # of the saturation: of a contact that is almost renewed
@@ -260,7 +260,8 @@ class CycleMap:
         end[SPEED] = 0.0
         distance = w[-1] * slip_slope - (end[ELONGATION] - onset[ELONGATION])
         distance[-1] += cycle.slip
-        shown = [self.load_slope(x, w, slope) for x, slope in ((cycle.onset, onset), (cycle.end, end))]
+        rows = self.loads(np.stack([cycle.onset, cycle.end]), w)
+        shown = [_load_slope(row, slope) for row, slope in zip(rows, (onset, end), strict=True)]
         tangent = Tangent(np.delete(end, SPEED, 0), stick_slope, slip_slope, distance, *shown)
         return Flow(rate, fixed, cycle, tangent)
 
@@ -287,10 +288,7 @@ class CycleMap:
 
     def load_slope(self, x: Array, w: Array, moved: Array) -> Array:
         """Derivatives (m,) of the force in a state whose derivatives are `moved` (n_x, m), the setting last."""
-        row = self.loads(x[None, :], w)[0, 1:]
-        out: Array = row[: x.size] @ moved
-        out[-w.size :] += row[x.size :]
-        return out
+        return _load_slope(self.loads(x[None, :], w)[0], moved)
 
     def onset_slopes(self, cycle: Cycle) -> Array:
         """How the state at the onset (n_x,) moves with the rest state and the setting: (n_x, m)."""
@@ -304,6 +302,14 @@ class CycleMap:
         free = np.delete(slope[:, :-1], SPEED, 1)
         stick_slope = -free[0] / slope[0, -1] if cycle.stick else np.zeros(free.shape[1])
         return stick_slope, free[1:] + np.outer(slope[1:, -1], stick_slope)
+
+
+def _load_slope(row: Array, moved: Array) -> Array:
+    """Derivatives (m,) of the force of one row of `loads`, in a state whose derivatives are `moved` (n_x, m)."""
+    n = moved.shape[0]
+    out: Array = row[1 : n + 1] @ moved
+    out[n + 1 - row.size :] += row[n + 1 :]
+    return out
 
 
 def _rested(machine: Machine, start: Array, w: Array, *, through_zero: bool = False) -> tuple[float, Array, float]:

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.model.model import SPEED
+from identify.base.compiled import Mapped
+from identify.model.model import SPEED, Model
+from identify.model.modes import ModeName
 from identify.prediction.cycle import Cycle, CycleMap, loads
 from identify.prediction.orbit import Orbit
 from identify.prediction.path import along
 from identify.prediction.windows import StickSlipLimit
 from identify.simulation.phases import Slide
 from identify.simulation.sliding import slidings
-from identify.simulation.tangents import node_slopes, onward, setting_of, step_slopes, stepped
+from identify.simulation.steppers import Method
+from identify.simulation.tangents import StepExpressions, node_slopes, of_steps, onward, step_slopes, stepped
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Where the force that the load cell sees is highest and lowest in a cycle: what a lab calls the size of a jump.
@@ -27,7 +32,7 @@ from identify.simulation.tangents import node_slopes, onward, setting_of, step_s
 
 Array = NDArray[np.float64]
 
-ROUNDS, SPLITS = 3, 8  # of narrowing the place of an extreme in a step, and by how much each round narrows it
+ROUNDS, SPLITS = 2, 16  # of narrowing the place of an extreme in a step, and by how much each round narrows it
 FORCE, SPEED_SHOWN = 0, 1  # columns of what is looked at
 
 
@@ -52,12 +57,23 @@ def extremes(map_: CycleMap, cycle: Cycle) -> tuple[Extreme, Extreme, Extreme]:
     return highest, lowest, fastest
 
 
+@lru_cache(maxsize=64)
+def _functions(model: Model, method: Method, mode: ModeName) -> Mapped:
+    """Of a step: force and speed after it, and how fast they change."""
+    step = StepExpressions.of(model, method, mode)
+    (_, w, direction), x = step.given, ca.SX.sym("x", len(model.states))
+    load = model.load_cell(x, w[:-2], ca.vertcat(w[-1], w[-2], direction, 0))
+    force = ca.Function("force", [x, w, direction], [load])
+    shown = ca.vertcat(force(step.after, w, direction), step.after[SPEED])
+    by_state = ca.Function("by_state", [x, w, direction], [ca.jacobian(load, x)])
+    loading = by_state(step.after, w, direction) @ step.rate
+    return step.function(shown, ca.vertcat(loading, step.rate[SPEED]))
+
+
 def _shown(map_: CycleMap, part: Slide, x: Array, lengths: Array) -> tuple[Array, Array]:
     """Force and speed (s, 2) after some lengths (s,) [s] of steps from x (s, n_x), and how fast they change."""
-    after, rates = stepped(map_.model, part, x, lengths)
-    rows = map_.loads(after, setting_of(part))
-    loading = (rows[:, None, 1 : x.shape[1] + 1] @ rates[:, :, None])[:, 0, 0]
-    return np.column_stack([rows[:, 0], after[:, SPEED]]), np.column_stack([loading, rates[:, SPEED]])
+    values, rates = of_steps(_functions(map_.model, part.method, part.mode), part, x, lengths)
+    return values, rates
 
 
 def _extreme(map_: CycleMap, cycle: Cycle, nodes: Sequence[tuple[Array, Array]], column: int, sign: float) -> Extreme:

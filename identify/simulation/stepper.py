@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -50,6 +50,11 @@ class Situated:
     def constants(self) -> Array:
         """p and the inputs, shape (n_p + 5,)."""
         return np.append(self.p, self.numbers)
+
+    @cached_property
+    def setting(self) -> Array:
+        """Parameters, normal force at the start, drive speed: shape (n_p + 2,)."""
+        return np.append(self.p, [self.normal_force, self.drive_speed])
 
     def at(self, t: float | Array, direction: float = 1.0) -> Array:
         """u of the model (4,) or (4, n) at times t [s] within the phase."""

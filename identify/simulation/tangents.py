@@ -6,6 +6,7 @@ The setting w (n_w,) = parameters, normal force [N], drive speed [m/s] holds dur
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as ca
@@ -28,45 +29,56 @@ def situated_at(w: Array, direction: float = 1.0) -> Situated:
     return Situated(w[:-2], float(w[-1]), direction, float(w[-2]), 0.0)
 
 
-def setting_of(slide: Slide) -> Array:
-    """The setting w (n_w,) of a slide."""
-    return np.append(slide.situated.p, [slide.situated.normal_force, slide.situated.drive_speed])
+@dataclass(frozen=True)
+class StepExpressions:
+    """What a step is a function of: x and its length, w, direction; x after it and the rate there."""
+
+    given: tuple[ca.SX, ca.SX, ca.SX]
+    after: ca.SX
+    rate: ca.SX
+
+    @staticmethod
+    def of(model: Model, method: Method, mode: ModeName) -> StepExpressions:
+        """Of a sliding mode."""
+        n_x, n_p = len(model.states), len(model.parameters)
+        xh, w, direction = ca.SX.sym("xh", n_x + 1), ca.SX.sym("w", n_p + 2), ca.SX.sym("direction")
+        moving, constants = rate(model, mode), ca.vertcat(w[:n_p], w[n_p + 1], direction, w[n_p], 0, 0)
+        problem = StepProblem(moving, constants, lambda _after: ca.SX.ones(n_x))
+        after, _ = method.step(problem, xh[:n_x], ca.SX(0), xh[n_x])
+        return StepExpressions((xh, w, direction), after, moving(after, constants, 0))
+
+    def function(self, *results: ca.SX) -> Mapped:
+        """These results of a step, each as one row of numbers."""
+        return Mapped(ca.Function("step", self.given, [ca.densify(result) for result in results]))
 
 
 @lru_cache(maxsize=64)
 def _functions(model: Model, method: Method, mode: ModeName) -> tuple[Mapped, Mapped]:
-    """Of a step, by (x and its length, w, direction): x after it and the rate there; the derivatives of x after it by
-    x and w, one column per row."""
-    n_x, n_p = len(model.states), len(model.parameters)
-    xh, w, direction = ca.SX.sym("xh", n_x + 1), ca.SX.sym("w", n_p + 2), ca.SX.sym("direction")
-    moving, constants = rate(model, mode), ca.vertcat(w[:n_p], w[n_p + 1], direction, w[n_p], 0, 0)
-    problem = StepProblem(moving, constants, lambda _after: ca.SX.ones(n_x))
-    after, _ = method.step(problem, xh[:n_x], ca.SX(0), xh[n_x])
-    slope = ca.jacobian(after, ca.vertcat(xh[:n_x], w)).T
-    inside = [after, moving(after, constants, 0)]
-    return (
-        Mapped(ca.Function("inside", [xh, w, direction], [ca.densify(ca.vertcat(*inside))])),
-        Mapped(ca.Function("step_slope", [xh, w, direction], [ca.densify(slope)])),
-    )
+    """Of a step: x after it and the rate there; the derivatives of x after it by x and w, one column per row."""
+    step = StepExpressions.of(model, method, mode)
+    xh, w, _ = step.given
+    slope = ca.jacobian(step.after, ca.vertcat(xh[:-1], w)).T
+    return step.function(step.after, step.rate), step.function(slope)
 
 
-def _of_steps(which: int, model: Model, slide: Slide, x: Array, lengths: Array) -> Array:
-    """One of `_functions` for the steps (s,) of a slide."""
-    count = len(lengths)
-    settings, directions = np.repeat(setting_of(slide)[None], count, 0), np.full(count, slide.situated.direction)
-    given = [np.append(x, lengths[:, None], axis=1), settings, directions]
-    return _functions(model, slide.method, slide.mode)[which](given)[0]
+def of_steps(function: Mapped, slide: Slide, x: Array, lengths: Array) -> list[Array]:
+    """The results (s, ...) of a function of steps of some lengths (s,) [s] from states x (s, n_x) of a slide."""
+    count, situated = len(lengths), slide.situated
+    settings = np.repeat(situated.setting[None], count, axis=0)
+    given = [np.concatenate([x, lengths[:, None]], axis=1), settings, np.full(count, situated.direction)]
+    return function(given)
 
 
 def stepped(model: Model, slide: Slide, x: Array, lengths: Array) -> tuple[Array, Array]:
     """States (s, n_x) after steps of some lengths (s,) [s] from states x (s, n_x) of a slide, and the rates there."""
-    out = _of_steps(0, model, slide, x, lengths)
-    return out[:, : x.shape[1]], out[:, x.shape[1] :]
+    after, rates = of_steps(_functions(model, slide.method, slide.mode)[0], slide, x, lengths)
+    return after, rates
 
 
 def step_slopes(model: Model, slide: Slide, x: Array, lengths: Array) -> Array:
     """The derivatives (s, n_x, n_x + n_w) of those states by x and the setting."""
-    return _of_steps(1, model, slide, x, lengths).reshape(len(lengths), x.shape[1], -1)
+    (slopes,) = of_steps(_functions(model, slide.method, slide.mode)[1], slide, x, lengths)
+    return slopes.reshape(len(lengths), x.shape[1], -1)
 
 
 def onward(slope: Array, moved: Array) -> Array:
