@@ -15,7 +15,7 @@ from data_io.atomic import atomic_path, atomic_write
 from identify.base.errors import SimulationError
 from identify.prediction.chart import Boundary, Chart, Range, chart, charted
 from identify.prediction.map_axes import Axis, Site
-from identify.prediction.map_grid import Edge, row
+from identify.prediction.map_grid import row
 from identify.prediction.quantities import QUANTITIES
 from identify.scene import Scene
 from identify.simulation.sliding import slidings
@@ -82,25 +82,18 @@ def continuation(site: Site, name: str, span: Range | None = None, points: int =
         multipliers,
         eigenvalues,
         force,
-        _changes(chart, np.isfinite(chart.multiplier[0]), "sticking"),
-        _changes(chart, chart.growth[0] >= 0.0, "unstable"),
+        _changes(grid.x, np.isfinite(chart.multiplier[0]), chart.sticking),
+        _changes(grid.x, chart.growth[0] >= 0.0, chart.unstable),
     )
 
 
-def _changes(chart: Chart, inside: NDArray[np.bool_], which: str) -> tuple[AnswerChange, ...]:
-    crossings = chart.sticking.crossings if which == "sticking" else chart.unstable.crossings
-    q = chart.plane.x
+def _changes(q: Axis, inside: NDArray[np.bool_], boundary: Boundary) -> tuple[AnswerChange, ...]:
     out = []
-    for edge in sorted(crossings, key=_column):
-        crossing = crossings[edge]
+    for edge, crossing in sorted(boundary.crossings.items(), key=lambda each: each[0][2]):
         value = float(q.value_at(crossing.place))
         per_place = value if q.logarithmic else q.value_at(1.0)
         out.append(AnswerChange(value, per_place * crossing.slopes, bool(inside[edge[2]])))
     return tuple(out)
-
-
-def _column(edge: Edge) -> int:
-    return edge[2]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -277,14 +277,9 @@ class OrbitSearch:
     def _neighbours(self, node: Node) -> Iterator[tuple[Node, Edge]]:
         j, i = node
         (n_y, n_x), admitted = self._plane.shape, self._plane.admitted
-        if i + 1 < n_x and admitted[j, i + 1]:
-            yield (j, i + 1), ("x", j, i)
-        if i > 0 and admitted[j, i - 1]:
-            yield (j, i - 1), ("x", j, i - 1)
-        if j + 1 < n_y and admitted[j + 1, i]:
-            yield (j + 1, i), ("y", j, i)
-        if j > 0 and admitted[j - 1, i]:
-            yield (j - 1, i), ("y", j - 1, i)
+        for k, m in ((j, i + 1), (j, i - 1), (j + 1, i), (j - 1, i)):
+            if 0 <= k < n_y and 0 <= m < n_x and admitted[k, m]:
+                yield (k, m), ("x" if k == j else "y", min(j, k), min(i, m))
 
     def _map(self, node: Node) -> CycleMap:
         return self._origin.at(self._plane.settings[node])
