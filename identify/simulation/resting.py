@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.compiled import Mapped, compiled
+from identify.base.compiled import compiled
 from identify.base.roots import Course, first_zero
 from identify.model.model import Model
 from identify.simulation.bursts import symbols
@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 _BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
 _EARLY = np.concatenate([[0.0], np.geomspace(1e-16, 1.0, 193)])  # of the longest rest: where a start is looked at
+LANES = 8  # times of one call
 NEWTON_STEPS = 60
 MARGIN, SLOPE, DRIVE, RESTED = 0, 1, 2, 3  # places in a row
 APART = 4.0  # motions of the drive whose frequencies are closer than that are looked at together
@@ -30,10 +31,10 @@ SAFETY = 1e-12  # of the force of what is left out of a bound
 
 
 @lru_cache(maxsize=32)
-def _functions(model: Model) -> tuple[ca.Function, ca.Function, Mapped, Mapped]:
+def _functions(model: Model) -> tuple[ca.Function, ca.Function, ca.Function, ca.Function]:
     """By (x at the start, constants, t): the row (breakaway margin [N], its slope, force of the drive [N], state)
     and the largest second derivative of the margin; for many times the margin, and that under shares (n_w,) of what
-    oscillates."""
+    oscillates, LANES times in a call."""
     x, c, t, p, u = symbols(model)
     rested = model.rest(x, p, u, t)
     force = model.driving_force(rested, p, u)
@@ -48,7 +49,12 @@ def _functions(model: Model) -> tuple[ca.Function, ca.Function, Mapped, Mapped]:
     bends = ca.Function("bends", [x, c, times], [ca.cse(largest)])
     many = ca.Function("margin", [x, c, t], [ca.cse(ca.densify(margin))])
     some = ca.Function("partly", [x, c, t, shares], [ca.cse(ca.densify(partly))])
-    return row, bends, Mapped(many), Mapped(some)
+    return (
+        row,
+        bends,
+        many.map(LANES, [True, True, False], [False]),
+        some.map(LANES, [True, True, False, True], [False]),
+    )
 
 
 class Resting:
@@ -58,10 +64,12 @@ class Resting:
         self.model = model
         self._x, self._c = np.zeros(len(model.states)), np.zeros(len(model.parameters) + 5)
         self._t, self._bends = np.zeros(1), np.zeros(_BENDS.size)
-        row, bend, self._margins, self._partly = _functions(model)
-        self._row, self._bend = compiled(row), compiled(bend)
+        self._times, self._shares = np.zeros(LANES), np.zeros(model.waves.numel_out(0))
+        self._row, self._bend, self._margins, self._partly = (compiled(f) for f in _functions(model))
         self._row.bind([self._x, self._c, self._t])
         self._bend.bind([self._x, self._c, self._bends])
+        self._margins.bind([self._x, self._c, self._times])
+        self._partly.bind([self._x, self._c, self._times, self._shares])
         self._oscillates = model.vibrates
 
     def until(
@@ -157,10 +165,14 @@ class Resting:
 
     def _margins_at(self, times: Array, shares: Array | None) -> Array:
         """Breakaway margin [N] at times (n,) [s], under shares (n_w,) of what oscillates (None: all of it)."""
-        given = [*(np.repeat(array[None], times.size, axis=0) for array in (self._x, self._c)), times]
-        if shares is None:
-            return self._margins(given)[0][:, 0]
-        return self._partly([*given, np.repeat(shares[None], times.size, axis=0)])[0][:, 0]
+        if shares is not None:
+            self._shares[:] = shares
+        call, out = self._margins if shares is None else self._partly, np.empty(-(-times.size // LANES) * LANES)
+        padded = np.append(times, np.full(out.size - times.size, times[-1]))
+        for first in range(0, out.size, LANES):
+            self._times[:] = padded[first : first + LANES]
+            out[first : first + LANES] = call()
+        return out[: times.size]
 
 
 _IDLE: dict[Model, list[Resting]] = {}
