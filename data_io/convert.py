@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from data_io.arrays import same, thinned, thinned_steps
 from data_io.clock import Rows, StepClock, usable_rows
-from data_io.columns import ALIASES, EXAMPLES, KIND, Name, find_column, shown, words
+from data_io.columns import ALIASES, EXAMPLES, KIND, find_column, shown, words
 from data_io.contents import Part, unit_of
 from data_io.record import rising
 from data_io.source import Request, Source
@@ -187,7 +187,10 @@ def convert(
         roles[role] = np.where(timeless, np.nan, values) if timeless.any() and role != "drive_speed" else values
     notes += _weights(request, part)
     if request.normal_force is not None:
-        notes.append(_constant_load(request.normal_force, part))
+        index = part.header.roles.get("normal_force")
+        aside = "" if index is None else f"; the file's column {part.header.names[index].name!r} was set aside"
+        text = f"the normal force is a constant {request.normal_force:g} N given by the user{aside}"
+        notes.append(Finding("normal_force_constant", "info", text))
     channels = {name: (_kept(values, rows), unit) for name, values, unit in _raw_channels(request, part, settled)}
     return SiStep(label, time, roles, channels), notes
 
@@ -238,8 +241,16 @@ def _check_roles(source: Source, request: Request, part: Part, label: str) -> No
     needed = [role for role in COLUMN_ROLES[:3] if role != "normal_force" or request.normal_force is None]
     needed += ["drive_speed"] if "drive_speed" in part.header.roles else []
     for role in needed:
-        if role in part.header.roles and (unit := _unit(request, part, role)):
-            _check_unit(source, part, role, unit)
+        if role not in part.header.roles or not (unit := _unit(request, part, role)):
+            continue
+        name = part.header.names[part.header.roles[role]]
+        try:
+            column_factor(unit, SI_UNIT[KIND[role]], name.unit)
+        except UnitError as error:
+            scale = f'the scale of its sensor, as in --units {role}="2.5 N/V"'
+            way = scale if unit in _VOLTS else f"--units {role}=..."
+            text = f"column {shown([name.raw])} ({words(role)}): {error}; or give it with {way}"
+            raise source.error(text) from error
     missing = [role for role in needed if role not in part.header.roles]
     bare = [role for role in needed if role not in missing and not _unit(request, part, role)]
     if missing:
@@ -249,17 +260,6 @@ def _check_roles(source: Source, request: Request, part: Part, label: str) -> No
         raise source.error(
             f"no unit was found for column {which}; a unit in the header was expected; give it, as in {_in_si(bare)}"
         )
-
-
-def _check_unit(source: Source, part: Part, role: str, unit: str) -> None:
-    try:
-        column_factor(unit, SI_UNIT[KIND[role]], part.header.names[part.header.roles[role]].unit)
-    except UnitError as error:
-        where = f"column {shown([part.header.names[part.header.roles[role]].raw])} ({words(role)})"
-        way = f"--units {role}=..."
-        if unit in _VOLTS:
-            way = f'the scale of its sensor, as in --units {role}="2.5 N/V"'
-        raise source.error(f"{where}: {error}; or give it with {way}") from error
 
 
 def _missing(missing: Sequence[str], bare: Sequence[str], part: Part, label: str) -> str:
@@ -324,13 +324,6 @@ def origin(request: Request, part: Part, role: str) -> str:
     return f"column {name.name} in {unit}" + (", given by the user" if given else "")
 
 
-def _constant_load(load: float, part: Part) -> Finding:
-    index = part.header.roles.get("normal_force")
-    instead = f"; the file's column {part.header.names[index].name!r} was set aside" if index is not None else ""
-    text = f"the normal force is a constant {load:g} N given by the user{instead}"
-    return Finding("normal_force_constant", "info", text)
-
-
 def _raw_channels(request: Request, part: Part, settled: bool) -> list[tuple[str, FloatArray, str]]:
     """Return name, values and unit of the columns that carry no role; metres, seconds and newtons where it can be."""
     own = {find_column(part.header.names, column): name for name, column in request.columns.items()}
@@ -343,7 +336,8 @@ def _raw_channels(request: Request, part: Part, settled: bool) -> list[tuple[str
         if index in used or not (settled or _any_finite(values)):
             continue
         column = part.header.names[index]
-        name = free_name(own.get(index, _clean(column, index)), taken)
+        plain_name = "".join(letter for letter in column.name if letter.isprintable()).strip()
+        name = free_name(own.get(index, plain_name or f"column {index + 1}"), taken)
         taken.add(name)
         unit = request.units.get(name) or unit_of(request, plain, index) or ""
         kind = kind_of(unit) if unit else None
@@ -351,8 +345,3 @@ def _raw_channels(request: Request, part: Part, settled: bool) -> list[tuple[str
             values, unit = rescaled(values, factor(unit, SI_UNIT[kind])), SI_UNIT[kind]
         found.append((name, values, unit))
     return found
-
-
-def _clean(column: Name, index: int) -> str:
-    text = "".join(letter for letter in column.name if letter.isprintable()).strip()
-    return text or f"column {index + 1}"

@@ -7,11 +7,13 @@ vectors of shape (n, 1), integers and single precision, chunks and compression, 
 is asked for is read, so that a file may be larger than memory.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -23,6 +25,9 @@ from data_io.source import Request, Source
 from data_io.units import factor, to_si
 from data_io.values import COLUMN_ROLES, FloatArray, UnitError
 from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, Account, read_account
+
+if TYPE_CHECKING:
+    import h5py
 
 _UNIT_NAMES: Final = ("units", "unit", "Units", "Unit")
 _SHOWN: Final = 12
@@ -43,7 +48,7 @@ class _Table:
     run: int
     step: int
     header: Header
-    datasets: Mapping[int, Any]
+    datasets: Mapping[int, h5py.Dataset]
     parameters: Mapping[str, str] = field(default_factory=dict)
     run_items: Mapping[str, str] = field(default_factory=dict)
 
@@ -82,7 +87,7 @@ def _parts(source: Source, request: Request, tables: Sequence[_Table]) -> tuple[
 
 
 def _read_layout(
-    source: Source, request: Request, file: Any, runs: Sequence[tuple[int, Any]], *, ours: bool
+    source: Source, request: Request, file: h5py.File, runs: Sequence[tuple[int, h5py.Group]], *, ours: bool
 ) -> Contents:
     version = file.attrs.get("format_version", FORMAT_VERSION)
     if version != FORMAT_VERSION:
@@ -105,7 +110,7 @@ def _read_layout(
     return Contents(parts, account.metadata, account.findings, ours, _drive_speed(source, place), skipped)
 
 
-def _tests(source: Source, request: Request, file: Any) -> list[_Table]:
+def _tests(source: Source, request: Request, file: h5py.File) -> list[_Table]:
     """Return every group that holds what a log needs, each a run of one step."""
     tables: list[_Table] = []
     for group in _all_groups(file):
@@ -129,7 +134,7 @@ def _tests(source: Source, request: Request, file: Any) -> list[_Table]:
     return tables
 
 
-def _named(source: Source, request: Request, file: Any) -> _Table:
+def _named(source: Source, request: Request, file: h5py.File) -> _Table:
     """Return the datasets that the user named."""
     datasets = [_dataset_at(source, file, path) for path in request.columns.values()]
     for (role, path), dataset in zip(request.columns.items(), datasets, strict=True):
@@ -140,7 +145,7 @@ def _named(source: Source, request: Request, file: Any) -> _Table:
     return _Table(1, 1, Header(tuple(names), roles), dict(enumerate(datasets)))
 
 
-def _dataset_at(source: Source, file: Any, path: str) -> Any:
+def _dataset_at(source: Source, file: h5py.File, path: str) -> h5py.Dataset | None:
     """Return the dataset at a path, or a column within one (`/data:1`, `/table:Fx`, `/table/Fx`); None for neither."""
     found = member(source, file, path)
     if _is_dataset(found):
@@ -189,13 +194,13 @@ def _skipped(source: Source, request: Request, parts: Sequence[Part], span: tupl
     return float(read[0].columns[index][0]) * scale - span[0]
 
 
-def _named_column(column: tuple[str, Any]) -> tuple[str, str | None]:
+def _named_column(column: tuple[str, h5py.Dataset]) -> tuple[str, str | None]:
     """Return the name of a column, by its attribute or its link, and its unit."""
     link, item = column
     return _text(item.attrs.get("name")) or link, _unit(item)
 
 
-def _columns_of(link: str, item: Any, request: Request) -> list[tuple[str, Any]]:
+def _columns_of(link: str, item: h5py.Dataset, request: Request) -> list[tuple[str, h5py.Dataset]]:
     """Return name and dataset of what is a column, or the columns within: where they have names or were asked for."""
     if _is_column(item):
         return [(link, item)]
@@ -265,7 +270,7 @@ def _columns(source: Source, request: Request, table: _Table) -> dict[int, Float
     return columns
 
 
-def _clock(request: Request, table: _Table) -> tuple[Any, float | None]:
+def _clock(request: Request, table: _Table) -> tuple[h5py.Dataset, float | None]:
     """The clock of the file, or its first column, and the factor to seconds; None where nothing tells seconds."""
     index = table.header.roles.get("time", 0)
     time = table.datasets[index]
@@ -277,7 +282,7 @@ def _clock(request: Request, table: _Table) -> tuple[Any, float | None]:
         return time, None
 
 
-def _bisected(time: Any, value: float, *, after: bool) -> int:
+def _bisected(time: h5py.Dataset, value: float, *, after: bool) -> int:
     low, high = 0, int(time.size)
     while low < high:
         middle = (low + high) // 2
@@ -289,14 +294,14 @@ def _bisected(time: Any, value: float, *, after: bool) -> int:
     return low
 
 
-def _number_at(dataset: Any, row: int) -> float:
+def _number_at(dataset: h5py.Dataset, row: int) -> float:
     """The number in a row of a dataset that is a column, whichever way it lies."""
     lying = dataset.size > 1
     place = tuple(row if size != 1 else 0 for size in dataset.shape) if lying else (0,) * dataset.ndim
     return float(np.ravel(dataset[place])[0])
 
 
-def _groups(parent: Any, word: str) -> list[tuple[int, Any]]:
+def _groups(parent: h5py.Group, word: str) -> list[tuple[int, h5py.Group]]:
     """Return number and group of `run_1`, `run_2`, ... in the order of their numbers."""
     found = [(re.fullmatch(rf"{word}_(\d{{1,9}})", name), item) for name, item in children(parent)]
     return sorted(
@@ -304,7 +309,7 @@ def _groups(parent: Any, word: str) -> list[tuple[int, Any]]:
     )
 
 
-def _all_groups(file: Any) -> list[Any]:
+def _all_groups(file: h5py.File) -> list[h5py.Group]:
     """The root and every group below it, in the order of the file, to a sensible depth and number."""
     import h5py
 
@@ -317,18 +322,18 @@ def _all_groups(file: Any) -> list[Any]:
     return found[:_MOST_GROUPS]
 
 
-def _is_dataset(item: Any) -> bool:
+def _is_dataset(item: h5py.HLObject | None) -> bool:
     import h5py
 
     return isinstance(item, h5py.Dataset)
 
 
-def _is_column(dataset: Any) -> bool:
+def _is_column(dataset: h5py.Dataset) -> bool:
     shape = dataset.shape or ()
     return bool(shape) and dataset.dtype.kind in "fiu" and sum(size != 1 for size in shape) <= 1
 
 
-def _unit(dataset: Any) -> str | None:
+def _unit(dataset: h5py.Dataset) -> str | None:
     return next((_text(dataset.attrs[name]).strip() for name in _UNIT_NAMES if name in dataset.attrs), None)
 
 
@@ -341,7 +346,7 @@ def _text(value: Any) -> str:
     return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
 
 
-def _account(source: Source, place: Any) -> Account:
+def _account(source: Source, place: h5py.Group) -> Account:
     item: Any = member(source, place, f"{place.name}/{ABOUT}") if ABOUT in place else None
     if not _is_dataset(item):
         keys = ("source_file", "source_sha256")
@@ -353,7 +358,7 @@ def _account(source: Source, place: Any) -> Account:
         raise source.error(text) from error
 
 
-def _drive_speed(source: Source, place: Any) -> float | None:
+def _drive_speed(source: Source, place: h5py.Group) -> float | None:
     if "drive_speed" not in place.attrs:
         return None
     try:
@@ -362,7 +367,7 @@ def _drive_speed(source: Source, place: Any) -> float | None:
         raise source.error(f"the attribute drive_speed: {error}; correct it and drive_speed_units") from error
 
 
-def _datasets(file: Any) -> str:
+def _datasets(file: h5py.File) -> str:
     there = [item for group in _all_groups(file) for _, item in children(group) if _is_dataset(item)]
     within = {item.name: [c.name for c in columns_within(item)] for item in there if not _is_column(item)}
     found = [name for item in there for name in within.get(item.name, []) or [item.name]]

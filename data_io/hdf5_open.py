@@ -1,5 +1,7 @@
 """HDF5 files opened so that they can do no harm: read-only, nothing outside the file followed, none that hangs."""
 
+from __future__ import annotations
+
 import contextlib
 import io
 import os
@@ -11,11 +13,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from data_io import hdf5_walk
 from data_io.source import Source
 from data_io.values import LogError
+
+if TYPE_CHECKING:
+    import h5py
 
 PATIENCE: Final = 1
 """Seconds of computing after which a file whose structure is not walked through is given up; a sound one takes
@@ -38,7 +43,7 @@ def signature_at(head: bytes) -> int | None:
 
 
 @contextmanager
-def opened(source: Source) -> Iterator[Any]:
+def opened(source: Source) -> Iterator[h5py.File]:
     """Open the file read-only; a packed one is unpacked in memory. Raises the source's `LogError` for a damaged one.
 
     A damaged file can send the HDF5 library round in circles, where nothing stops it: its heaps of texts carry no
@@ -67,7 +72,7 @@ def _damaged(source: Source, reason: str) -> LogError:
     return source.error(f"the HDF5 file is damaged ({reason:.120}); an intact one is needed; copy it again")
 
 
-def member(source: Source, file: Any, path: str) -> Any:
+def member(source: Source, file: h5py.File, path: str) -> h5py.Group | h5py.Dataset | None:
     """Return the group or dataset at a path, None where there is none.
 
     Raises the source's `LogError` for a link into another file: what is not in this file is not followed.
@@ -98,7 +103,7 @@ def member(source: Source, file: Any, path: str) -> Any:
     return place
 
 
-def children(group: Any) -> Iterator[tuple[str, Any]]:
+def children(group: h5py.Group) -> Iterator[tuple[str, h5py.HLObject]]:
     """Yield name and object of everything that lies in a group itself; links to elsewhere are passed over."""
     import h5py
 
@@ -107,7 +112,7 @@ def children(group: Any) -> Iterator[tuple[str, Any]]:
             yield name, group[name]
 
 
-def check_own(source: Source, dataset: Any) -> None:
+def check_own(source: Source, dataset: h5py.Dataset) -> None:
     """Refuse a dataset whose numbers lie in other files: external storage, virtual datasets."""
     if dataset.is_virtual or dataset.external:
         raise source.error(

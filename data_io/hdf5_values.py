@@ -1,16 +1,21 @@
 """Numbers of HDF5 datasets: whether they fit into memory, columns within a dataset, and how they are read."""
 
+from __future__ import annotations
+
 import contextlib
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from data_io.source import LEAST_SUSPECT, Source
 from data_io.values import FloatArray, LogTooLargeError
+
+if TYPE_CHECKING:
+    import h5py
 
 # How much memory a log may take, asked before it is read.
 
@@ -102,7 +107,7 @@ _WIDEST: Final = 256
 class ColumnWithin:
     """A column (n,) of a dataset, read as a dataset is; of a matrix the longer side runs along the rows."""
 
-    dataset: Any
+    dataset: h5py.Dataset
     key: int | str
     label: str
     attrs: dict[str, Any]
@@ -143,7 +148,7 @@ class ColumnWithin:
         return self.dataset[rows, self.key] if upright else self.dataset[self.key, rows]
 
 
-def columns_within(dataset: Any) -> list[ColumnWithin]:
+def columns_within(dataset: h5py.Dataset) -> list[ColumnWithin]:
     """Return the columns of a compound or of a matrix of numbers; none of anything else."""
     shape: tuple[int, ...] = tuple(dataset.shape or ())
     if dataset.dtype.names:
@@ -162,7 +167,7 @@ def columns_within(dataset: Any) -> list[ColumnWithin]:
     return [ColumnWithin(dataset, i, label, _unit(dataset, i, count)) for i, label in enumerate(labels)]
 
 
-def named_within(dataset: Any) -> bool:
+def named_within(dataset: h5py.Dataset) -> bool:
     """Tell a dataset that names the columns within it itself."""
     return bool(dataset.dtype.names) or any(key in dataset.attrs for key in _NAMES)
 
@@ -174,7 +179,7 @@ def texts(value: Any) -> Sequence[str]:
     return words if len(words) != 1 else [part.strip() for part in words[0].split(",")]
 
 
-def _unit(dataset: Any, place: int, count: int) -> dict[str, Any]:
+def _unit(dataset: h5py.Dataset, place: int, count: int) -> dict[str, Any]:
     told = next((found for key in _UNITS if len(found := texts(dataset.attrs.get(key))) == count), None)
     return {} if told is None else {"units": told[place]}
 
@@ -185,7 +190,7 @@ _BLOCK: Final = 1 << 24
 """Rows read at a time; progress is told after each."""
 
 
-def read_values(dataset: Any, rows: slice, tell: Callable[[float], None]) -> FloatArray:
+def read_values(dataset: h5py.Dataset, rows: slice, tell: Callable[[float], None]) -> FloatArray:
     """Return the rows of a dataset, which is a column, as float64 (n,). tell: called with the share read."""
     count = rows.stop - rows.start
     if dataset.ndim != 1:

@@ -3,12 +3,17 @@
 Imports nothing of the package: a new interpreter that runs this file loads h5py and nothing else.
 """
 
+from __future__ import annotations
+
 import contextlib
 import io
 import signal
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    import h5py
 
 _MOST_ITEMS: Final = 100_000
 _SMALL: Final = 1 << 20
@@ -62,11 +67,11 @@ def walk(target: str | Path | io.BytesIO) -> None:
                     _touch(item)
 
 
-def _children_there(group: Any) -> list[tuple[str, Any]]:
+def _children_there(group: h5py.Group) -> list[tuple[str, h5py.HLObject]]:
     import h5py
 
     names: list[str] = []
-    found: list[tuple[str, Any]] = []
+    found: list[tuple[str, h5py.HLObject]] = []
     with contextlib.suppress(*LIBRARY_ERRORS):
         names.extend(group)
     for name in names:
@@ -76,7 +81,7 @@ def _children_there(group: Any) -> list[tuple[str, Any]]:
     return found
 
 
-def _touch(item: Any) -> None:
+def _touch(item: h5py.HLObject) -> None:
     names = ["units", "unit", "Units", "Unit", "name"]  # which readers ask for, even where the list is damaged
     with contextlib.suppress(*LIBRARY_ERRORS):
         names.extend(item.attrs)
@@ -87,7 +92,7 @@ def _touch(item: Any) -> None:
         _touch_numbers(item)
 
 
-def _touch_numbers(item: Any) -> None:
+def _touch_numbers(item: h5py.HLObject) -> None:
     import h5py
 
     if not isinstance(item, h5py.Dataset) or item.is_virtual or item.external:

@@ -8,7 +8,7 @@ from typing import Final
 
 from data_io.columns import KIND, Header, Name, match_header, shown
 from data_io.source import Request, Source
-from data_io.text import BLANKS, DELIMITERS, is_clock_time, is_date, is_number, is_number_like, line_number, split
+from data_io.text import BLANKS, DELIMITERS, is_clock_time, is_date, is_number, is_number_like, split
 from data_io.units import kind_of, split_cell, unit_word
 from data_io.values import Finding
 
@@ -278,7 +278,7 @@ def _trimmed(fields: Sequence[str]) -> list[str]:
 
 def _misfit(text: str, start: int, row: str, delimiter: str, names: int) -> str:
     found = len(split(row, BLANKS if delimiter == WIDE else delimiter))
-    where = f"line {line_number(text, start)} holds {found} fields where the header names {names} columns; "
+    where = f"line {text.count(chr(10), 0, start) + 1} holds {found} fields where the header names {names} columns; "
     if delimiter == "," and found == 2 * names:
         return where + "decimal commas cannot be told from separating commas; export with ; or tabs between columns"
     return where + "as many were expected; repair the header or export again"

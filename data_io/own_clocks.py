@@ -175,7 +175,13 @@ def _paired(source: Source, request: Request, part: Part) -> tuple[Part, list[Fi
         if roles.get(role) in moved and not (role == "normal_force" and request.normal_force is not None):
             known = np.flatnonzero(np.isfinite(columns[roles[role]]))
             if known.size < 2:
-                raise source.error(_no_overlap(part, roles[role], clock, times, own))
+                spans = [(float(np.nanmin(times[i])), float(np.nanmax(times[i]))) for i in (clock, own[roles[role]])]
+                raise source.error(
+                    f"the clock of {part.header.names[roles['friction_force']].raw!r} runs from {spans[0][0]:.6g} to "
+                    f"{spans[0][1]:.6g}, that of {part.header.names[roles[role]].raw!r} from {spans[1][0]:.6g} to "
+                    f"{spans[1][1]:.6g}; clocks that overlap were expected; export the channels together, or give a "
+                    "constant load with --normal-force"
+                )
             inside[: known[0]] = inside[known[-1] + 1 :] = False
     names = part.header.names
     text = (
@@ -230,13 +236,3 @@ def _at(time: FloatArray, clock: FloatArray, values: FloatArray) -> tuple[FloatA
     apart = stamps[place] - stamps[place - 1]
     between = (apart > 1.5 * usual) & (time != stamps[place]) & (time != stamps[place - 1]) & np.isfinite(found)
     return np.where(apart > (LONGEST_GAP + 1.5) * usual, np.nan, found), int(np.count_nonzero(between))
-
-
-def _no_overlap(part: Part, index: int, clock: int, times: Mapping[int, FloatArray], own: Mapping[int, int]) -> str:
-    spans = [(float(np.nanmin(times[i])), float(np.nanmax(times[i]))) for i in (clock, own[index])]
-    names = part.header.names
-    return (
-        f"the clock of {names[part.header.roles['friction_force']].raw!r} runs from {spans[0][0]:.6g} to "
-        f"{spans[0][1]:.6g}, that of {names[index].raw!r} from {spans[1][0]:.6g} to {spans[1][1]:.6g}; clocks that "
-        "overlap were expected; export the channels together, or give a constant load with --normal-force"
-    )

@@ -1,7 +1,6 @@
 """A text log as a stream of whole lines: in segments to be walked, or in blocks of pure numbers handed to pandas."""
 
 import codecs
-import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -45,13 +44,6 @@ class Segment:
     first_line: int
     at_end: bool
     before: bytes = b""
-
-    def numbers_below(self, lines: int) -> bytes:
-        """Return what follows so many lines if it holds numbers and delimiters only, else nothing."""
-        ends = itertools.islice(_LINE_END.finditer(self.raw), lines)
-        start = max((match.end() for match in ends), default=0)
-        rest = self.raw[start:]
-        return rest if is_clean(rest) else b""
 
     @cached_property
     def text(self) -> str:
@@ -132,11 +124,6 @@ class Lines:
         """Take back lines handed out by `numbers`; those of the first block are to be walked."""
         self._pending = b"".join(blocks) + self._pending
         self._careful_until = self.here + len(blocks[0])
-
-    def hand_back(self, raw: bytes) -> None:
-        """Take lines back from the end of the segment that was handed out last, to be read as numbers."""
-        self._pending = raw + self._pending
-        self.line -= _count_lines(raw)
 
     def _more(self, size: int) -> int:
         """Read so many bytes on; return where the last whole line of those that wait ends."""

@@ -21,11 +21,11 @@ from data_io.columns import (
     with_unit,
     words,
 )
-from data_io.layout import COMMENT, DIGIT, Head, decimal_mark, head_at, is_row, line_at, lines_from, numbered_head
+from data_io.layout import COMMENT, DIGIT, Head, head_at, is_row, line_at, lines_from, numbered_head
 from data_io.rows import Above, Numbers, read_block, read_numbers
 from data_io.segments import BLOCK, FIRST, MOST_WORDS, Lines, Segment
 from data_io.source import Request, Source
-from data_io.text import DELIMITERS, TEXT_LINE, decode, is_number_like, other_encoding, over_midnight, split
+from data_io.text import DELIMITERS, TEXT_LINE, decode, is_number_like, over_midnight, split
 from data_io.values import Finding, FloatArray
 
 # A table of numbers while it is read piece by piece, and when it is whole.
@@ -213,17 +213,14 @@ class Walk:
         self._text, self._first_line, self._at_end = "", 1, False
         self._marks: list[int] = []
         self._above, self._looked_at = 0, 0
-        self._segment, self._rest = Segment(b"", 1, False), b""
+        self._segment = Segment(b"", 1, False)
         self.table: OpenTable | None = None
         self._numbered, self._settings = False, 0
         self.carry = ""
 
-    def take(self, segment: Segment) -> bytes:
-        """Walk the next segment; return the rows at its end that can be read faster, as a run of numbers.
-
-        Raises the source's `LogError`.
-        """
-        self._segment, self._rest = segment, b""
+    def take(self, segment: Segment) -> None:
+        """Walk the next segment. Raises the source's `LogError`."""
+        self._segment = segment
         self._first_line = segment.first_line - self.carry.count("\n")
         self._text, self._at_end = self.carry + segment.text, segment.at_end
         self._marks = [match.start() for match in TEXT_LINE.finditer("\n" + self._text)]
@@ -232,7 +229,16 @@ class Walk:
         i = self._rows(0, 0) if self.table is not None else 0
         while i < len(self._marks) and self.table is None and not self.carry:
             head = self._head(i)
-            i = self._passed_over(i) if head is None else self._begin(head, i)
+            if head is not None:
+                i = self._begin(head, i)
+                continue
+            i += 1
+            self._looked_at += 1
+            if self._looked_at > MOST_LOOKED_AT:
+                raise self.source.error(
+                    f"more than {MOST_LOOKED_AT} lines of words in a row were found where a header or rows of numbers "
+                    "were expected; a log was expected; check the file"
+                )
         if self.table is None and not self._tables:
             goes_on = not self._at_end and len(self._text) <= MOST_WORDS
             if found := numbered_head(self._text, self._request, goes_on=goes_on):
@@ -240,7 +246,6 @@ class Walk:
                 self._numbered = True
         if self.table is None:
             self._carry_on()
-        return self._rest
 
     def _without_settings(self) -> None:
         """Drop a table without a header that was begun above another, longer one of other rows: settings."""
@@ -266,15 +271,6 @@ class Walk:
             self._tables[-1] = replace(self._tables[-1], remarks=remarks)
         return self._tables, footer
 
-    def _passed_over(self, i: int) -> int:
-        self._looked_at += 1
-        if self._looked_at > MOST_LOOKED_AT:
-            raise self.source.error(
-                f"more than {MOST_LOOKED_AT} lines of words in a row were found where a header or rows of numbers were "
-                "expected; a log was expected; check the file"
-            )
-        return i + 1
-
     def _begin(self, head: Head, i: int) -> int:
         """Begin the table whose header is mark `i` and read what follows; return the mark at which to go on."""
         self._looked_at = 0
@@ -297,20 +293,9 @@ class Walk:
             self._above = head.start
             self._close()
             return i
-        if rest := self._run_below(head):
-            self._rest = rest
-            return len(self._marks)
         while i < len(self._marks) and self._marks[i] < head.start:
             i += 1
         return self._rows(head.start, i)
-
-    def _run_below(self, head: Head) -> bytes:
-        """Return the rows of a table that has just begun where they fill the segment and go on, in sound numbers."""
-        above = self._line(head.start) - self._segment.first_line
-        if self._at_end or above < 0 or self.table is None or other_encoding(self.source.head):
-            return b""
-        self.table.decimal = decimal_mark(self.source, self._text[head.start :], head)
-        return self._segment.numbers_below(above) if self.table.decimal or head.delimiter == "," else b""
 
     def _rows(self, begin: int, i: int) -> int:
         """Read rows of the open table from `begin` on; close it where it ends; return the mark at which to go on."""
@@ -468,7 +453,7 @@ def read_below(source: Source, request: Request, lines: Lines, rest: Segment, he
 def _read_all(walk: Walk, lines: Lines) -> tuple[list[Table], tuple[str, ...]]:
     while not lines.at_end:
         if not _read_fast(walk, lines):
-            lines.hand_back(walk.take(lines.segment()))
+            walk.take(lines.segment())
             if walk.table is None:  # what waits for a table is walked again with what follows: in few, larger pieces
                 lines.size = min(4 * lines.size, BLOCK)
     return walk.finish()

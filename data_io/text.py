@@ -138,11 +138,6 @@ def to_number(token: str, decimal: str) -> float | None:
     return float(token.replace(",", ".").replace("d", "e").replace("D", "e"))
 
 
-def line_number(text: str, position: int) -> int:
-    """Return the number of the line, from 1, that holds a position of the text."""
-    return text.count("\n", 0, position) + 1
-
-
 # Times of the day and dates in a time column, as seconds: 09:59:58.010, 2024-03-05T09:59:58, 05.03.2024 9:59:58 PM.
 
 _TIME: Final = r"(?P<h>\d{1,3}):(?P<m>[0-5]?\d):(?P<s>[0-5]?\d(?:[.,:]\d{1,9})?)(?: ?(?P<half>[ap])\.?m\.?)?"

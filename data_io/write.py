@@ -1,5 +1,7 @@
 """Write records so that they read back bit for bit: HDF5 in the project's layout, or CSV with a units row."""
 
+from __future__ import annotations
+
 import csv
 import hashlib
 import io
@@ -10,7 +12,7 @@ from dataclasses import astuple, dataclass, fields
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path, PurePath
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -19,6 +21,9 @@ from data_io.hdf5_open import children, opened, signature_at
 from data_io.record import Record
 from data_io.source import load, no_progress
 from data_io.values import SEVERITIES, Finding, LogError, Scalar, Step
+
+if TYPE_CHECKING:
+    import h5py
 
 # The JSON account in our own files of what is no column: read back with every value of the kind it must be.
 
@@ -142,7 +147,7 @@ def changed_runs(path: str | Path) -> list[str]:
         return _changed(file)
 
 
-def _created(path: Path, dated: bool) -> Any:
+def _created(path: Path, dated: bool) -> h5py.File:
     """Open a new file. Its structure is protected by checksums, which HDF5 writes from format 1.10 on."""
     import h5py
 
@@ -154,7 +159,9 @@ def _created(path: Path, dated: bool) -> Any:
     return file
 
 
-def _put(file: Any, place: Any, record: Record, run: int | None, progress: Callable[[float], None]) -> dict[str, Any]:
+def _put(
+    file: h5py.File, place: h5py.Group, record: Record, run: int | None, progress: Callable[[float], None]
+) -> dict[str, Any]:
     """Write a record below `file` and its account to `place`; return the account. `run`: in place of its own number."""
     about = about_of(record)
     if isinstance(record.drive_speed, float):
@@ -198,25 +205,25 @@ def _feed(digest: Any, name: str, unit: str, values: Any) -> None:
         digest.update(np.ascontiguousarray(values[begin : begin + _BLOCK], dtype="<f8"))
 
 
-def _runs(file: Any) -> dict[str, tuple[str, Any]]:
+def _runs(file: h5py.File) -> dict[str, tuple[str, h5py.Group]]:
     """Return the stored checksum and the group of every run; of a file with one log the whole file stands for it."""
     if CONTENT in file.attrs:
         return {"the log": (str(file.attrs[CONTENT]), file)}
     return {name: (str(group.attrs[CONTENT]), group) for name, group in file.items() if CONTENT in group.attrs}
 
 
-def _changed(file: Any) -> list[str]:
+def _changed(file: h5py.File) -> list[str]:
     """Return the runs whose numbers are not those that the stored checksum was made of."""
     return [name for name, (stored, group) in _runs(file).items() if stored != _content_of(group)]
 
 
-def _content_of(group: Any) -> str:
+def _content_of(group: h5py.Group) -> str:
     """Return the checksum of the numbers below a run, or below a file with one log, as they are now."""
     import h5py
 
     digest = hashlib.sha256()
 
-    def take(item: Any) -> None:
+    def take(item: h5py.Group) -> None:
         for name, inner in item.items():
             if isinstance(inner, h5py.Group):
                 take(inner)
@@ -302,7 +309,7 @@ def write_archive(records: Iterable[Record], path: str | Path, *, dated: bool = 
                 entries.append(_entry(number, record, about, str(group.attrs[CONTENT])))
             if not entries:
                 raise LogError(f"{path}: no log is left to write; one at least was expected; see why each was refused")
-            kinds: dict[Any, Any] = {int: np.int64, float: np.float64, str: h5py.string_dtype()}
+            kinds: dict[Any, Any] = {"int": np.int64, "float": np.float64, "str": h5py.string_dtype()}
             kind = np.dtype([(field.name, kinds[field.type]) for field in fields(Entry)])
             file.create_dataset(INDEX, data=np.array([astuple(entry) for entry in entries], dtype=kind))
         _check(temporary, path)
