@@ -114,7 +114,7 @@ def read_rtec(source: Source, request: Request) -> Contents:
     Quirks: a lone CR inside the first line, CR LF and LF mixed; blanks in front of names; units in parentheses, `()`
     for none; a trailing comma; Timestamp [s] without a unit, restarting with each step; the order of columns changes
     between files of the same machine. The speed of the rotary drive is in rpm; Y is the radius of the track (see
-    `rotation`).
+    `derived_columns`).
     """
     tables, footer = read_tables(source, request, keep=(_STEP, "RecipeStep"))
     parts = [part for table in tables for part in _steps(table)]

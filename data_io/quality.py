@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from data_io.arrays import kept, shown, thinned, true_runs
 from data_io.record import Record
-from data_io.signals import FEWEST, UNLOADED, Load, Rest, Rests, Signal, find_rests, look_at_friction, look_at_load
+from data_io.signals import FEWEST, UNLOADED, Load, Rests, Signal, find_rests, look_at_friction, look_at_load
 from data_io.thresholds import DEFAULTS, Thresholds, percent
 from data_io.values import Finding, FloatArray
 
@@ -247,7 +247,12 @@ def assess(
         )  # fmt: skip
     load, about_load = look_at_load(record, sound, thresholds)
     rests = find_rests(record, shown(record.friction_force, sound), speed)
-    moving = _moving(sound, rests)
+    moving = sound.copy()
+    for rest in (rests.before, rests.after):
+        if rest is not None:
+            moving[rest.start : rest.stop] = False
+    if np.count_nonzero(moving) < 2:
+        moving = sound
     signal, about_friction = look_at_friction(record, sound, thresholds)
     residual, about_rest = _rest_findings(record, sound, moving, load, rests, thresholds)
     error = _coefficient_error(record, sound, load.level)
@@ -259,14 +264,6 @@ def assess(
         )
         notes.append(Finding("coefficient_disagrees", severity, text))
     return Quality(sampling, signal, load, rests, residual, error, (*record.findings, *notes))
-
-
-def _moving(sound: npt.NDArray[np.bool_], rests: Rests) -> npt.NDArray[np.bool_]:
-    moving = sound.copy()
-    for rest in (rests.before, rests.after):
-        if rest is not None:
-            moving[rest.start : rest.stop] = False
-    return moving if np.count_nonzero(moving) > 1 else sound
 
 
 def _rest_findings(
@@ -296,20 +293,19 @@ def _rest_findings(
             f"sensor or take it off with {remedy}"
         )
         notes.append(Finding("residual_force", severity, text))
-    if rests.after is not None:
-        notes += _stop(record, rests.after, limits)
+    stop = rests.after
+    if stop is not None and (severity := limits.severity("stopped_rows", stop.rows / len(record))):
+        since = float(record.time[stop.start])
+        cut = f'leave it out with window = ["0 s", "{since:.4g} s"]'
+        if stop.told:
+            text = f"the drive stops at {since:.4g} s, and {stop.force:.3g} N stay locked in; {cut}"
+            notes.append(Finding("stopped", severity, text))
+        else:
+            text = (
+                f"from {since:.4g} s to the end the force stays at {stop.force:.3g} N; if the drive had stopped, {cut}"
+            )
+            notes.append(Finding("perhaps_stopped", "info", text))
     return residual, notes
-
-
-def _stop(record: Record, rest: Rest, limits: Thresholds) -> list[Finding]:
-    since = float(record.time[rest.start])
-    cut = f'leave it out with window = ["0 s", "{since:.4g} s"]'
-    severity = limits.severity("stopped_rows", rest.rows / len(record))
-    if rest.told and severity:
-        text = f"the drive stops at {since:.4g} s, and {rest.force:.3g} N stay locked in; {cut}"
-        return [Finding("stopped", severity, text)]
-    text = f"from {since:.4g} s to the end the force stays at {rest.force:.3g} N; if the drive had stopped, {cut}"
-    return [Finding("perhaps_stopped", "info", text)] if severity else []
 
 
 def _coefficient_error(record: Record, sound: npt.NDArray[np.bool_], load: float) -> float | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -357,8 +357,8 @@ def within(record: Record, window: tuple[float, float] | None) -> Record:
     if window is None:
         return record
     begin = float(record.metadata.get(WINDOW_START, 0.0))
-    first, last = (int(row) for row in (np.searchsorted(record.time, window[0] - begin, side="left"),
-                                        np.searchsorted(record.time, window[1] - begin, side="right")))  # fmt: skip
+    first = int(np.searchsorted(record.time, window[0] - begin, side="left"))
+    last = int(np.searchsorted(record.time, window[1] - begin, side="right"))
     if (first, last) == (0, len(record)):
         return record
     if last - first < 2:
@@ -366,21 +366,11 @@ def within(record: Record, window: tuple[float, float] | None) -> Record:
             f"the window {window[0]:g} to {window[1]:g} s holds {max(last - first, 0)} row(s); the log runs from "
             f"{begin:.6g} to {begin + record.time[-1]:.6g} s{zero_of_times(record)}; move the window inside"
         )
-    rows, start = slice(first, last), float(record.time[first])
-    steps = tuple(
-        Step(s.run, s.number, max(s.start, first) - first, min(s.stop, last) - first, s.parameters)
+    columns = {name: values[first:last] for name, values in record.columns().items()}
+    steps = [
+        (s.run, s.number, max(s.start, first) - first, min(s.stop, last) - first, s.parameters)
         for s in record.steps
         if s.start < last and s.stop > first
-    )
-    clock = float(record.metadata.get("file_time_start", 0.0)) + start
-    metadata = {**record.metadata, WINDOW_START: begin + start, **({"file_time_start": clock} if clock else {})}
-    return replace(
-        record,
-        time=record.time[rows] - start,
-        normal_force=record.normal_force[rows],
-        friction_force=record.friction_force[rows],
-        drive_speed=record.drive_speed[rows] if isinstance(record.drive_speed, np.ndarray) else record.drive_speed,
-        channels={name: values[rows] for name, values in record.channels.items()},
-        steps=steps,
-        metadata=metadata,
-    )
+    ]
+    metadata = {**record.metadata, WINDOW_START: begin + float(record.time[first])}
+    return Record.from_columns(columns, {**record.about(), "steps": steps, "metadata": metadata})

@@ -1,7 +1,6 @@
 """A text log as a stream of whole lines: in segments to be walked, or in blocks of pure numbers handed to pandas."""
 
 import codecs
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,7 +31,6 @@ _TAIL: Final = 1 << 16
 _HIGHEST_DIGIT: Final = ord("9")
 _UNSEEN: Final = (b"\0", b'"', b"#")
 """What pandas would take for the end of a number, a quotation, or part of a column that nobody reads."""
-_LINE_END: Final = re.compile(rb"\r\n|\n|\r")
 _NUMBERS: Final = b"0123456789+-.eE,;\t \r\n"
 
 
