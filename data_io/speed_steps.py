@@ -85,7 +85,9 @@ def steps_of(time: FloatArray, speed: FloatArray) -> SpeedSteps:
         return SpeedSteps(None, f"has {len(levels)} steps, more than {MOST}")
     if not _sharp(values, levels, noise):
         return SpeedSteps(None, _gradual(values))
-    speeds = evened([0.0 if _rests(level, fast, noise) else level.speed for level in levels])
+    unsure = [min(4.0 * noise / float(np.sqrt(level.rows)), SAME * fast) for level in levels]
+    rests = [abs(level.speed) <= max(_AT_REST * fast, u) for level, u in zip(levels, unsure, strict=True)]
+    speeds = evened([0.0 if at_rest else level.speed for level, at_rest in zip(levels, rests, strict=True)])
     if not any(speeds):
         return SpeedSteps(None, "is 0 within its noise", stands=True)
     starts = [0.0, *(float(time[level.start]) for level in levels[1:])]
@@ -189,8 +191,11 @@ def _without_ramps(values: FloatArray, levels: list[_Level]) -> list[_Level] | N
 def _sharp(values: FloatArray, levels: list[_Level], noise: float) -> bool:
     """Whether the speed steps from level to level within a few rows, as far as the noise shows it."""
     for a, b in pairwise(levels):
-        shown, rows = _beside(values, a, b)
-        if abs(shown) + 3.0 * noise * float(np.sqrt(2.0 / rows)) < _SHARP * abs(b.speed - a.speed):
+        rows = min(a.rows, b.rows)  # means of a few rows right before and right after the border, a ramp aside
+        width, gap = max(rows // 5, 1), min(rows // 10, _RAMP // 2)
+        before, after = values[b.start - gap - width : b.start - gap], values[b.start + gap : b.start + gap + width]
+        shown = abs(float(after.mean() - before.mean()))
+        if shown + 3.0 * noise * float(np.sqrt(2.0 / width)) < _SHARP * abs(b.speed - a.speed):
             return False
     return not _climbs(values, levels, noise)
 
@@ -208,16 +213,3 @@ def _climbs(values: FloatArray, levels: list[_Level], noise: float) -> bool:
         likely += level.rows * expected * rise
         known += level.rows * expected**2
     return known > 0.0 and likely / known > _CLIMBS + 2.0 * noise * float(np.sqrt(12.0 / known))
-
-
-def _beside(values: FloatArray, a: _Level, b: _Level) -> tuple[float, int]:
-    """By how much the speed differs right after and right before a border, and the rows of each mean."""
-    rows = min(a.rows, b.rows)
-    width, gap = max(rows // 5, 1), min(rows // 10, _RAMP // 2)
-    before, after = values[b.start - gap - width : b.start - gap], values[b.start + gap : b.start + gap + width]
-    return float(after.mean() - before.mean()), width
-
-
-def _rests(level: _Level, fast: float, noise: float) -> bool:
-    unsure = min(4.0 * noise / float(np.sqrt(level.rows)), SAME * fast)
-    return abs(level.speed) <= max(_AT_REST * fast, unsure)

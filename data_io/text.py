@@ -168,7 +168,6 @@ def clock_times(tokens: Sequence[str]) -> tuple[FloatArray, FloatArray | None] |
     """
     seconds = np.full(len(tokens), np.nan)
     days: list[tuple[int, int, int] | None] = [None] * len(tokens)
-    read: dict[str, tuple[int, int, int] | None] = {}
     for i, token in enumerate(tokens):
         text = token.strip().strip('"').strip()
         match = _STAMP.fullmatch(text)
@@ -182,11 +181,8 @@ def clock_times(tokens: Sequence[str]) -> tuple[FloatArray, FloatArray | None] |
         fraction = match["s"].replace(",", ".").replace(":", ".")
         seconds[i] = 3600.0 * hour + 60.0 * float(match["m"]) + float(fraction)
         if match["a"] is not None:
-            stamp = match["a"] + match["mark"] + match["b"] + match["mark"] + match["c"]
-            if stamp not in read:
-                read[stamp] = (int(match["a"]), int(match["b"]), int(match["c"]))
-            days[i] = read[stamp]
-    if not read:
+            days[i] = (int(match["a"]), int(match["b"]), int(match["c"]))
+    if not any(days):
         return seconds, None
     known = np.array([day is not None for day in days])
     ways = [way for way in (_days(days, order) for order in ("ymd", "dmy", "mdy")) if way is not None]

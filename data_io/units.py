@@ -7,14 +7,11 @@ unit where a force is expected means gram-force: tribometers print `g` and mean 
 import functools
 import math
 import re
-from typing import Any, Final, overload
+from typing import Any, Final, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from data_io.values import UnitError
-
-FloatArray = npt.NDArray[np.float64]
+from data_io.values import FloatArray, UnitError
 
 SI_UNIT: Final = {
     "time": "s",
@@ -60,11 +57,10 @@ _WORDS: Final = {
 }  # fmt: skip
 
 
-@overload
-def to_si(values: FloatArray, unit: str, kind: str) -> FloatArray: ...
-@overload
-def to_si(values: float, unit: str, kind: str) -> float: ...
-def to_si(values: Any, unit: str, kind: str) -> Any:
+Number = TypeVar("Number", float, FloatArray)
+
+
+def to_si(values: Number, unit: str, kind: str) -> Number:
     """Convert values (number or array) in `unit` to the SI unit of `kind`, a key of `SI_UNIT`.
 
     Raises `UnitError` when the unit is unknown or is no unit of that kind.
@@ -168,7 +164,7 @@ def _fits(unit: str, si_unit: str) -> bool:
     return True
 
 
-def scaled(values: Any, scale: float) -> Any:
+def scaled(values: Number, scale: float) -> Number:
     """Return values times a factor, rounded once: 40 um is 40 / 1e6 m."""
     if scale == 1.0:
         return values
