@@ -32,6 +32,7 @@ from experiments.in_vivo import RATES, twin
 from experiments.machine import describe
 from experiments.record_kinds import KINDS
 from experiments.run_recovery_study import FIVE, Study
+from experiments.two_materials import fit_both
 from identify.diagnosis import diagnosis, disagreement
 from identify.estimation import events, grouped, other_optima, search
 from identify.estimation.strategies import STRATEGIES, Strategy, tracing
@@ -45,7 +46,14 @@ RECOVERY = {
     "rate / 4": Study("usual", rate=0.25),
     "wide, five logs": Study(FIVE),
 }
-TOLD = ("usual, data", "usual, user", "in vivo", "record kinds", "wrong rig")  # by which a row is judged
+TOLD = (
+    "usual, data",
+    "usual, user",
+    "in vivo",
+    "record kinds",
+    "wrong rig",
+    "two materials",
+)  # by which a row is judged
 FAST = (("usual, data", 1, 2),)
 
 CODE: Mapping[Strategy, Sequence[object]] = {
@@ -84,9 +92,10 @@ def one(sample: str, number: int) -> Outcome:
         kinds = tuple(run_wrong_rig.KINDS)
         line = run_wrong_rig.trial(kinds[number % len(kinds)], 1 + number // len(kinds), also_freed=False)
         return bool(line["noticed"] and line["named"]), not line["noticed"], line["status"]
-    raise SystemExit(
-        f"no sample {sample!r}; there are {', '.join([*RECOVERY, 'in vivo', 'record kinds', 'wrong rig'])}"
-    )
+    if sample == "two materials":
+        return fit_both(number)
+    others = ("in vivo", "record kinds", "wrong rig", "two materials")
+    raise SystemExit(f"no sample {sample!r}; there are {', '.join([*RECOVERY, *others])}")
 
 
 def traced(sample: str, number: int, off: Iterable[Strategy] = ()) -> dict[str, Any]:
