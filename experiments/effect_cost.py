@@ -101,13 +101,12 @@ def _guess(motion: Trajectory, grid: Grid) -> ShootingTrajectory:
 
     onset, arrest = motion.onsets[:CYCLES], motion.arrests[:CYCLES]
     inside = [
-        motion.saturations[(motion.saturations > a) & (motion.saturations < b)]
-        for a, b in zip(onset, arrest, strict=True)
+        motion.wear_times[(motion.wear_times > a) & (motion.wear_times < b)] for a, b in zip(onset, arrest, strict=True)
     ]
-    saturation = np.array([found[0] if found.size else np.nan for found in inside])
-    middle = np.where(np.isfinite(saturation), saturation, arrest)
+    wear = np.array([found[0] if found.size else np.nan for found in inside])
+    middle = np.where(np.isfinite(wear), wear, arrest)
     first, second = (
         states(a[:, None] + np.linspace(0.0, 1.0, n + 1) * (b - a)[:, None])
-        for a, b, n in ((onset, middle, grid.slip), (middle, arrest, grid.saturated))
+        for a, b, n in ((onset, middle, grid.slip), (middle, arrest, grid.worn))
     )
-    return ShootingTrajectory.train(states(np.zeros(1))[0], onset, saturation, arrest, first, second, np.empty(0))
+    return ShootingTrajectory.train(states(np.zeros(1))[0], onset, wear, arrest, first, second, np.empty(0))

@@ -52,8 +52,8 @@ def simulate(p: Mapping[str, float], log: Series) -> Array:
         if now > end:
             break
         start = (x, 0.0, gamma)
-        for saturated in (False, True):
-            start, length, motion = _slide(p, c, start, v0, load, saturated, end - now + 1.0, broke_loose=not saturated)
+        for worn in (False, True):
+            start, length, motion = _slide(p, c, start, v0, load, worn, end - now + 1.0, broke_loose=not worn)
             first, last = np.searchsorted(log.time, [now, now + length])
             if last > first:
                 state = motion(log.time[first:last] - now)
@@ -62,7 +62,7 @@ def simulate(p: Mapping[str, float], log: Series) -> Array:
             if start[1] <= 0.0 or now > end:
                 break
         x, _, gamma = start
-        if gamma == 0.0:  # what the contact regains in the last moment of a saturated slip, to first order
+        if gamma == 0.0:  # what the contact regains in the last moment of a worn slip, to first order
             deceleration = (p["mu_k0"] * load - k * x - c * v0) / p["mass"]
             gamma = p["D"] / (2.0 * deceleration * p["t_cr"] ** 2)
     return out
@@ -87,7 +87,7 @@ def _slide(
     start: State,
     v0: float,
     load: float,
-    saturated: bool,
+    worn: bool,
     room: float,
     *,
     broke_loose: bool,
@@ -103,8 +103,8 @@ def _slide(
     balance = net(*start) if broke_loose else 0.0
 
     def rates(_t: float, y: Array) -> list[float]:
-        x, v, g = float(y[0]), float(y[1]), 0.0 if saturated else float(y[2])
-        change = 0.0 if saturated else (1.0 - g) * per_time - v * per_length
+        x, v, g = float(y[0]), float(y[1]), 0.0 if worn else float(y[2])
+        change = 0.0 if worn else (1.0 - g) * per_time - v * per_length
         return [v0 - v, (net(x, v, g) - balance) / m, change]
 
     def rests(_t: float, y: Array) -> float:
@@ -115,11 +115,11 @@ def _slide(
 
     rests.terminal, rests.direction = True, -1.0  # type: ignore[attr-defined]
     clean.terminal, clean.direction = True, -1.0  # type: ignore[attr-defined]
-    events = [rests] if saturated else [rests, clean]
+    events = [rests] if worn else [rests, clean]
     run = solve_ivp(rates, (0.0, room), start, "DOP853", rtol=RTOL, atol=ATOL, dense_output=True, events=events)
     x, v, g = run.y[:, -1].tolist()
     rested = run.t_events[0].size > 0
-    return (x, 0.0 if rested else v, 0.0 if saturated else max(g, 0.0)), float(run.t[-1]), run.sol
+    return (x, 0.0 if rested else v, 0.0 if worn else max(g, 0.0)), float(run.t[-1]), run.sol
 
 
 def residuals(ratio: Array, truth: Mapping[str, float], logs: Sequence[Series]) -> Array:

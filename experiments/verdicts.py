@@ -124,9 +124,9 @@ def difference(one: Trajectory, other: Trajectory, unseen: float = 0.0) -> float
 
 def _worn(motion: Trajectory, least: float) -> Array:
     """Times at which the contact is worn off, but those that come sooner than `least` [s] after an arrest."""
-    since = np.searchsorted(motion.arrests, motion.saturations, side="right") - 1
+    since = np.searchsorted(motion.arrests, motion.wear_times, side="right") - 1
     before = np.where(since >= 0, motion.arrests[np.maximum(since, 0)], -np.inf) if motion.arrests.size else -np.inf
-    return np.asarray(motion.saturations[motion.saturations - before >= least])
+    return np.asarray(motion.wear_times[motion.wear_times - before >= least])
 
 
 def _alike(one: Trajectory, other: Trajectory) -> bool:

@@ -17,10 +17,10 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Grid:
     """Shooting intervals and RK4 steps per interval in the two parts of a slip: while the bounded state
-    falls (`slip`), and once it is at its bound (`saturated`)."""
+    falls (`slip`), and once it is at its bound (`worn`)."""
 
     slip: int = 8
-    saturated: int = 4
+    worn: int = 4
     steps: int = 6
 
 

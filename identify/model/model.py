@@ -51,7 +51,7 @@ class Model:
     states; p (n_p,) in the order of `parameters`; u (4,) = drive speed [m/s], normal force [N],
     direction of sliding (+1 or -1), time since the start of the record [s].
 
-    Without the effect inertia there is no state sliding_speed: slip, saturated, load and load_cell take the speed
+    Without the effect inertia there is no state sliding_speed: slip, worn, load and load_cell take the speed
     along the direction of slip [m/s] as one more, last argument, and `balance` is zero while the contact slides.
     """
 
@@ -60,7 +60,7 @@ class Model:
     states: tuple[State, ...]
     clamped: int | None  # index of the state with a lower bound, None without one
     slip: ca.Function  # (x, p, u) -> dx/dt, no state clamped
-    saturated: ca.Function  # (x, p, u) -> dx/dt, the bounded state held at its lower bound
+    worn: ca.Function  # (x, p, u) -> dx/dt, the bounded state held at its lower bound
     rest: ca.Function  # (x, p, u at the end, t) -> x after resting for t [s], closed form
     pulled: (
         ca.Function
@@ -168,7 +168,7 @@ def assemble(names: tuple[str, ...]) -> Model:
         states=m.states,
         clamped=m.clamped,
         slip=function("slip", moving, slip),
-        saturated=function("saturated", moving, m.motion(held=True)),
+        worn=function("worn", moving, m.motion(held=True)),
         rest=function("rest", [m.t], rested),
         pulled=function("pulled", [m.t, shares], chain.pulled(m, shares)),
         driving_force=function("driving_force", [], pull),

@@ -32,15 +32,15 @@ STRIDE = 8  # steps of a slip between two looks at which lanes still slide
 @dataclass(frozen=True)
 class Slips:
     """One slip per lane. `h` (n,) step lengths [s]; `states` (s+1, n, n_x) and `rates` (s+1, n, n_x) at the
-    steps (constant after the arrest); `saturation`, `arrest` (n,) [s] from the onset, NaN where they never
-    happen; `at_saturation`, `at_arrest` (n, n_x) states there; `rested` (n,) whether the mass came to rest."""
+    steps (constant after the arrest); `wear`, `arrest` (n,) [s] from the onset, NaN where they never
+    happen; `at_wear`, `at_arrest` (n, n_x) states there; `rested` (n,) whether the mass came to rest."""
 
     h: Array
     states: Array
     rates: Array
-    saturation: Array
+    wear: Array
     arrest: Array
-    at_saturation: Array
+    at_wear: Array
     at_arrest: Array
 
     @property
@@ -57,7 +57,7 @@ class Slips:
             out[:, which] = _held(other, steps)
             return out
 
-        ends = ("h", "saturation", "arrest", "at_saturation", "at_arrest")
+        ends = ("h", "wear", "arrest", "at_wear", "at_arrest")
         new = {name: getattr(self, name).copy() for name in ends}
         for name, array in new.items():
             array[which] = getattr(others, name)
@@ -122,7 +122,7 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     states, rates, longest = [x[None]], list[Array](), 0
     active, now, saturated = np.arange(n), u.copy(), np.zeros(n, bool)
     current, last_rate = x.copy(), np.zeros((n, n_x))
-    arrests, saturations = list[_Crossing](), list[_Crossing]()
+    arrests, wears = list[_Crossing](), list[_Crossing]()
     for first in range(0, int(LONGEST * per_half_period), STRIDE):
         every = active.size == n  # as a rule all rest at about the same step
         given = (current, p, now, h) if every else (current[active], p[active], now[active], h[active])
@@ -132,7 +132,7 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
         reached = made.clamps(model) & ~saturated[active][:, None]
         if np.any(reached):
             which = np.flatnonzero(np.any(reached, axis=1))
-            saturations.append(made.crossing(first, active, which, np.argmax(reached[which], axis=1)))
+            wears.append(made.crossing(first, active, which, np.argmax(reached[which], axis=1)))
             saturated[active[which]] = True
         for so_far, end, new in ((states, current, made.after), (rates, last_rate, made.rate)):
             part = np.repeat(end[None], STRIDE, axis=0)
@@ -150,8 +150,8 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     result = Slips(h, course, slope, none, none.copy(), nowhere, nowhere.copy())
     if arrests:
         _mark(model, result, arrests, SPEED, 0.0, result.arrest, result.at_arrest)
-    if saturations and model.clamped is not None:
-        _mark(model, result, saturations, model.clamped, _lowest(model), result.saturation, result.at_saturation)
+    if wears and model.clamped is not None:
+        _mark(model, result, wears, model.clamped, _lowest(model), result.wear, result.at_wear)
     return result
 
 

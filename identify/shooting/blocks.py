@@ -19,7 +19,7 @@ from identify.base.tableaus import RK4, step
 from identify.model.model import ELONGATION, INPUTS, SPEED, Model
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The last moment of a saturated slip, in which the contact ages again before the mass rests.
+# The last moment of a worn slip, in which the contact ages again before the mass rests.
 # ----------------------------------------------------------------------------------------------------------------------
 
 Inputs = Callable[[ca.SX], ca.SX]
@@ -35,7 +35,7 @@ FASTEST: Final = 0.5
 
 
 def reaged_at_rest(model: Model, start: ca.SX, p: ca.SX, inputs: Inputs) -> ca.SX:
-    """Return the state (n_x,) of a mass at rest after a saturated slip, from where it would rest still saturated.
+    """Return the state (n_x,) of a mass at rest after a worn slip, from where it would rest still worn.
 
     In truth the bounded state leaves its bound at the speed where its rate (eqs. 2-3) changes sign, friction grows, and
     the mass rests a little earlier and elsewhere. Both ways are followed over the speed, of which that moment has a
@@ -50,7 +50,7 @@ def reaged_at_rest(model: Model, start: ca.SX, p: ca.SX, inputs: Inputs) -> ca.S
     creeping[SPEED] = v
     pace = model.slip(creeping, p, inputs(ca.SX(0)))[model.clamped]
     at_rest, slope = (ca.substitute(q, v, 0.0) for q in (pace, ca.gradient(pace, v)))
-    braked = ca.fmax(-model.saturated(start, p, inputs(ca.SX(0)))[SPEED], SLOWEST)
+    braked = ca.fmax(-model.worn(start, p, inputs(ca.SX(0)))[SPEED], SLOWEST)
     k, m = (p[model.parameter_names.index(name)] for name in ("stiffness", "mass"))
     release = ca.fmin(-at_rest / slope, FASTEST * braked * ca.sqrt(m / k))
 
@@ -68,7 +68,7 @@ def reaged_at_rest(model: Model, start: ca.SX, p: ca.SX, inputs: Inputs) -> ca.S
             both = step(RK4, motion, both, h)[0]
         return both[:-1], both[-1]
 
-    freed, before = by_speed(model.saturated, start, ca.SX(0), ca.SX(0), release)
+    freed, before = by_speed(model.worn, start, ca.SX(0), ca.SX(0), release)
     arrested, after = by_speed(model.slip, freed, before, release, ca.SX(0))
     arrested[SPEED] = 0
     return ca.SX(model.rest(arrested, p, inputs(after), -after))
@@ -93,17 +93,17 @@ BlockKind = Literal[
     "reageing",
     "slip",
     "slip_trembling",
-    "saturated",
+    "worn",
     "released",
     "rest",
     "rest_reaged",
     "steady",
-    "steady_saturated",
+    "steady_worn",
 ]
 
 
 REST_CELLS = 6  # cubics per block of a rest that is no straight line
-SLIDES: tuple[BlockKind, ...] = ("slip", "slip_trembling", "saturated", "released")
+SLIDES: tuple[BlockKind, ...] = ("slip", "slip_trembling", "worn", "released")
 TREMBLING: tuple[BlockKind, ...] = ("slip_trembling",)  # the deviation of the normal force goes over to another one
 
 
@@ -174,7 +174,7 @@ class Symbols:
 
 
 def _resting_start(model: Model, s: Symbols, p: ca.SX, reaged: bool) -> ca.SX:
-    """State at the start of a stick: at rest, and after a saturated slip re-aged in its last moment."""
+    """State at the start of a stick: at rest, and after a worn slip re-aged in its last moment."""
     start = ca.SX(s.start)
     start[SPEED] = 0
     if not reaged:
@@ -240,14 +240,14 @@ def _cells(s: Symbols, points: list[tuple[ca.SX, ca.SX]], fractions: list[ca.SX]
 
 
 @lru_cache(maxsize=32)
-def _step(model: Model, saturated: bool) -> ca.Function:
+def _step(model: Model, worn: bool) -> ca.Function:
     """One RK4 step of a slip: (x, time since the slip began, length, p, course of the inputs as `_inputs` has it) ->
     x after it, and what the load cell sees before it, and the rate of that. Called once for each step, which costs much
     less than to write the step out as often."""
     n_x = len(model.states)
     x, t, h = ca.SX.sym("x", n_x), ca.SX.sym("t"), ca.SX.sym("h")
     p, course, u = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("course", 8), ca.SX.sym("u", len(INPUTS))
-    field, seed = model.saturated if saturated else model.slip, ca.SX.sym("rate", n_x)
+    field, seed = model.worn if worn else model.slip, ca.SX.sym("rate", n_x)
     sensor_rate = ca.Function("sensor_rate", [x, p, u, seed], [ca.jtimes(model.load_cell(x, p, u), x, seed)])
 
     def motion(at: ca.SX, offset: ca.SX) -> ca.SX:
@@ -277,12 +277,12 @@ def _slip(model: Model, kind: BlockKind, steps: int) -> tuple[Symbols, ca.SX, ca
     """
     s = Symbols.of(model)
     p = s.parameters(model)
-    saturated = kind in ("saturated", "released")
+    worn = kind in ("worn", "released")
     swing = s.deviation_end - s.deviation if kind in TREMBLING else ca.SX(0)
     loads = s.force_start, s.force_slope, s.deviation, swing
     course = ca.vertcat(s.drive_speed, *loads, s.duration, s.offset_start, s.since)
-    held = [i for i, q in enumerate(model.states) if q.lower is not None] if saturated else []
-    one, x = _step(model, saturated), ca.SX(s.start)
+    held = [i for i, q in enumerate(model.states) if q.lower is not None] if worn else []
+    one, x = _step(model, worn), ca.SX(s.start)
     for i in held:
         x[i] = model.states[i].lower
     h = s.duration * (s.last - s.first) / steps
@@ -301,15 +301,15 @@ def _slip(model: Model, kind: BlockKind, steps: int) -> tuple[Symbols, ca.SX, ca
     return s, ca.vertcat(*rows), _cells(s, points, fractions, h)
 
 
-def _steady(model: Model, saturated: bool) -> tuple[Symbols, ca.SX, ca.SX]:
+def _steady(model: Model, worn: bool) -> tuple[Symbols, ca.SX, ca.SX]:
     """Sliding as fast as the drive: at both ends nothing changes, and between them the force is a straight line.
 
     Exact where the normal force is level; where it drifts, the motion lags behind by less than a natural period.
     """
     s = Symbols.of(model)
     p = s.parameters(model)
-    field = model.saturated if saturated else model.slip
-    held = [i for i, q in enumerate(model.states) if q.lower is not None] if saturated else []
+    field = model.worn if worn else model.slip
+    held = [i for i, q in enumerate(model.states) if q.lower is not None] if worn else []
     rows, shown = [], []
     ends = ((s.start, s.force_start, s.since), (s.end, s.force_end, s.since + s.reference))
     for state, force, t in ends:
@@ -345,7 +345,7 @@ def equations(model: Model, kind: BlockKind, steps: int) -> tuple[Symbols, ca.SX
     if kind in SLIDES:
         return _slip(model, kind, steps)
     if kind.startswith("steady"):
-        return _steady(model, kind.endswith("saturated"))
+        return _steady(model, kind.endswith("worn"))
     if kind == "reageing":
         return _reageing(model)
     return _rest(model, kind.endswith("reaged"), not kind.startswith("rest"), guarded=kind.startswith("stick"))

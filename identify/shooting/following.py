@@ -215,7 +215,7 @@ class _Course:
         if any(s is None for s in found):
             raise SimulationError("there is no steady sliding")
         states = [s for s in found if s is not None]
-        saturated = all(s.worn for s in states)
+        worn = all(s.worn for s in states)
         rows = [s.state for s in states]
         nodes = np.stack([state for i in range(count) for state in (rows[i], rows[i + 1])])
-        self.stretches.append(Stretch("steady_saturated" if saturated else "steady", until, "time", nodes))
+        self.stretches.append(Stretch("steady_worn" if worn else "steady", until, "time", nodes))

@@ -34,7 +34,7 @@ def turned_back(trajectory: ShootingTrajectory) -> list[NDArray[np.bool_]]:
         if stretch.kind == "slip":
             fastest[part] = max(fastest[part], float(np.max(np.abs(speed))))
     return [
-        (speed < -BACKWARDS * (fastest[part] or np.max(np.abs(speed)))) & (stretch.kind in ("slip", "saturated"))
+        (speed < -BACKWARDS * (fastest[part] or np.max(np.abs(speed)))) & (stretch.kind in ("slip", "worn"))
         for part, stretch, speed in zip(trajectory.part, trajectory.stretches, speeds, strict=True)
     ]
 
@@ -46,7 +46,7 @@ def turns_back(trajectory: ShootingTrajectory) -> bool:
 
 
 def with_last_onsets(trajectory: ShootingTrajectory) -> ShootingTrajectory | None:
-    """The trajectory with the slips begun anew that turn back before they saturate or rest; None where none does."""
+    """The trajectory with the slips begun anew that turn back before they wear or rest; None where none does."""
     until, nodes = trajectory.until.copy(), trajectory.nodes.copy()
     for i, back in enumerate(turned_back(trajectory)):
         if not (i and trajectory.modes[i - 1][1] == "onset" and np.any(back[:-1]) and not back[-1]):

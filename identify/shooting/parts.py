@@ -114,7 +114,7 @@ class SlideParts:
                 ended = last
             if ended == "arrest":
                 nodes[-1, SPEED] = 0.0
-            kept = "saturation" if ended == "clearance" else ended
+            kept = "wear" if ended == "clearance" else ended
             out.append(Stretch(mode, end, kept, nodes))  # type: ignore[arg-type]
             since = end
         return out
@@ -126,7 +126,7 @@ class SlideParts:
         self._parts.append((mode, end, "time" if ended is None else ended))
 
     def _merge(self) -> None:
-        """Leave out the brief re-ageing of a saturated contact before it rests."""
+        """Leave out the brief re-ageing of a worn contact before it rests."""
         if len(self._parts) < 2 or self._parts[-2][2] != "release":
             return
         (mode, released, _), (_, end, ended) = self._parts[-2:]
@@ -134,7 +134,7 @@ class SlideParts:
             self._parts[-2:] = [(mode, end, ended)]
 
     def _rests_anyway(self, released: float) -> bool:
-        """Whether the mass would clearly come to rest with its contact saturated all the way: the closed form starts
+        """Whether the mass would clearly come to rest with its contact worn all the way: the closed form starts
         from there. A mass that comes to rest by a hair does so because its contact ages."""
         h = LOOK * self.half
         moments = released - h * np.array([2.0, 1.0, 0.0])

@@ -26,7 +26,7 @@ from identify.shooting.solve import Solution, solve
 
 Array = NDArray[np.float64]
 
-COARSE = Grid(slip=8, saturated=8, steps=2)
+COARSE = Grid(slip=8, worn=8, steps=2)
 ORDER = 4  # of the step formula
 STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
 FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
@@ -305,7 +305,7 @@ def _tried(problem: Problem, tolerance: float, mu_init: float, exact: bool, slip
 
 
 def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns) -> Grid:
-    """The grid of the fine passes: as many steps as the fastest rate of the saturated slips asks for."""
+    """The grid of the fine passes: as many steps as the fastest rate of the worn slips asks for."""
     names = unknowns.names
     needed = 0.0
     for log, trajectory in zip(logs, trajectories, strict=True):
@@ -314,11 +314,9 @@ def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unkno
         decays = np.array(unknowns.model.decays(np.array(list(p.values())))).ravel()
         rate = max([rate, *(SLACK * decays).tolist()])
         longest = np.nanmax(
-            np.concatenate(
-                [trajectory.arrest - trajectory.saturation, (trajectory.arrest - trajectory.onset) / 2, [0.0]]
-            )
+            np.concatenate([trajectory.arrest - trajectory.wear, (trajectory.arrest - trajectory.onset) / 2, [0.0]])
         )
-        needed = max(needed, rate * float(longest) / COARSE.saturated / FASTEST)
+        needed = max(needed, rate * float(longest) / COARSE.worn / FASTEST)
     steps = next((s for s in STEPS if s >= needed), STEPS[-1])
     return replace(COARSE, steps=steps)
 

@@ -230,25 +230,23 @@ def trajectory_of(
     Args:
         start: state at the begin (n_x,); slips: of many logs, of which `mine` (c,) are this log's; onset: (c,) [s].
     """
-    saturation, arrest = slips.saturation[mine], slips.arrest[mine]
+    wear, arrest = slips.wear[mine], slips.arrest[mine]
     picked = Slips(
         slips.h[mine],
         slips.states[:, mine],
         slips.rates[:, mine],
-        saturation,
+        wear,
         arrest,
-        slips.at_saturation[mine],
+        slips.at_wear[mine],
         slips.at_arrest[mine],
     )
-    middle = np.where(np.isfinite(saturation), saturation, arrest)
+    middle = np.where(np.isfinite(wear), wear, arrest)
     first = picked.at(np.linspace(0.0, 1.0, grid.slip + 1)[None, :] * middle[:, None])
-    second = picked.at(
-        middle[:, None] + np.linspace(0.0, 1.0, grid.saturated + 1)[None, :] * (arrest - middle)[:, None]
-    )
-    ends = np.isfinite(saturation)
-    first[:, -1] = np.where(ends[:, None], picked.at_saturation, picked.at_arrest)
+    second = picked.at(middle[:, None] + np.linspace(0.0, 1.0, grid.worn + 1)[None, :] * (arrest - middle)[:, None])
+    ends = np.isfinite(wear)
+    first[:, -1] = np.where(ends[:, None], picked.at_wear, picked.at_arrest)
     second[:, -1] = picked.at_arrest
-    return ShootingTrajectory.train(start, onset, onset + saturation, onset + arrest, first, second, log.own)
+    return ShootingTrajectory.train(start, onset, onset + wear, onset + arrest, first, second, log.own)
 
 
 def _begin_state(model: Model, log: LogData, p: Array, start: Array, onset: float) -> Array:

@@ -16,8 +16,8 @@ from identify.logs.log_data import own_or
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-Kind = Literal["rest", "slip", "saturated", "steady", "steady_saturated"]
-End = Literal["onset", "saturation", "release", "arrest", "time"]
+Kind = Literal["rest", "slip", "worn", "steady", "steady_worn"]
+End = Literal["onset", "wear", "release", "arrest", "time"]
 
 
 @dataclass(frozen=True)
@@ -76,22 +76,22 @@ class ShootingTrajectory:
 
     @staticmethod
     def train(
-        start: Array, onset: Array, saturation: Array, arrest: Array, slip: Array, saturated: Array, own: Array
+        start: Array, onset: Array, wear: Array, arrest: Array, slip: Array, worn: Array, own: Array
     ) -> ShootingTrajectory:
         """A train of c cycles, each a rest and a slip.
 
         Args:
-            onset, saturation (NaN: none), arrest (c,) [s]; slip (c, n + 1, n_x): nodes from the onset to the
-            saturation, or to the arrest; saturated (c, n + 1, n_x): from the saturation to the arrest.
+            onset, wear (NaN: none), arrest (c,) [s]; slip (c, n + 1, n_x): nodes from the onset to the
+            wear, or to the arrest; worn (c, n + 1, n_x): from the wear to the arrest.
         """
         made = list[Stretch]()
-        for i, (begun, worn, rested) in enumerate(zip(*(x.tolist() for x in (onset, saturation, arrest)), strict=True)):
+        for i, (begun, wears, rested) in enumerate(zip(*(x.tolist() for x in (onset, wear, arrest)), strict=True)):
             made.append(Stretch("rest", begun, "onset", slip[i, :1]))
-            if np.isnan(worn):
+            if np.isnan(wears):
                 made.append(Stretch("slip", rested, "arrest", slip[i, 1:]))
             else:
-                made.append(Stretch("slip", worn, "saturation", slip[i, 1:]))
-                made.append(Stretch("saturated", rested, "arrest", saturated[i, 1:]))
+                made.append(Stretch("slip", wears, "wear", slip[i, 1:]))
+                made.append(Stretch("worn", rested, "arrest", worn[i, 1:]))
         return ShootingTrajectory.of(start, made, own)
 
     def theta(self, shared: Array) -> Array:
@@ -161,7 +161,7 @@ class ShootingTrajectory:
     def own_slips(self) -> list[int]:
         """The slips from rest in which the normal force may have a deviation of its own, by their stretches."""
         begun = [i for i in range(1, len(self.modes)) if self.modes[i - 1][1] == "onset"]
-        return [i for i in begun if self.modes[i][0] == "slip" and self.modes[i][1] in ("saturation", "arrest")]
+        return [i for i in begun if self.modes[i][0] == "slip" and self.modes[i][1] in ("wear", "arrest")]
 
     @property
     def slip_parts(self) -> Indices:
@@ -203,14 +203,14 @@ class ShootingTrajectory:
 
     @cached_property
     def _train(self) -> Array:
-        """Onset, saturation and arrest (c, 3) of every slip of a train of whole cycles; empty of any other motion."""
+        """Onset, wear and arrest (c, 3) of every slip of a train of whole cycles; empty of any other motion."""
         rows, i, nan = list[tuple[float, float, float]](), 0, float("nan")
         whats, until = [mode[:2] for mode in self.modes], self.until.tolist()
         while i < len(whats):
             if whats[i : i + 2] == [("rest", "onset"), ("slip", "arrest")]:
                 rows.append((until[i], nan, until[i + 1]))
                 i += 2
-            elif whats[i : i + 3] == [("rest", "onset"), ("slip", "saturation"), ("saturated", "arrest")]:
+            elif whats[i : i + 3] == [("rest", "onset"), ("slip", "wear"), ("worn", "arrest")]:
                 rows.append((until[i], until[i + 1], until[i + 2]))
                 i += 3
             else:
@@ -228,7 +228,7 @@ class ShootingTrajectory:
         return self._train[:, 0]
 
     @property
-    def saturation(self) -> Array:
+    def wear(self) -> Array:
         """When the bounded state of each of its slips reaches its bound (c,) [s]; NaN where it never does."""
         return self._train[:, 1]
 

@@ -94,9 +94,9 @@ class _LogTranscriber:
         begins_steady = first is not None and first.steady
         if not begins_steady:
             start[[0]] = self.c.add(self.trajectory.start[[0]], self.size[[0]])
-        if first is not None and first.kind in ("slip", "saturated"):
+        if first is not None and first.kind in ("slip", "worn"):
             start[[SPEED]] = self.c.add(self.trajectory.start[[SPEED]], self.size[[SPEED]])
-        known = self.held if first is not None and first.kind == "saturated" else ()
+        known = self.held if first is not None and first.kind == "worn" else ()
         extra = [] if begins_steady else [i for i in range(2, self.n_x) if i not in known]
         if extra:
             bounded = np.array([self.c.model.states[i].lower is not None for i in extra])
@@ -145,11 +145,11 @@ class _LogTranscriber:
             trembling: where the measured normal force misses fast rhythms, its deviation becomes another one on the
                 way: a tremor goes through half a period while a slip lasts.
         """
-        saturated = stretch.kind == "saturated"
-        inside = self.held if saturated else ()
+        worn = stretch.kind == "worn"
+        inside = self.held if worn else ()
         arrests = (SPEED,) if stretch.ended_by == "arrest" else ()
-        at_end = (*self.held, *arrests) if saturated or stretch.ended_by == "saturation" else arrests
-        kind: BlockKind = "saturated" if saturated else "slip"
+        at_end = (*self.held, *arrests) if worn or stretch.ended_by == "wear" else arrests
+        kind: BlockKind = "worn" if worn else "slip"
         rows = self.size.copy()
         if stretch.ended_by == "release":
             kind = "released"
@@ -159,19 +159,19 @@ class _LogTranscriber:
             self._swing(part, stretch.until)
         span = (self.since, stretch.until)
         local = self._line_by_line(rows, span, len(stretch.nodes))
-        self.reaged = saturated
+        self.reaged = worn
         places = self._intervals(kind, part, stretch.nodes, span, index, (inside, at_end), local)
         self.load, self.load_value = self.load[-1:], self.load_value[-1:]
         return places
 
     def _steady(self, part: int, stretch: Stretch) -> Indices:
         """Pieces of steady sliding, each with the states at its ends; what came before has faded."""
-        saturated = stretch.kind == "steady_saturated"
-        known = (SPEED, *(self.held if saturated else ()))
+        worn = stretch.kind == "steady_worn"
+        known = (SPEED, *(self.held if worn else ()))
         pieces = stretch.nodes.reshape(-1, 2, self.n_x)
         edges = np.linspace(self.since, stretch.until, pieces.shape[0] + 1)
         places = np.full(pieces.shape, KNOWN)
-        kind: BlockKind = "steady_saturated" if saturated else "steady"
+        kind: BlockKind = "steady_worn" if worn else "steady"
         rows = np.maximum(np.max(np.abs(self._rates(pieces[0, 0], self.since)) * self.size, axis=1), 1e-300)
         rows[ELONGATION] = 1.0
         for i, (span, ends) in enumerate(zip(pairwise(edges.tolist()), pieces, strict=True)):
@@ -188,7 +188,7 @@ class _LogTranscriber:
             )
         self.node, self.value, self.offset = places[-1, 1], pieces[-1, 1].copy(), NO_OFFSET
         self.value[SPEED] = self.log.speed_at(0.5 * (edges[-2] + edges[-1]))
-        self.since, self.reaged = stretch.until, saturated
+        self.since, self.reaged = stretch.until, worn
         return places.reshape(stretch.nodes.shape)
 
     def _own(self) -> None:
@@ -335,7 +335,7 @@ class _LogTranscriber:
         edges = np.empty((intervals, steps, 2))
         edges[..., 0], edges[..., 1] = cells[:-1].reshape(intervals, steps), cells[1:].reshape(intervals, steps)
         last = intervals - 1 if kind == "released" else intervals  # the guard is in the last interval
-        for name, part in (("saturated" if kind == "released" else kind, slice(0, last)), (kind, slice(last, None))):
+        for name, part in (("worn" if kind == "released" else kind, slice(0, last)), (kind, slice(last, None))):
             if slots[part].size:
                 self.c.put_all(
                     (name, steps),

@@ -42,7 +42,7 @@ def symbols(model: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
 def rate(model: Model, mode: ModeName) -> ca.Function:
     """(x, constants (n_p + 5,), t in phase) -> dx/dt."""
     x, c, t, p, u = symbols(model)
-    field = model.saturated if mode == "saturated" else model.slip
+    field = model.worn if mode == "worn" else model.slip
     return ca.Function("rate", [x, c, t], [ca.densify(field(x, p, u))])
 
 
@@ -128,7 +128,7 @@ def coefficient(model: Model, mode: ModeName) -> ca.Function:
     return ca.Function("coefficient", [x, c, t], [ca.densify(u[2] * (model.load(x, p, u) - net) / u[1])])
 
 
-MODES: tuple[ModeName, ...] = ("slip", "saturated")  # numbered so in a burst
+MODES: tuple[ModeName, ...] = ("slip", "worn")  # numbered so in a burst
 SHORTEST = 1e-14  # of the natural time: a step shorter than that is no step
 GROWTH, SHRINKING, SAFETY = 10.0, 0.2, 0.9  # of the step length from one trial to the next
 WRONG = 1e30  # an error as large as this, or none at all, shrinks the step as far as it goes

@@ -184,7 +184,7 @@ class Machine:
         if clamped is None or x[clamped] > (self.model.states[clamped].lower or 0.0):
             return "slip"
         falls = float(self.model.slip(x, self.p, situated.at(0.0, situated.direction))[clamped]) < 0.0
-        return "saturated" if falls else "slip"
+        return "worn" if falls else "slip"
 
     def creeps(self, situated: Situated, x: Array) -> bool:
         """Whether a mass can creep to rest for ever: nothing that drives it moves or changes with time."""

@@ -70,7 +70,7 @@ class Local:
 def _moving(model: Model, mode: ModeName, x: ca.SX, v: ca.SX, p: ca.SX, drive: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
     assert model.balance is not None
     u = inputs(drive, t)
-    field = model.saturated if mode == "saturated" else model.slip
+    field = model.worn if mode == "worn" else model.slip
     return field(x, p, u, v), model.balance(x, p, u, v)
 
 

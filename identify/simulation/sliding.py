@@ -55,7 +55,7 @@ def _linear(model: Model, worn: bool) -> Mapped:
     """(x, p, u) -> dx/dt and, row by row, its Jacobian, of the sliding model."""
     x, p = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters))
     u = ca.SX.sym("u", 4)
-    rate = (model.saturated if worn else model.slip)(x, p, u)
+    rate = (model.worn if worn else model.slip)(x, p, u)
     return Mapped(ca.Function("linear", [x, p, u], [ca.densify(rate), ca.densify(ca.vec(ca.jacobian(rate, x).T))]))
 
 

@@ -115,7 +115,7 @@ def _switch(model: Model, before: Slide, after: Slide, moved: Array) -> Array:
     switch moves."""
     if before.situated.direction != after.situated.direction:
         which = SPEED
-    elif after.mode == "saturated" and model.clamped is not None:
+    elif after.mode == "worn" and model.clamped is not None:
         which = model.clamped
     else:
         return np.zeros_like(moved)  # released: both motions agree here

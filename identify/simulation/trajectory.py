@@ -166,7 +166,7 @@ def _row(model: Model, method: Method | None, mode: ModeName) -> Mapped:
 
 def _friction(model: Model, mode: ModeName, x: Expression, p: Expression, u: Expression) -> Expression:
     """Friction force while sliding [N]: what the load leaves of the inertia."""
-    field = model.saturated if mode == "saturated" else model.slip
+    field = model.worn if mode == "worn" else model.slip
     return model.load(x, p, u) - p[model.parameter_names.index("mass")] * field(x, p, u)[SPEED]
 
 
@@ -252,7 +252,7 @@ class Trajectory:
         return np.array([p.start + p.duration for p in self.phases if p.mode != "stick" and p.ended_by == "speed"])
 
     @cached_property
-    def saturations(self) -> Array:
+    def wear_times(self) -> Array:
         """Times at which the bounded state (gamma) reaches its lower bound [s]."""
         return np.array([p.start + p.duration for p in self.phases if p.ended_by == "clearance"])
 
@@ -327,7 +327,7 @@ class Trajectory:
 def distance(trajectory: Trajectory, other: Trajectory) -> Achieved:
     """How far two motions of the same scene are apart, as `Achieved` measures it."""
     period = trajectory.duration / max(trajectory.onsets.size, 1)
-    kinds = ("onsets", "arrests", "saturations")
+    kinds = ("onsets", "arrests", "wear_times")
     pairs = [(getattr(trajectory, kind), getattr(other, kind)) for kind in kinds]
     if any(ours.size != theirs.size for ours, theirs in pairs):
         return Achieved(np.inf, np.inf)

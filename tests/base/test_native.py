@@ -62,7 +62,7 @@ def test_another_function_is_not_mistaken_for_it(machine_code):
     assert not other.native
 
 
-@pytest.mark.parametrize("kind", ["stick_reaged", "slip", "saturated"])
+@pytest.mark.parametrize("kind", ["stick_reaged", "slip", "worn"])
 def test_shooting_blocks_agree_to_ten_digits(machine_code, kind):
     made_block = block(assemble(MAIN), kind, 2)
     slots, constants, _, _ = made_block.expressions

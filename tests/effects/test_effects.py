@@ -159,7 +159,7 @@ def _wavy(model: Model) -> bool:
 
 
 @EVERY
-@pytest.mark.parametrize("name", ["slip", "saturated", "rest", "driving_force", "grip", "load_cell"])
+@pytest.mark.parametrize("name", ["slip", "worn", "rest", "driving_force", "grip", "load_cell"])
 def test_derivatives(effect, name):
     for seed in range(2):
         assert derivative_error(assemble(case.company(effect)), name, seed) < 1e-7

@@ -90,13 +90,13 @@ def test_the_records_are_those_of_an_independent_integrator(log, truth):
 
 
 def test_steady_sliding_is_the_closed_form_and_fades_where_it_is_stable():
-    for pair, rig, speed, saturated in ((DEMO, RIG, 0.05, True), (MILD, STIFF, 1e-3, True), (MILD, STIFF, 1e-5, False)):
+    for pair, rig, speed, worn in ((DEMO, RIG, 0.05, True), (MILD, STIFF, 1e-3, True), (MILD, STIFF, 1e-5, False)):
         values = pair | rig
         p, u = np.array([values[n] for n in NAMES]), np.array([speed, 1.0, 1.0, 0.0])
         found = lasting(MODEL, p, u)
         mu_k = values["mu_k0"] + values["delta_mu_k"] * -np.expm1(-values["a"] * speed)
         gamma = max(0.0, 1.0 - speed * values["t_cr"] / values["D"])
-        assert found.worn is saturated
+        assert found.worn is worn
         shown = float(MODEL.load_cell(found.state, p, u))
         assert shown == pytest.approx(mu_k + (values["mu_s"] - mu_k) * gamma, rel=1e-9)
         assert found.stable
@@ -131,7 +131,7 @@ def test_the_derivatives_of_a_course_are_those_of_differences():
     trajectory = follow(unknowns.model, prepared.data, p, begins_sliding=False).trajectory
     problem = shooting_problem([prepared.data], [trajectory], at, COARSE)
     kinds = {family.block.kind for family in problem.layout.families}
-    assert {"hold_reaged", "steady_saturated", "stick", "saturated", "slip"} <= kinds
+    assert {"hold_reaged", "steady_worn", "stick", "worn", "slip"} <= kinds
     z, random = problem.start, np.random.default_rng(1)
     point = problem.evaluate(z, derivatives=True)
     for _ in range(3):

@@ -44,11 +44,11 @@ def searched(record, pair, rig, speed, start):
 
 
 def off(record: Record) -> tuple[float, list[str]]:
-    """By how many standard errors t_cr is off, the only one that is searched, and what ends each saturated part."""
+    """By how many standard errors t_cr is off, the only one that is searched, and what ends each worn part."""
     found = searched(record, PAIR, RIG, SPEED, {"t_cr": BELIEVED})
     error = found.attempt.solved.theta[MODEL.parameter_names.index("t_cr")] - np.log(PAIR["t_cr"])
     modes = found.attempt.solved.trajectories[0].modes
-    ends = [ended_by for kind, ended_by, _ in modes if kind == "saturated"]
+    ends = [ended_by for kind, ended_by, _ in modes if kind == "worn"]
     return float(error / np.sqrt(found.covariance[0, 0])), ends
 
 
@@ -103,7 +103,7 @@ def test_sequences_differ_by_a_hair_only_where_contacts_re_age_or_rests_are_shor
     log = SimpleNamespace(rig=SimpleNamespace(half_period=0.05))
     slides = course(("rest", 1.0, "onset"), ("slip", 1.05, "arrest"), ("rest", 2.0, "onset"), ("slip", 2.1, "time"))
     briefly = course(("rest", 1.0, "onset"), ("slip", 1.05, "arrest"), ("rest", 1.053, "onset"), ("slip", 2.1, "time"))
-    re_ages = course(("rest", 1.0, "onset"), ("saturated", 1.05, "release"), ("slip", 1.06, "time"))
+    re_ages = course(("rest", 1.0, "onset"), ("worn", 1.05, "release"), ("slip", 1.06, "time"))
     longer = course(("rest", 1.0, "onset"), ("slip", 1.05, "arrest"), ("rest", 3.0, "time"))
     assert [hardly(log, motion) for motion in (slides, briefly, re_ages, longer)] == [False, True, True, False]
     assert is_clear(log, slides, longer)

@@ -124,7 +124,7 @@ def test_a_hold_series_whose_sticks_scatter_by_half_a_percent_is_fitted():
 
 @pytest.mark.slow
 def test_a_hold_series_that_is_not_fitted_is_not_said_to_lack_a_slip():
-    """What saturates just as the drive stops: no answer is found, and none of its slips is missed."""
+    """What wears just as the drive stops: no answer is found, and none of its slips is missed."""
     result = _held(3, HOLDS, 8.0)
     assert result["status"] == "converged" or "slip was missed" not in result["message"], result["message"]
 

@@ -151,7 +151,7 @@ def _swinging(swing, which=2, end=8.0):
     model, speed, times = assemble(MAIN), 3e-4, np.arange(int(500 * end)) / 500.0
     calm = run(model, PAIR | case.RIG, speed, 1.0, end)
     onset, arrest = float(calm.onsets[which]), float(calm.arrests[which])
-    middle = float(calm.saturations[which])
+    middle = float(calm.wear_times[which])
     ramp = np.linspace(0.0, 1.0, 40)
     after = arrest + 0.4 * (float(calm.onsets[which + 1]) - arrest) * np.array([0.5, 1.0])
     knots = np.concatenate([[0.0], onset + (middle - onset) * ramp, after, [end]])

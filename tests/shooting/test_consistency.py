@@ -13,8 +13,8 @@ LOG = case.simulated(case.PAIR, *case.MIDDLE)
 DATA = case.log_data(LOG, UNKNOWNS)
 
 
-def motion(*, saturates: bool, slip: float, after: float) -> ShootingTrajectory:
-    """Two slips alike, whose slowest node before and after the saturation has these speeds [m/s]."""
+def motion(*, wears: bool, slip: float, after: float) -> ShootingTrajectory:
+    """Two slips alike, whose slowest node before and after the wear has these speeds [m/s]."""
     nodes = np.zeros((2, 9, 3))
     nodes[:, :, 0] = np.linspace(4e-4, 2.5e-4, 9)
     nodes[:, 1:-1, SPEED] = 5e-3
@@ -22,26 +22,24 @@ def motion(*, saturates: bool, slip: float, after: float) -> ShootingTrajectory:
     later = nodes.copy()
     nodes[1, 4, SPEED], later[1, 4, SPEED] = slip, after
     onset = np.array([0.5, 0.8])
-    saturation = onset + 0.02 if saturates else np.full(2, np.nan)
-    return ShootingTrajectory.train(nodes[0, 0], onset, saturation, onset + 0.05, nodes, later, np.empty(0))
+    wear = onset + 0.02 if wears else np.full(2, np.nan)
+    return ShootingTrajectory.train(nodes[0, 0], onset, wear, onset + 0.05, nodes, later, np.empty(0))
 
 
 def said(trajectory: ShootingTrajectory) -> str | None:
     return inconsistency([DATA], [trajectory], UNKNOWNS, UNKNOWNS.start, ["log"])
 
 
-@pytest.mark.parametrize("saturates", [False, True])
-def test_a_slip_that_runs_backwards_is_named(saturates: bool) -> None:
-    assert said(motion(saturates=saturates, slip=5e-3, after=5e-3)) is None
-    assert "cycle 2: at this answer the slip runs backwards" in str(
-        said(motion(saturates=True, slip=5e-3, after=-1e-4))
-    )
-    assert "cycle 2" in str(said(motion(saturates=saturates, slip=-1e-4, after=5e-3)))
+@pytest.mark.parametrize("wears", [False, True])
+def test_a_slip_that_runs_backwards_is_named(wears: bool) -> None:
+    assert said(motion(wears=wears, slip=5e-3, after=5e-3)) is None
+    assert "cycle 2: at this answer the slip runs backwards" in str(said(motion(wears=True, slip=5e-3, after=-1e-4)))
+    assert "cycle 2" in str(said(motion(wears=wears, slip=-1e-4, after=5e-3)))
 
 
 def test_a_slip_that_never_saturates_has_nothing_after_its_saturation() -> None:
-    assert said(motion(saturates=False, slip=5e-3, after=-1e-4)) is None
+    assert said(motion(wears=False, slip=5e-3, after=-1e-4)) is None
 
 
 def test_how_fast_a_worn_contact_slides_does_not_hide_that_the_slip_turned_back() -> None:
-    assert "cycle 2" in str(said(motion(saturates=True, slip=-1e-4, after=1.0)))
+    assert "cycle 2" in str(said(motion(wears=True, slip=-1e-4, after=1.0)))

@@ -41,14 +41,14 @@ def _slips(x, p, u, stride, monkeypatch):
 def test_slips_end_when_those_of_the_independent_integrator_do():
     for speed in (case.SLOW, case.MIDDLE, case.FAST):
         truth = case.simulated(case.PAIR, *speed).truth
-        n = min(truth.arrests.size, truth.saturations.size)
+        n = min(truth.arrests.size, truth.wear_times.size)
         x = truth.onset_states[:n]
         p = np.tile([(case.PAIR | case.RIG)[name] for name in MODEL.parameter_names], (n, 1))
         u = np.tile([speed[0], case.LOAD, 1.0, 0.0], (n, 1))
         slips = sliding_lanes.slip(MODEL, x, p, u, PER_HALF_PERIOD)
         assert np.all(slips.rested)
         np.testing.assert_allclose(slips.arrest, (truth.arrests - truth.onsets[: truth.arrests.size])[:n], rtol=2e-3)
-        np.testing.assert_allclose(slips.saturation, truth.saturations[:n] - truth.onsets[:n], rtol=2e-3)
+        np.testing.assert_allclose(slips.wear, truth.wear_times[:n] - truth.onsets[:n], rtol=2e-3)
         size = case.LOAD / case.RIG["stiffness"]
         np.testing.assert_allclose(slips.at_arrest[:, 0], truth.arrest_states[:n, 0], atol=2e-3 * size)
 
@@ -58,8 +58,8 @@ def test_slips_are_the_same_however_many_steps_a_call_takes(stride, monkeypatch)
     x, p, u = _given()
     one, many = (_slips(x, p, u, n, monkeypatch) for n in (1, stride))
     assert np.ptp(one.arrest[one.rested] / one.h[one.rested]) > 2 * stride, "they end in different calls"
-    assert 0 < np.count_nonzero(np.isfinite(one.saturation)) < x.shape[0]
-    for name in ("h", "states", "rates", "saturation", "arrest", "at_saturation", "at_arrest"):
+    assert 0 < np.count_nonzero(np.isfinite(one.wear)) < x.shape[0]
+    for name in ("h", "states", "rates", "wear", "arrest", "at_wear", "at_arrest"):
         np.testing.assert_array_equal(getattr(one, name), getattr(many, name), err_msg=name)
 
 

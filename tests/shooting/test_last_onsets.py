@@ -59,7 +59,7 @@ def begun_early(trajectory: ShootingTrajectory, cycle: int, early: float) -> Sho
 
 
 def slip_nodes(trajectory: ShootingTrajectory, cycle: int) -> slice:
-    """Where the nodes of a slip stand, from its onset until it saturates or rests."""
+    """Where the nodes of a slip stand, from its onset until it wears or rests."""
     slip = int(trajectory.ending("onset")[cycle]) + 1
     return slice(int(trajectory.first[slip]) - 1, int(trajectory.first[slip + 1]))
 

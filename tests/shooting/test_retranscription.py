@@ -14,7 +14,7 @@ from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.transcription import transcribe
 from tests.support import shooting_case as case
 
-SMALL = Grid(slip=4, saturated=3, steps=2)
+SMALL = Grid(slip=4, worn=3, steps=2)
 
 
 def _made(per: str | None = None, tremor: float = 0.0):

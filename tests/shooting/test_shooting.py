@@ -15,8 +15,8 @@ from identify.shooting.solve import solve
 from identify.shooting.transcription import transcribe
 from tests.support import shooting_case as case
 
-SMALL = Grid(slip=4, saturated=3, steps=2)
-FINE = Grid(slip=16, saturated=16, steps=4)
+SMALL = Grid(slip=4, worn=3, steps=2)
+FINE = Grid(slip=16, worn=16, steps=4)
 VARIED = [(0.0, 0.0), (1e-3, 0.0), (0.0, 1e-2)]  # standard deviations of the load in fast rhythms, and of strength
 
 
@@ -261,9 +261,9 @@ def test_the_truth_solves_the_rows_and_has_the_event_times_of_the_independent_in
     for log, trajectory in zip(logs, trajectories, strict=True):
         assert np.max(np.abs(trajectory.onset - log.truth.onsets[: log.cycles])) < 1e-6
         assert np.max(np.abs(trajectory.arrest - log.truth.arrests)) < 1e-6
-        worn = trajectory.until[trajectory.ending("saturation")]
-        assert worn.size == log.truth.saturations.size
-        assert np.max(np.abs(worn - log.truth.saturations), initial=0.0) < 1e-6
+        worn = trajectory.until[trajectory.ending("wear")]
+        assert worn.size == log.truth.wear_times.size
+        assert np.max(np.abs(worn - log.truth.wear_times), initial=0.0) < 1e-6
     np.testing.assert_allclose(solution.x[:6], unknowns.start[unknowns.free], atol=1e-4)
 
 
@@ -296,7 +296,7 @@ def test_a_guess_with_a_slide_of_no_length_is_a_failed_solve(recwarn):
     # Its normal force was 0/0 as well, with a warning of numpy's for the user.
     problem, logs = _problem(load_sd=1e-4)
     trajectories = case.placed(problem.layout.unknowns, logs, problem.logs, COARSE)
-    worn = int(trajectories[1].ending("saturation")[0])
+    worn = int(trajectories[1].ending("wear")[0])
     pinched = trajectories[1].until.copy()
     pinched[worn] = pinched[worn + 1]
     trajectories[1] = replace(trajectories[1], until=pinched)

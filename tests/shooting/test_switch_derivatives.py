@@ -18,9 +18,9 @@ from tests.support import oracle
 from tests.support import shooting_case as case
 
 # Fine enough that the steps of the shooting err by far less than what is claimed.
-GRID = Grid(slip=64, saturated=64, steps=8)
+GRID = Grid(slip=64, worn=64, steps=8)
 ON_TIME = 2e-9  # s
-KINDS = ("onsets", "saturations", "arrests")
+KINDS = {"onsets": "onset", "wear_times": "wear", "arrests": "arrest"}
 EVENTS_MOVE = 1e-5  # s, in a difference: a slip begins within milliseconds
 SLOW, FAST = (1e-4, 9.0, 100.0), (5e-3, 0.35, 500.0)  # drive speed [m/s], duration [s], rate [Hz]
 CLAIMED = 1e-6  # of the largest derivative
@@ -102,9 +102,9 @@ def test_derivatives_through_every_switch_are_those_of_the_integrator(kind):
     data = problem.logs[0]
     inside = data.time <= data.end
     slopes = sample_moves(problem, x / layout.scale, moved)[0] / data.weight[:, None]
-    switches = {name: place.until[trajectory.ending(name[:-1])] for name in KINDS}
+    switches = {name: place.until[trajectory.ending(end)] for name, end in KINDS.items()}
     assert switches["onsets"].size >= 2
-    assert bool(switches["saturations"].size) == worn
+    assert bool(switches["wear_times"].size) == worn
     count = sum(which.size for which in switches.values())
 
     def wanted(truth):

@@ -138,7 +138,7 @@ def test_a_rest_of_many_blocks_goes_through_the_re_ageing_once():
     problem = _problem()
     kinds = {family.block.kind: family for family in problem.layout.families}
     assert "reageing" in kinds and not {"rest_reaged", "stick_reaged"} & set(kinds)
-    arrests = _placed().ending("saturation").size
+    arrests = _placed().ending("wear").size
     assert kinds["reageing"].slots.shape[0] == arrests
     assert kinds["rest"].slots.shape[0] > 10 * arrests
     rows = problem.evaluate(problem.start, derivatives=False).rows

@@ -92,7 +92,7 @@ def test_every_method_locates_switches_and_samples_densely(method: Method) -> No
     truth = oracle.simulate(PAIR, 1e-3, 1.0, 1.0)
     found = run(MODEL, PAIR, 1e-3, 1.0, 1.0, accuracy=Stepping(rtol, method))
     for ours, theirs in zip(
-        (found.onsets, found.arrests, found.saturations), (truth.onsets, truth.arrests, truth.saturations), strict=True
+        (found.onsets, found.arrests, found.wear_times), (truth.onsets, truth.arrests, truth.wear_times), strict=True
     ):
         np.testing.assert_allclose(ours, theirs, atol=30 * rtol)
     times = np.linspace(0.0, 1.0, 3001)

@@ -382,7 +382,7 @@ def test_a_law_that_begins_at_a_speed_holds_the_motion_there() -> None:
     """Friction that rises as a power of speed above v_low: no speed is stable below, so sliding starts at v_low."""
     more = {"speed_exponent": -0.1, "lowest_speed": 1e-3, "highest_speed": 1.0, "D": 430e-6, "t_cr": 0.4}
     motion = _run(("contact_ageing", "power_law"), 2.6e-3, 1.0, 2.0, **more)
-    assert [p.mode for p in motion.phases] == ["stick", "slip", "saturated"]
+    assert [p.mode for p in motion.phases] == ["stick", "slip", "worn"]
     started = motion.sample([motion.onsets[0] * (1 + 1e-9)])["sliding_speed"]
     assert started == pytest.approx([1e-3], rel=1e-4)
     steady = motion.sample([2.0])

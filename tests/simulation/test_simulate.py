@@ -52,7 +52,7 @@ def _errors(trajectory: Trajectory, truth: oracle.Oracle, duration: float) -> tu
     events = max(
         float(np.max(np.abs(trajectory.onsets - truth.onsets))),
         float(np.max(np.abs(trajectory.arrests - truth.arrests))),
-        float(np.max(np.abs(trajectory.saturations - truth.saturations))),
+        float(np.max(np.abs(trajectory.wear_times - truth.wear_times))),
     )
     times = np.linspace(0.0, duration, 2001)
     # At an event the force has a corner, not a jump; right at a step of the drive it jumps: leave those out.

@@ -178,14 +178,14 @@ class Equations:
         speed = self.drive(v0, t)
         force, give = self.rig(s, v, speed)
         stretching = speed - v + (v0 * self.loading() if resting else 0.0)
-        gamma = 0.0 if mode == "saturated" else s[GAMMA]
+        gamma = 0.0 if mode == "worn" else s[GAMMA]
         acceleration = 0.0
         if not resting:
             braking = self.friction(s, way * v, load, t, self.share(gamma, False))
             acceleration = (force - way * braking) / self.p.mass
         first = (force - s[LAG1]) / self.p.lag_time if "sensor_lag" in self.on else 0.0
         second = (s[LAG1] - s[LAG2]) / self.p.second_lag_time if "sensor_second_lag" in self.on else 0.0
-        aged = 0.0 if mode == "saturated" else self.ageing(gamma, way * v, t)
+        aged = 0.0 if mode == "worn" else self.ageing(gamma, way * v, t)
         return [stretching, acceleration, aged, give, first, second, v, self.shown(s, force)]
 
     def spare(self, s: Sequence[float], way: int, v0: float, load: float, t: float) -> float:
@@ -207,7 +207,7 @@ class Piece:
 
 @dataclass
 class Run:
-    """A finished run: pieces, times of onsets, arrests and saturations [s]."""
+    """A finished run: pieces, times of onsets, arrests and wear_times [s]."""
 
     equations: Equations
     v0: float
@@ -215,7 +215,7 @@ class Run:
     pieces: list[Piece] = field(default_factory=list)
     onsets: list[float] = field(default_factory=list)
     arrests: list[float] = field(default_factory=list)
-    saturations: list[float] = field(default_factory=list)
+    wear_times: list[float] = field(default_factory=list)
 
     def states(self, times: Array) -> Array:
         """The eight states (8, n) at times (n,)."""
@@ -285,8 +285,8 @@ def simulate(
             equations.stick += 1
         elif cause == "empty":
             s[GAMMA] = 0.0
-            run.saturations.append(now)
-            mode = "saturated"
+            run.wear_times.append(now)
+            mode = "worn"
         elif cause == "kink":
             equations.fast = not equations.fast
         elif cause == "refill":
@@ -335,7 +335,7 @@ def _piece(
     table: dict[str, list[tuple[str, Callable[[float, Array], float]]]] = {
         "stick": [("onset", spare(1)), ("onset", spare(-1))],
         "slip": [("arrest", stopped), *([("empty", emptied)] if ages else []), *bent],
-        "saturated": [("arrest", stopped), ("refill", refilled), *bent],
+        "worn": [("arrest", stopped), ("refill", refilled), *bent],
     }
     events = []
     for _, event in table[mode]:

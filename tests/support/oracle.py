@@ -56,7 +56,7 @@ class Piece:
 
     start: float
     length: float
-    mode: str  # "stick", "slip" or "saturated"
+    mode: str  # "stick", "slip" or "worn"
     direction: int
     drive: float
     load: tuple[float, float]  # normal force [N] at the start, its rate [N/s]
@@ -74,7 +74,7 @@ class Oracle:
     onset_states: Array
     arrests: Array
     arrest_states: Array
-    saturations: Array
+    wear_times: Array
     directions: Array  # of sliding, per onset
 
     def state(self, times: Array) -> Array:
@@ -232,12 +232,12 @@ def simulate(
     law = _of_strength(alike, strengths)
     speeds, loads = _programme(drive), _programme(normal_force)
     load_t, load_f = np.array(loads, dtype=float).T
-    events: dict[str, list[tuple[float, State]]] = {"onset": [], "arrest": [], "saturation": []}
+    events: dict[str, list[tuple[float, State]]] = {"onset": [], "arrest": [], "wear": []}
     pieces: list[Piece] = []
     directions: list[int] = []
     state, mode, s = initial, "stick" if initial[1] == 0.0 else "slip", 1 if initial[1] >= 0.0 else -1
     if state[2] <= 0.0 and s * state[1] > law.D / law.t_cr:
-        mode = "saturated"
+        mode = "worn"
     breaks = _breaks(duration, speeds, loads)
     for begin, end in pairwise(breaks):
         speed = [v for t, v in speeds if t <= begin][-1]
@@ -265,8 +265,8 @@ def simulate(
                 events["arrest"].append((now, state))
             elif ended == "switch":
                 if mode == "slip":
-                    events["saturation"].append((now, (state[0], state[1], 0.0)))
-                mode, state = "saturated" if mode == "slip" else "slip", (state[0], state[1], 0.0)
+                    events["wear"].append((now, (state[0], state[1], 0.0)))
+                mode, state = "worn" if mode == "slip" else "slip", (state[0], state[1], 0.0)
     return Oracle(
         alike,
         tuple(pieces),
@@ -274,7 +274,7 @@ def simulate(
         onset_states=_states(events["onset"]),
         arrests=_times(events["arrest"]),
         arrest_states=_states(events["arrest"]),
-        saturations=_times(events["saturation"]),
+        wear_times=_times(events["wear"]),
         directions=np.array(directions, dtype=float),
     )
 
