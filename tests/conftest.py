@@ -12,6 +12,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: its threads wait 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import time
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,7 +20,7 @@ from types import SimpleNamespace
 import pytest
 
 from identify import identification
-from identify.base import budget, native
+from identify.base import budget, compiled, native
 from identify.estimation import starts
 from identify.estimation.strategies import Strategy, tracing
 from identify.simulation.price import SimulationPrice
@@ -90,6 +91,7 @@ def shared_machine_code(tmp_path_factory: pytest.TempPathFactory) -> Iterator[No
         patch.setattr(
             native, "SCRIPT", native.SCRIPT.replace("exec nice -n 10", "exec")
         )  # beside busy workers it would come late
+        patch.setattr(compiled, "_all", weakref.WeakSet())  # what is made here is nothing to compile for later tests
         for function in known:
             function.cache_clear()
         yield
