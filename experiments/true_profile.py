@@ -203,7 +203,7 @@ def _on_falls(
     """The motion of a theta (n_p,) placed on the true falls; None where the model does not slip there."""
     values = [unknowns.values(theta, log.base) for log in logs]
     placed = place(unknowns.model, logs, values, falls, COARSE)
-    trajectories = [trajectory for trajectory in placed.trajectories if trajectory is not None]
+    trajectories = [trajectory for trajectory in placed if trajectory is not None]
     return trajectories if len(trajectories) == len(logs) else None
 
 
