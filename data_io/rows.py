@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 
@@ -66,6 +66,25 @@ def _exact() -> dict[str, Any]:
     return {} if rounds else {"float_precision": "round_trip"}
 
 
+class _Bytes:
+    """Bytes as a file that pandas reads. It is no binary file by type: pandas would decode its bytes, and encode them
+    again for the parser, which takes longer than parsing."""
+
+    def __init__(self, raw: bytes) -> None:
+        self._raw = raw
+
+    def __iter__(self) -> _Bytes:
+        return self
+
+    def __next__(self) -> bytes:
+        raise StopIteration
+
+    def read(self, _size: int = -1) -> bytes:
+        """Return all of them at once."""
+        raw, self._raw = self._raw, b""
+        return raw
+
+
 def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | None) -> Numbers | None:
     """Read whole lines of pure numbers at the speed of pandas; None where a row is short, long or holds something else.
 
@@ -83,7 +102,7 @@ def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | N
         use = sorted({*(index for index in wanted if index < names), names - 1})
     try:
         frame: pd.DataFrame = pd.read_csv(
-            io.BytesIO(raw),
+            cast(Any, _Bytes(raw)),
             sep=head.delimiter,
             header=None,
             usecols=use,

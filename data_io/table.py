@@ -451,15 +451,17 @@ def read_below(source: Source, request: Request, lines: Lines, rest: Segment, he
 
 
 def _read_all(walk: Walk, lines: Lines) -> tuple[list[Table], tuple[str, ...]]:
-    while not lines.at_end:
-        if not _read_fast(walk, lines):
-            walk.take(lines.segment())
-            if walk.table is None:  # what waits for a table is walked again with what follows: in few, larger pieces
-                lines.size = min(4 * lines.size, BLOCK)
+    with ThreadPoolExecutor(_THREADS) as pool:  # new threads would ask for their memory anew
+        while not lines.at_end:
+            if not _read_fast(walk, lines, pool):
+                walk.take(lines.segment())
+                if walk.table is None:
+                    # what waits for a table is walked again with what follows: in few, larger pieces
+                    lines.size = min(4 * lines.size, BLOCK)
     return walk.finish()
 
 
-def _read_fast(walk: Walk, lines: Lines) -> bool:
+def _read_fast(walk: Walk, lines: Lines, pool: ThreadPoolExecutor) -> bool:
     """Read the rows that follow as blocks of numbers, in threads; False where words come first, or nothing tells their
     columns."""
     table = walk.table
@@ -467,13 +469,12 @@ def _read_fast(walk: Walk, lines: Lines) -> bool:
         return False
     blocks = list(itertools.takewhile(len, (lines.numbers() for _ in range(_THREADS))))
     lines.size = FIRST if blocks else BLOCK  # words in every row: fewer calls of pandas
-    with ThreadPoolExecutor(_THREADS) as pool:
-        read = pool.map(lambda block: read_block(block, table.head, table.decimal, table.wanted), blocks)
-        for place, numbers in enumerate(read):
-            if numbers is None:
-                lines.give_back(blocks[place:])
-                lines.size = BLOCK
-                return False
-            lines.passed(blocks[place])
-            table.add(numbers)
+    read = pool.map(lambda block: read_block(block, table.head, table.decimal, table.wanted), blocks)
+    for place, numbers in enumerate(read):
+        if numbers is None:
+            lines.give_back(blocks[place:])
+            lines.size = BLOCK
+            return False
+        lines.passed(blocks[place])
+        table.add(numbers)
     return bool(blocks)
