@@ -16,10 +16,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from identify.base.errors import FitError, IdentifyError
 from identify.effects.quantities import Effect
-from identify.logs.log_data import Grid, LogData
+from identify.logs.log_data import LogData
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.scene import Scene
+from identify.shooting.grid import Grid
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.transcription import transcribe
 from identify.simulation.drive import NormalForce
@@ -87,7 +88,7 @@ def _laid_out(names: tuple[str, ...]) -> tuple[int, int, int]:
     times = np.arange(0.0, end, 1 / RATE)
     shown, base = motion.sample(times)["force"], unknowns.base(p)
     log = LogData(times, shown, np.ones(times.size), base, SPEED, NormalForce.of(force), 0.0, 0.0, float(end))
-    layout = transcribe([log], [_guess(motion, Grid())], unknowns, Grid())
+    layout = transcribe([log], [_guess(motion, Grid(8, 4, 6))], unknowns, Grid(8, 4, 6))
     return layout.free.size, layout.size, layout.rows
 
 

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from experiments.answers import answer
 from experiments.study_problem import DEMO, RIG, scene_of, simulated_case
 from identify.estimation.covariance import information
-from identify.logs.log_data import Grid
 from identify.scene import Scene
-from identify.shooting.passes import COARSE
+from identify.shooting.grid import COARSE_GRID, Grid
 from identify.shooting.placing import place
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.solve import solve
@@ -54,7 +53,7 @@ def fitted(steps: Sequence[int], logs: Sequence[int]) -> tuple[list[Fitted], lis
     free = np.flatnonzero(unknowns.free)
     errors = np.empty(0)
     for count in steps:
-        grid, theta = replace(COARSE, steps=count), truth
+        grid, theta = replace(COARSE_GRID, steps=count), truth
         p = [unknowns.values(truth, log.base) for log in data]
         placed = place(unknowns.model, data, p, [log.falls for log in found.fitted_logs], grid)
         trajectories = [trajectory for trajectory in placed if trajectory is not None]

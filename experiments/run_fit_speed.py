@@ -45,7 +45,8 @@ from identify import Scene, fit  # noqa: E402
 from identify.base import native  # noqa: E402
 from identify.effects import MAIN as NAMES  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
-from identify.shooting.passes import COARSE, solve_in_passes  # noqa: E402
+from identify.shooting.grid import COARSE_GRID  # noqa: E402
+from identify.shooting.passes import solve_in_passes  # noqa: E402
 from identify.shooting.placing import place  # noqa: E402
 from identify.simulation.simulate import run  # noqa: E402
 
@@ -201,7 +202,7 @@ def against_least_squares(
 
     def hard() -> float:
         p = [start.values(truth, base) for _ in data]
-        trajectories = place(start.model, data, p, [log.falls for log in logs], COARSE)
+        trajectories = place(start.model, data, p, [log.falls for log in logs], COARSE_GRID)
         return solve_in_passes(data, [g for g in trajectories if g is not None], start.with_weak_priors()).solution.cost
 
     series = []

@@ -20,7 +20,8 @@ from identify.logs.log_data import LogData
 from identify.logs.prepare import LAST_STICK, REPEATABLE
 from identify.logs.unknowns import Unknowns, from_scene
 from identify.scene import Scene
-from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.grid import COARSE_GRID
+from identify.shooting.passes import solve_in_passes
 from identify.shooting.placing import place
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
@@ -202,7 +203,7 @@ def _on_falls(
 ) -> list[ShootingTrajectory] | None:
     """The motion of a theta (n_p,) placed on the true falls; None where the model does not slip there."""
     values = [unknowns.values(theta, log.base) for log in logs]
-    placed = place(unknowns.model, logs, values, falls, COARSE)
+    placed = place(unknowns.model, logs, values, falls, COARSE_GRID)
     trajectories = [trajectory for trajectory in placed if trajectory is not None]
     return trajectories if len(trajectories) == len(logs) else None
 
@@ -220,7 +221,7 @@ def _solved(
     if held is not None:
         free[held] = False
     problem = shooting_problem(
-        logs, trajectories, replace(unknowns, start=theta, free=free), replace(COARSE, steps=STEPS)
+        logs, trajectories, replace(unknowns, start=theta, free=free), replace(COARSE_GRID, steps=STEPS)
     )
     solution = solve(problem, mu_init=1e-6, iterations=PATIENCE, exact=True)
     if not (solution.success and solution.constraint_violation < CLOSED and np.all(np.isfinite(solution.x))):

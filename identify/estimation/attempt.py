@@ -24,7 +24,8 @@ from identify.estimation.sequence import (
 from identify.logs.prepare import Prepared, beginning, cut_in_last_stick
 from identify.logs.unknowns import Unknowns
 from identify.shooting.following import glide
-from identify.shooting.passes import COARSE, Solved, solve_in_passes
+from identify.shooting.grid import COARSE_GRID
+from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.placing import place
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 
@@ -329,7 +330,7 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
     chosen = [i for i in chosen if prepared[i].fit_mode.name == "cycles"]
     logs = [prepared[i] for i in chosen]
     p = [unknowns.values(log.data.theta(unknowns.start), log.data.base) for log in logs]
-    placed = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE)
+    placed = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE_GRID)
     for number, log, trajectory in zip(chosen, logs, placed, strict=True):
         if trajectory is None or not _joins_up(trajectory, log):
             if trajectory is not None and is_near_grazing(

@@ -20,7 +20,7 @@ from identify.estimation.attempt import Attempt, place_on, solve_from
 from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns
-from identify.shooting.passes import COARSE
+from identify.shooting.grid import COARSE_GRID
 from identify.shooting.shooting import shooting_problem
 
 Array = NDArray[np.float64]
@@ -80,7 +80,7 @@ def _placed(log: Prepared, falls: Array, unknowns: Unknowns) -> _Placed | None:
     if not placed:
         return None
     _, cut, trajectory = placed[0]
-    problem = shooting_problem([cut.data], [trajectory], unknowns, COARSE)
+    problem = shooting_problem([cut.data], [trajectory], unknowns, COARSE_GRID)
     curve = problem.fitted(problem.start)[0]
     told = (log.data.weight > 0) & np.isfinite(curve)
     squares = np.where(told, log.data.weight * (log.data.force - curve) ** 2, np.nan)

@@ -18,7 +18,7 @@ from identify.logs.unknowns import Unknowns, user_start
 from identify.logs.vibration import quieted
 from identify.scene import Scene
 from identify.shooting.features import extract
-from identify.shooting.passes import COARSE
+from identify.shooting.grid import COARSE_GRID
 from identify.shooting.placing import place
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.starts import candidates, fit_features
@@ -95,12 +95,12 @@ def _seen(log: Prepared, unknowns: Unknowns, theta: Array) -> PreviewLog:
     trajectory, told = nothing, log.left_out or ""
     if log.left_out is None:
         p = unknowns.values(log.data.theta(theta), log.data.base)
-        placed = place(unknowns.model, [log.data], [p], [log.falls], COARSE)[0]
+        placed = place(unknowns.model, [log.data], [p], [log.falls], COARSE_GRID)[0]
         if placed is None:
             told = "with these values the model does not stick and slip here"
         else:
             at_start = replace(unknowns.with_weak_priors(), start=placed.theta(theta))
-            problem = shooting_problem([as_far_as_placed(log, placed).data], [placed], at_start, COARSE)
+            problem = shooting_problem([as_far_as_placed(log, placed).data], [placed], at_start, COARSE_GRID)
             trajectory = problem.fitted(problem.start)[0]
             inside = np.isfinite(trajectory) & log.used
             off = float(np.sqrt(np.mean((trajectory - log.force)[inside] ** 2))) if np.any(inside) else float("nan")

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
 from identify.estimation.residual_autocorrelation import UNCHANGED, CurveChange, NoiseAutocorrelation
-from identify.logs.log_data import Grid, LogData
+from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
+from identify.shooting.grid import Grid
 from identify.shooting.layout import kept_parameters
 from identify.shooting.passes import Solved
 from identify.shooting.shooting import Problem, shooting_problem

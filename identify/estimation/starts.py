@@ -16,7 +16,7 @@ from identify.logs.prepare import Prepared, beginning
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import quieted, rhythmic
 from identify.shooting.features import Features, extract, extract_one_by_one
-from identify.shooting.passes import COARSE
+from identify.shooting.grid import COARSE_GRID
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.starts import GOOD, Start, candidates, fit_features, level_starts, random_starts
 
@@ -57,7 +57,7 @@ def ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Array])
         placed = place_on(prepared, list(range(len(prepared))), at)
         if placed:
             logs = [log.data for _, log, _ in placed]
-            problem = shooting_problem(logs, [trajectory for _, _, trajectory in placed], at, COARSE)
+            problem = shooting_problem(logs, [trajectory for _, _, trajectory in placed], at, COARSE_GRID)
             cost = problem.evaluate(problem.start, derivatives=False).cost / max(problem.samples, 1)
             curves = zip(placed, problem.fitted(problem.start), strict=True)
             seen = {number: _weighted(curve * np.sqrt(log.data.weight)) for (number, log, _), curve in curves}

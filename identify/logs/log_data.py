@@ -15,16 +15,6 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Grid:
-    """Shooting intervals and RK4 steps per interval in the two parts of a slip: while the bounded state
-    falls (`slip`), and once it is at its bound (`worn`)."""
-
-    slip: int = 8
-    worn: int = 4
-    steps: int = 6
-
-
-@dataclass(frozen=True)
 class StickLoading:
     """How the sticks of a log load, as its cycles show it: friction over normal force at an onset, rate of the force
     [N/s]; and how long a slip takes [s]."""

@@ -16,7 +16,7 @@ from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import Model, assemble
 from identify.shooting.blocks import block
-from identify.shooting.passes import COARSE as FIRST_GRID
+from identify.shooting.grid import COARSE_GRID
 from identify.shooting.passes import ORDER, Solved, solve_in_passes
 from identify.shooting.placing import place
 from identify.shooting.shooting_trajectory import ShootingTrajectory
@@ -191,7 +191,7 @@ def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tupl
             for trajectory, log in zip(answer.trajectories, logs, strict=True)
         ]
         events = [0.5 * (trajectory.onset + trajectory.arrest) for trajectory in answer.trajectories]
-        placed = place(unknowns.model, [log.data for log in logs], p, events, FIRST_GRID)
+        placed = place(unknowns.model, [log.data for log in logs], p, events, COARSE_GRID)
         good = [trajectory for trajectory in placed if trajectory is not None]
         counts = [trajectory.cycles for trajectory in good] == [trajectory.cycles for trajectory in answer.trajectories]
         if counts and len(good) == len(logs):

@@ -12,11 +12,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.log_data import Grid, LogData
+from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
 from identify.model.model import SPEED, Model
 from identify.shooting import batch as lanes
 from identify.shooting.batch import Slips
+from identify.shooting.grid import Grid
 from identify.shooting.placing import PER_HALF_PERIOD, trajectory_of
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.simulation.resting import swing

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from identify.base.budget import time_is_up
 from identify.base.linear import optimality_matrix, solve_equilibrated
 from identify.logs.loads import calmed
-from identify.logs.log_data import Grid, LogData
+from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
+from identify.shooting.grid import COARSE_GRID, Grid, fine_grid
 from identify.shooting.onsets import turns_back, with_first_onsets, with_last_onsets
 from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
@@ -26,11 +27,7 @@ from identify.shooting.solve import Solution, solve
 
 Array = NDArray[np.float64]
 
-COARSE = Grid(slip=8, worn=8, steps=2)
 ORDER = 4  # of the step formula
-STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
-FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
-SLACK = 0.5  # a linear decay is followed well with twice the step
 SETTLED = 0.5  # samples: the last event shift
 RETURNED = 1e-4  # samples: events are where they were after an earlier pass
 AT_BOUND = 0.9  # of the way to the next event: as far as an event can go in one pass
@@ -141,7 +138,7 @@ def _begun_anew(logs: list[LogData], solved: Solved, at_answer: Unknowns) -> lis
     if not np.isfinite(solved.solution.cost):
         return None
     moved = [
-        with_first_onsets(log, trajectory, at_answer, COARSE)
+        with_first_onsets(log, trajectory, at_answer, COARSE_GRID)
         or (with_last_onsets(trajectory) if _fits(solved) else None)
         for log, trajectory in zip(logs, solved.trajectories, strict=True)
     ]
@@ -172,7 +169,7 @@ def _from_calm(
     trembling = any(quiet is not log for quiet, log in zip(calm, logs, strict=True))
     at_once = _in_passes(logs, logs, trajectories, unknowns, way)
     cost = at_once.solution.cost
-    near = at_once.grid is not COARSE and _fits(at_once)
+    near = at_once.grid is not COARSE_GRID and _fits(at_once)
     if at_once.solution.success or cost > way.cost_cutoff or near or not trembling or time_is_up():
         return at_once
     other = _in_passes(logs, calm, trajectories, unknowns, way)
@@ -187,7 +184,7 @@ def _in_passes(
     way: _PassOptions,
 ) -> Solved:
     """As `solve_in_passes`; the coarse passes with the loads of `calm`."""
-    grid, tolerance, mu_init = COARSE, 1e-3, 1e-4
+    grid, tolerance, mu_init = COARSE_GRID, 1e-3, 1e-4
     iterations, transcription_seconds = 0, 0.0
     solved: Solved | None = None
     exact = False
@@ -195,7 +192,7 @@ def _in_passes(
     hidden = any(_interval(log, trajectory) < log.interval for log, trajectory in zip(logs, trajectories, strict=True))
     for number in range(1, (LONGEST if hidden else MOST_PASSES) + 1):
         since = time.perf_counter()
-        coarse = grid is COARSE
+        coarse = grid is COARSE_GRID
         pattern = None if solved is None else solved.problem.pattern
         problem = shooting_problem(calm if coarse else logs, trajectories, unknowns, grid, pattern=pattern)
         transcription_seconds += time.perf_counter() - since
@@ -239,7 +236,7 @@ def _last(solved: Solved, cost_cutoff: float) -> bool:
     Args:
         cost_cutoff: largest cost to go on with.
     """
-    solution, fine = solved.solution, solved.grid is not COARSE
+    solution, fine = solved.solution, solved.grid is not COARSE_GRID
     misfit = 2.0 * solution.cost / max(solved.problem.samples, 1)
     far = misfit > LOST_MISFIT if not solution.success else solved.passes >= PASSES and misfit > ALL_BUT
     broken = not solution.success and (fine or solution.constraint_violation > CLOSED)
@@ -302,23 +299,6 @@ def _tried(problem: Problem, tolerance: float, mu_init: float, exact: bool, slip
         solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, exact=True, start=solution.z)
         iterations += solution.iterations
     return _PassResult(solution, iterations, solution.success)
-
-
-def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns) -> Grid:
-    """The grid of the fine passes: as many steps as the fastest rate of the worn slips asks for."""
-    names = unknowns.names
-    needed = 0.0
-    for log, trajectory in zip(logs, trajectories, strict=True):
-        p = dict(zip(names, unknowns.values(trajectory.theta(unknowns.start), log.base).tolist(), strict=True))
-        rate = abs(p.get("delta_mu_k", 0.0)) * p.get("a", 0.0) * log.mean_normal_force / p["mass"]
-        decays = np.array(unknowns.model.decays(np.array(list(p.values())))).ravel()
-        rate = max([rate, *(SLACK * decays).tolist()])
-        longest = np.nanmax(
-            np.concatenate([trajectory.arrest - trajectory.wear, (trajectory.arrest - trajectory.onset) / 2, [0.0]])
-        )
-        needed = max(needed, rate * float(longest) / COARSE.worn / FASTEST)
-    steps = next((s for s in STEPS if s >= needed), STEPS[-1])
-    return replace(COARSE, steps=steps)
 
 
 def _ordered(trajectory: ShootingTrajectory) -> bool:

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from data_io.arrays import thinned
 from identify.base.errors import SimulationError
-from identify.logs.log_data import Grid, LogData
+from identify.logs.log_data import LogData
 from identify.model.model import ELONGATION, TIME, Model
 from identify.shooting import batch as lanes
 from identify.shooting.batch import Slips
 from identify.shooting.features import Waves, middle_of_fall
+from identify.shooting.grid import Grid
 from identify.shooting.onset_places import Along
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 

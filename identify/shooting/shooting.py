@@ -13,8 +13,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from identify.logs.log_data import Grid, LogData
+from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
+from identify.shooting.grid import Grid
 from identify.shooting.layout import Family, Layout
 from identify.shooting.pattern import Moments, Pattern, compressed, samples_of
 from identify.shooting.retranscription import with_coarser_steps, with_every_parameter, with_finer_steps

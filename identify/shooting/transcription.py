@@ -8,10 +8,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.log_data import Grid, LogData
+from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION, SPEED
 from identify.shooting.blocks import BlockKind
+from identify.shooting.grid import Grid
 from identify.shooting.layout import KNOWN, Indices, Layout, NlpBuilder, Places
 from identify.shooting.parts import after_reageing, cut, parts_of_rest
 from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch

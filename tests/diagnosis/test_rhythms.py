@@ -133,7 +133,7 @@ def _solved_with(logs, trajectories, unknowns, steps):
     import identify.shooting.passes as passes
 
     wanted = passes.fine_grid
-    passes.fine_grid = lambda *_: replace(passes.COARSE, slip=8, steps=steps) if steps != 2 else passes.Grid(8, 8, 2)
+    passes.fine_grid = lambda *_: replace(passes.COARSE_GRID, steps=steps)
     try:
         return solve_in_passes(logs, trajectories, unknowns)
     finally:

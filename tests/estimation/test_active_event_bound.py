@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from identify.estimation.examined import active_event_bound
-from identify.shooting.passes import COARSE, Solved
+from identify.shooting.grid import COARSE_GRID
+from identify.shooting.passes import Solved
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.solve import solve
 from tests.support import shooting_case as case
@@ -18,8 +19,8 @@ def held_at(room: float | None) -> Solved:
     where it likes)."""
     log = case.simulated(case.PAIR, *case.MIDDLE)
     data = case.log_data(log, UNKNOWNS, noise_seed=4)
-    trajectories = case.placed(UNKNOWNS, [log], [data], COARSE)
-    problem = shooting_problem([data], trajectories, UNKNOWNS, COARSE)
+    trajectories = case.placed(UNKNOWNS, [log], [data], COARSE_GRID)
+    problem = shooting_problem([data], trajectories, UNKNOWNS, COARSE_GRID)
     solution = solve(problem, tolerance=1e-8, mu_init=1e-6)
     if room is not None:
         event = int(problem.layout.places[0].events[4])
@@ -31,7 +32,7 @@ def held_at(room: float | None) -> Solved:
     theta = UNKNOWNS.start.copy()
     theta[problem.layout.free] = solution.x[: problem.layout.free.size]
     found = [place.read(g, solution.x) for place, g in zip(problem.layout.places, trajectories, strict=True)]
-    return Solved(problem, COARSE, trajectories, solution, found, theta, 0.0, 1, 1, 0.0)
+    return Solved(problem, COARSE_GRID, trajectories, solution, found, theta, 0.0, 1, 1, 0.0)
 
 
 def test_an_answer_that_nothing_holds_hangs_on_nothing() -> None:

@@ -14,7 +14,8 @@ import identify.estimation.goodness_of_fit as room
 from identify.base.outcome import Status
 from identify.estimation.goodness_of_fit import pass_gate
 from identify.estimation.residual_autocorrelation import AutocorrelationTest
-from identify.shooting.passes import COARSE, Solved, solve_in_passes
+from identify.shooting.grid import COARSE_GRID
+from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 from tests.support import shooting_case as case
 
@@ -27,7 +28,7 @@ def _fit(change=lambda data: data, falls=lambda falls: falls):
     logs = [case.simulated(case.PAIR, *speed) for speed in (case.MIDDLE, case.FAST)]
     unknowns = case.search_space(case.PAIR, case.FRICTION)
     data = change([case.log_data(log, unknowns, noise_seed=seed) for seed, log in enumerate(logs)])
-    trajectories = case.placed(unknowns, logs, data, COARSE, falls=falls([log.falls for log in logs]))
+    trajectories = case.placed(unknowns, logs, data, COARSE_GRID, falls=falls([log.falls for log in logs]))
     return solve_in_passes(data, trajectories, unknowns.with_weak_priors())
 
 

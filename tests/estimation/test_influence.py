@@ -11,7 +11,8 @@ from scipy.stats import chi2
 from identify.estimation.bootstrap import bootstrap
 from identify.estimation.covariance import information
 from identify.estimation.influence import influence, sample_moves
-from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.grid import COARSE_GRID
+from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting import Problem
 from identify.shooting.solve import solve
 from identify.shooting.warm import Warm
@@ -26,7 +27,7 @@ def fitted():
     unknowns = case.search_space(case.PAIR, case.FRICTION)
     logs = [case.simulated(case.PAIR, *speed) for speed in SPEEDS]
     data = [case.log_data(log, unknowns, noise_seed=seed) for seed, log in enumerate(logs)]
-    solved = solve_in_passes(data, case.placed(unknowns, logs, data, COARSE), unknowns)
+    solved = solve_in_passes(data, case.placed(unknowns, logs, data, COARSE_GRID), unknowns)
     assert solved.solution.success
     cycles = [trajectory.cycles for trajectory in solved.trajectories]
     known = influence(solved.problem, solved.solution.z, cycles)

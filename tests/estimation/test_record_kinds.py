@@ -36,7 +36,7 @@ from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.shooting.following import follow, glide
-from identify.shooting.passes import COARSE
+from identify.shooting.grid import COARSE_GRID
 from identify.shooting.shooting import shooting_problem
 from identify.simulation.drive import Drive
 from identify.simulation.simulate import run
@@ -113,14 +113,14 @@ def test_a_course_at_the_truth_joins_up_and_fits(log, pair, rig):
     p = np.array([(pair | rig)[n] for n in unknowns.names])
     at = replace(unknowns, start=unknowns.theta(p, data.base))
     found = follow(unknowns.model, data, p, begins_sliding=False)
-    problem = shooting_problem([data], [found.trajectory], at, COARSE)
+    problem = shooting_problem([data], [found.trajectory], at, COARSE_GRID)
     assert found.end == data.end
     assert 2 * problem.evaluate(problem.start, derivatives=False).cost < 1.5 * problem.samples
     # As many unknowns as rows, but for the parameters, the load of each part, elongation and gamma at the begin.
     assert problem.layout.size - problem.layout.rows == int(unknowns.free.sum()) + found.trajectory.parts + 2
     other = replace(data, programme=Drive(data.programme.starts, tuple(1.5 * v for v in data.programme.speeds)))
     wrong = follow(unknowns.model, other, p, begins_sliding=False)
-    problem = shooting_problem([other], [wrong.trajectory], at, COARSE)
+    problem = shooting_problem([other], [wrong.trajectory], at, COARSE_GRID)
     assert 2 * problem.evaluate(problem.start, derivatives=False).cost > 3 * problem.samples
 
 
@@ -129,7 +129,7 @@ def test_the_derivatives_of_a_course_are_those_of_differences():
     p = np.array([(MILD | STIFF)[n] for n in unknowns.names])
     at = replace(unknowns, start=unknowns.theta(p, prepared.data.base))
     trajectory = follow(unknowns.model, prepared.data, p, begins_sliding=False).trajectory
-    problem = shooting_problem([prepared.data], [trajectory], at, COARSE)
+    problem = shooting_problem([prepared.data], [trajectory], at, COARSE_GRID)
     kinds = {family.block.kind for family in problem.layout.families}
     assert {"hold_reaged", "steady_worn", "stick", "worn", "slip"} <= kinds
     z, random = problem.start, np.random.default_rng(1)

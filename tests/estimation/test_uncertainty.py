@@ -9,8 +9,8 @@ import pytest
 
 from identify.estimation.covariance import Interval, estimates, information, inverse
 from identify.estimation.hints import _shape
-from identify.logs.log_data import Grid
-from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.grid import COARSE_GRID, Grid
+from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting import shooting_problem
 from tests.support import shooting_case as case
 
@@ -39,7 +39,7 @@ def fitted():
     unknowns = case.search_space(case.PAIR, case.FRICTION)
     logs = _logs()
     data = [_quiet(log, unknowns, seed) for seed, log in enumerate(logs)]
-    solved = solve_in_passes(data, case.placed(unknowns, logs, data, COARSE), unknowns)
+    solved = solve_in_passes(data, case.placed(unknowns, logs, data, COARSE_GRID), unknowns)
     assert solved.solution.success
     return replace(unknowns, start=solved.theta), data, solved
 
@@ -75,7 +75,7 @@ def test_covariance_agrees_with_the_dense_null_space(load_sd):
 def test_covariance_is_that_of_repeated_draws_of_the_noise():
     unknowns = case.search_space(case.PAIR, case.FRICTION)
     logs, repeats = _logs(), 25
-    trajectories = case.placed(unknowns, logs, [case.log_data(log, unknowns) for log in logs], COARSE)
+    trajectories = case.placed(unknowns, logs, [case.log_data(log, unknowns) for log in logs], COARSE_GRID)
     off, solved, data = [], None, []
     for repeat in range(repeats):
         data = [_quiet(log, unknowns, (100 + repeat, i)) for i, log in enumerate(logs)]
@@ -138,8 +138,8 @@ def test_what_the_data_cannot_tell_gets_no_small_error():
     unknowns = case.search_space(case.PAIR, case.FRICTION)
     logs = [case.simulated(case.PAIR, case.SLOW[0], case.SLOW[1], 20.0)]
     data = [case.log_data(logs[0], unknowns, load_sd=1e-4)]
-    trajectories = case.placed(unknowns, logs, data, COARSE)
-    known = _information(data, trajectories, unknowns, COARSE)
+    trajectories = case.placed(unknowns, logs, data, COARSE_GRID)
+    known = _information(data, trajectories, unknowns, COARSE_GRID)
     told = {e.name: e for e in _told(unknowns, known.covariance())}
     for name in ("a", "delta_mu_k", "D", "mu_k0", "t_cr"):
         assert told[name].verdict == "not identifiable"
@@ -148,7 +148,7 @@ def test_what_the_data_cannot_tell_gets_no_small_error():
         assert told[name].reason
     rich = _logs((case.SLOW, case.MIDDLE, case.FAST))
     both = [case.log_data(log, unknowns) for log in rich]
-    known = _information(both, case.placed(unknowns, rich, both, COARSE), unknowns, COARSE)
+    known = _information(both, case.placed(unknowns, rich, both, COARSE_GRID), unknowns, COARSE_GRID)
     assert {e.verdict for e in _told(unknowns, known.covariance())} == {"identified", "fixed"}
 
 

@@ -27,7 +27,8 @@ from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.report.log_document import _quality, load_trembles
 from identify.scene import Scene
-from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.grid import COARSE_GRID
+from identify.shooting.passes import solve_in_passes
 from identify.shooting.placing import place
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.simulation.drive import NormalForce
@@ -136,7 +137,7 @@ def test_the_true_values_of_an_in_vivo_twin_describe_its_records():
     misfits = []
     for data in (whole, [replace(log, tremor_sd=0.0) for log in whole]):
         values = [unknowns.values(truth, log.base) for log in data]
-        placed = [g for g in place(unknowns.model, data, values, falls, COARSE) if g is not None]
+        placed = [g for g in place(unknowns.model, data, values, falls, COARSE_GRID) if g is not None]
         solved = solve_in_passes(data, placed, nothing)
         assert solved.solution.success
         misfits.append(
@@ -173,7 +174,7 @@ def test_a_load_that_swings_in_a_slip_is_found_there(swing):
     for tremor in (0.0, 5e-3):
         data = [replace(log, tremor_sd=tremor)]
         values = [unknowns.values(unknowns.start, log.base)]
-        trajectories = [g for g in place(unknowns.model, data, values, [falls], COARSE) if g is not None]
+        trajectories = [g for g in place(unknowns.model, data, values, [falls], COARSE_GRID) if g is not None]
         solved = solve_in_passes(data, trajectories, unknowns)
         costs[tremor], (trajectory,) = solved.solution.cost, solved.trajectories
     found = trajectory.slip_deviation

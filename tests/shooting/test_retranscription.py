@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.logs.log_data import Grid
 from identify.logs.unknowns import FORGOTTEN
+from identify.shooting.grid import Grid
 from identify.shooting.retranscription import with_finer_steps
 from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.transcription import transcribe

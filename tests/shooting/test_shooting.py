@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.logs.log_data import Grid
 from identify.model.model import assemble
-from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.grid import COARSE_GRID, Grid
+from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.solve import solve
 from identify.shooting.transcription import transcribe
@@ -47,7 +47,7 @@ MIXED = case.PAIR | {"D": 200e-6}
 
 
 @pytest.mark.parametrize("pair", [case.PAIR, MIXED], ids=["saturating", "both types"])
-@pytest.mark.parametrize("grid", [SMALL, COARSE], ids=["small", "coarse"])
+@pytest.mark.parametrize("grid", [SMALL, COARSE_GRID], ids=["small", "coarse"])
 def test_unknowns_left_over_are_parameters_and_two_per_log(pair, grid):
     problem, logs = _problem(pair, grid=grid)
     assert problem.layout.size - problem.layout.rows == 6 + 2 * len(logs)
@@ -197,7 +197,7 @@ def test_derivatives_may_be_taken_in_portions(portion, monkeypatch):
 def test_multipliers_of_a_solution_balance_its_gradient():
     problem, logs = _problem(load_sd=1e-4)
     unknowns = problem.layout.unknowns
-    solved = solve_in_passes(problem.logs, case.placed(unknowns, logs, problem.logs, COARSE), unknowns)
+    solved = solve_in_passes(problem.logs, case.placed(unknowns, logs, problem.logs, COARSE_GRID), unknowns)
     point = solved.problem.evaluate(solved.solution.z, derivatives=True)
     balanced = point.gradient + point.jacobian.T @ solved.solution.multipliers
     assert np.max(np.abs(balanced)) < 1e-5 * np.max(np.abs(point.gradient))
@@ -270,7 +270,7 @@ def test_the_truth_solves_the_rows_and_has_the_event_times_of_the_independent_in
 def test_the_passes_end_where_the_noise_is():
     problem, logs = _problem(load_sd=1e-4)
     unknowns = problem.layout.unknowns
-    trajectories = case.placed(unknowns, logs, problem.logs, COARSE)
+    trajectories = case.placed(unknowns, logs, problem.logs, COARSE_GRID)
     solved = solve_in_passes(problem.logs, trajectories, unknowns)
     assert solved.solution.success
     assert solved.solution.constraint_violation < 1e-9
@@ -283,7 +283,7 @@ def test_a_guess_whose_events_are_out_of_order_is_a_failed_solve():
     # It ended a fit with CasADi's own error: "Ill-posed problem detected".
     problem, logs = _problem(load_sd=1e-4)
     unknowns = problem.layout.unknowns
-    trajectories = case.placed(unknowns, logs, problem.logs, COARSE)
+    trajectories = case.placed(unknowns, logs, problem.logs, COARSE_GRID)
     late = trajectories[0].until.copy()
     late[trajectories[0].ending("arrest")[0]] = trajectories[0].onset[1] + 0.5
     solved = solve_in_passes(problem.logs, [replace(trajectories[0], until=late), trajectories[1]], unknowns)
@@ -295,12 +295,12 @@ def test_a_guess_whose_events_are_out_of_order_is_a_failed_solve():
 def test_a_guess_with_a_slide_of_no_length_is_a_failed_solve(recwarn):
     # Its normal force was 0/0 as well, with a warning of numpy's for the user.
     problem, logs = _problem(load_sd=1e-4)
-    trajectories = case.placed(problem.layout.unknowns, logs, problem.logs, COARSE)
+    trajectories = case.placed(problem.layout.unknowns, logs, problem.logs, COARSE_GRID)
     worn = int(trajectories[1].ending("wear")[0])
     pinched = trajectories[1].until.copy()
     pinched[worn] = pinched[worn + 1]
     trajectories[1] = replace(trajectories[1], until=pinched)
-    solution = solve(shooting_problem(problem.logs, trajectories, problem.layout.unknowns, COARSE))
+    solution = solve(shooting_problem(problem.logs, trajectories, problem.layout.unknowns, COARSE_GRID))
     assert not solution.success and solution.cost == np.inf
     assert solution.return_status == "Events_Out_Of_Order"
     assert not recwarn.list
@@ -319,7 +319,7 @@ def test_a_wrong_model_does_not_fit(wrong):
     base[model.parameter_names.index("mass")] *= 1.2 if wrong == "mass" else 1.0
     factor = 1.1 if wrong == "drive speed" else 1.0
     data = [replace(d, base=base, drive_speed=factor * d.drive_speed) for d in data]
-    trajectories = case.placed(unknowns, logs, data, COARSE)
+    trajectories = case.placed(unknowns, logs, data, COARSE_GRID)
     solved = solve_in_passes(data, trajectories, unknowns.with_weak_priors())
     if wrong == "nothing":
         assert solved.solution.cost < 2.0

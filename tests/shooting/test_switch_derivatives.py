@@ -9,9 +9,9 @@ import pytest
 import scipy.sparse.linalg as sla
 
 from identify.estimation.influence import sample_moves
-from identify.logs.log_data import Grid
 from identify.shooting import blocks
 from identify.shooting import blocks as reageing
+from identify.shooting.grid import Grid
 from identify.shooting.layout import KNOWN
 from identify.shooting.shooting import shooting_problem
 from tests.support import oracle

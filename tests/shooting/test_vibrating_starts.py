@@ -18,8 +18,9 @@ from identify.model.model import assemble
 from identify.scene import Scene
 from identify.shooting import batch as lanes
 from identify.shooting import passes
+from identify.shooting.grid import COARSE_GRID
 from identify.shooting.onsets import with_first_onsets
-from identify.shooting.passes import COARSE, solve_in_passes
+from identify.shooting.passes import solve_in_passes
 from identify.shooting.placing import place
 from identify.shooting.shooting import shooting_problem
 from identify.simulation.drive import NormalForce
@@ -62,7 +63,7 @@ def _case():
 def _placed():
     unknowns, log, p, onsets, arrests = _case()
     falls = onsets + 0.5 * (arrests - onsets)
-    (trajectory,) = place(unknowns.model, [log], [p], [falls], COARSE)
+    (trajectory,) = place(unknowns.model, [log], [p], [falls], COARSE_GRID)
     assert trajectory is not None
     return trajectory
 
@@ -101,8 +102,8 @@ def test_a_slip_that_begins_a_period_too_late_is_put_where_the_grip_is_first_ove
     at_answer = replace(unknowns, start=_solved().theta)
     right = _solved().trajectories[0]
     assert right.onset == pytest.approx(onsets, abs=3e-3)
-    assert with_first_onsets(log, right, at_answer, COARSE) is None
-    mended = with_first_onsets(log, _late(), at_answer, COARSE)
+    assert with_first_onsets(log, right, at_answer, COARSE_GRID) is None
+    mended = with_first_onsets(log, _late(), at_answer, COARSE_GRID)
     assert mended is not None
     assert mended.onset == pytest.approx(right.onset, abs=2e-3)
     assert np.array_equal(np.delete(mended.onset, 1), np.delete(right.onset, 1))
@@ -112,7 +113,7 @@ def test_nothing_is_moved_where_nothing_vibrates():
     unknowns, log, *_ = _case()
     start = unknowns.start.copy()
     start[unknowns.names.index("excitation_amplitude")] = 0.0
-    assert with_first_onsets(log, _placed(), replace(unknowns, start=start), COARSE) is None
+    assert with_first_onsets(log, _placed(), replace(unknowns, start=start), COARSE_GRID) is None
     assert assemble(MAIN).waves.numel_out(0) == 0
 
 
@@ -131,7 +132,7 @@ def test_a_solve_that_ends_with_a_late_slip_goes_on_from_where_it_begins(monkeyp
 
 def _problem():
     unknowns, log, *_ = _case()
-    return shooting_problem([log], [_placed()], unknowns, COARSE)
+    return shooting_problem([log], [_placed()], unknowns, COARSE_GRID)
 
 
 def test_a_rest_of_many_blocks_goes_through_the_re_ageing_once():
@@ -174,7 +175,7 @@ def test_a_slip_that_never_ends_does_not_keep_the_others_from_being_moved(monkey
         return time, replace(slips, arrest=arrest)
 
     monkeypatch.setattr(lanes, "break_away", with_one_that_slides_on)
-    mended = with_first_onsets(log, late, replace(unknowns, start=_solved().theta), COARSE)
+    mended = with_first_onsets(log, late, replace(unknowns, start=_solved().theta), COARSE_GRID)
     assert mended is not None
     assert np.all(np.isfinite(mended.nodes)) and mended.onset == pytest.approx(
         _solved().trajectories[0].onset, abs=2e-3
