@@ -120,7 +120,7 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     half = np.pi * np.sqrt(p[:, names.index("mass")] / p[:, names.index("stiffness")])
     h = half / per_half_period
     states, rates, longest = [x[None]], list[Array](), 0
-    active, now, saturated = np.arange(n), u.copy(), np.zeros(n, bool)
+    active, now, worn = np.arange(n), u.copy(), np.zeros(n, bool)
     current, last_rate = x.copy(), np.zeros((n, n_x))
     arrests, wears = list[_Crossing](), list[_Crossing]()
     for first in range(0, int(LONGEST * per_half_period), STRIDE):
@@ -129,11 +129,11 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
         made = _Stride.of(model, given)
         if np.any(made.rests):
             arrests.append(made.crossing(first, active, np.flatnonzero(made.rests), made.last[made.rests]))
-        reached = made.clamps(model) & ~saturated[active][:, None]
+        reached = made.clamps(model) & ~worn[active][:, None]
         if np.any(reached):
             which = np.flatnonzero(np.any(reached, axis=1))
             wears.append(made.crossing(first, active, which, np.argmax(reached[which], axis=1)))
-            saturated[active[which]] = True
+            worn[active[which]] = True
         for so_far, end, new in ((states, current, made.after), (rates, last_rate, made.rate)):
             part = np.repeat(end[None], STRIDE, axis=0)
             part[:, active] = new.transpose(1, 0, 2)
@@ -300,9 +300,9 @@ def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
     k = p[:, model.parameter_names.index("stiffness")]
     x = x.copy()
     x[:, SPEED] = 0.0
-    saturated = functions["spare"]([x, p, u, np.full(x.shape[0], 1e12)])[0][:, 0]
+    rested = functions["spare"]([x, p, u, np.full(x.shape[0], 1e12)])[0][:, 0]
     with np.errstate(all="ignore"):
-        t = (saturated + k * u[:, 0] * 1e12) / (k * u[:, 0])  # the grip of a contact saturated for ever
+        t = (rested + k * u[:, 0] * 1e12) / (k * u[:, 0])  # the grip of a contact that rested for ever
         t = np.where(np.isfinite(t), np.maximum(t, 0.0), 0.0)
         swings = _swings(model, p)
         if np.any(swings > 0.0):

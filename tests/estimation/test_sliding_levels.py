@@ -51,7 +51,7 @@ def _said(log, trajectory, noise=WHITE):
 def test_steps_of_the_speed_hold_one_level_each():
     """Their mean, at the last speed, is the friction of nothing."""
     log = _log([(0.6, 1.0), (0.4, 2.0)], _white(10000))
-    trajectory = _motion(("slip", 0.5), ("steady", 4.0), ("steady", 10.0), ("slip", 10.5), ("steady_saturated", 20.0))
+    trajectory = _motion(("slip", 0.5), ("steady", 4.0), ("steady", 10.0), ("slip", 10.5), ("steady_worn", 20.0))
     assert steady(log.data, trajectory) == [(0.5, 10.0, 1e-3), (10.5, 20.0, 2e-3)]
     one, two = levels(log.data, trajectory)
     assert (one.coefficient, two.coefficient) == (pytest.approx(0.6, abs=2e-4), pytest.approx(0.4, abs=2e-4))

@@ -37,7 +37,7 @@ def test_a_slip_that_runs_backwards_is_named(wears: bool) -> None:
     assert "cycle 2" in str(said(motion(wears=wears, slip=-1e-4, after=5e-3)))
 
 
-def test_a_slip_that_never_saturates_has_nothing_after_its_saturation() -> None:
+def test_a_slip_that_never_wears_has_nothing_after_its_wear() -> None:
     assert said(motion(wears=False, slip=5e-3, after=-1e-4)) is None
 
 
