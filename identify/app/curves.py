@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from data_io import LogError, Record, read_log
 from identify.app.folder import Folder, PageError
-from identify.logs.told_drive import told_drive
+from identify.logs.recorded_drive import recorded_drive
 
 Array = NDArray[np.float64]
 
@@ -151,7 +151,7 @@ class OpenLogs:
         try:
             with self._readers:
                 record = read(progress=told)
-            drive = told_drive(record)
+            drive = recorded_drive(record)
             opened.programme = tuple((float(start), float(speed)) for start, speed in drive.programme or ())
             for role in ("friction_force", "normal_force"):
                 opened.blocks[role] = Blocks.of(getattr(record, role))

@@ -15,10 +15,10 @@ from identify.base.wording import speed_text, three_figures
 from identify.bench.ringdown import FEWEST_SAMPLES, FEWEST_SWINGS, RingDown, ring_downs
 from identify.logs.draft import DraftLog, look
 from identify.logs.log_regime import LogRegime
+from identify.logs.recorded_drive import UNTOLD, recorded_drive
 from identify.logs.regime import Regime
 from identify.logs.slip_frequency import slip_frequency
 from identify.logs.slips import line_slope
-from identify.logs.told_drive import UNTOLD, told_drive
 
 Array = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def sticks(record: Record, path: Path, speed: float | None, on_skin: bool = Fals
     harmonic = seen.regime is Regime.NEAR_HARMONIC  # the mass slides nearly all the time: its rises are no sticks
     if harmonic and swung:
         return swung
-    told = told_drive(record)
+    told = recorded_drive(record)
     drive = told.speed if speed is None else speed
     if not drive:
         why = "" if told.trouble == UNTOLD else f" ({told.trouble})"

@@ -20,10 +20,10 @@ from identify.cli.scene import only
 from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, judge
 from identify.logs.log_regime import LogRegime, drive_of, joined, look, only_of
+from identify.logs.recorded_drive import UNTOLD, RecordedDrive, recorded_drive
 from identify.logs.regime import SURE, Known, Regime
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 from identify.logs.slip_quality import RecordPart
-from identify.logs.told_drive import UNTOLD, ToldDrive, told_drive
 from identify.report.quantity_text import DASH, number, quantity, speed, split_key
 
 HEADINGS = ("run", "step", "stroke", "regime")
@@ -37,7 +37,7 @@ class StepSeen:
     every row, which strokes to and fro change."""
 
     step: Step
-    drive: ToldDrive
+    drive: RecordedDrive
     signs: NDArray[np.int64]
     seen: LogRegime
     phases: Segmentation
@@ -57,7 +57,7 @@ class Inspection:
     judgement: Judgement
     steps: tuple[StepSeen, ...]
     classical: ClassicalTable
-    drive: ToldDrive
+    drive: RecordedDrive
     regime: LogRegime
 
 
@@ -82,11 +82,11 @@ def inspection(
 ) -> Inspection:
     """Look at a record: phases step by step, then the verdict on clock, forces and slips."""
     given = rig.drive_speed
-    told = told_drive(record, rig.stiffness or 0.0) if given is None else ToldDrive(((0.0, given),), "given")
+    told = recorded_drive(record, rig.stiffness or 0.0) if given is None else RecordedDrive(((0.0, given),), "given")
     drive = given if given is not None else drive_of(record, told)
     regime = look(record, drive, rig.known)
     alone = [only(record, step) for step in record.steps] if told.speed is None and len(record.steps) > 1 else []
-    drives = [told if part is None else told_drive(part) for part in alone] or [told] * len(record.steps)
+    drives = [told if part is None else recorded_drive(part) for part in alone] or [told] * len(record.steps)
     steps = tuple(_seen(record, step, d, regime) for step, d in zip(record.steps, drives, strict=True))
     moving = [s for s in steps if not s.drive.stands]
     if 0 < len(moving) < len(steps):
@@ -104,7 +104,7 @@ def _part(record: Record, seen: StepSeen, speed: float | None, stiffness: float 
     return RecordPart(record.time[rows], force, seen.phases, expected, load)
 
 
-def _seen(record: Record, step: Step, drive: ToldDrive, whole: LogRegime) -> StepSeen:
+def _seen(record: Record, step: Step, drive: RecordedDrive, whole: LogRegime) -> StepSeen:
     """A step with those strokes of the log that are in it."""
     own = [i for i, stroke in enumerate(whole.strokes) if step.start <= stroke.start < step.stop]
     signs = np.ones(step.stop - step.start, dtype=np.int64)
@@ -182,7 +182,7 @@ def _speed(seen: Inspection) -> str:
     return f"{_drive(seen.drive)}{source}"
 
 
-def _drive(drive: ToldDrive) -> str:
+def _drive(drive: RecordedDrive) -> str:
     return speed(drive.speed) if drive.speed is not None else programme_text(drive.programme or ())
 
 

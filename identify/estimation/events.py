@@ -180,7 +180,7 @@ def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unk
     """Solve again with the logs that took no part so far, their slips mended at the answer, where it can be placed on
     them."""
     at_answer = replace(unknowns, start=best.solved.theta)
-    seen = {i: prepared[i] for i in late if prepared[i].fit_mode.faint}
+    seen = {i: prepared[i] for i in late if prepared[i].fit_mode.low_snr}
     forms = {i: _placeable(prepared[i], at_answer) for i in late}
     prepared = [forms.get(i) or log for i, log in enumerate(prepared)]
     late = [i for i in late if forms[i] is not None]
@@ -204,8 +204,8 @@ def _one_by_one(
     seen: dict[int, Prepared],
     unknowns: Unknowns,
 ) -> Attempt:
-    """The answer that the late logs join in this order, as far as they do: as they are, the faint ones also as they
-    were seen, and of a course that does not fit its steady end."""
+    """The answer that the late logs join in this order, as far as they do: as they are, those of low signal-to-noise
+    also as they were seen, and of a course that does not fit its steady end."""
     for i in late:
         if time_is_up():
             break
@@ -223,7 +223,7 @@ def _forms(log: Prepared, seen: Prepared | None, unknowns: Unknowns, *, tried: b
     """The forms of a log in the order in which they deserve a try, each made when it is asked for: mending takes time.
 
     Args:
-        seen: a faint log as it was seen. tried: the log as it is has been.
+        seen: a log of low signal-to-noise as it was seen. tried: the log as it is has been.
     """
     if not tried:
         yield log
@@ -249,4 +249,4 @@ def _placeable(log: Prepared, unknowns: Unknowns) -> Prepared | None:
 
 def _joining_mended(log: Prepared, unknowns: Unknowns) -> Prepared:
     """A log with its slips mended; one whose slips the noise hides is followed, whatever was seen of them."""
-    return log.as_continuous if log.fit_mode.faint else with_events_mended(log, unknowns)
+    return log.as_continuous if log.fit_mode.low_snr else with_events_mended(log, unknowns)

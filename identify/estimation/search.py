@@ -66,9 +66,9 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
     if not able:
         return None, left_out
     cycling = [[i for i in able if prepared[i].typical >= least] for least in LEAST]
-    faint = {i for i in able if prepared[i].fit_mode.faint}
-    starting = [i for i in able if (i in cycling[0] or slips_one_by_one(prepared[i])) and i not in faint]
-    choices = [starting, [i for i in cycling[0] if i not in faint], *cycling, able]
+    low_snr = {i for i in able if prepared[i].fit_mode.low_snr}
+    starting = [i for i in able if (i in cycling[0] or slips_one_by_one(prepared[i])) and i not in low_snr]
+    choices = [starting, [i for i in cycling[0] if i not in low_snr], *cycling, able]
     slips = {i for i in able if prepared[i].falls.size >= SLIPS}
     best: Attempt | None = None
     for number, logs in enumerate([some for n, some in enumerate(choices) if some and some not in choices[:n]]):
@@ -78,7 +78,7 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
         if number > 0 and found is not None:
             found = replace(found, found_by=(Strategy.OTHER_LOGS.title, *found.found_by))
         best = _better(best, found)
-        if _fits(best) and faint | slips <= set(best.log_numbers):
+        if _fits(best) and low_snr | slips <= set(best.log_numbers):
             break
     if not _fits(best):
         best = run_strategy(Strategy.STEADY_PARTS, lambda: _levels_only(problem, able), logs=able) or best
@@ -347,7 +347,7 @@ def alike(prepared: Sequence[Prepared]) -> bool:
 
 def required_logs(prepared: Sequence[Prepared]) -> list[int]:
     """Numbers of the logs that an answer has to describe: they are not left out, and show enough cycles."""
-    return [i for i in usable(prepared) if prepared[i].typical >= LEAST[1] and not prepared[i].fit_mode.faint]
+    return [i for i in usable(prepared) if prepared[i].typical >= LEAST[1] and not prepared[i].fit_mode.low_snr]
 
 
 def rejected_as_incomplete(best: Attempt, prepared: Sequence[Prepared], needed: Sequence[int]) -> Attempt:

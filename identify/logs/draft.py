@@ -19,10 +19,10 @@ from identify.effects import MAIN
 from identify.logs.judgement import judge
 from identify.logs.log_regime import LogRegime, drive_of, joined
 from identify.logs.log_regime import look as look_at
+from identify.logs.recorded_drive import RecordedDrive, recorded_drive
 from identify.logs.regime import Regime, Verdict
 from identify.logs.slip_quality import RecordPart
 from identify.logs.strokes import velocity_in_head, velocity_text
-from identify.logs.told_drive import ToldDrive, told_drive
 from identify.scene.toml import to_fill_in
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ class Told:
     throughout; rejected: why the quality gate rejects it, "" where it does not."""
 
     piece: DraftLog
-    drive: ToldDrive
+    drive: RecordedDrive
     seen: LogRegime
     cycles: int
     slope: float | None
@@ -117,7 +117,7 @@ def draft(pieces: Sequence[DraftLog], folder: Path, said: Mapping[str, object], 
 
 def look(piece: DraftLog) -> Told:
     """Drive, regime, stick slopes and noise of one piece."""
-    record, drive = piece.record, told_drive(piece.record)
+    record, drive = piece.record, recorded_drive(piece.record)
     seen = look_at(record, drive_of(record, drive))
     moving = [
         (verdict, stroke.speed)

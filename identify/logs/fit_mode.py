@@ -30,12 +30,12 @@ LEVEL = 0.5  # of the middle force: a record that starts above slides from its s
 @dataclass(frozen=True)
 class FitMode:
     """The name; steady_since: since when the last stretch slides steadily [s], None where it does not; begins_sliding;
-    faint: the noise hides so much of the cycles that many of them were missed; rhythm: of what only looks steady."""
+    low_snr: the noise hides so much of the cycles that many of them were missed; rhythm: of what only looks steady."""
 
     name: Name
     steady_since: float | None
     begins_sliding: bool
-    faint: bool = False
+    low_snr: bool = False
     rhythm: Swing | None = None
 
 
@@ -85,7 +85,7 @@ def _as_it_looks(record: ForceRecord, found: Segmentation, falls: Array) -> FitM
         return FitMode("continuous", settled, begins)
     slides = found.slides_on(falls.size)
     if falls.size and not slides:
-        return FitMode("cycles", None, False, found.faint)
+        return FitMode("cycles", None, False, found.low_snr)
     if falls.size == 0 and not slides:
         return FitMode("cycles", None, False)
     rise = int(np.argmax(found.phase != STICK)) if found.phase.size and found.phase[0] == STICK else 0

@@ -14,10 +14,10 @@ from data_io.quality import Quality, Verdict, assess, verdict_of
 from data_io.thresholds import DEFAULTS, Thresholds
 from data_io.values import Finding
 from identify.base.result import QualityFigure, QualityResult
+from identify.logs.recorded_drive import speed_of
 from identify.logs.segment import Segmentation, segment
 from identify.logs.slip_quality import RecordPart, SlipQuality, look_at_slips
 from identify.logs.spectrum import Spectrum
-from identify.logs.told_drive import speed_of
 
 # What is probably wrong with a log although it can be read: units, columns, sampling.
 

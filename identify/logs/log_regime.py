@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from identify.logs.recorded_drive import RecordedDrive
 from identify.logs.regime import UNKNOWN, Known, Regime, Verdict, classify
 from identify.logs.segment import SLIDING, DetectedCycles, Segmentation
 from identify.logs.strokes import Drive, Stroke, strokes
-from identify.logs.told_drive import ToldDrive
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def look(
     return LogRegime(*_of_all(changes_speed(drive), parts, verdicts), parts, tuple(verdicts))
 
 
-def drive_of(record: Record, told: ToldDrive) -> Drive:
+def drive_of(record: Record, told: RecordedDrive) -> Drive:
     """The drive that the strokes of a record are told by: what a column of it surely says; None where none does."""
     if record.drive_speed is not None and not isinstance(record.drive_speed, np.ndarray):
         return record.drive_speed
@@ -162,5 +162,5 @@ def joined(parts: Sequence[tuple[int, Segmentation]], rows: int) -> Segmentation
         stick_slopes=np.concatenate([found.stick_slopes for found in seen]),
         loading_slope=next((found.loading_slope for found in seen if found.loading_slope is not None), None),
         sample_interval=float(np.median([found.sample_interval for found in seen])),
-        faint=any(found.faint for found in seen),
+        low_snr=any(found.low_snr for found in seen),
     )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from data_io.arrays import thinned_steps
 from data_io.motion import motion_of
-from identify.logs.told_drive import drive_position
+from identify.logs.recorded_drive import drive_position
 from identify.scene import Scene
 from identify.scene.values import LogEntry
 from identify.simulation.drive import Drive

@@ -77,7 +77,7 @@ class Prepared:
     @property
     def as_continuous(self) -> Prepared:
         """The same log, to be followed by the model instead of cycle by cycle as they were seen."""
-        return replace(self, fit_mode=replace(self.fit_mode, name="continuous", faint=False))
+        return replace(self, fit_mode=replace(self.fit_mode, name="continuous", low_snr=False))
 
     @property
     def regime(self) -> Regime | None:

@@ -158,7 +158,7 @@ def classify(
             word = "one slip" if found.count == 1 else f"{found.count} slips"
             evidence = (*tested.evidence, f"{word} at first, then it slides")
             brief = Verdict(Regime.SLIDING, tested.confidence, evidence, found)
-        if not tested.slips and found.faint and (often := _hidden(time, force, known)) is not None:
+        if not tested.slips and found.low_snr and (often := _hidden(time, force, known)) is not None:
             says = f"noise hides most slips, but it swings {often:.3g} times a second as fast as sticks load"
             return Verdict(Regime.STICK_SLIP, 0.8, (says,), found)
     assert first is not None

@@ -20,7 +20,7 @@ from data_io.speed_steps import Programme
 from data_io.values import Finding
 from identify.base.errors import FitError
 from identify.base.wording import programme_text
-from identify.logs.told_drive import ToldDrive, drive_position, held_against_column, told_drive
+from identify.logs.recorded_drive import RecordedDrive, drive_position, held_against_column, recorded_drive
 from identify.scene import Scene
 from identify.scene.values import DriveSpeed, LogEntry
 
@@ -230,7 +230,7 @@ def with_drives(scene: Scene, records: Sequence[Record] | None = None) -> tuple[
                 f"{entry.path.name} has no drive speed and is larger than memory, so that its columns are not searched "
                 'for it; give drive_speed = "… mm/s" in its [[logs]] or under [rig]'
             )
-        told = told_drive(record, scene.rig_for(entry).stiffness, entry.window)
+        told = recorded_drive(record, scene.rig_for(entry).stiffness, entry.window)
         programme = _sure(told, entry)
         speed = programme if len(programme) > 1 else programme[0][1]
         logs[i] = replace(entry, drive_speed=speed)
@@ -238,7 +238,7 @@ def with_drives(scene: Scene, records: Sequence[Record] | None = None) -> tuple[
     return (replace(scene, logs=tuple(logs)) if said else scene), said
 
 
-def _sure(told: ToldDrive, entry: LogEntry) -> Programme:
+def _sure(told: RecordedDrive, entry: LogEntry) -> Programme:
     remedy = 'give drive_speed = "… mm/s" in its [[logs]] or under [rig]'
     if told.programme is None:
         raise FitError(f"{entry.path.name} has no drive speed, and {told.trouble}; {remedy}")

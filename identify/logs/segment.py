@@ -84,7 +84,7 @@ class Segmentation:
     not finite; phase: int8 (n,), 0 stick, 1 slip (peak to valley), 2 sliding without stick-slip;
     begins_in_slip: the record starts within a slip (not counted); stick_slopes: slope of every stick
     that was seen completely [N/s], in order, the first ramp of a record that starts at rest apart in
-    `loading_slope` (None without one); ends_sliding: steady or decaying sliding follows the last cycle; faint: slips
+    `loading_slope` (None without one); ends_sliding: steady or decaying sliding follows the last cycle; low_snr: slips
     fall by so little that many of them are lost in the noise.
     """
 
@@ -97,7 +97,7 @@ class Segmentation:
     stick_slopes: Array
     loading_slope: float | None
     sample_interval: float
-    faint: bool = False
+    low_snr: bool = False
 
     @property
     def count(self) -> int:
@@ -196,10 +196,10 @@ def segment(
     falls = judge(trace, turns)
     phase, ends_sliding = label(trace, falls)
     cycles = _cycles(trace, falls)
-    faint = _faint(cycles, sd, interval, half_period)
+    low_snr = _low_snr(cycles, sd, interval, half_period)
     return Segmentation(
         cycles=cycles,
-        noise=_noise(kept(force, ~holes), clean, phase, white, faint, stamps) if noise is None else noise,
+        noise=_noise(kept(force, ~holes), clean, phase, white, low_snr, stamps) if noise is None else noise,
         spikes=masked | holes,
         phase=phase,
         begins_in_slip=falls.starts_falling and bool(falls.kept.any()),
@@ -207,11 +207,11 @@ def segment(
         stick_slopes=falls.stick_slopes,
         loading_slope=_loading_slope(trace, falls),
         sample_interval=interval,
-        faint=faint,
+        low_snr=low_snr,
     )
 
 
-def _faint(cycles: DetectedCycles, white: float, interval: float, half_period: float | None) -> bool:
+def _low_snr(cycles: DetectedCycles, white: float, interval: float, half_period: float | None) -> bool:
     """Whether slips fall by less than what is surely seen of them."""
     if cycles.count == 0:
         return False
@@ -221,10 +221,10 @@ def _faint(cycles: DetectedCycles, white: float, interval: float, half_period: f
 
 
 def _noise(
-    finite: Array, clean: Array, phase: NDArray[np.int8], white: float, faint: bool, stamps: Array | None
+    finite: Array, clean: Array, phase: NDArray[np.int8], white: float, low_snr: bool, stamps: Array | None
 ) -> float:
-    """Never less than the rounding of the file; what lies between faint slips holds others."""
-    on_lines = None if faint else noise_on_lines(clean, not_slipping(phase), stamps)
+    """Never less than the rounding of the file; what lies between slips lost in the noise holds others."""
+    on_lines = None if low_snr else noise_on_lines(clean, not_slipping(phase), stamps)
     return max(on_lines or white, quantum(finite) / sqrt(12.0))
 
 

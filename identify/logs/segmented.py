@@ -205,7 +205,7 @@ def followed(
 ) -> Segmentation:
     """The phases that a fit follows: those of the verdict; of slips half lost in the noise those that the period of the
     rig shows, since it is the model that has to tell the others."""
-    return segment(time, force, half_period=half_period, noise=noise) if verdict.found.faint else verdict.found
+    return segment(time, force, half_period=half_period, noise=noise) if verdict.found.low_snr else verdict.found
 
 
 def _verdict(time: Array, force: Array, rig: Rig, drive: Drive, elastic: bool) -> Verdict:

@@ -36,7 +36,7 @@ from identify.estimation.strained import stick_scatter
 from identify.estimation.tolerances import added_by_tolerances
 from identify.logs.parting import parts_of
 from identify.logs.prepare import Prepared
-from identify.logs.told_drive import DISAGREES
+from identify.logs.recorded_drive import DISAGREES
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
 from identify.prediction.wording import listed

@@ -12,8 +12,8 @@ from data_io import LogError, Record, read_log
 from identify.cli import main as cli
 from identify.logs.parting import gaps_apart
 from identify.logs.prepare import prepare
+from identify.logs.recorded_drive import recorded_drive
 from identify.logs.scene_records import read_entry, unused
-from identify.logs.told_drive import told_drive
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
 
@@ -161,8 +161,8 @@ def test_pieces_of_a_drive_are_counted_within_the_window():
     t = np.arange(4000) / 100.0
     position = np.where(t < 20.0, 1e-4 * np.abs((t % 0.5) - 0.25), 1e-4 * t)  # 80 strokes, then one way
     record = Record(t, np.ones_like(t), 0.5 + 0 * t, channels={"position": position}, channel_units={"position": "m"})
-    assert told_drive(record).programme is None or len(told_drive(record).programme) > 1
-    assert told_drive(record, window=(21.0, 39.0)).speed == pytest.approx(1e-4, rel=1e-6)
+    assert recorded_drive(record).programme is None or len(recorded_drive(record).programme) > 1
+    assert recorded_drive(record, window=(21.0, 39.0)).speed == pytest.approx(1e-4, rel=1e-6)
 
 
 def test_all_that_is_missing_is_asked_for_at_once(tmp_path):

@@ -15,8 +15,8 @@ from data_io.record import Step
 from identify import Scene, fit
 from identify.cli import main as cli
 from identify.logs.judgement import judge
+from identify.logs.recorded_drive import drive_position, recorded_drive, speed_of
 from identify.logs.scene_records import with_records
-from identify.logs.told_drive import drive_position, speed_of, told_drive
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
 
@@ -91,7 +91,7 @@ WEAR = 1e-6 * np.arange(6000) / 500.0
 ])  # fmt: skip
 def test_wear_depth_and_other_carriages_are_no_drive(name: str, unit: str, values: np.ndarray) -> None:
     record = record_of({name: values}, {name: unit}, saw(SPEED, 500.0), {})
-    told = told_drive(record)
+    told = recorded_drive(record)
     assert told.programme is None and speed_of(record) is None
     codes = {finding.code for finding in judge(record, []).findings}
     assert not codes & {"residual_force", "stopped"}
@@ -99,7 +99,7 @@ def test_wear_depth_and_other_carriages_are_no_drive(name: str, unit: str, value
 
 @pytest.mark.parametrize("name", ["V1", "X", "Slider"])
 def test_sticks_that_load_in_proportion_tell_the_drive(name: str) -> None:
-    told = told_drive(record_of({name: SPEED, "Z": WEAR}, {name: "m/s", "Z": "m"}, saw(SPEED, 500.0), {}))
+    told = recorded_drive(record_of({name: SPEED, "Z": WEAR}, {name: "m/s", "Z": "m"}, saw(SPEED, 500.0), {}))
     assert told.programme == ((0.0, 1e-3), (pytest.approx(6.0, abs=0.02), 2e-3))
     assert "which is what the sticks load by" in told.source
 
@@ -107,9 +107,9 @@ def test_sticks_that_load_in_proportion_tell_the_drive(name: str) -> None:
 def test_a_known_stiffness_tells_a_drive_of_one_speed() -> None:
     one = np.full(6000, 1e-3)
     record = record_of({"V2": one}, {"V2": "m/s"}, saw(one, 500.0), {})
-    assert told_drive(record).programme is None
-    assert told_drive(record, 1500.0).speed == pytest.approx(1e-3)
-    assert told_drive(record, 15_000.0).programme is None
+    assert recorded_drive(record).programme is None
+    assert recorded_drive(record, 1500.0).speed == pytest.approx(1e-3)
+    assert recorded_drive(record, 15_000.0).programme is None
 
 
 def test_strokes_of_a_table_tell_the_drive_and_a_vertical_axis_does_not() -> None:
@@ -118,7 +118,7 @@ def test_strokes_of_a_table_tell_the_drive_and_a_vertical_axis_does_not() -> Non
     force = 0.5 * way + 0.01 * np.random.default_rng(4).standard_normal(way.size)
     record = record_of({"Z": WEAR, "X": position}, {"Z": "m", "X": "m"}, force, {})
     assert drive_position(record) == "X"
-    told = told_drive(record)
+    told = recorded_drive(record)
     assert told.programme is not None and "turns as the friction does" in told.source
     np.testing.assert_allclose([abs(speed) for _, speed in told.programme], 2e-3, rtol=0.01)
 
@@ -131,7 +131,7 @@ def test_strokes_of_a_table_tell_the_drive_and_a_vertical_axis_does_not() -> Non
 def test_a_column_as_fast_as_the_head_says_is_the_drive(head: dict, speed: float, drive: bool) -> None:
     values = np.full(2000, speed)
     force = 0.5 + 0.01 * np.random.default_rng(1).standard_normal(values.size)
-    told = told_drive(record_of({"V2": values}, {"V2": "m/s"}, force, head))
+    told = recorded_drive(record_of({"V2": values}, {"V2": "m/s"}, force, head))
     assert (told.speed is not None) == drive
 
 
@@ -143,10 +143,10 @@ def test_noise_whose_differences_are_as_fast_as_the_head_says_is_no_drive(walk: 
     noise = np.cumsum(noise) if walk else noise
     speeds = np.abs(noise[4:] - noise[:-4]) / (4 / 500.0)  # record_of has 500 Hz
     noise *= 1e-3 / float(np.median(speeds[speeds > 0.05 * np.quantile(speeds, 0.9)]))
-    told = told_drive(record_of({"Z": noise}, {"Z": "m"}, force, {"Velocity": "60"}))
+    told = recorded_drive(record_of({"Z": noise}, {"Z": "m"}, force, {"Velocity": "60"}))
     assert told.programme is None
     drive = noise / 10.0 + 1e-3 * np.arange(force.size) / 500.0
-    told = told_drive(record_of({"Z": drive}, {"Z": "m"}, force, {"Velocity": "60"}))
+    told = recorded_drive(record_of({"Z": drive}, {"Z": "m"}, force, {"Velocity": "60"}))
     assert told.programme is not None and told.programme[0][1] == pytest.approx(1e-3, rel=0.05)
 
 

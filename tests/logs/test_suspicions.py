@@ -11,9 +11,9 @@ from identify import examples
 from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.judgement import judge
+from identify.logs.recorded_drive import recorded_drive
 from identify.logs.segment import segment
 from identify.logs.slip_quality import RecordPart
-from identify.logs.told_drive import told_drive
 from identify.model.model import assemble
 from identify.simulation.simulate import run
 
@@ -141,7 +141,7 @@ def test_a_position_that_stands_still_is_no_drive():
     def told(*names):
         units = dict.fromkeys(names, "m")
         shown = {name: channels[name] for name in names}
-        drive = told_drive(replace(good, channels=shown, channel_units=units))
+        drive = recorded_drive(replace(good, channels=shown, channel_units=units))
         return drive.speed, drive.source
 
     assert told("Z", "W", "Position") == (pytest.approx(2e-3), "from the slope of column Position")

@@ -61,7 +61,7 @@ def near_grazing() -> tuple[list[Prepared], Unknowns, tuple[int, ...]]:
 
 def test_half_of_the_slips_lost_in_the_noise_make_a_log_faint() -> None:
     prepared, _, slips = hidden()
-    assert [log.fit_mode.faint for log in prepared] == [True, False, False]
+    assert [log.fit_mode.low_snr for log in prepared] == [True, False, False]
     assert prepared[0].segmentation.count < 0.7 * slips[0]
     # What lies between the slips that were seen holds others: lines through it would show twice the noise.
     assert prepared[0].segmentation.noise == pytest.approx(NOISE, rel=0.05)
@@ -69,9 +69,9 @@ def test_half_of_the_slips_lost_in_the_noise_make_a_log_faint() -> None:
     time, force = prepared[0].record.time, prepared[0].record.friction_force
     true = run(assemble(MAIN), HIDDEN | HIDDEN_RIG, FAINT[0], 1.0, FAINT[1]).sample(time)["force"]
     half_period = prepared[0].rig.half_period
-    assert segment(time, force, half_period=half_period).faint
+    assert segment(time, force, half_period=half_period).low_snr
     clear = segment(time, true + 0.25 * (force - true), half_period=half_period)
-    assert not clear.faint and abs(clear.count - slips[0]) <= 1
+    assert not clear.low_snr and abs(clear.count - slips[0]) <= 1
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 
 from data_io import Record
 from identify.cli import main as cli
-from identify.logs.told_drive import told_drive
+from identify.logs.recorded_drive import recorded_drive
 
 STIFFNESS, DROP, RATE = 1800.0, 0.2, 500.0
 PROGRAMME = ((0.0, 2e-4), (6.0, 1e-3), (9.0, 4e-3), (11.0, 1e-3), (14.0, 2e-4))
@@ -75,9 +75,9 @@ def test_a_distance_that_is_slid_is_that_of_the_drive(header):
     time, _, position, force = driven(((0.0, 1e-3),))
     name = header.removesuffix(" [mm]")
     record = Record(time, np.ones(time.size), force, channels={name: position}, channel_units={name: "m"})
-    assert told_drive(record).speed == pytest.approx(1e-3, rel=1e-6)
+    assert recorded_drive(record).speed == pytest.approx(1e-3, rel=1e-6)
     other = Record(time, np.ones(time.size), force, channels={"Probe": position}, channel_units={"Probe": "m"})
-    assert told_drive(other).speed is None
+    assert recorded_drive(other).speed is None
 
 
 def test_strokes_of_a_position_are_drafted_with_their_signs(tmp_path):
@@ -98,7 +98,7 @@ def test_a_position_that_swings_is_no_programme():
         channels={"Position": 1e-3 * np.sin(time)},
         channel_units={"Position": "m"},
     )
-    told = told_drive(record)
+    told = recorded_drive(record)
     assert told.programme is None and "does not move evenly" in told.trouble
 
 
@@ -112,7 +112,7 @@ def test_another_column_does_not_stand_in_for_one_that_is_no_programme():
         channels=channels,
         channel_units={"Velocity": "m/s", "Z": "m"},
     )
-    told = told_drive(record)
+    told = recorded_drive(record)
     assert told.programme is None and "Velocity goes gradually" in told.trouble and not told.stands
 
 

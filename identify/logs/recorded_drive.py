@@ -39,7 +39,7 @@ HALF = 20  # rows of a half that tells its speed
 
 
 @dataclass(frozen=True)
-class ToldDrive:
+class RecordedDrive:
     """programme: ((start [s], speed [m/s]), ...), one pair where it is one speed, which then is positive; None where
     the log tells none. source: where it stands, in words; trouble: where it is None, why, in words; named: the name of
     the column says that it is the drive; stands: a column of the drive, or the head of the log, says that it does not
@@ -62,7 +62,7 @@ class ToldDrive:
         return self.programme[0][1] if self.programme is not None and len(self.programme) == 1 else None
 
 
-def told_drive(record: Record, stiffness: float = 0.0, window: tuple[float, float] | None = None) -> ToldDrive:
+def recorded_drive(record: Record, stiffness: float = 0.0, window: tuple[float, float] | None = None) -> RecordedDrive:
     """What a record tells of its drive.
 
     A drive speed of the record counts first, then a column with a unit of speed or of length whose name says that it
@@ -78,7 +78,9 @@ def told_drive(record: Record, stiffness: float = 0.0, window: tuple[float, floa
         return _of_steps(steps_of(record.time, record.drive_speed), "drive_speed", "as the log says")
     if record.drive_speed is not None:
         speed = abs(float(record.drive_speed))
-        return ToldDrive(((0.0, speed),) if speed else None, "as the log says", "it is 0 in the log", True, not speed)
+        return RecordedDrive(
+            ((0.0, speed),) if speed else None, "as the log says", "it is 0 in the log", True, not speed
+        )
     speeds, positions = _named(record, "m/s", SPEED_NAMES), _named(record, "m", POSITION_NAMES)
     tried = [
         *(_of_speed(record, name) for name in speeds),
@@ -91,9 +93,9 @@ def told_drive(record: Record, stiffness: float = 0.0, window: tuple[float, floa
     if told is not None:
         return told
     if not tried and not doubts and rests_by_head(record):  # nor does any carriage move
-        return ToldDrive(None, trouble="the head of the log says Velocity = 0", stands=True)
+        return RecordedDrive(None, trouble="the head of the log says Velocity = 0", stands=True)
     words = "; ".join(drive.trouble for drive in tried) or "; ".join(doubts) or _unused(record)
-    return ToldDrive(None, trouble=words, stands=bool(speeds) and all(drive.stands for drive in tried))
+    return RecordedDrive(None, trouble=words, stands=bool(speeds) and all(drive.stands for drive in tried))
 
 
 def drive_position(record: Record) -> str | None:
@@ -121,7 +123,7 @@ def speed_of(record: Record) -> Array | None:
     return np.abs(column_speed(record, position))
 
 
-def _along_friction(record: Record, stiffness: float) -> tuple[ToldDrive | None, list[str]]:
+def _along_friction(record: Record, stiffness: float) -> tuple[RecordedDrive | None, list[str]]:
     """The drive told by a column that no name gives away, but that moves along the friction; and why others do not."""
     doubts: list[str] = []
     for name in sorted(record.channel_units, key=lambda name: record.channel_units[name] != "m/s"):
@@ -140,13 +142,13 @@ def _along_friction(record: Record, stiffness: float) -> tuple[ToldDrive | None,
     return None, doubts
 
 
-def _told_within(record: Record, stiffness: float, window: tuple[float, float]) -> ToldDrive:
+def _told_within(record: Record, stiffness: float, window: tuple[float, float]) -> RecordedDrive:
     """What the part of a record tells that is used, in the times of the whole."""
     first, last = np.searchsorted(record.time, window[0]), np.searchsorted(record.time, window[1], side="right")
     if last - first < 2:
-        return told_drive(record, stiffness)  # such a window is refused elsewhere
+        return recorded_drive(record, stiffness)  # such a window is refused elsewhere
     begin = float(record.metadata.get(WINDOW_START, 0.0))
-    told = told_drive(within(record, (window[0] + begin, window[1] + begin)), stiffness)
+    told = recorded_drive(within(record, (window[0] + begin, window[1] + begin)), stiffness)
     start = float(record.time[first])
     later = None if told.programme is None else [(at + start if at else 0.0, speed) for at, speed in told.programme]
     return replace(told, programme=None if later is None else tuple(later))
@@ -167,14 +169,14 @@ def _named(record: Record, unit: str, names: Sequence[str]) -> list[str]:
     return sorted(there, key=lambda name: names.index(_key(name)))
 
 
-def _of_speed(record: Record, name: str) -> ToldDrive:
+def _of_speed(record: Record, name: str) -> RecordedDrive:
     return _of_steps(steps_of(record.time, record.channels[name]), _shown(name), f"from column {_shown(name)}")
 
 
-def _of_steps(found: SpeedSteps, name: str, source: str) -> ToldDrive:
+def _of_steps(found: SpeedSteps, name: str, source: str) -> RecordedDrive:
     if found.programme is None:
-        return ToldDrive(None, trouble=f"column {name} {found.trouble}", named=True, stands=found.stands)
-    return ToldDrive(_one_way(found.programme), source, named=True)
+        return RecordedDrive(None, trouble=f"column {name} {found.trouble}", named=True, stands=found.stands)
+    return RecordedDrive(_one_way(found.programme), source, named=True)
 
 
 def _one_way(programme: Programme) -> Programme:
@@ -184,26 +186,30 @@ def _one_way(programme: Programme) -> Programme:
     return tuple((start, abs(speed)) for start, speed in programme)
 
 
-def _of_position(record: Record, name: str) -> ToldDrive:
+def _of_position(record: Record, name: str) -> RecordedDrive:
     """What a position tells: pieces of even speed."""
     values = record.channels[name]
     if not np.isfinite(values).all():
-        return ToldDrive(None, trouble=f"column {name} has gaps", named=True)
+        return RecordedDrive(None, trouble=f"column {name} has gaps", named=True)
     motion = motion_of(record, name) if _travels(values) else None
     if motion is None:
-        return ToldDrive(None, trouble=f"column {name} stands still", named=True, stands=True)
+        return RecordedDrive(None, trouble=f"column {name} stands still", named=True, stands=True)
     if len(motion.pieces) > MOST:
-        return ToldDrive(None, trouble=f"column {name} has {len(motion.pieces)} pieces, more than {MOST}", named=True)
+        return RecordedDrive(
+            None, trouble=f"column {name} has {len(motion.pieces)} pieces, more than {MOST}", named=True
+        )
     if not _even(record.time, values, motion):
         rate = _rate(record.time, values)
         if rate is not None:
-            return ToldDrive(((0.0, rate),), f"from the slope of column {name}", named=True)
-        return ToldDrive(None, trouble=f"column {name} does not move evenly between its turns and rests", named=True)
+            return RecordedDrive(((0.0, rate),), f"from the slope of column {name}", named=True)
+        return RecordedDrive(
+            None, trouble=f"column {name} does not move evenly between its turns and rests", named=True
+        )
     speeds = evened([piece.speed for piece in motion.pieces])
     pairs = [(piece.time, speed) for piece, speed in zip(motion.pieces, speeds, strict=True)]
     kept = [(0.0, pairs[0][1])]
     kept += [b for a, b in pairwise(pairs) if a[1] != b[1]]
-    return ToldDrive(_one_way(tuple(kept)), f"from the slope of column {name}", named=True)
+    return RecordedDrive(_one_way(tuple(kept)), f"from the slope of column {name}", named=True)
 
 
 def _even(time: Array, position: Array, motion: Motion) -> bool:
@@ -272,7 +278,7 @@ def _contradiction(entry: LogEntry, stated: DriveSpeed, record: Record, stiffnes
     """What a column says against the stated drive, in a sentence; None where they agree or no column tells."""
     if record.time.size < 2:
         return None
-    told = told_drive(record, stiffness, entry.window)
+    told = recorded_drive(record, stiffness, entry.window)
     if not told.named or told.programme is None:
         head = velocity_in_head(record)
         if head is None or isinstance(stated, tuple):
@@ -287,7 +293,7 @@ def _contradiction(entry: LogEntry, stated: DriveSpeed, record: Record, stiffnes
     return changes or _apart(entry, stated, record, told)
 
 
-def _changes(entry: LogEntry, stated: float, record: Record, told: ToldDrive) -> str | None:
+def _changes(entry: LogEntry, stated: float, record: Record, told: RecordedDrive) -> str | None:
     """That a column has several speeds where the scene has one, rests in between, or turns where no position tells the
     strokes."""
     start, stop = entry.window or (0.0, float(record.time[-1]))
@@ -317,7 +323,7 @@ def _strokes(record: Record) -> bool:
     return min(speeds) < 0.0 < max(speeds)
 
 
-def _apart(entry: LogEntry, stated: DriveSpeed, record: Record, told: ToldDrive) -> str | None:
+def _apart(entry: LogEntry, stated: DriveSpeed, record: Record, told: RecordedDrive) -> str | None:
     """Where a stated drive and that of the column differ for longer than steps may be apart."""
     used = np.ones(record.time.size, dtype=bool)
     for first, last in [entry.window] if entry.window else []:
