@@ -65,7 +65,7 @@ EXAMPLES: Final = {
 _LONGEST_SHOWN: Final = 60
 _LONGEST_PARSED: Final = 300
 _BRACKETS = re.compile(r"(.*?)\s*[(\[{（【]\s*([^()\[\]{}（）【】]*(?:\([^()]*\))?)\s*[)\]}）】]\s*")
-_SUFFIX = re.compile(r"(.*?[^\s_/,])(?:\s*[_/,]\s*|\s+)(\S+)")
+_SUFFIX = re.compile(r"(.*[^\s_/,])(?:\s*[_/,]\s*|\s+)([^\s_]+)")  # behind the last of them: normal_force_N
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Header:
 
 @functools.lru_cache(maxsize=4096)
 def parse_name(text: str) -> Name:
-    """Split `Fx (N)`, `Fx [N]`, `fx_N`, `t / s` into name and unit.
+    """Split `Fx (N)`, `Fx [N]`, `fx_N`, `normal_force_N`, `t / s` into name and unit.
 
     A unit without brackets is believed only behind a name that is itself a known alias, because `F_N` or `Fx left` say
     something else.

@@ -35,6 +35,7 @@ VARIANTS = {
     "brackets behind blanks": "Time [s] Fx [N] Fz [N]\n" + rows(" "),
     "parentheses": "Time (s),DAQ.Fx (N),DAQ.Fz (N)\n" + rows(),
     "suffix": "t_s,fx_N,fz_N\n" + rows(),
+    "suffix of words": "time_s,friction_force_N,normal_force_N\n" + rows(),
     "slash": "t / s;F_R / N;F_N / N\n" + rows(";"),
     "decimal comma and semicolon": "Zeit [s];Reibkraft [N];Normalkraft [N]\n" + rows(";", ","),
     "decimal comma and tab": "Time [s]\tFx [N]\tFz [N]\n" + rows("\t", ","),
