@@ -12,17 +12,20 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "time": (
         "time", "t", "timestamp", "elapsedtime", "testtime", "zeit", "xvalue", "czas", "temps", "tiempo", "tempo",
         "steptime", "runtime", "runningtime", "totaltime", "datetime", "dateandtime", "datetimestamp", "zeitstempel",
-        "messzeit", "prüfzeit", "时间", "测试时间", "试验时间", "采样时间", "時間", "経過時間", "試験時間",
+        "messzeit", "prüfzeit", "sec", "secs", "seconds", "sekunden",
+        "时间", "测试时间", "试验时间", "采样时间", "時間", "経過時間", "試験時間",
     ),
     "normal_force": (
-        "fz", "normalforce", "fn", "normal", "normalload", "load", "axialforce", "normalkraft", "nominalload",
+        "fz", "normalforce", "fn", "normal", "forcenormal", "fnormal", "fnorm", "verticalforce", "verticalload",
+        "downforce", "normalload", "load", "axialforce", "normalkraft", "nominalload",
         "nominalforce", "appliedload", "nacisk", "ballload", "forcenormale", "effortnormal", "charge", "chargenormale",
         "fuerzanormal", "carga", "carganormal", "forzanormale", "carico", "cariconormale", "siłanormalna",
         "silanormalna", "si³anormalna", "obciążenie", "obciazenie", "siłanacisku", "forçanormal", "正压力", "法向力",
         "法向载荷", "载荷", "垂直荷重", "荷重", "法線力", "垂直力", "垂直抗力",
     ),
     "friction_force": (
-        "fx", "frictionforce", "friction", "ff", "ft", "fr", "tangentialforce", "tangential", "lateralforce",
+        "fx", "frictionforce", "friction", "ff", "ft", "fr", "forcefriction", "ffriction", "ffric", "forcetangential",
+        "ftangential", "shearforce", "dragforce", "horizontalforce", "tangentialforce", "tangential", "lateralforce",
         "reibkraft", "reibungskraft", "fricforce", "frictionalforce", "tractionforce", "forcedefrottement",
         "frottement", "forcetangentielle", "efforttangentiel", "fuerzadefricción", "fuerzadefriccion",
         "fuerzaderozamiento", "fricción", "rozamiento", "fuerzatangencial", "forzadiattrito", "forzadattrito",
@@ -51,6 +54,7 @@ _SPEEDS: Final = (
     "滑り速度",
 )  # fmt: skip
 
+_SECONDS: Final = ("sec", "secs", "seconds", "sekunden")  # names that are a unit
 _MILLISECONDS: Final = ("ms", "msec", "millisec", "millisecond", "milliseconds", "millisekunden", "millisecondes")
 
 KIND: Final = {"time": "time", "normal_force": "force", "friction_force": "force", "drive_speed": "speed"}
@@ -112,7 +116,7 @@ def parse_name(text: str) -> Name:
         unit = match[2].lower() if role == "time" else match[2]  # Time_S
         if kind_of(unit) in ("time", "force"):
             return Name(text, match[1].strip(), unit)
-    return Name(text, text, None)
+    return Name(text, text, "s" if _key(text) in _SECONDS else None)
 
 
 @functools.lru_cache(maxsize=4096)
@@ -131,7 +135,17 @@ def _clock_key(key: str) -> str:
 def role_of(name: str) -> str | None:
     """Return the role that a column name stands for, None if it is no known alias."""
     key = _clock_key(_key(name))
-    return next((role for role, aliases in ALIASES.items() if key in aliases), None)
+    return next((role for role in ALIASES if _place(key, role) is not None), None)
+
+
+@functools.lru_cache(maxsize=4096)
+def _place(key: str, role: str) -> int | None:
+    """How early a key stands among the names of a role, None if it does not; two of them are one: Normal Force Fz."""
+    names = ALIASES[role]
+    if key in names:
+        return names.index(key)
+    pairs = ((key[:i], key[i:]) for i in range(2, len(key) - 1))
+    return next((names.index(one) for one, other in pairs if one in names and other in names), None)
 
 
 def match_header(fields: Sequence[str], wanted: Mapping[str, str]) -> Header:
@@ -224,6 +238,7 @@ def _by_alias(names: Sequence[Name], role: str) -> list[int]:
     def rank(index: int) -> tuple[int, int, int]:
         unit = names[index].unit
         wrong = 1 if unit and kind_of(unit) != KIND[role] else 0
-        return wrong, ALIASES[role].index(names[index].key), index
+        return wrong, places[index], index
 
-    return sorted((i for i, name in enumerate(names) if name.key in ALIASES[role]), key=rank)
+    places = {i: place for i, name in enumerate(names) if (place := _place(name.key, role)) is not None}
+    return sorted(places, key=rank)

@@ -219,3 +219,29 @@ def test_a_long_text_of_words_is_refused_at_once(tmp_path, place):
     with pytest.raises(LogError, match=r"lines of words in a row|no rows of numbers"):
         read(tmp_path, {"in front": words + rows_, "behind": rows_ + words, "alone": words}[place])
     assert time.process_time() - began < 4
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "seconds,normal_load_N,tangential_N",
+        "t [s],Normal Force Fz [N],Friction Force Fx [N]",
+        "time_s,force_normal_N,force_tangential_N",
+        "Time (s),Fnorm (N),Ffric (N)",
+        "Time (s),Vertical load (N),Horizontal force (N)",
+    ],
+)
+def test_roles_are_known_by_the_names_that_people_give(tmp_path: Path, head: str) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(head + "\n" + "".join(f"{0.01 * i:.2f},2.0,{0.5 + 0.01 * (i % 7):.2f}\n" for i in range(60)))
+    record = read_log(path)
+    assert record.time[-1] == pytest.approx(0.59) and np.all(record.normal_force == 2.0)
+    assert record.friction_force[1] == 0.51
+
+
+def test_names_that_may_be_anything_are_asked_for(tmp_path: Path) -> None:
+    """Negative control: two forces that could each be either."""
+    path = tmp_path / "log.csv"
+    path.write_text("t (s),P (N),Q (N)\n" + "".join(f"{0.01 * i:.2f},2.0,0.5\n" for i in range(60)))
+    with pytest.raises(LogError, match="no normal force column and no friction force column"):
+        read_log(path)
