@@ -29,7 +29,7 @@ from identify.base.linear import Factors, optimality_matrix
 from identify.effects import MAIN
 from identify.estimation.bootstrap import bootstrap
 from identify.estimation.influence import Influence, influence, sample_moves
-from identify.estimation.profile import CRITICAL, profile
+from identify.estimation.profile import CRITICAL, ProfileNoise, profile
 from identify.estimation.residual_autocorrelation import NoiseAutocorrelation, colour, coloured_covariance
 from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
@@ -181,9 +181,8 @@ def _deep(
             held[i] = noise.objection(here, problem.fitted(found.z), loss) <= CRITICAL
     if walked:
         _same_by_walking(setting, problem, settled.z, known, noise, memory, data, held)
-    cycles = [trajectory.cycles for trajectory in setting.solved.trajectories]
     seed = int(random.integers(2**31))
-    made = bootstrap(problem, settled.z, known, 200, cycles=cycles, seed=seed, refine=False)
+    made = bootstrap(problem, settled.z, known, 200, seed=seed, refine=False)
     inside = (made.interval[:, 0] <= setting.truth) & (setting.truth <= made.interval[:, 1])
     return {"profile": held, "bootstrap": inside}
 
@@ -209,7 +208,7 @@ def _same_by_walking(
     here = replace(solved, problem=problem, trajectories=trajectories, theta=theta)
     logs = tuple(replace(log, data=d) for log, d in zip(setting.prepared, data, strict=True))
     unknowns = replace(setting.unknowns, start=theta)
-    walked = profile(logs, here, unknowns, known.covariance, lambda _stage, _share: None, noise, memory=memory)
+    walked = profile(logs, here, unknowns, ProfileNoise(known.covariance, noise, memory))
     for i, index in enumerate(layout.free.tolist()):
         low, high = (side.end for side in walked.ends[unknowns.names[index]])
         if low is None or high is None:
@@ -256,7 +255,7 @@ def refinement(setting: Setting) -> float:
     settled = setting.warm.settle(z, problem=problem, within=1e-3)
     assert settled is not None
     known = influence(problem, settled.z, cycles)
-    made = [bootstrap(problem, settled.z, known, 50, cycles=cycles, refine=refine) for refine in (True, False)]
+    made = [bootstrap(problem, settled.z, known, 50, refine=refine) for refine in (True, False)]
     size = np.sqrt(np.diag(known.covariance))
     return float(np.max(np.abs(made[0].replicates - made[1].replicates[made[0].settled]) / size))
 

@@ -23,7 +23,7 @@ from identify.estimation.agreement import noise_of
 from identify.estimation.bootstrap import bootstrap
 from identify.estimation.examined import CURVE_STEPS
 from identify.estimation.influence import influence
-from identify.estimation.profile import profile
+from identify.estimation.profile import ProfileNoise, ProfileOptions, profile
 from identify.identification import find
 
 REPLICATES, FIT_REPEATS = 200, 3
@@ -56,13 +56,11 @@ def main(fast: bool = False) -> dict[str, float]:
 
     def resample() -> object:
         known = influence(solved.problem, solved.solution.z, cycles)
-        return bootstrap(solved.problem, solved.solution.z, known, replicates, cycles=cycles)
+        return bootstrap(solved.problem, solved.solution.z, known, replicates)
 
     def walk(steps: int) -> object:
-        noise = noise_of(attempt)
-        return profile(
-            attempt.fitted_logs, solved, unknowns, covariance, lambda _stage, _share: None, noise, steps=steps
-        )
+        noise = ProfileNoise(covariance, noise_of(attempt))
+        return profile(attempt.fitted_logs, solved, unknowns, noise, ProfileOptions(steps=steps))
 
     print(describe())
     print(f"{solved.problem.samples} samples, {sum(cycles)} cycles; one fit {one:.2f} s of processor time")

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.progress import Progress
+from identify.base.progress import Progress, to_nobody
 from identify.base.quantiles import LEVEL, NORMAL, student
 from identify.estimation.influence import Influence
 from identify.shooting.shooting import Problem
@@ -45,15 +45,14 @@ def bootstrap(
     known: Influence,
     count: int,
     *,
-    cycles: list[int],
     seed: int = 0,
     refine: bool = True,
-    progress: Progress | None = None,
+    progress: Progress = to_nobody,
 ) -> Bootstrap:
     """Replicates of the answer z (n,) of a problem, and intervals from them.
 
     Args:
-        known: the influence of the data at z; count: of replicates; cycles: of every log.
+        known: the influence of the data at z; count: of replicates.
         refine: False leaves the replicates linear in the residuals, which takes no time.
     """
     random = np.random.default_rng(seed)
@@ -64,10 +63,9 @@ def bootstrap(
     moved = weights @ known.moves + drawn
     settled = np.ones(count, bool)
     if refine:
-        solver = _Replicates(problem, z, known, cycles)
+        solver = _Replicates(problem, z, known)
         for number in range(count):
-            if progress is not None:
-                progress("bootstrap", None)
+            progress("bootstrap", None)
             found = solver.solve(weights[number], drawn[number])
             settled[number] = found is not None
             if found is not None:
@@ -111,7 +109,7 @@ def _freedom(known: Influence) -> Array:
 class _Replicates:
     """The problem around its answer, with the fitted curve plus weighted residuals as data."""
 
-    def __init__(self, problem: Problem, z: Array, known: Influence, cycles: list[int]) -> None:
+    def __init__(self, problem: Problem, z: Array, known: Influence) -> None:
         self.known, self.z, layout = known, z, problem.layout
         x = z * layout.scale
         self.moments = []
@@ -119,8 +117,6 @@ class _Replicates:
             slots = family.slot_values(x)
             _, curve = family.block.evaluate(slots, family.constants, derivatives=False)
             self.moments.append(moments.around(curve))
-        offsets, last = np.concatenate([[0], np.cumsum(cycles)])[:-1], np.array(cycles) - 1
-        self.groups = [offsets[f.log] + np.minimum(f.cycle, last[f.log]) for f in layout.families]
         self.problem = problem
         self.warm = Warm(problem, z, known.kept, np.sqrt(np.maximum(np.diag(known.covariance), 1e-300)))
         point = problem.evaluate(z, derivatives=True)
@@ -152,7 +148,7 @@ class _Replicates:
         made = self.problem.with_moments(
             [
                 replace(m, pull=m.pull * weights[g][:, None, None], square=m.square * weights[g] ** 2)
-                for m, g in zip(self.moments, self.groups, strict=True)
+                for m, g in zip(self.moments, self.known.groups, strict=True)
             ]
         )
         layout = self.problem.layout

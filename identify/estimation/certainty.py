@@ -146,7 +146,7 @@ def _resampled(out: Certainty, asked: FitOptions, seed: int, progress: Progress)
     solved = out.attempt.solved
     cycles = [trajectory.parts for trajectory in solved.trajectories]
     known, z = influence(solved.problem, solved.solution.z, cycles), solved.solution.z
-    made = bootstrap(solved.problem, z, known, asked.bootstrap, cycles=cycles, seed=seed, progress=progress)
+    made = bootstrap(solved.problem, z, known, asked.bootstrap, seed=seed, progress=progress)
     return replace(out, bootstrap=made)
 
 

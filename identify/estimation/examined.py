@@ -29,7 +29,7 @@ from identify.estimation.covariance import (
 from identify.estimation.goodness_of_fit import Gate
 from identify.estimation.hints import hints, onsets, untold
 from identify.estimation.other_optima import lowest_optimum, weakens, within
-from identify.estimation.profile import Profiles, profile
+from identify.estimation.profile import ProfileNoise, ProfileOptions, Profiles, profile
 from identify.estimation.profile_line import ProfilePoint
 from identify.estimation.status_words import at_bounds
 from identify.estimation.strategies import Strategy, run_strategy
@@ -304,22 +304,18 @@ def _profile(
     """The walks from a place: the answer, or an optimum beside it that the data hardly tell from it. That is walked
     from for itself, on the sides that do not hold it: where a slip has another phase the curves have another form,
     and no walk leads from the one to the other."""
-    seen, history = place.view.allowed, answer.history
-    return profile(
-        place.attempt.fitted_logs,
-        place.attempt.solved,
-        q.unknowns,
-        seen.white,
-        q.progress,
-        answer.view.allowed.noise,
-        memory=seen.variance_inflation,
-        beside=seen.memory / seen.variance_inflation,
-        steps=CURVE_STEPS if q.asked.profile and place is answer else 1,
-        only=along,
-        sides=sides,
-        optima=[optimum.solved for optimum in history.optima] if place is answer else (),
-        before=history.met if place is answer and history.samples == place.attempt.solved.problem.samples else (),
-    )
+    seen, history, solved = place.view.allowed, answer.history, place.attempt.solved
+    beside = seen.memory / seen.variance_inflation
+    noise = ProfileNoise(seen.white, answer.view.allowed.noise, seen.variance_inflation, beside)
+    asked = ProfileOptions(only=along, sides=sides)
+    if place is answer:
+        asked = replace(
+            asked,
+            steps=CURVE_STEPS if q.asked.profile else 1,
+            optima=[optimum.solved for optimum in history.optima],
+            before=history.met if history.samples == solved.problem.samples else (),
+        )
+    return profile(place.attempt.fitted_logs, solved, q.unknowns, noise, asked, q.progress)
 
 
 def _with_walk(here: Examined, walked: Profiles, q: Question) -> Examined:

@@ -6,6 +6,7 @@ slope x of its curve moves them by U^T x w r. Sums of squares of these moves are
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,8 @@ class Influence:
     kept (f,): indices of the parameters among the unknowns, shared ones first, then those of single logs; columns
     (n, f); moves (g, f): what the residuals of each cycle did; white (g, f, f): covariance of the moves of pure white
     noise; absorbed (g, f, f): the part of it that the fit takes out of the residuals; prior (f, f): what the errors of
-    priors add; log (g,) the log of each cycle.
+    priors add; log (g,) the log of each cycle; groups: per family of blocks, the cycle of each block (B,), over all
+    logs.
     """
 
     kept: Indices
@@ -39,6 +41,7 @@ class Influence:
     absorbed: Array
     prior: Array
     log: Indices
+    groups: Sequence[Indices]
 
     @property
     def covariance(self) -> Array:
@@ -82,7 +85,7 @@ def influence(problem: Problem, z: Array, cycles: list[int], *, absorbed: bool =
     log = np.repeat(np.arange(len(cycles)), cycles)
     covariance = white.sum(axis=0) + prior
     taken = _absorbed(factors, layout, pulled, white, covariance) if absorbed else np.zeros_like(white)
-    return Influence(kept, columns, moves, white, taken, prior, log)
+    return Influence(kept, columns, moves, white, taken, prior, log, groups)
 
 
 def _groups(layout: Layout, cycles: list[int]) -> list[Indices]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.progress import Progress
+from identify.base.progress import Progress, to_nobody
 from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.covariance import WEAK
 from identify.estimation.profile_line import ProfileLine, ProfilePoint
@@ -231,47 +231,59 @@ class Profiles:
         return replace(self, ends=ends, better=None, middle=answer, likely=away)
 
 
+@dataclass(frozen=True)
+class ProfileNoise:
+    """The noise that profiles allow for: covariance (f, f) of the free theta for white noise, for the first steps;
+    noise of all logs: with a memory it objects later; memory (f,): by how much that widens the variance of each; beside
+    (f,): by how much all else that is allowed for widens it. None: by nothing."""
+
+    covariance: Array
+    noise: NoiseAutocorrelation
+    memory: Array | None = None
+    beside: Array | None = None
+
+
+@dataclass(frozen=True)
+class ProfileOptions:
+    """Which profiles are taken, and how.
+
+    steps: of a side, at least: one finds the ends, more draw the curve. only: indices of parameters, where not all are
+    asked; sides: of these, where not both of each are: one that is not walked ends at the farthest point met. optima:
+    other places that count as points met, as far as the data do not object to them. before: points met by walks from
+    another answer of the same samples; their change of the curves is from there.
+    """
+
+    steps: int = 1
+    only: Sequence[int] | None = None
+    sides: Collection[tuple[int, float]] | None = None
+    optima: Sequence[Solved] = ()
+    before: Sequence[ProfilePoint] = ()
+
+
+EVERY_PROFILE = ProfileOptions()
+
+
 def profile(
     logs: tuple[Prepared, ...],
     solved: Solved,
     unknowns: Unknowns,
-    covariance: Array,
-    progress: Progress,
-    noise: NoiseAutocorrelation,
-    *,
-    memory: Array | None = None,
-    beside: Array | None = None,
-    steps: int = 1,
-    only: Sequence[int] | None = None,
-    sides: Collection[tuple[int, float]] | None = None,
-    optima: Sequence[Solved] = (),
-    before: Sequence[ProfilePoint] = (),
+    noise: ProfileNoise,
+    asked: ProfileOptions = EVERY_PROFILE,
+    progress: Progress = to_nobody,
 ) -> Profiles:
-    """Profile every free parameter of a solution but for those of harmonics, whose curvature tells all.
-
-    Args:
-        covariance: (f, f) of the free theta for white noise, for the first steps.
-        noise: of all logs: with a memory it objects later.
-        memory: (f,) by how much that memory widens the variance of each; beside: (f,) by how much all else that is
-            allowed for widens it.
-        steps: of a side, at least: one finds the ends, more draw the curve.
-        only: indices of parameters, where not all are asked. sides: of these, where not both of each are: one that is
-            not walked ends at the farthest point met.
-        optima: other places that count as points met, as far as the data do not object to them.
-        before: points met by walks from another answer of the same samples; their change of the curves is from there.
-    """
-    sizes = np.sqrt(np.diag(covariance))
-    line = ProfileLine.at(logs, solved, unknowns, sizes, noise)
-    line.seen.extend(before)
-    for optimum in optima:
+    """Profile every free parameter of a solution but for those of harmonics, whose curvature tells all."""
+    sizes = np.sqrt(np.diag(noise.covariance))
+    line = ProfileLine.at(logs, solved, unknowns, sizes, noise.noise)
+    line.seen.extend(asked.before)
+    for optimum in asked.optima:
         line.settled(optimum.theta, optimum.trajectories)
     beats, searched = rhythmic(unknowns), np.flatnonzero(unknowns.free)
-    free = [i for i in searched.tolist() if not beats[i] and (only is None or i in only)]
+    free = [i for i in searched.tolist() if not beats[i] and (asked.only is None or i in asked.only)]
     place = {index: number for number, index in enumerate(searched.tolist())}
-    wait = {i: 1.0 if beside is None else float(beside[place[i]]) for i in free}
-    wide = sizes if memory is None else sizes * np.sqrt(memory)
-    asked = [(i, sign) for i in free for sign in (-1.0, 1.0) if sides is None or (i, sign) in sides]
-    walks = _walks(line, asked, {i: float(wide[place[i]]) for i in free}, wait, steps, progress)
+    wait = {i: 1.0 if noise.beside is None else float(noise.beside[place[i]]) for i in free}
+    wide = sizes if noise.memory is None else sizes * np.sqrt(noise.memory)
+    sides = [(i, sign) for i in free for sign in (-1.0, 1.0) if asked.sides is None or (i, sign) in asked.sides]
+    walks = _walks(line, sides, {i: float(wide[place[i]]) for i in free}, wait, asked.steps, progress)
     for (index, sign), walk in walks.items():
         mark_past(line, index, sign, walk)
     lowest = min(line.seen, key=lambda point: point.cost, default=line.best)

@@ -112,7 +112,7 @@ def test_warm_solves_are_those_of_the_solver(fitted):
 
 
 def test_bootstrap_of_white_noise_spreads_as_the_covariance_says(fitted):
-    _, solved, known, cycles = fitted
+    _, solved, known, _ = fitted
     # Residuals of one cycle are one draw; over many fits their squares would average to what white noise leaves.
     random = np.random.default_rng(7)
     spreads = []
@@ -120,31 +120,27 @@ def test_bootstrap_of_white_noise_spreads_as_the_covariance_says(fitted):
         left = known.white - known.absorbed
         moves = np.stack([random.multivariate_normal(np.zeros(6), (m + m.T) / 2, method="eigh") for m in left])
         drawn = replace(known, moves=moves)
-        made = bootstrap(solved.problem, solved.solution.z, drawn, 200, cycles=cycles, refine=False, seed=1)
+        made = bootstrap(solved.problem, solved.solution.z, drawn, 200, refine=False, seed=1)
         spreads.append(made.replicates.var(axis=0) / np.diag(known.covariance))
     np.testing.assert_allclose(np.mean(spreads, axis=0), 1.0, atol=0.15)
     doubled = replace(known, moves=2 * known.moves, log=known.log)
-    narrow, wide = (
-        bootstrap(solved.problem, solved.solution.z, k, 200, cycles=cycles, refine=False) for k in (known, doubled)
-    )
+    narrow, wide = (bootstrap(solved.problem, solved.solution.z, k, 200, refine=False) for k in (known, doubled))
     ratio = np.diff(wide.interval, axis=1) / np.diff(narrow.interval, axis=1)
     assert np.all(ratio > 1.5), "residuals twice as large are seen"
 
 
 def test_replicates_solved_again_are_near_the_linear_ones(fitted):
-    _, solved, known, cycles = fitted
+    _, solved, known, _ = fitted
     settled = Warm(solved.problem, solved.solution.z, known.kept, np.sqrt(np.diag(known.covariance))).settle(
         solved.solution.z, within=1e-4
     )
-    refined, linear = (
-        bootstrap(solved.problem, settled.z, known, 40, cycles=cycles, refine=refine) for refine in (True, False)
-    )
+    refined, linear = (bootstrap(solved.problem, settled.z, known, 40, refine=refine) for refine in (True, False))
     size = np.sqrt(np.diag(known.covariance))
     assert np.count_nonzero(refined.settled) >= 38
     apart = (refined.replicates - linear.replicates[refined.settled]) / size
     assert np.max(np.abs(apart)) < 0.5
     assert np.std(linear.replicates / size) > 0.5
-    again = bootstrap(solved.problem, settled.z, known, 40, cycles=cycles, refine=False)
+    again = bootstrap(solved.problem, settled.z, known, 40, refine=False)
     np.testing.assert_array_equal(again.replicates, linear.replicates)
 
 

@@ -19,7 +19,7 @@ from identify.estimation.agreement import noise_of
 from identify.estimation.attempt import solve_again, solve_from
 from identify.estimation.covariance import information
 from identify.estimation.other_optima import optima_about, within
-from identify.estimation.profile import Profiles, Side, profile
+from identify.estimation.profile import ProfileNoise, ProfileOptions, Profiles, Side, profile
 from identify.estimation.profile_line import ProfilePoint
 from identify.estimation.residual_autocorrelation import Colour, NoiseAutocorrelation
 from identify.estimation.starts import PlacedStart, distinguishable, held_starts, ranked
@@ -74,7 +74,8 @@ def test_a_profile_hands_back_the_lowest_point_from_which_it_began(pair):
     found = {}
     for name, attempt in (("right", right), ("early", early)):
         solved, noise = attempt.solved, noise_of(attempt)
-        found[name] = profile(attempt.fitted_logs, solved, unknowns, covariance, lambda *_: None, noise, only=d)
+        allowed = ProfileNoise(covariance, noise)
+        found[name] = profile(attempt.fitted_logs, solved, unknowns, allowed, ProfileOptions(only=d))
     assert found["right"].better is None
     lowest = min(point.cost for point in found["right"].met)  # the solver stops where what is left tells nothing
     gain = 2.0 * (early.solved.solution.cost - lowest)
@@ -98,7 +99,8 @@ def test_an_answer_that_stopped_too_early_is_moved_to_the_lowest_point(pair):
 def test_intervals_seen_from_an_answer_that_they_do_not_hold_are_open(pair):
     right, early, unknowns, covariance = pair
     only = [unknowns.names.index("mu_k0")]
-    walked = profile(right.fitted_logs, right.solved, unknowns, covariance, lambda *_: None, noise_of(right), only=only)
+    noise = ProfileNoise(covariance, noise_of(right))
+    walked = profile(right.fitted_logs, right.solved, unknowns, noise, ProfileOptions(only=only))
     low, high = walked.ends["mu_k0"]
     assert low.end is not None and high.end is not None
     seen = walked.seen_from(unknowns, early.solved.theta)
@@ -213,11 +215,10 @@ def test_an_interval_holds_a_valley_that_the_data_do_not_object_to(doubled):
     made, wrong, unknowns, found = doubled
     i, truth = unknowns.names.index("mu_k0"), made.truth["mu_k0"]
     covariance, ends = _covariance(wrong, unknowns), []
-    solved, noise = wrong.solved, noise_of(wrong)
+    noise = ProfileNoise(covariance, noise_of(wrong))
     for optima in ([], [optimum.solved for optimum in found]):
-        walked = profile(
-            wrong.fitted_logs, solved, unknowns, covariance, lambda *_: None, noise, only=[i], optima=optima
-        )
+        asked = ProfileOptions(only=[i], optima=optima)
+        walked = profile(wrong.fitted_logs, wrong.solved, unknowns, noise, asked)
         ends.append([side.end for side in walked.ends["mu_k0"]])
     assert ends[0][0] > truth + 0.02, "who does not look for it claims what is wrong"
     assert ends[1][0] < truth - 0.005 and truth < ends[1][1]
