@@ -96,15 +96,13 @@ def node_slopes(model: Model, slides: Sequence[Slide], onset: Array) -> list[Arr
     Args:
         onset: derivatives (n_x, m) of the first state; the last of the m directions are the setting.
     """
-    found, moved, n = list[Array](), onset, onset.shape[0]
+    found, moved = list[Array](), onset
     for number, slide in enumerate(slides):
         if number:
             moved = moved - _switch(model, slides[number - 1], slide, moved)
-        slopes = step_slopes(model, slide, slide.x[:-1], np.diff(slide.t))
-        nodes, by_state, by_setting = [moved], np.ascontiguousarray(slopes[:, :, :n]), slopes[:, :, n:]
-        for of_state, of_setting in zip(by_state, by_setting, strict=True):
-            moved = of_state.dot(moved)
-            moved[:, -of_setting.shape[1] :] += of_setting
+        nodes = [moved]
+        for slope in step_slopes(model, slide, slide.x[:-1], np.diff(slide.t)):
+            moved = onward(slope, moved)
             nodes.append(moved)
         found.append(np.array(nodes))
     return found
