@@ -23,12 +23,11 @@ from data_io.record import within
 from identify.app.folder import Folder, read_json
 from identify.app.jobs import same_code
 from identify.base.document import to_document
-from identify.base.wording import speed_text
+from identify.base.wording import quantity, speed_text
 from identify.logs.classical import table_of
 from identify.logs.log_regime import look
 from identify.logs.segment import DetectedCycles
 from identify.logs.segmented import Segmented
-from identify.report.quantity_text import quantity
 from identify.report.stored_result import plain
 
 LONGEST = 1800.0  # seconds that looking at one log may take

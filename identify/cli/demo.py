@@ -80,8 +80,7 @@ def _say_truth(fit: Fit, truth: Mapping[str, float], terminal: Terminal) -> None
     """How far the estimates are from what was simulated."""
     if not fit.converged:
         return
-    from identify.base.wording import columns
-    from identify.report.quantity_text import quantity
+    from identify.base.wording import columns, quantity
 
     rows = [["", "truth", "estimate off by", ""]]
     for name, true in truth.items():

@@ -14,7 +14,7 @@ from data_io.record import WINDOW_START
 from data_io.thresholds import DEFAULTS, Thresholds, percent
 from identify.base.document import to_dict, to_document
 from identify.base.result import ClassicalDirection, ClassicalTable
-from identify.base.wording import columns, programme_text, wrapped
+from identify.base.wording import DASH, columns, number, programme_text, quantity, speed, split_key, wrapped
 from identify.cli.common import Terminal
 from identify.cli.scene import only
 from identify.logs.classical import table_of
@@ -24,7 +24,6 @@ from identify.logs.recorded_drive import UNTOLD, RecordedDrive, recorded_drive
 from identify.logs.regime import SURE, Known, Regime
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 from identify.logs.slip_quality import RecordPart
-from identify.report.quantity_text import DASH, number, quantity, speed, split_key
 
 HEADINGS = ("run", "step", "stroke", "regime")
 MOST_STROKES = 2  # fit beside each other in 80 columns

@@ -27,13 +27,12 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
         SceneError, FitError, LogError, CommandLineError, OSError: one sentence each.
     """
     from data_io.atomic import atomic_path
-    from identify.base.wording import columns, wrapped
+    from identify.base.wording import columns, quantity, wrapped
     from identify.cli.progress import Progress
     from identify.diagnosis.selection import LOOKED_AT
     from identify.estimation.preview import preview
     from identify.logs.scene_records import with_drives, with_records
     from identify.report.force_figure import draw_preview
-    from identify.report.quantity_text import quantity
     from identify.report.style import drawing_style
     from identify.scene.variant import scene_with
 

@@ -136,7 +136,7 @@ def _scene_of(arguments: Namespace) -> tuple[Scene, str]:
 
 def taken_by_default(scene: Scene) -> str:
     """Which friction is simulated: what the scene says, and of which parameters it takes the documented default."""
-    from identify.report.quantity_text import quantity as shown
+    from identify.base.wording import quantity as shown
 
     values, units = scene.values(), {p.name: p.unit for p in scene.declared}
     silent = [

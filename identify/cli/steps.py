@@ -45,7 +45,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
 
 
 def _say(path: str, steps: Sequence[StepSummary], load: float | None, terminal: Terminal) -> None:
-    from identify.report.quantity_text import DASH, quantity
+    from identify.base.wording import DASH, quantity
 
     terminal.say(path if load is None else f"{path}, under {quantity(load, 'N')} as given")
     rows = [["run", "step", "rows", "duration", "started"]]

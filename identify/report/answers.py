@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from identify.base.document import Json, finite, to_dict
 from identify.base.result import QualityFigure
+from identify.base.wording import DASH, ends_text, number, places_for, quantity, scale_for, speed, split_key
 from identify.prediction.wording import WINDOWS
-from identify.report.quantity_text import DASH, ends_text, number, places_for, quantity, scale_for, speed, split_key
 from identify.report.report_tables import Cell, ReportTable, Row, plain_text
 from identify.report.report_wording import ANSWER_ORDER, ANSWER_WORDS, OUTCOMES, RECORD_WORDS, SLIPS
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identify.base.outcome import LogCurves
 from identify.base.result import StrengthCurve, UnevenCycles, UnevenResult
-from identify.report.quantity_text import number, scale_for
+from identify.base.wording import number, scale_for
 from identify.report.style import (
     ARREST,
     BEHIND,

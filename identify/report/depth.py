@@ -13,9 +13,9 @@ from identify.base.result import (
     Number,
     Result,
 )
+from identify.base.wording import DASH, number, quantity
 from identify.prediction.stabilising import ChangeAdvice, StabilisingAdvice
 from identify.report.answers import interval_text
-from identify.report.quantity_text import DASH, number, quantity
 from identify.report.report_tables import Cell, ReportTable, Row
 from identify.report.report_wording import plain_symbol, with_group
 

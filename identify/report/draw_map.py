@@ -15,12 +15,12 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from data_io.atomic import atomic_path
+from identify.base.wording import scale_for
 from identify.prediction.chart import Boundary, Chart
 from identify.prediction.chart_bands import KnownCovariance, bands, closed_plane, region
 from identify.prediction.continuation import Continuation
 from identify.prediction.sources import Tested
 from identify.report.map_parts import FONT, LEGENDS, REGIONS, MapView, amplitudes, falls, regions, ticks_in_powers
-from identify.report.quantity_text import scale_for
 from identify.report.style import ARREST, ONSET, drawing_style
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from identify.base.outcome import LogCurves, SlipDetail
-from identify.report.quantity_text import scale_for
+from identify.base.wording import scale_for
 from identify.report.style import (
     ARREST,
     FITTED,

@@ -6,7 +6,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from identify.base.result import Result
-from identify.report.quantity_text import quantity
+from identify.base.wording import quantity
 from identify.report.report_tables import classical_tables, definitions
 from identify.report.report_views import banner, parameter_views
 from identify.report.summary import accuracy_text, tolerances_text

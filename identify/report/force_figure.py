@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from data_io.notebook_figure import NotebookFigure
 from identify.base.outcome import LogCurves
+from identify.base.wording import speed
 from identify.estimation.preview import Preview, PreviewLog
-from identify.report.quantity_text import speed
 from identify.report.style import (
     ARREST,
     BEHIND,

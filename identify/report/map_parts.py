@@ -16,10 +16,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from identify.base.wording import Scale, number, scale_for
 from identify.prediction.chart import NO_ANSWER, NOT_ADMITTED, Boundary, Chart
 from identify.prediction.map_axes import Axis
 from identify.prediction.windows import Outcome
-from identify.report.quantity_text import Scale, number, scale_for
 
 Array = NDArray[np.float64]
 

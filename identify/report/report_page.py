@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from identify.base.document import Json, to_dict
 from identify.base.result import CombinationsResult, Result
+from identify.base.wording import quantity
 from identify.report.answers import answer_table, of_record, said_once, sentences
 from identify.report.depth import (
     accuracy_rows,
@@ -22,7 +23,6 @@ from identify.report.depth import (
     interval_table,
 )
 from identify.report.first_screen import first_screen_views, templates
-from identify.report.quantity_text import quantity
 from identify.report.report_figures import Picture
 from identify.report.report_tables import Cell, effects_table, held_table, sensitivity_table
 from identify.report.report_views import log_views

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from identify.base.document import finite
 from identify.base.result import EffectReason, HeldResult, LogResult, Shift
-from identify.report.quantity_text import DASH, number, quantity, scale_for, split_key
+from identify.base.wording import DASH, number, quantity, scale_for, split_key
 from identify.report.report_wording import RECORD_WORDS, plain_symbol
 from identify.report.text_tables import classical_rows, column_names
 

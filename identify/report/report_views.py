@@ -8,20 +8,8 @@ from dataclasses import dataclass, replace
 from data_io.correct import Change
 from identify.base.outcome import Status
 from identify.base.result import Interval, LogResult, ParameterResult, Result
+from identify.base.wording import DASH, decimals, ends_text, number, places_for, quantity, scale_for, speed
 from identify.prediction.wording import listed
-from identify.report.quantity_text import (
-    DASH,
-    decimals,
-    ends_text,
-    number,
-    places_for,
-    quantity,
-    said_once,
-    scale_for,
-    scatter,
-    shown_error,
-    speed,
-)
 from identify.report.report_wording import (
     MEANINGS,
     QUALITY,
@@ -34,6 +22,7 @@ from identify.report.report_wording import (
     solver_words,
     with_group,
 )
+from identify.report.shown_error import said_once, scatter, shown_error
 from identify.report.uneven_words import DRAWN, NOT_FOR, distribution_lines, is_uneven, odd_slips
 from identify.report.uneven_words import headline as headline_of
 

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from identify.base.result import ParameterResult, ProfileResult
-from identify.report.quantity_text import DASH, decimals, scale_for
+from identify.base.wording import DASH, decimals, scale_for
 from identify.report.report_wording import plain_symbol, with_group
 from identify.report.style import FITTED, HALF, MEASURED, QUIET, SHADE, WIDE, Drawing
 from identify.report.text_tables import Columns

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from identify.base.result import DistributionResult, Result, UnevenResult
-from identify.report.quantity_text import number, quantity
+from identify.base.wording import number, quantity
 
 DRAWN = "Drawn are cycles of the fitted pair, as they follow each other by chance."
 NOT_FOR = (

@@ -12,7 +12,7 @@ import numpy as np
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
-from identify.report.quantity_text import number, quantity, scale_for
+from identify.base.wording import number, quantity, scale_for
 from identify.report.report_wording import plain_symbol
 from identify.studies.compare import Comparison, PooledQuantity
 from identify.studies.fits import FitEntry

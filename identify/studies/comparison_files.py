@@ -12,8 +12,8 @@ import h5py
 import numpy as np
 
 from data_io.atomic import atomic_path, atomic_write
+from identify.base.wording import number
 from identify.report.hdf5 import storable
-from identify.report.quantity_text import number
 from identify.report.stored_result import as_json
 from identify.studies.compare import Comparison
 from identify.studies.comparison_page import Answers, notes, render

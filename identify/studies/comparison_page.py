@@ -14,9 +14,10 @@ from markupsafe import Markup
 
 from data_io.atomic import atomic_write
 from identify.base.errors import IdentifyError
+from identify.base.wording import DASH, Scale, decimals, number, places_for, scale_for
 from identify.report.first_screen import templates
-from identify.report.quantity_text import DASH, Scale, decimals, number, places_for, scale_for, scatter, shown_error
 from identify.report.report_wording import VERDICT_MARK, plain_symbol
+from identify.report.shown_error import scatter, shown_error
 from identify.studies import comparison_views as views
 from identify.studies.compare import Comparison, compare
 from identify.studies.comparison_figures import curves, excerpt, forest, thumbnail

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from identify.report.quantity_text import (
+from identify.base.wording import (
     DASH,
     Scale,
     decimals,

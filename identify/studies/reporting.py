@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from identify.base.document import Json, finite
 from identify.base.result import LogResult
-from identify.report.quantity_text import quantity
+from identify.base.wording import quantity
 from identify.studies.fits import FitEntry, natural
 from identify.studies.labels import visible
 

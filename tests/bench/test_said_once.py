@@ -4,7 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from identify.bench import next_log as words
-from identify.report.quantity_text import said_once
+from identify.report.shown_error import said_once
 
 LOG = "add a log of 52 s at 0.2 mm/s and 0.943 N, sampled at 500 Hz, which is expected to tell it to "
 

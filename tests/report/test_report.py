@@ -17,11 +17,11 @@ import pytest
 from identify.base.document import to_dict
 from identify.base.outcome import Status
 from identify.base.result import EffectReason, ParameterResult
+from identify.base.wording import DASH, decimals, ends_text, number, quantity, speed
 from identify.diagnosis.choice import Choice, effects_result
 from identify.effects import ALL
 from identify.report import write_report
 from identify.report.finished import Fit
-from identify.report.quantity_text import DASH, decimals, ends_text, number, quantity, speed
 from identify.report.report_figures import Picture, pictures
 from identify.report.report_page import LARGEST, render_page
 from identify.report.report_views import parameter_views

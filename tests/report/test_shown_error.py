@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from identify.base.result import ParameterResult
-from identify.report.quantity_text import scatter, shown_error
 from identify.report.report_views import parameter_views
+from identify.report.shown_error import scatter, shown_error
 
 NORMAL = 1.959963984540054  # Abramowitz & Stegun, table 26.5
 NORMAL_90 = 1.6448536269514722

@@ -7,12 +7,11 @@ import pytest
 
 from identify.base.document import from_document
 from identify.base.result import ClassicalTable, LogResult, Result
-from identify.base.wording import three_figures, told_apart
+from identify.base.wording import quantity, three_figures, told_apart
 from identify.cli import main as cli
 from identify.prediction.point_prediction import PointPrediction
 from identify.prediction.wording import amplitude_text, said, stability_text
 from identify.report.answers import answer_table, said_once
-from identify.report.quantity_text import quantity
 from identify.report.report_page import render_page
 from identify.report.report_tables import Cell, classical_tables
 from identify.report.report_wording import plain_symbol
