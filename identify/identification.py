@@ -1,4 +1,10 @@
-"""fit: from a scene and its logs to a finished identification."""
+"""fit: from a scene and its logs to a finished identification.
+
+    prepare -> start -> solve -> test -> explain (no answer) or quantify (an answer) -> report
+
+`estimation.search` starts, solves and tests; `estimation.certainty` quantifies; `diagnosis` explains. Status and
+sentence of a fit are decided in `_estimated`, and by the explanation of a misfit, nowhere else.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.answering import Task, answered
 from identify.base.budget import now, seconds_left, time_is_up, time_limit
 from identify.base.compiled import Mapped
 from identify.base.errors import FitError
@@ -21,20 +26,27 @@ from identify.base.result import ComparedModel
 from identify.base.stages import stage, timing_stages
 from identify.bench.next_log import Advice, advised, next_logs
 from identify.diagnosis.choice import Choice
-from identify.diagnosis.findings import Findings
+from identify.diagnosis.findings import Findings, against_data
+from identify.diagnosis.second_look import looked_into
 from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.worth import compared_models, worth
 from identify.effects import ALL
+from identify.estimation.agreement import largest_inflation
 from identify.estimation.attempt import Attempt
+from identify.estimation.certainty import certainty
 from identify.estimation.estimator import EstimationTask, Estimator
-from identify.estimation.known_early import prefit_warnings
-from identify.estimation.search import alike
+from identify.estimation.hints import what_is_held
+from identify.estimation.known_early import prefit_warnings, wrong_unit
+from identify.estimation.other_optima import multistart_around
+from identify.estimation.search import SearchProblem, alike, search
 from identify.estimation.starts import Sources
-from identify.estimation.strategies import Trace, Trial, tracing
+from identify.estimation.status_words import at_bounds, ended, underivable, untried
+from identify.estimation.stick_strength import with_strengths
+from identify.estimation.strategies import Strategy, Trace, Trial, run_strategy, tracing
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
 from identify.logs.scene_records import with_drives, with_records
-from identify.logs.unknowns import from_scene, user_start
+from identify.logs.unknowns import Unknowns, from_scene, stated_rig, user_start
 from identify.report.depth_document import FitSeconds, accuracy_result
 from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
@@ -45,12 +57,50 @@ from identify.uneven.answer import UnevenEstimator
 
 Array = NDArray[np.float64]
 
-CHOICE_SHARE = 0.5  # of the time limit, for the comparison of effects that are to be chosen
-PLAIN_SHARE = 0.75  # of the time limit, where cycles differ: what the estimator of uneven records needs is left
+# Shares of the time limit.
+REPORT_SHARE = 0.1  # for the document and its figures
+CHOICE_SHARE = 0.5  # for the comparison of effects that are to be chosen
+SEARCH_SHARE = 0.6  # of what is left: the rest is for the intervals of an answer, or the cause of a misfit
+PLAIN_SHARE = 0.75  # where cycles differ: the estimator of uneven records needs the rest
+
 TIMES_LONGER = 4.0  # a limit that is advised, of one that did not suffice
 LONGEST_ADVISED = 600.0  # [s]: a fit that takes longer wants less to do, not more time
 UNEVEN_EFFECT = "friction_heterogeneity"  # asks for the estimator of uneven records
 LAST_STAGE = "stability and amplitude"
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be estimated.
+
+    Attributes
+    ----------
+    scene, records: the scene, and the records of its logs as they were read.
+    prepared, unknowns: what the estimator takes of them, and the search space.
+    options: how finely, and which further results; seed: of all that is drawn.
+    """
+
+    scene: Scene
+    records: Sequence[Record]
+    prepared: list[Prepared]
+    unknowns: Unknowns
+    options: FitOptions
+    seed: int
+
+
+@dataclass(frozen=True)
+class _Identified:
+    """What was identified: the scene with the effects that were fitted, its records as far as they were read for it,
+    how the effects were chosen (None: the scene lists them), where starts came from, the logs, what was found, which
+    log would tell more."""
+
+    scene: Scene
+    records: Sequence[Record] | None
+    choice: Choice | None
+    starts: Sources
+    logs: list[Prepared]
+    findings: Findings
+    advice: Advice | None
 
 
 def fit(
@@ -69,8 +119,8 @@ def fit(
         scene: rig, effects, parameters and logs.
         records: the scene's logs in their order; None reads them.
         progress: called as progress(stage, share of the whole).
-        starts: where the search starts: "data", "user" (the scene's `start` values, and the data only where these lead
-            to no answer of all logs), "both"; default both where the scene gives a start, else the data.
+        starts: where the search starts: "data", "user" (the scene's `start` values before the data), "both"; default
+            both where the scene gives a start, else the data.
         seed: of the random starts, where the data's own do not fit or the data hardly tell some parameter, and of the
             bootstrap.
         asked: how finely, and which further looks at how sure the answer is.
@@ -108,19 +158,20 @@ def fit(
     return Fit(result.to_dict(), curves)
 
 
-@dataclass(frozen=True)
-class _Identified:
-    """What was identified: the scene with the effects that were fitted, its records as far as they were read for it,
-    how the effects were chosen (None: the scene lists them), where starts came from, the logs, what was found, which
-    log would tell more."""
-
-    scene: Scene
-    records: Sequence[Record] | None
-    choice: Choice | None
-    starts: Sources
-    logs: list[Prepared]
-    findings: Findings
-    advice: Advice | None
+def find(
+    scene: Scene,
+    records: Sequence[Record] | None = None,
+    *,
+    progress: Progress = to_nobody,
+    starts: Sources | None = None,
+    seed: int = 0,
+    asked: FitOptions = DEFAULT_OPTIONS,
+) -> tuple[list[Prepared], Findings]:
+    """The estimation of `fit` by multiple shooting, without its report; arguments and errors as there."""
+    task = _prepared(scene, records, progress, asked, seed)
+    with time_limit((1.0 - REPORT_SHARE) * task.scene.time_limit), tracing() as trace:
+        logs, findings = _estimated(task, starts or _default_starts(scene), progress)
+    return logs, _with_trace(findings, trace, task.scene.time_limit)
 
 
 def _identified(
@@ -129,11 +180,11 @@ def _identified(
     progress: Progress,
     starts: Sources | None,
     seed: int,
-    asked: FitOptions,
+    options: FitOptions,
     estimator: Estimator | None,
 ) -> _Identified:
-    """Choose effects where the scene asks for it, and fit; arguments and errors as `fit`."""
-    choice, left = None, scene.time_limit  # [s]
+    """Choose effects where the scene asks for it, and estimate; arguments and errors as `fit`."""
+    choice, left = None, (1.0 - REPORT_SHARE) * scene.time_limit  # [s]
     if estimator is None and asks_for_uneven(scene):
         scene, estimator = scene.with_effects([e for e in scene.effects if e != UNEVEN_EFFECT]), UnevenEstimator()
     if scene.effects == "auto":
@@ -144,7 +195,8 @@ def _identified(
         left -= now() - before
         scene = scene.with_effects(choice.effects)
     starts = starts or _default_starts(scene)
-    task = _set_up(scene, records, progress, asked, seed)
+    task = _prepared(scene, records, progress, options, seed)
+    advice = None
     with time_limit(left), tracing() as trace:
         if choice is not None and choice.unfinished:
             trace.not_tried.append("comparison of effects")
@@ -152,51 +204,29 @@ def _identified(
             logs, findings = plain_or_uneven(task, starts, progress)
         else:
             logs, findings = task.prepared, estimated_by(estimator, task, progress)
-        findings, advice = _with_next_logs(findings, trace, progress)
-    findings = _traced(findings, trace, task.scene.time_limit)
+        if findings.status is Status.CONVERGED and findings.attempt is not None:
+            progress("the log that would tell more", 0.95)
+            advice = next_logs(findings)
+            if advice is not None:
+                findings = advised(findings, advice)
+            elif time_is_up():
+                trace.not_tried.append("the log that would tell more")
+    findings = _with_trace(findings, trace, task.scene.time_limit)
     return _Identified(scene, records, choice, starts, logs, findings, advice)
 
 
-def _effects_table(found: _Identified, answer: Attempt, progress: Progress) -> tuple[ComparedModel, ...]:
-    """What every effect gains beside an answer of the plain estimator."""
-    progress("effects compared", 0.95)
-    whole = len(found.logs) == len(found.scene.logs)
-    read = found.records or ([log.record for log in found.logs] if whole else with_records(found.scene, None)[1])
-    return compared_models(worth(found.scene, read, found.logs, found.findings.unknowns, answer, progress))
+def _default_starts(scene: Scene) -> Sources:
+    return "both" if user_start(scene) else "data"
 
 
-def find(
-    scene: Scene,
-    records: Sequence[Record] | None = None,
-    *,
-    progress: Progress = to_nobody,
-    starts: Sources | None = None,
-    seed: int = 0,
-    asked: FitOptions = DEFAULT_OPTIONS,
-) -> tuple[list[Prepared], Findings]:
-    """The identification without report and outlook; arguments and errors as `fit`."""
-    task = _set_up(scene, records, progress, asked, seed)
-    with time_limit(task.scene.time_limit), tracing() as trace:
-        logs, findings = answered(task, starts or _default_starts(scene), progress)
-    return logs, _traced(findings, trace, task.scene.time_limit)
+def _prepared(
+    scene: Scene, records: Sequence[Record] | None, progress: Progress, options: FitOptions, seed: int
+) -> Task:
+    """The task of a fit: its logs read, cut into parts and prepared.
 
-
-def _with_next_logs(findings: Findings, trace: Trace, progress: Progress) -> tuple[Findings, Advice | None]:
-    """The findings of an answer with the log that would tell more; and that, None where none is due or there is no
-    time."""
-    if findings.status is not Status.CONVERGED or findings.attempt is None:
-        return findings, None
-    progress("the log that would tell more", 0.95)
-    advice = next_logs(findings)
-    if advice is not None:
-        return advised(findings, advice), advice
-    if time_is_up():
-        trace.not_tried.append("the log that would tell more")
-    return findings, None
-
-
-def _set_up(scene: Scene, records: Sequence[Record] | None, progress: Progress, asked: FitOptions, seed: int) -> Task:
-    """What is to be answered: the logs read, cut into parts and prepared."""
+    Raises:
+        FitError, SceneError, LogError: what cannot be fitted, one sentence.
+    """
     keep_freed_memory()
     if scene.model.balance is not None:
         raise FitError(
@@ -220,15 +250,20 @@ def _set_up(scene: Scene, records: Sequence[Record] | None, progress: Progress, 
         made = prepare_scene(scene, read)
         for sentence in prefit_warnings(made.logs):
             progress(Notice(sentence), 0.08)
-    return Task(made.scene, made.records, made.logs, made.unknowns, asked, seed)
+    return Task(made.scene, made.records, made.logs, made.unknowns, options, seed)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The estimate: by multiple shooting, and by the estimator of uneven records where cycles differ among themselves.
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def plain_or_uneven(task: Task, starts: Sources, progress: Progress) -> tuple[list[Prepared], Findings]:
-    """What the plain fit finds, and where it fails since cycles differ among themselves, the estimator of uneven
-    records; where that fails too, what the plain one found. Arguments as `answered`."""
+    """What multiple shooting finds, and where it fails since cycles differ among themselves, the estimator of uneven
+    records; where that fails too, what multiple shooting found."""
     differ = not alike([log for log in task.prepared if log.left_out is None])
     with time_limit((PLAIN_SHARE if differ else 1.0) * seconds_left()):
-        prepared, findings = answered(task, starts, progress)
+        prepared, findings = _estimated(task, starts, progress)
     if findings.status is Status.CONVERGED or alike([log for log in prepared if log.left_out is None]):
         return prepared, findings
     began = now()
@@ -242,7 +277,7 @@ def plain_or_uneven(task: Task, starts: Sources, progress: Progress) -> tuple[li
 
 
 def estimated_by(estimator: Estimator, task: Task, progress: Progress) -> Findings:
-    """What an estimator other than the plain one finds, as the result document takes it."""
+    """What another estimator finds, as the result document takes it."""
     found = estimator.estimate(EstimationTask(task.scene, task.prepared, task.unknowns, task.seed, progress))
     return Findings(
         found.status,
@@ -262,8 +297,76 @@ def asks_for_uneven(scene: Scene) -> bool:
     return effect.unfit(scene.values()) is not None
 
 
-def _traced(findings: Findings, trace: Trace, limit: float) -> Findings:
-    """Findings with what was tried for them; and said, what the time [s] did not suffice for."""
+def _estimated(task: Task, sources: Sources, progress: Progress) -> tuple[list[Prepared], Findings]:
+    """The logs as they were fitted and what was found: started, solved and tested, then quantified or explained."""
+    prepared, unknowns = task.prepared, task.unknowns
+    if refused := wrong_unit(prepared):
+        return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns)
+    with time_limit(SEARCH_SHARE * seconds_left()):
+        attempt, left_out = search(SearchProblem(prepared, unknowns, sources, task.seed, progress=progress))
+        if attempt is not None and unknowns.model.vibrates:
+            progress("solving from other starts", 0.85)
+            first = attempt
+            with stage("solve"):
+                other = run_strategy(
+                    Strategy.VIBRATION_STARTS, lambda: multistart_around(first, prepared, unknowns, task.seed), first
+                )
+            attempt = other or attempt
+    if attempt is not None:
+        prepared = with_strengths(prepared, attempt.fitted_logs[0].data.strength_sd)
+    with stage("intervals"):
+        progress("intervals", 0.9)
+        findings = _quantified(task, prepared, attempt, left_out, progress)
+        findings, better = looked_into(findings, task.scene, task.records, prepared, progress)
+        if better is not None:  # another optimum of the same model
+            left_out = {i: why for i, why in left_out.items() if i not in better.log_numbers}
+            findings = _quantified(task, prepared, replace(better, found_by=("hypotheses",)), left_out, progress)
+    return prepared, findings
+
+
+def _quantified(
+    task: Task, prepared: list[Prepared], attempt: Attempt | None, left_out: dict[int, str], progress: Progress
+) -> Findings:
+    """Status, sentence, estimates and intervals of where a search ended."""
+    scene, unknowns = task.scene, task.unknowns
+    if attempt is None:
+        return Findings(*untried(prepared, left_out), unknowns, left_out=left_out)
+    if not np.all(np.isfinite(attempt.solved.theta)):
+        return Findings(*ended(attempt, {}), unknowns, attempt, left_out)
+    sure = certainty(
+        attempt,
+        unknowns,
+        unknowns.base(stated_rig(scene)),
+        task.options,
+        speed_tolerance=scene.rig.tolerances.get("drive_speed", 0.0),
+        seed=task.seed,
+        progress=progress,
+    )
+    if sure is None:
+        return Findings(Status.SOLVER_FAILED, underivable(attempt), unknowns, attempt, left_out)
+    attempt = sure.attempt
+    theta = attempt.solved.theta
+    bounds: dict[str, str] = {}
+    for at in (theta, *(trajectory.theta(theta) for trajectory in attempt.solved.trajectories)):
+        bounds = at_bounds(unknowns, at) | bounds
+    status, message = ended(attempt, bounds)
+    held = []
+    if status is Status.CONVERGED:
+        message = what_is_held(attempt.fitted_logs, attempt.solved.trajectories, sure.colours) or message
+    if attempt.gate.status is Status.CONVERGED:
+        inflation = largest_inflation(attempt, sure.colours)
+        tolerances = scene.rig.tolerances
+        held = against_data(sure.information, theta, stated_rig(scene), inflation, tolerances=tolerances)
+    return Findings(status, message, unknowns, attempt, left_out, sure, held)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What goes with a finding into the result document.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _with_trace(findings: Findings, trace: Trace, limit: float) -> Findings:
+    """Findings with what was tried for them, and, in the sentence, what the time limit [s] did not suffice for."""
     trace.found_by = () if findings.attempt is None else findings.attempt.found_by
     late = ""
     if trace.not_tried:
@@ -282,12 +385,16 @@ def _more_time(limit: float) -> str:
     return "fit fewer or shorter logs together, or fix under [parameters] what is known otherwise"
 
 
-def _default_starts(scene: Scene) -> Sources:
-    """Where a search starts if nobody says."""
-    return "both" if user_start(scene) else "data"
+def _effects_table(found: _Identified, answer: Attempt, progress: Progress) -> tuple[ComparedModel, ...]:
+    """What every effect gains beside an answer of the plain estimator."""
+    progress("effects compared", 0.95)
+    whole = len(found.logs) == len(found.scene.logs)
+    read = found.records or ([log.record for log in found.logs] if whole else with_records(found.scene, None)[1])
+    return compared_models(worth(found.scene, read, found.logs, found.findings.unknowns, answer, progress))
 
 
 def _curves(prepared: list[Prepared], findings: Findings) -> tuple[LogCurves, ...]:
+    """What was measured and fitted of each log."""
     curves = [detected_curves(log) for log in prepared]
     attempt, unknowns = findings.attempt, findings.unknowns
     if findings.estimated is not None:

@@ -117,7 +117,7 @@ def no_price(monkeypatch: pytest.MonkeyPatch) -> None:
 def one_try(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A search that gives up after its first start: for what has no answer, the others only take time."""
     monkeypatch.setattr(starts, "RANDOM", ())
-    with tracing((Strategy.FURTHER_STARTS, Strategy.PRIOR_CONTINUATION)):
+    with tracing((Strategy.FURTHER_STARTS,)):
         yield
 
 

@@ -17,7 +17,7 @@ ROOMS = """
 base examples
 effects model scene
 simulation logs prediction
-shooting estimation uneven diagnosis bench answering
+shooting estimation uneven diagnosis bench
 report identification
 studies
 app

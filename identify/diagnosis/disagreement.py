@@ -16,10 +16,12 @@ from identify.base.errors import FitError, SceneError
 from identify.diagnosis.fitted import Fitted, described
 from identify.diagnosis.nested import fit_from_values, fit_model
 from identify.estimation.attempt import Attempt, usable
-from identify.estimation.events import misfit_of_start
 from identify.estimation.goodness_of_fit import PER_CYCLE
+from identify.estimation.starts import ranked
 from identify.estimation.strategies import Strategy, as_one_trial, may_run
 from identify.logs.parting import name_of_recording, recordings
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
 from identify.simulation.drive import Drive
 
@@ -133,7 +135,7 @@ def _off(all_logs: Fitted, others: Fitted, log: Sequence[int]) -> float:
     """How badly the answer of the others describes a log, in noise variances; infinite where it has no such slips."""
     assert others.attempt is not None
     at_answer = replace(all_logs.unknowns, start=others.attempt.solved.theta)
-    return max(misfit_of_start(all_logs.prepared[i], at_answer) for i in log)
+    return max(_misfit(all_logs.prepared[i], at_answer) for i in log)
 
 
 def _sentence(named: Sequence[tuple[str, float]]) -> str:
@@ -145,3 +147,8 @@ def _sentence(named: Sequence[tuple[str, float]]) -> str:
         "it fits alone; check whether it is of the same pair, its normal force, its drive speed and what else differs "
         "in it, or fit it apart"
     )
+
+
+def _misfit(log: Prepared, unknowns: Unknowns) -> float:
+    """Per sample, in noise variances, of the motion that follows from unknowns.start; infinite where there is none."""
+    return next((2.0 * start.cost for start in ranked([log], unknowns, [unknowns.start])), np.inf)

@@ -1,6 +1,6 @@
 """What an estimator is: prepared logs and unknowns go in; values, covariance, curves and a verdict come out.
 
-`fit` has one of its own (multiple shooting, `answering.answered`) and takes any other that keeps to this protocol. The
+`fit` has one of its own (multiple shooting) and takes any other that keeps to this protocol. The
 time it may take is ambient: `base.budget.seconds_left` tells, and every solve of this package keeps to it.
 """
 

@@ -136,6 +136,8 @@ def starts_of(
     data's own are not good, or, with such a limit, all beyond it."""
     with stage("start"):
         starts = _in_order(prepared, unknowns, sources, seed, uneven, worst)
+        if sources == "user":  # one more start, never the only one
+            starts = [*starts, *_in_order(prepared, unknowns, "data", seed, uneven, worst)]
     yield from _distinct(starts, unknowns)
 
 

@@ -28,18 +28,10 @@ class Strategy(Enum):
     PIECES_FIRST = "pieces first", "a log repeats itself within a programme", "solves what repeats, then the whole log"
     FEATURE_START = "feature start", "always", "solves from the start whose settled cycle is that of the data"
     FURTHER_STARTS = "further feature starts", "the first start did not fit", "solves from up to three more of these"
-    PRIOR_CONTINUATION = (
-        "prior continuation",
-        "the data hardly tell some parameter, and the solver finds no end",
-        "holds the start by priors and weakens them step by step",
-    )
-    OTHER_LOGS = "other logs first", "the logs of the start led to no answer of all", "starts from another set of logs"
     STEADY_PARTS = "steady parts", "logs end in steady sliding and nothing fitted", "fits the level of their last part"
-    CALM_LOAD = "smoothed load", "the normal force trembles", "solves with a smoothed load, then with the measured one"
     GROUP_BY_GROUP = "group by group", "parameters differ between groups", "solves each group, then all together"
     # From an attempt that does not fit to one that does.
     STICK_STRENGTHS = "strength per stick", "cycles misfit, or only their loads explain them", "lets sticks differ"
-    EVENTS_CORRECTED = "events corrected", "some cycles misfit", "puts in slips that were missed, takes out others"
     JOINED = "logs joined", "some logs took no part", "solves again with them, from the answer"
     # From an answer that fits to a better one, or to one whose motion is sure.
     VIBRATION_STARTS = "starts about the answer", "the drive vibrates", "solves from starts drawn about the answer"

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from data_io import Record
 from experiments.run_wrong_rig import wrong
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, simulated_case
-from identify import Scene, answering, fit
+from identify import Scene, fit
 from identify.base.outcome import Status
 from identify.diagnosis import diagnosis
 from identify.diagnosis.diagnosis import REMAINS, _explanations, _is_nearer, diagnose
@@ -221,18 +221,6 @@ def test_a_better_answer_leaves_out_no_log_that_was_described(right):
     assert not _is_nearer(replace(back, attempt=replace(answer, log_numbers=(1,))), ended)
     assert not _is_nearer(replace(back, excess=ended.excess - 0.5 * REMAINS * ended.excess), ended)
     assert not _is_nearer(replace(back, attempt=None, excess=np.inf), ended)
-
-
-def test_a_log_that_a_better_answer_describes_is_not_said_to_be_left_out(case, monkeypatch):
-    scene = _scene(RIG, range(len(SPEEDS)))
-    logs, unknowns = _prepared(scene, case.records)
-    met = iter([search(SearchProblem(logs, unknowns))[0]])
-    monkeypatch.setattr(answering, "search_grouped", lambda *_, **__: (None, {0: "log_0 was left out"}))
-    monkeypatch.setattr(answering, "looked_into", lambda findings, *_: (findings, next(met, None)))
-    result = fit(scene, case.records).result
-    assert result["status"] == "converged"
-    assert [log["reason_left_out"] for log in result["logs"]] == [None] * len(SPEEDS)
-    assert not any("left out" in note for note in result["notes"])
 
 
 def test_a_hidden_slip_is_not_blamed_on_the_rig(case, one_try):

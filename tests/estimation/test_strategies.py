@@ -20,7 +20,7 @@ from identify.diagnosis.findings import Findings
 from identify.estimation import search
 from identify.estimation.strategies import STRATEGIES, Strategy, Trace, Trial, may_run, run_strategy, tracing
 from identify.examples import FOLDER
-from identify.identification import _traced
+from identify.identification import _with_trace
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.scene.toml import read_toml
@@ -110,7 +110,7 @@ def test_advice_of_more_time_ends_before_it_is_beyond_belief() -> None:
     tried = [Trial("hypotheses: mass", (), "examined", None, 1.0)]
     said, limit = list[str](), 60.0
     while limit is not None:
-        said.append(_traced(findings, Trace(tried, ["hypotheses", "one log out"]), limit).message)
+        said.append(_with_trace(findings, Trace(tried, ["hypotheses", "one log out"]), limit).message)
         limit = _advised(said[-1])
     assert "left no time for: hypotheses (begun), one log out" in said[0]
     assert len(said) == len(set(said)) <= 3

@@ -8,7 +8,7 @@ from experiments.run_recovery_study import Study
 from experiments.study_problem import SPEEDS
 from identify.base.outcome import Status
 from identify.estimation.attempt import place_on, solve_from
-from identify.estimation.events import join
+from identify.estimation.search import join
 from identify.logs import prepare as preparing
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +12,6 @@ from scipy.signal import lfilter
 
 from data_io import Record
 from experiments import in_vivo
-from identify import answering
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation.attempt import solve_from
@@ -269,61 +268,6 @@ def test_cycles_that_a_load_makes_unlike_are_not_called_unlike_by_themselves():
     followed, not_told = (prepare(scene, scene.logs[0], r, from_scene(scene)) for r in (record, steady))
     assert followed.scatter > UNEQUAL and not followed.unlike
     assert not_told.scatter > UNEQUAL and not_told.unlike
-
-
-@pytest.mark.parametrize(
-    ("calm", "followed", "plain", "taken"),
-    [
-        ("converged", "converged", None, "followed"),
-        ("converged", "model_misfit", None, "calm"),
-        ("model_misfit", None, "converged", "plain"),
-        ("model_misfit", None, "solver_failed", "calm"),
-    ],
-)
-def test_the_way_to_a_trembling_load_leads_by_a_calm_one(monkeypatch, calm, followed, plain, taken):
-    def attempt(name, status):
-        return _Attempt(name, SimpleNamespace(status=Status(status)), SimpleNamespace(theta=np.zeros(1)))
-
-    trembling, quiet = _Log("trembling"), _Log("calm")
-    asked = []
-
-    def searched(logs):
-        asked.append(logs[0].data)
-        return logs, attempt("calm", calm) if logs[0].data == "calm" else attempt("plain", plain), {}
-
-    monkeypatch.setattr(answering, "calmed", lambda _data: quiet.data)
-    monkeypatch.setattr(answering, "solve_from", lambda *_: attempt("followed", followed))
-    logs, found, _ = answering._by_way_of_calm([trembling], _Start(np.ones(1)), searched)
-    assert found.name == taken
-    assert logs[0].data == ("calm" if taken == "calm" else "trembling")
-    assert asked == ["calm"] + ["trembling"] * (plain is not None)
-
-
-def test_where_no_load_trembles_the_search_is_made_once(monkeypatch):
-    monkeypatch.setattr(answering, "calmed", lambda data: data)
-    asked = []
-    answering._by_way_of_calm([_Log("level")], _Start(np.ones(1)), lambda logs: (asked.append(logs), None, {}))
-    assert len(asked) == 1
-
-
-@dataclass(frozen=True)
-class _Attempt:
-    name: str
-    gate: SimpleNamespace
-    solved: SimpleNamespace
-    log_numbers: tuple[int, ...] = (0,)
-    found_by: tuple[str, ...] = ()
-    cost_per_sample: float | None = None
-
-
-@dataclass(frozen=True)
-class _Log:
-    data: str
-
-
-@dataclass(frozen=True)
-class _Start:
-    start: np.ndarray
 
 
 HOLDS = ((0.0, 1e-3), (4.0, 0.0), (6.0, 1e-3), (9.0, 0.0), (14.0, 1e-3))
