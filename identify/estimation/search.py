@@ -31,9 +31,9 @@ from identify.estimation.attempt import (
     usable,
 )
 from identify.estimation.covariance import information
+from identify.estimation.goodness_of_fit import loads_stand_in
 from identify.estimation.starts import Sources, slips_one_by_one, starts_of
 from identify.estimation.stick_strength import with_own_strengths, with_strengths
-from identify.estimation.strained import loads_stand_in
 from identify.estimation.strategies import Strategy, may_run, run_strategy
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns

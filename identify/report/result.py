@@ -32,7 +32,7 @@ from identify.diagnosis.choice import Choice, as_listed, effects_result
 from identify.diagnosis.findings import Findings, held_results
 from identify.estimation.agreement import largest_inflation
 from identify.estimation.covariance import FARTHEST, Estimate
-from identify.estimation.strained import stick_scatter
+from identify.estimation.goodness_of_fit import stick_scatter
 from identify.estimation.tolerances import added_by_tolerances
 from identify.logs.parting import parts_of
 from identify.logs.prepare import Prepared

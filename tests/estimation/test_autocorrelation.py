@@ -59,7 +59,7 @@ def test_noise_with_a_memory_is_accepted_and_widens_the_errors(monkeypatch):
     assert found.status is Status.CONVERGED, found.message
     assert _distance(found) < chi2.isf(1e-3, 6)
     level = found.attempt.gate.level
-    assert 1.0 < level < 1.5 and "noise with a memory" in found.message
+    assert 1.0 < level < 1.5 and "autocorrelated noise" in found.message
     white = np.diag(found.sure.white)
     assert np.all(np.diag(found.covariance) > level * white), "as much wider as the noise is larger, and more"
     names = [log.name for log in found.attempt.fitted_logs]
