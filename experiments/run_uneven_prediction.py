@@ -22,9 +22,8 @@ from scipy.stats import ks_2samp
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.machine import describe
-from experiments.run_measured_records import RECORDS, sticks_in
-from experiments.run_uneven_study import CASES, prepared
-from experiments.uneven_records import simulated
+from experiments.measured_records import RECORDS, sticks_in
+from experiments.uneven_records import CASES, prepared, simulated
 from identify.uneven.drawn import CYCLES, SETTLING, Begin, Distribution, drawn_distributions
 from identify.uneven.estimator import maximise
 from identify.uneven.events import Sticks, sticks_of

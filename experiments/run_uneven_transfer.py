@@ -19,8 +19,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.in_parts import append, by_processor_time, cases, started
-from experiments.run_uneven_study import scene_of
-from experiments.uneven_records import STIFF, Pair, simulated
+from experiments.uneven_records import STIFF, Pair, scene_of, simulated
 from identify import Scene, fit
 from identify.uneven.answer import UnevenEstimator
 

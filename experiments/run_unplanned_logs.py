@@ -28,8 +28,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import LogError, Record
 from experiments.in_parts import append, started
+from experiments.judgement import FRICTION
 from experiments.machine import describe
-from experiments.run_recovery_study import FRICTION
 from experiments.study_problem import USUAL, WIDE, coefficients_only, random_case
 from identify import Scene, fit
 from identify.base import budget

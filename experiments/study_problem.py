@@ -19,6 +19,7 @@ RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
 DEMO = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
 NORMAL_FORCE = 1.0
 NOISE = 5e-3
+SEED = 4  # of the random pairs
 # Drive speed [m/s], duration [s], sampling rate [Hz].
 SPEEDS = ((1e-4 / 60, 800.0, 20.0), (1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))
 KNOWN = ("a", "D", "t_cr")  # where only the coefficients are searched
@@ -112,6 +113,14 @@ def with_fifth(case: Case, seed: int, *, noise: float = NOISE, rate: float = 1.0
     """The case with the log of FIFTH as well, whatever it shows."""
     record, motion = _simulated(case.truth | case.rig, FIFTH, np.random.default_rng([5, seed]), noise, rate)
     return replace(case, records=(*case.records, record), cycles=(*case.cycles, int(motion.arrests.size)))
+
+
+def recovery_case(ranges: str, number: int, noise: float = 1.0, rate: float = 1.0) -> Case:
+    """The pair of a number: of the "usual" or "wide" ranges, or "wide, five logs", with one faster log more; factors on
+    noise and sampling rate."""
+    drawn = USUAL if ranges == USUAL.name else WIDE
+    case, _ = random_case(np.random.default_rng([SEED, number]), drawn, noise=noise * NOISE, rate=rate)
+    return with_fifth(case, number, noise=noise * NOISE, rate=rate) if "five" in ranges else case
 
 
 def wrong_start(random: np.random.Generator, truth: dict[str, float]) -> dict[str, float]:

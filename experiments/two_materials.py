@@ -7,13 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from experiments.study_problem import SPEEDS, USUAL, Case, random_case, scene_of, simulated_case
-from identify.base.outcome import Status
-from identify.identification import find
+from identify import Scene
 
 SEED = 20261129
 OWN = (("mu_s", "mu_k0"), ("D", "t_cr"), ("mu_s", "mu_k0", "D"), ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr"))
 APART = 0.35  # standard deviation of the logarithm of what a material has for itself, of coefficients half as much
-CLOSE, FAR = 0.05, 0.10  # of a value; and 5 standard errors where that is more
 
 
 def two_materials(number: int) -> tuple[Case, Case, tuple[str, ...]]:
@@ -32,21 +30,9 @@ def two_materials(number: int) -> tuple[Case, Case, tuple[str, ...]]:
             return first, second, own
 
 
-def fit_both(number: int) -> tuple[bool, bool, str]:
-    """Whether the fit finds the truth of both materials, whether it claims what is wrong, and its status."""
-    first, second, own = two_materials(number)
+def scene_of_both(first: Case, second: Case, own: tuple[str, ...]) -> Scene:
+    """The scene of the logs of both, the parameters named per material (A, B)."""
     plain = scene_of(first, further=[speed for speed, _, _ in SPEEDS])
     logs = tuple(replace(log, labels={"material": "A" if i < len(SPEEDS) else "B"}) for i, log in enumerate(plain.logs))
     specs = {n: replace(plain.parameters[n], per="material") for n in own}
-    scene = replace(plain, logs=logs, parameters={**plain.parameters, **specs})
-    _, found = find(scene, [*first.records, *second.records])
-    if found.status is not Status.CONVERGED or found.sure is None:
-        return False, False, found.status.value
-    told = [(first.truth[e.name], e) for e in found.estimates if e.name in first.truth]
-    told += [(second.truth[e.name.split(" ")[0]], e) for _, e in found.sure.of_groups]
-    off = [abs(e.value - true) for true, e in told]
-    errors = [5.0 * (e.standard_error or np.inf) for _, e in told]
-    sizes = [abs(true) for true, _ in told]
-    right = all(o <= max(CLOSE * s, e) for o, s, e in zip(off, sizes, errors, strict=True))
-    false = any(o > max(FAR * s, e) for o, s, e in zip(off, sizes, errors, strict=True))
-    return right, false, found.status.value
+    return replace(plain, logs=logs, parameters={**plain.parameters, **specs})

@@ -1,4 +1,4 @@
-"""Records of an uneven track by chance, from the equations alone: nothing of the estimator is used.
+"""Records of an uneven track by chance, from the equations alone: nothing of the estimator is used to draw them.
 
 The friction level is a Brownian path along the track with fine roughness (Ornstein-Uhlenbeck) on it, both fields of
 position; every stick has a strength of its own. Sticks are advanced in closed form, slips in steps far shorter than
@@ -7,12 +7,16 @@ the samples, many records side by side. Forces are over the load until the recor
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from identify.effects import MAIN
+from identify.logs.prepare import Prepared, prepare
+from identify.logs.unknowns import from_scene
+from identify.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -53,6 +57,12 @@ class Pair:
 
 SOFT = Pair()
 STIFF = Pair(0.06, 0.2, 0.3, 7000.0, level_wander=2.5, stiffness=1002.0, damping=0.15, noise=1.2e-3)
+CASES = {
+    "soft": SOFT,
+    "soft, rough": replace(SOFT, roughness=0.011),
+    "stiff": STIFF,
+    "stiff, rough": replace(STIFF, roughness=0.015),
+}
 
 
 @dataclass(frozen=True)
@@ -187,3 +197,29 @@ class _Tracks:
         )
         cut = {name: values[1:] - (start if name in ("onset", "arrest") else 0.0) for name, values in seen.items()}
         return Simulated(record, **{name: values[:-1] for name, values in cut.items()})
+
+
+def scene_of(pair: Pair) -> Scene:
+    """The rig of a pair as a user states it; friction is searched."""
+    rig = {
+        "mass": pair.mass,
+        "stiffness": pair.stiffness,
+        "damping": pair.damping * float(np.sqrt(pair.stiffness / pair.mass)),
+        "drive_speed": pair.drive_speed,
+    }
+    return Scene.from_document(
+        {"effects": [*MAIN, "varying_normal_force"], "rig": rig, "logs": [{"path": "track.csv"}]}
+    )
+
+
+def prepared(pair: Pair, record: Record) -> Prepared:
+    """A record of a pair as the estimators take it."""
+    scene = scene_of(pair)
+    return prepare(scene, scene.logs[0], record, from_scene(scene))
+
+
+def truth_of(pair: Pair, rest: float) -> Array:
+    """Logarithms of PARAMETERS (7,); strength after a rest [s]."""
+    strength = pair.strength * -np.expm1(-rest / pair.creep_time)
+    scales = (pair.level_wander, max(pair.scatter, 1e-6), max(pair.roughness, 1e-6))
+    return np.log([strength, pair.weakening_rate, pair.creep_time, pair.mass, *scales])

@@ -2,8 +2,7 @@
 
 Rows that start are tried from top to bottom until an answer fits (`search.STARTS`); the others where they belong: they
 repair an attempt, look about an answer, or explain a misfit. Each try is one entry of the trace (`search` in
-result.json), and an answer carries the names of the strategies that led to it (`Attempt.found_by`). What each row buys
-is measured by `experiments/run_ablation.py`, which switches rows off one by one.
+result.json), and an answer carries the names of the strategies that led to it (`Attempt.found_by`).
 """
 
 from __future__ import annotations

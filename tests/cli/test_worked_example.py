@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.run_measured_records import RECORDS
+from experiments.measured_records import RECORDS
 from identify import Scene, fit
 from tests.support.command import stickslip
 

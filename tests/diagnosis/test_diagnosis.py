@@ -8,8 +8,8 @@ import pytest
 from scipy.signal import lfilter
 
 from data_io import Record
-from experiments.run_wrong_rig import wrong
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, simulated_case
+from experiments.wrong_rigs import wrong
 from identify import Scene, fit
 from identify.base.outcome import Status
 from identify.diagnosis import diagnosis

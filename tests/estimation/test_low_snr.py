@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from data_io import Record
-from experiments.run_recovery_study import Study
-from experiments.study_problem import SPEEDS
+from experiments.study_problem import SPEEDS, recovery_case
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation import attempt
@@ -93,7 +92,7 @@ ASTRAY = (-4e-5, 9e-5, -1.09e-3, 2.292e-2, 5.82e-3, 0.1182)
 @lru_cache(maxsize=1)
 def both_ways() -> tuple[tuple[list[Prepared], Unknowns], list[Attempt], Attempt | None]:
     """What is solved, all that was solved on the way, and what is given back."""
-    case = Study("wide").case(15)[0]
+    case = recovery_case("wide", 15)
     prepared, unknowns = taken(case.records, SPEEDS, case.truth, case.rig)
     start = unknowns.start.copy()
     start[unknowns.free] += ASTRAY

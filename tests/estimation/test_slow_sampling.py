@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.judgement import judged
 from experiments.run_fit_speed import TRUTH, simulated
-from experiments.run_recovery_study import Study, fit_case
-from experiments.study_problem import RIG, SPEEDS, scene_of
-from identify import Scene
+from experiments.study_problem import RIG, SPEEDS, recovery_case, scene_of
+from identify import Scene, fit
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation import attempt
@@ -24,9 +24,9 @@ from tests.support.taken_logs import taken
 
 @pytest.mark.slow
 def test_events_settle_within_the_slip_where_samples_lie_farther_apart(monkeypatch):
-    case, _, _ = Study("usual", rate=0.25).case(28)  # its slowest log at 5 Hz, slips of 35 ms
-    found = fit_case(case, None, "data")
-    assert found.recovered and max(abs(error) for error in found.errors.values()) < 0.05, found.message
+    case = recovery_case("usual", 28, rate=0.25)  # its slowest log at 5 Hz, slips of 35 ms
+    found = judged(fit(scene_of(case), case.records).result, case.truth)
+    assert found["right"], found["message"]
     monkeypatch.setattr(passes, "SAMPLE_OF_A_SLIP", np.inf)  # negative control: half a sample is three slips here,
     monkeypatch.setattr(passes, "AT_BOUND", np.inf)  # and an event that goes as far as it can has not arrived
     logs, unknowns = taken(case.records, SPEEDS, case.truth, case.rig)  # even from the truth
@@ -38,7 +38,7 @@ def test_events_settle_within_the_slip_where_samples_lie_farther_apart(monkeypat
 def test_samples_that_change_sides_to_and_fro_end_the_passes(monkeypatch):
     """Pair 75 at 5 Hz: in every fourth pass the events are where they were. All forty were made, from every start and
     with every tightness of the priors that hold it: six minutes for what takes twenty seconds."""
-    case, _, _ = Study("usual", rate=0.25).case(75)
+    case = recovery_case("usual", 75, rate=0.25)
     scene = scene_of(case)
     unknowns = from_scene(scene)
     logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, case.records, strict=True)]

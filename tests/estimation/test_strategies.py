@@ -10,8 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from data_io import Record
-from experiments.run_recovery_study import Study
-from experiments.study_problem import scene_of
+from experiments.study_problem import recovery_case, scene_of
 from identify import Scene, SceneError, fit
 from identify.base import budget
 from identify.base.budget import no_time_limit, seconds_left, time_is_up, time_limit
@@ -119,7 +118,7 @@ def test_advice_of_more_time_ends_before_it_is_beyond_belief() -> None:
 
 def test_without_a_repair_a_missed_slip_costs_the_answer() -> None:
     """Negative control of the table: a row that is switched off is not tried, and what it buys is lost."""
-    case, _, _ = Study("usual").case(1)
+    case = recovery_case("usual", 1)
     scene = scene_of(case, None)
     record = case.records[1]
     spoiled = record.friction_force.copy()
@@ -134,7 +133,7 @@ def test_without_a_repair_a_missed_slip_costs_the_answer() -> None:
 
 def test_starts_that_the_time_did_not_suffice_for_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first start misfits, and the time is up with it: the rows that were due next are said, not passed over."""
-    case, _, _ = Study("usual").case(1)
+    case = recovery_case("usual", 1)
     scene, really = scene_of(case, None), search.solve_from
 
     def late(*given, **how):

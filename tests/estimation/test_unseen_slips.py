@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from experiments.run_recovery_study import Study
-from experiments.study_problem import SPEEDS
+from experiments.study_problem import SPEEDS, recovery_case
 from identify.base.outcome import Status
 from identify.estimation.attempt import place_on, solve_from
 from identify.estimation.search import join
@@ -19,7 +18,7 @@ SLOWEST, CYCLING = 0, [2, 3]  # of the four logs: 5,250 slips of 0.2 mN in noise
 
 
 def case(number: int = 121) -> tuple[list[Prepared], Unknowns]:
-    drawn = Study("wide").case(number)[0]
+    drawn = recovery_case("wide", number)
     return taken(drawn.records, SPEEDS, drawn.truth, drawn.rig)
 
 

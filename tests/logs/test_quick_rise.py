@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from experiments.run_recovery_study import FIVE, Study
-from experiments.study_problem import FIFTH, NORMAL_FORCE, scene_of
+from experiments.study_problem import FIFTH, NORMAL_FORCE, recovery_case, scene_of
 from identify.effects import MAIN
 from identify.logs import fit_mode
 from identify.logs.prepare import Prepared, prepare
@@ -16,7 +15,7 @@ from identify.simulation.simulate import run
 
 def begun(number: int) -> tuple[Prepared, float]:
     """The fastest log of a pair as it is prepared, and when it begins to slip in truth [s]."""
-    case = Study(FIVE).case(number)[0]
+    case = recovery_case("wide, five logs", number)
     scene = scene_of(case, None, [FIFTH[0]])
     onset = run(assemble(MAIN), case.truth | case.rig, FIFTH[0], NORMAL_FORCE, 0.1).onsets[0]
     return prepare(scene, scene.logs[4], case.records[4], from_scene(scene)), float(onset)

@@ -1,10 +1,14 @@
 """Measured records: friction that differs from cycle to cycle is noticed, said, and described cycle by cycle."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from experiments.run_measured_records import RECORDS, halves, main, sticks_in
+from experiments.measured_records import RECORDS, halves, sticks_in
+from experiments.measured_records import scene_of as measured_scene
 from experiments.study_problem import DEMO, scene_of, simulated_case
+from identify import fit
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.uneven.answer import why_withheld
@@ -16,11 +20,10 @@ measured = pytest.mark.skipif(not RECORDS.is_dir(), reason="the measured records
 
 
 @measured
-def test_a_measured_record_ends_with_numbers_and_the_reason(capsys):
-    statuses = main(fast=True)
-    said = capsys.readouterr().out
-    assert set(statuses.values()) == {"converged"}
-    assert "by the uneven estimator" in said and "differs from cycle to cycle" in said
+def test_a_measured_record_ends_with_numbers_and_the_reason():
+    result = fit(replace(measured_scene(("k1002_v42",)), time_limit=20.0)).result
+    assert result["status"] == "converged" and result["estimator"] == "uneven"
+    assert "differs from cycle to cycle" in result["message"]
 
 
 @measured

@@ -9,8 +9,7 @@ from scipy import stats
 from scipy.integrate import solve_ivp
 
 from experiments import run_uneven_prediction, run_uneven_transfer
-from experiments.run_uneven_study import prepared, scene_of, truth_of
-from experiments.uneven_records import STIFF, simulated
+from experiments.uneven_records import STIFF, prepared, scene_of, simulated, truth_of
 from identify import fit
 from identify.base.errors import FitError
 from identify.report import write_report

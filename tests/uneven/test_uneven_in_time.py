@@ -8,8 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from experiments.run_uneven_study import prepared, scene_of
-from experiments.uneven_records import STIFF, simulated
+from experiments.uneven_records import STIFF, prepared, scene_of, simulated
 from identify import fit
 from identify.base.budget import time_limit
 from identify.scene import Scene
@@ -54,8 +53,7 @@ def test_a_stop_signal_ends_the_estimate():
     """As a command has it: once in twenty the interrupt itself is lost in compiled code."""
     code = """
 from identify.cli.interrupt import interruptible
-from experiments.run_uneven_study import prepared
-from experiments.uneven_records import STIFF, simulated
+from experiments.uneven_records import STIFF, prepared, simulated
 from identify.uneven.estimator import maximise
 from identify.uneven.events import sticks_of
 many = [sticks_of(prepared(STIFF, track.record)) for track in simulated(STIFF, 24, [1, 2])]

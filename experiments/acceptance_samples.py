@@ -1,0 +1,334 @@
+"""The samples of the acceptance table: what is drawn for a number, how it is fitted, and what is counted as right.
+
+Every case follows from its sample and its number. Numbers of the second set are those of the first plus SECOND: the
+same recipes with other seeds.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+import identify
+from data_io import LogError, Record
+from experiments.designs import allowed, design
+from experiments.designs import scene_of as design_scene
+from experiments.in_vivo import RATES, twin
+from experiments.judgement import FRICTION, judged
+from experiments.measured_records import FILES, RECORDS, TOGETHER
+from experiments.measured_records import scene_of as measured_scene
+from experiments.record_kinds import KINDS
+from experiments.scattered_records import with_scatter
+from experiments.strangers import stranger
+from experiments.study_problem import (
+    DEMO,
+    NOISE,
+    NORMAL_FORCE,
+    RIG,
+    SPEEDS,
+    USUAL,
+    random_case,
+    recovery_case,
+    scene_of,
+)
+from experiments.two_materials import scene_of_both, two_materials
+from experiments.uneven_records import CASES as UNEVEN
+from experiments.uneven_records import scene_of as uneven_scene
+from experiments.uneven_records import simulated
+from experiments.wrong_rigs import KINDS as WRONG
+from experiments.wrong_rigs import wrong
+from identify import Scene, fit
+from identify.base.errors import IdentifyError
+from identify.effects import MAIN
+from identify.model.model import assemble
+from identify.simulation.simulate import run
+
+SECOND = 10_000
+SCATTERS = (0.0, 0.003, 0.01, 0.03, 0.05, 0.15)
+SCATTER_SEED, COVERAGE_SEED = 53, 97
+COVERAGE_SPEEDS = ((1e-4, 14.0, 250.0), (1e-3, 2.2, 1000.0), (5e-3, 0.7, 2000.0))
+MEMORY = 0.8  # correlation of the noise from sample to sample, in every second case of the coverage
+MEASURED = (*((name,) for name in FILES), *TOGETHER)
+UNEVEN_EACH = 15
+INVENTED = re.compile(
+    r"explains the misfit|not as stated|the sensor lags|a (mass|stiffness|damping) of \S+ (kg|g|N/m|kN/m) instead"
+)
+"""Sentences that give a quantity of the rig as the cause of a misfit."""
+
+Line = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A row of the table.
+
+    count: cases of the whole, from number `first` on; third: how many of them, evenly spread, are run after each step;
+    one: runs a case; limit: share of right cases that is asked for (None: as before); answered: the same for cases
+    with an answer; coverage: the range that is asked of the share of intervals that hold the truth.
+    """
+
+    one: Callable[[int], Line]
+    count: int
+    third: int
+    limit: float | None = None
+    first: int = 0
+    answered: float | None = None
+    coverage: tuple[float, float] | None = None
+
+    def numbers(self, subset: str) -> list[int]:
+        """The numbers of "whole" or "third"."""
+        some = self.count if subset == "whole" else self.third
+        return [self.first + int((i + 0.5) * self.count / some) for i in range(some)]
+
+
+def fitted(
+    scene: Scene, records: Sequence[Record] | None, truth: Mapping[str, float], required: Sequence[str] = FRICTION
+) -> tuple[Line, Mapping[str, Any]]:
+    """A fit from the data alone, judged; and its document (empty where it was refused)."""
+    try:
+        result = fit(scene, records).result
+    except (IdentifyError, LogError) as refusal:
+        return _refused(str(refusal)), {}
+    return judged(result, truth, required), result
+
+
+def _refused(message: str) -> Line:
+    nothing = {"answered": False, "right": False, "false": False, "inside": 0, "outside": 0, "worst": None}
+    return {"status": "refused", **nothing, "verdict_errors": [], "verdicts": {}, "message": message}
+
+
+def recovery(ranges: str, noise: float = 1.0, rate: float = 1.0) -> Callable[[int], Line]:
+    """Random pairs of the recovery study, from the data alone."""
+
+    def one(number: int) -> Line:
+        case = recovery_case(ranges, number, noise, rate)
+        further = [2e-2] * (len(case.records) - len(SPEEDS))
+        return fitted(scene_of(case, None, further), case.records, case.truth)[0]
+
+    return one
+
+
+def record_kind(number: int) -> Line:
+    """A kind of record, of KINDS in turn; right only with all logs."""
+    kind = KINDS[number % len(KINDS)]
+    scene, records = kind.made(number // len(KINDS))
+    line, result = fitted(scene, records, kind.pair, required=())
+    left_out = [log for log in result.get("logs", ()) if log.get("reason_left_out") is not None]
+    return line | {"right": line["right"] and not left_out, "kind": kind.name}
+
+
+def wrong_rig(number: int) -> Line:
+    """A wrong rig; right: no answer, and the quantity is named with its true value within 5 %."""
+    kind = tuple(WRONG)[number % len(WRONG)]
+    case, scene, truth = wrong(kind, 1 + number // len(WRONG))
+    line, _ = fitted(scene, case.records, case.truth)
+    named = names(kind, truth, line["message"])
+    return line | {"kind": kind, "named": named, "right": line["status"] != "converged" and named}
+
+
+def names(kind: str, truth: float, message: str) -> bool:
+    """Whether a message names the quantity and, with its unit, a value within 5 % of the truth [SI]."""
+    word, units = {
+        "mass": ("mass", {"kg": 1.0, "g": 1e-3}),
+        "stiffness": ("stiffness", {"N/m": 1.0, "kN/m": 1e3}),
+        "lag": ("lag|sensor", {"ms": 1e-3, "s": 1.0}),
+    }[kind]
+    if not re.search(word, message):
+        return False
+    pairs = re.findall(r"([-+]?\d+\.?\d*(?:e[-+]?\d+)?) (kN/m|N/m|kg|g|ms|s)\b", message)
+    return any(unit in units and abs(float(value) * units[unit] / truth - 1.0) < 0.05 for value, unit in pairs)
+
+
+def designed(number: int) -> Line:
+    """A design; right: converged, and every verdict is one that the profile by brute force allows."""
+    made = design(number)
+    line, _ = fitted(design_scene(made), made.records, made.truth, required=())
+    may = allowed(number)
+    errors = [n for n, words in may.items() if line["verdicts"].get(n, "none") not in words]
+    if may:
+        line["verdict_errors"] = errors if line["status"] == "converged" else []
+    right = line["status"] == "converged" and not line["verdict_errors"]
+    return line | {"right": right, "kind": made.kind, "repaired": made.repaired, "truth_known": bool(may)}
+
+
+def in_vivo(number: int) -> Line:
+    """A twin of an in-vivo visit at one of four rates; right: converged without a verdict error."""
+    made, rate = twin(number // len(RATES)), RATES[number % len(RATES)]
+    line, _ = fitted(made.scene(), made.records(rate), {n: made.truth[n] for n in (*FRICTION, "mass")}, required=())
+    right = line["status"] == "converged" and not line["verdict_errors"] and not line["false"]
+    return line | {"right": right, "rate": rate}
+
+
+def both_materials(number: int) -> Line:
+    """Two materials on one rig."""
+    first, second, own = two_materials(number)
+    truth = first.truth | {f"{name} (B)": second.truth[name] for name in own}
+    scene = scene_of_both(first, second, own)
+    return fitted(scene, [*first.records, *second.records], truth, required=())[0] | {"own": own}
+
+
+def scattered(number: int) -> Line:
+    """Strength that scatters from stick to stick; right: answered, nothing false, no cause invented."""
+    scatter, pair = SCATTERS[number % len(SCATTERS)], number // len(SCATTERS)
+    case, _ = random_case(np.random.default_rng([SCATTER_SEED, pair]), USUAL)
+    records = with_scatter(case, SPEEDS, scatter, pair)
+    line, result = fitted(scene_of(case), records, case.truth | {"strength_scatter": scatter or 1e-9}, required=())
+    return _without_invention(line) | {"scatter": scatter, "estimator": result.get("estimator")}
+
+
+def _without_invention(line: Line) -> Line:
+    invented = bool(INVENTED.search(line["message"]))
+    right = line["status"] == "converged" and not line["false"] and not invented
+    return line | {"right": right, "invented": invented}
+
+
+def coverage(number: int) -> Line:
+    """New noise on the same three logs of the demo pair, white or with a memory in turn."""
+    random, records = np.random.default_rng([COVERAGE_SEED, number]), []
+    memory = MEMORY if number % 2 else 0.0
+    for speed, duration, rate in COVERAGE_SPEEDS:
+        times = np.arange(round(duration * rate) + 1) / rate
+        force = run(assemble(MAIN), DEMO | RIG, speed, NORMAL_FORCE, duration).sample(times)["force"]
+        new = random.standard_normal(times.size + 200) * np.sqrt(1.0 - memory**2)
+        noise = NOISE * lfilter([1.0], [1.0, -memory], new)[200:]
+        records.append(Record(times, np.full(times.size, NORMAL_FORCE), force + noise))
+    logs = [{"path": f"log_{i}.csv", "drive_speed": log[0]} for i, log in enumerate(COVERAGE_SPEEDS, 1)]
+    scene = Scene.from_document({"effects": [*MAIN, "varying_normal_force"], "rig": dict(RIG), "logs": logs}, Path())
+    return fitted(scene, records, DEMO)[0] | {"memory": memory}
+
+
+def regime(number: int) -> Line:
+    """The regime of a record as `inspect` has it without and with the rig, and as the fit sees it."""
+    from experiments.regimes import looked_at
+
+    seen = looked_at(number)
+    told = ", ".join(str(word) for word in (seen.alone, seen.with_rig, seen.by_fit))
+    return _refused(f"{seen.truth} told as {told}: {seen.evidence}") | {
+        "status": seen.truth, "answered": True, "right": seen.right, "false": seen.claimed, "kind": seen.kind,
+    }  # fmt: skip
+
+
+def uneven(number: int) -> Line:
+    """A simulated uneven record; right: answered by the uneven estimator, its parameters near the truth."""
+    name = tuple(UNEVEN)[number // UNEVEN_EACH % len(UNEVEN)]
+    pair = UNEVEN[name]
+    (track,) = simulated(pair, 50, [63_000 + number])
+    strength = float(np.median(track.effective))  # onset force above the slow level: what fine roughness leaves to tell
+    truth = {"strength": strength, "strength_scatter": pair.scatter, "weakening_length": strength / pair.weakening_rate}
+    truth |= {"mass": pair.mass, "level_wander": pair.level_wander, "level_roughness": max(pair.roughness, 1e-9)}
+    line, result = fitted(uneven_scene(pair), [track.record], truth, required=("strength", "mass"))
+    return line | {"right": line["right"] and result.get("estimator") == "uneven", "kind": name}
+
+
+def measured(number: int) -> Line:
+    """Measured records, paper on paper: no truth; right: answered. What was told is kept."""
+    names = MEASURED[number % len(MEASURED)]
+    if not RECORDS.is_dir():
+        return _refused("no measured records here") | {"records": names}
+    line, result = fitted(measured_scene(names), None, {}, required=())
+    told = {
+        name: [entry["value"], *entry["interval"]]
+        for name, entry in result.get("parameters", {}).items()
+        if entry["value"] is not None
+    }
+    done = line["status"] == "converged"
+    return line | {"answered": done, "right": done, "records": names, "told": told}
+
+
+def hard_scene(number: int) -> Line:
+    """A row of the table of hard scenes, against a truth from outside; right: within its tolerance, or refused."""
+    from experiments.hard_cases import CASES
+
+    case = CASES[number]
+    try:
+        error = 0.0 if case.truth is None else case.errors(0.0)[0]
+        refusal = ""
+        if case.truth is None:
+            case.scene.run()
+    except IdentifyError as refused:
+        error, refusal = np.inf, str(refused)
+    right = error <= case.tolerance if case.truth is not None else bool(re.search(case.refusal, refusal) and refusal)
+    done = {"status": "refused" if refusal else "simulated", "answered": True, "right": right, "false": not right}
+    return _refused(refusal) | done | {"kind": case.name, "error": float(error)}
+
+
+@dataclass
+class Commands:
+    """How the command line is run in processes of its own; limits count processor time where `cpu_clock` is set."""
+
+    cpu_clock: bool = False
+
+    def run(self, arguments: Sequence[str]) -> tuple[subprocess.CompletedProcess[str], float]:
+        """`stickslip` with these arguments, and its processor time [s]."""
+        here, product = (str(Path(file).parents[1]) for file in (__file__, identify.__file__))
+        lines = ["import sys", f"sys.path[:0] = {[product]!r}", f"sys.path.append({here!r})"]
+        if self.cpu_clock:
+            lines.append("from experiments.in_parts import by_processor_time; by_processor_time()")
+        lines.append("from identify.cli.main import main; sys.exit(main(sys.argv[1:]))")
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        done = subprocess.run(
+            [sys.executable, "-c", "\n".join(lines), *arguments], capture_output=True, text=True, check=False
+        )
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return done, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+COMMANDS = Commands()
+
+
+def strangers_pair(number: int) -> Line:
+    """A wide pair by files and the default command; right: answered, no false value, cause or verdict."""
+    pair = stranger(number)
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        scene = pair.write(folder)
+        done, cpu = COMMANDS.run(["fit", "--scene", str(scene), "--out", str(folder / "out")])
+        result = {}
+        with contextlib.suppress(OSError):
+            result = json.loads((folder / "out" / "result.json").read_text(encoding="utf-8"))
+    line = judged(result, pair.truth, ()) if result else _refused(done.stderr.strip()[-500:])
+    near = line["right"]
+    notes = " ".join(result.get("notes", ()))
+    line = _without_invention(
+        line | {"message": f"{line['message']} {notes}" if INVENTED.search(notes) else line["message"]}
+    )
+    line |= {"exit": done.returncode, "cycles": [log.cycles for log in pair.logs], "cpu": cpu, "near": near}
+    line |= {"late": result.get("not_tried", []), "values": _values(result)}
+    return line | {"right": line["right"] and not line["verdict_errors"]}
+
+
+def _values(result: Mapping[str, Any]) -> dict[str, Any]:
+    shown = result.get("last_iterate") or {n: e["value"] for n, e in result.get("parameters", {}).items()}
+    return {name: shown.get(name) for name in FRICTION}
+
+
+SAMPLES: Mapping[str, Sample] = {
+    "usual": Sample(recovery("usual"), 200, 24, 198 / 200),
+    "noise": Sample(recovery("usual", noise=4.0), 40, 8, 38 / 40),
+    "rate": Sample(recovery("usual", rate=0.25), 41, 8, 40 / 41),
+    "wide": Sample(recovery("wide, five logs"), 60, 10, 56 / 60),
+    "kinds": Sample(record_kind, 45, 16, 40 / 45),
+    "wrong_rig": Sample(wrong_rig, 30, 9, 28 / 30),
+    "designs": Sample(designed, 40, 8, 37 / 40),
+    "two_materials": Sample(both_materials, 26, 6, 23 / 26),
+    "in_vivo": Sample(in_vivo, 9, 3, 6 / 9, first=480),
+    "scatter": Sample(scattered, 60, 12, 0.9),
+    "coverage": Sample(coverage, 200, 40, coverage=(0.93, 0.97)),
+    "regimes": Sample(regime, 400, 60, 396 / 400),
+    "uneven": Sample(uneven, 60, 6),
+    "strangers": Sample(strangers_pair, 60, 16, answered=57 / 60, coverage=(0.93, 1.0)),
+    "measured": Sample(measured, len(MEASURED), len(MEASURED)),
+    "hard": Sample(hard_scene, 69, 69),
+}
