@@ -3,7 +3,7 @@
 Random pairs x designs: one drive speed only; holds too short; slips that hold a few samples; slow speeds only; and the
 repair of each. Cycles are always resolved (12 samples or more), slips not. `results/design_truths.json` holds, by
 number, the verdicts that a profile likelihood by brute force from the true motion allows for each parameter
-(`true_profile.py`).
+at a state of the project that had one.
 """
 
 from __future__ import annotations

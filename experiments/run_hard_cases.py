@@ -1,7 +1,6 @@
 """The page of hard cases (docs/hard_cases.md): each green against its truth from outside, or refused by name.
 
 python experiments/run_hard_cases.py > docs/hard_cases.md
-python experiments/run_property_draws.py --table draws.csv --page docs/hard_cases.md    its last section
 """
 
 from __future__ import annotations

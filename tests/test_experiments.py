@@ -9,12 +9,12 @@ from experiments.judgement import judged
 
 FOLDER = Path(__file__).resolve().parent.parent / "experiments"
 WINDOWS = FOLDER / "run_window_study.py"  # run by tests/prediction/test_windows.py
-UNEVEN = {FOLDER / f"run_uneven_{name}.py" for name in ("prediction", "transfer")}  # by tests/uneven/test_uneven.py
+UNEVEN = FOLDER / "run_uneven_prediction.py"  # by tests/uneven/test_uneven.py
 FUZZ = FOLDER / "run_reader_fuzz.py"  # by tests/data_io/test_formats.py
 # What these time, draw or recover is tested where it stands, and in their fast form they take 10 s all the same.
-LONG = ("accuracy_price", "answer_price", "batch_faults", "fit_speed", "in_vivo_uneven", "skew_study")
+LONG = ("accuracy_price", "batch_faults", "fit_speed", "skew_study")
 SLOW = [FOLDER / f"run_{name}.py" for name in LONG]
-SCRIPTS = sorted(set(FOLDER.glob("run_*.py")) - {WINDOWS, FUZZ, *UNEVEN, *SLOW})
+SCRIPTS = sorted(set(FOLDER.glob("run_*.py")) - {WINDOWS, FUZZ, UNEVEN, *SLOW})
 
 
 @pytest.mark.usefixtures("no_further_logs")

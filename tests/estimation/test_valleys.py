@@ -1,7 +1,6 @@
 """Answers beside the lowest one: handed back by a profile, and found from thrown starts."""
 
 from dataclasses import replace
-from itertools import islice
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +9,6 @@ from scipy.stats import chi2
 
 from experiments import in_vivo
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
-from experiments.run_unplanned_logs import drawn
 from identify.base.outcome import Status
 from identify.estimation import certainty as sureness
 from identify.estimation import examined, search
@@ -22,7 +20,7 @@ from identify.estimation.other_optima import optima_about, within
 from identify.estimation.profile import ProfileNoise, ProfileOptions, Profiles, Side, profile
 from identify.estimation.profile_line import ProfilePoint
 from identify.estimation.residual_autocorrelation import Colour, NoiseAutocorrelation
-from identify.estimation.starts import PlacedStart, distinguishable, held_starts, ranked
+from identify.estimation.starts import PlacedStart, distinguishable, ranked
 from identify.logs.parting import parted
 from identify.logs.prepare import prepare
 from identify.logs.scene_records import with_records
@@ -237,22 +235,6 @@ def test_a_place_on_a_ridge_without_end_counts_and_takes_nobodys_place(astray, m
     misfit = replace(stalled, gate=replace(gate, chi2_per_sample=1.6))
     monkeypatch.setattr(room, "solve_or_continue", lambda *_: misfit)
     assert room.lowest_optimum(wrong, unknowns, 0, noise_of(wrong))[1] == [], "what does not fit says nothing"
-
-
-BESIDE = {"mu_s": 0.6998, "mu_k0": 0.6067, "D": 3.359e-5, "t_cr": 0.138, "delta_mu_k": -0.529, "a": 17.94}
-
-
-def test_starts_with_one_parameter_held_in_turn_lead_to_a_valley_that_thrown_ones_miss():
-    """A pair at 100 Hz whose slips hold a dozen samples. Of twelve starts thrown about this place, the data's own and
-    from the levels, the best one ended at 1067."""
-    scene, records, _ = drawn(400, 100.0)
-    prepared, unknowns = _prepared(scene, records)
-    values = np.array([BESIDE.get(name, 1.0) for name in unknowns.names])
-    place = np.where(unknowns.free, unknowns.theta(values, prepared[0].data.base), unknowns.start)
-    starts = ranked(prepared, unknowns, held_starts(prepared, unknowns, place))
-    best = islice(distinguishable(starts, chi2.ppf(0.95, 6)), 3)
-    found = (room.solve_or_continue(prepared, [0, 1], replace(unknowns, start=s.theta), 800.0) for s in best)
-    assert min(2.0 * each.solved.solution.cost for each in found) < 1062.0
 
 
 def test_starts_whose_motions_the_data_do_not_tell_apart_are_one():

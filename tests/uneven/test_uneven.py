@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 from scipy.integrate import solve_ivp
 
-from experiments import run_uneven_prediction, run_uneven_transfer
+from experiments import run_uneven_prediction
 from experiments.uneven_records import STIFF, prepared, scene_of, simulated, truth_of
 from identify import fit
 from identify.base.errors import FitError
@@ -340,8 +340,3 @@ def test_the_study_of_other_cycles_foretells_drop_and_period():
     found = run_uneven_prediction.main(fast=True)
     assert [q.agrees for q in found] == [(True, True)] * 2
     assert not any(replace(q, ratio=4.0 / 3.0).agrees[0] for q in found)
-
-
-def test_the_study_of_other_records_notices_a_friction_that_is_another():
-    (line,) = run_uneven_transfer.main(fast=True)
-    assert line["holds"] == [False, False] and "do not share one strength" in line["said"][0]
