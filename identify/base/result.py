@@ -38,7 +38,8 @@ class Number:
 
 @dataclass(frozen=True)
 class ParameterResult:
-    """One parameter. Of one that differs between groups of logs: group, the label they are told apart by (per), and
+    """One parameter; interval, standard error and verdict hold errors of rig and sensors, interval_rig_exact the noise
+    alone. Of one that differs between groups of logs: group, the label they are told apart by (per), and
     its own name (parameter) where it stands under another key."""
 
     value: float | None = None
@@ -51,7 +52,7 @@ class ParameterResult:
     group: str = field(default="", metadata=OMITTED)
     per: str = field(default="", metadata=OMITTED)
     parameter: str = field(default="", metadata=OMITTED)
-    interval_with_tolerances: Interval | None = field(default=None, metadata=OMITTED)
+    interval_rig_exact: Interval | None = field(default=None, metadata=OMITTED)
 
     @property
     def ends(self) -> Interval:
@@ -227,7 +228,7 @@ class Shift:
 
 @dataclass(frozen=True)
 class ToleranceResult:
-    """An error of rig or sensors that the second intervals hold: one standard deviation as a share; source: "scene" or
+    """An error of rig or sensors that published intervals hold: one standard deviation as a share; source: "scene" or
     "usual"."""
 
     relative: float

@@ -265,7 +265,7 @@ def estimates(
         interval = profiles.get(name, Interval(theta[i] - quantile * sd[i], theta[i] + quantile * sd[i]))
         interval, walled = _within_walls(unknowns, i, interval)
         low, high = (parameter_value(unknowns, i, end, base[i]) for end in (interval.lower, interval.upper))
-        verdict = _verdict(value, low, high, float(size_of[i]), declared.scale == "log")
+        verdict = verdict_of(value, low, high, float(size_of[i]), declared.scale == "log")
         prior = _prior_share(unknowns, i, sd[i])
         if verdict == "not identifiable":
             reason = hints.get(name, "these data hold too little on it")
@@ -297,7 +297,7 @@ def _tied(
     logarithmic, reason = declared.scale == "log", f"tied to {unknowns.names[to]}"
     interval, _ = _within_walls(unknowns, to, followed)
     low, high = (parameter_value(unknowns, i, end, base[i]) for end in (interval.lower, interval.upper))
-    verdict = _verdict(value, low, high, size, logarithmic)
+    verdict = verdict_of(value, low, high, size, logarithmic)
     if verdict == "not identifiable" or low is None or high is None:
         return Estimate(declared.name, declared.unit, value, None, None, None, "not identifiable", reason)
     error = sd * (value if logarithmic else 1.0)
@@ -324,7 +324,9 @@ def parameter_value(unknowns: Unknowns, i: int, theta: float | None, base: float
     return float(base * math.exp(theta)) if theta < 700 else None
 
 
-def _verdict(value: float, low: float | None, high: float | None, size: float, logarithmic: bool) -> str:
+def verdict_of(value: float, low: float | None, high: float | None, size: float, logarithmic: bool) -> str:
+    """ "identified", "weak" or "not identifiable" by the ends of a 95 % interval (None: open) and the size that the
+    error of the value is judged by."""
     if low is None or high is None:
         return "not identifiable"
     widest = max(value - low, high - value)

@@ -82,20 +82,20 @@ class Fit:
     def parameters(self) -> pd.DataFrame:
         """One row per parameter, SI: value, standard_error, lower and upper end of the interval, unit, verdict, reason.
 
-        `lower_with_tolerances` and `upper_with_tolerances`: the interval that rig and sensors widen.
+        The interval holds errors of rig and sensors; `lower_rig_exact` and `upper_rig_exact` are of noise alone.
         """
         import pandas as pd
 
         rows = {}
         for name, entry in self.typed.parameters.items():
-            least, most = entry.interval_with_tolerances or (None, None)
+            least, most = entry.interval_rig_exact or (None, None)
             rows[name] = {
                 "value": entry.value,
                 "standard_error": entry.standard_error,
                 "lower": entry.ends[0],
                 "upper": entry.ends[1],
-                "lower_with_tolerances": least,
-                "upper_with_tolerances": most,
+                "lower_rig_exact": least,
+                "upper_rig_exact": most,
                 "unit": entry.unit,
                 "verdict": entry.verdict,
                 "reason": entry.reason,

@@ -66,7 +66,7 @@ class ParameterView:
     verdict_mark: str
     reason: str
     bare: bool = False  # an interval, and no standard error that goes with it
-    practical: str = ""  # the interval with the tolerances of rig and sensors
+    exact: str = ""  # the interval of noise alone
 
 
 @dataclass(frozen=True)
@@ -138,13 +138,13 @@ def _parameter(name: str, entry: ParameterResult) -> ParameterView:
         verdict_mark=VERDICT_MARK.get(entry.verdict, ""),
         reason=entry.reason,
         bare=error is None and scattered is not None,
-        practical=_practical(entry, shown, scale.factor),
+        exact=_exact(entry, shown, scale.factor),
     )
 
 
-def _practical(entry: ParameterResult, shown: float | None, factor: float) -> str:
-    """The interval with the tolerances, with as many decimals as that one is worth."""
-    interval = entry.interval_with_tolerances
+def _exact(entry: ParameterResult, shown: float | None, factor: float) -> str:
+    """The interval of noise alone, with as many decimals as that one is worth."""
+    interval = entry.interval_rig_exact
     if interval is None or shown is None:
         return ""
     ends = [abs(end / factor - shown) for end in interval if end is not None]

@@ -31,9 +31,9 @@ from identify.base.result import (
 from identify.diagnosis.choice import Choice, as_listed, effects_result
 from identify.diagnosis.findings import Findings, held_results
 from identify.estimation.agreement import largest_inflation
-from identify.estimation.covariance import FARTHEST, Estimate
+from identify.estimation.covariance import FARTHEST, Estimate, sizes, verdict_of
 from identify.estimation.goodness_of_fit import stick_scatter
-from identify.estimation.tolerances import added_by_tolerances
+from identify.estimation.tolerances import TOLERANCE_WORDS, added_by_tolerances, standard_deviations
 from identify.logs.parting import parts_of
 from identify.logs.prepare import Prepared
 from identify.logs.recorded_drive import DISAGREES
@@ -192,8 +192,8 @@ def result_of(
             result,
             rig_sensitivity=_rig_sensitivity(scene, found),
             tolerances=tolerances,
-            parameters=_with_second_intervals(result.parameters, found, {n: t.relative for n, t in tolerances.items()}),
         )
+        result = _published(result, found, {name: each.relative for name, each in tolerances.items()})
         return with_depth(result, found.sure, found.unknowns, base) if found.sure else result
     if converged:
         return result
@@ -269,9 +269,13 @@ def _parameter(estimate: Estimate, converged: bool) -> ParameterResult:
     )
 
 
-def _correlation(found: Findings) -> Correlation | None:
-    """Correlation of all estimates and the standard errors [SI] that go with it: those of the parameters, and of those
-    that have none because the data do not tell them."""
+def _correlation(found: Findings, added: Array | float = 0.0) -> Correlation | None:
+    """Correlation of all estimates and the standard errors [SI] that go with it, also of those that have none because
+    the data do not tell them.
+
+    Args:
+        added: (f, f) to the covariance of the free theta by errors of rig and sensors.
+    """
     if found.estimated is not None and len(found.estimated.names):
         return _correlation_of(found.estimated.names, found.estimated.covariance)
     if found.covariance is None:
@@ -285,6 +289,8 @@ def _correlation(found: Findings) -> Correlation | None:
         order = [*range(len(free)), *(len(free) + share.place for share, _ in beyond)]
         told, index = told + [e for _, e in beyond], free + [share.index for share, _ in beyond]
         covariance = found.sure.joint[np.ix_(order, order)]
+    covariance = covariance.copy()
+    covariance[: len(free), : len(free)] += added
     size = np.where(found.unknowns.logarithmic[index], np.array([e.value for e in told], dtype=float), 1.0)
     return _correlation_of([e.name for e in told], covariance, size)
 
@@ -350,7 +356,7 @@ def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, dict[str, Shift
 
 
 def _tolerances(scene: Scene, found: Findings) -> dict[str, ToleranceResult]:
-    """What the second intervals allow for: errors that the first ones take as none, one standard deviation each."""
+    """What the published intervals allow for beyond the fit, one standard deviation each."""
     settled = {*scene.parameters, *scene.rig.tolerances}  # the intervals of the fit hold these
     if "force_sensor" in scene.effects:
         settled.add("friction_force")
@@ -361,24 +367,46 @@ def _tolerances(scene: Scene, found: Findings) -> dict[str, ToleranceResult]:
     }
 
 
-def _with_second_intervals(
-    parameters: Mapping[str, ParameterResult], found: Findings, tolerances: Mapping[str, float]
-) -> dict[str, ParameterResult]:
-    """Beside each interval the one that errors of rig and sensors widen; in the same list, null where that has none."""
+def _published(result: Result, found: Findings, tolerances: Mapping[str, float]) -> Result:
+    """The result with the interval, standard error, verdict and correlation to publish: errors of rig and sensors
+    widen those of the fit, which stand beside as `interval_rig_exact`."""
     assert found.information is not None and found.attempt is not None
     unknowns, solved = found.unknowns, found.attempt.solved
     values = unknowns.values(solved.theta, found.attempt.fitted_logs[0].data.base)
-    memory = largest_inflation(found.attempt, found.sure.colours) if found.sure is not None else 1.0
-    added = added_by_tolerances(found.information, values, tolerances, memory)
-    by_name = dict(zip(np.array(unknowns.names)[unknowns.free].tolist(), (NORMAL * added).tolist(), strict=True))
+    inflation = largest_inflation(found.attempt, found.sure.colours) if found.sure is not None else 1.0
+
+    def added(named: Mapping[str, float]) -> dict[str, float]:
+        covariance = added_by_tolerances(information, values, named, inflation)
+        return dict(zip(free.tolist(), standard_deviations(covariance).tolist(), strict=True))
+
+    information, free = found.information, np.array(unknowns.names)[unknowns.free]
+    size_of = dict(zip(unknowns.names, sizes(unknowns, values).tolist(), strict=True))
     logarithmic = dict(zip(unknowns.names, unknowns.logarithmic.tolist(), strict=True))
-    out = dict(parameters)
-    for name, entry in parameters.items():
+    of_all, of_each = added(tolerances), {name: added({name: share}) for name, share in tolerances.items() if share}
+    out = dict(result.parameters)
+    for name, entry in result.parameters.items():
         base = entry.parameter or name
-        if entry.verdict != "fixed" and base in by_name and entry.value is not None:
-            low, high = (_farther(entry.value, end, by_name[base], logarithmic[base]) for end in entry.ends)
-            out[name] = replace(entry, interval_with_tolerances=(low, high))
-    return out
+        if entry.verdict == "fixed" or base not in of_all or entry.value is None:
+            continue
+        scale = logarithmic[base]
+        low, high = (_farther(entry.value, end, NORMAL * of_all[base], scale) for end in entry.ends)
+        error = entry.standard_error
+        error = None if error is None else math.hypot(error, of_all[base] * (entry.value if scale else 1.0))
+        wider = replace(entry, interval=(low, high), interval_rig_exact=entry.interval, standard_error=error)
+        judged = verdict_of(entry.value, low, high, size_of[base], scale)
+        if entry.verdict in ("identified", "weak") and judged != entry.verdict:
+            worst = max(of_each, key=lambda each: of_each[each][base])
+            reason = (
+                f"{TOLERANCE_WORDS[worst]} counts as known to {100.0 * tolerances[worst]:g} %, which leaves it this "
+                "wide: measure it, and state it under [tolerances]"
+            )
+            wider = replace(wider, verdict=judged, reason="; ".join(filter(None, (entry.reason, reason))))
+            wider = wider if judged == "weak" else replace(wider, standard_error=None)
+        out[name] = wider
+    correlation = result.correlation
+    if correlation is not None and found.covariance is not None:
+        correlation = _correlation(found, added_by_tolerances(information, values, tolerances, inflation))
+    return replace(result, parameters=out, correlation=correlation)
 
 
 def _farther(value: float, end: float | None, by: float, logarithmic: bool) -> float | None:

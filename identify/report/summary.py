@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from identify.base.result import AccuracyResult, LevelCost, ParameterResult, Result, ToleranceResult
 from identify.base.wording import columns, wrapped
+from identify.estimation.tolerances import TOLERANCE_WORDS
 from identify.report.report_views import parameter_views
 from identify.report.uneven_words import NOT_FOR, distribution_lines, is_uneven, odd_slips
 
@@ -49,17 +50,16 @@ def _lines(result: Result) -> Iterator[str]:
 
 
 def parameter_table(parameters: Mapping[str, ParameterResult]) -> str:
-    """Value, both 95 % intervals and verdict of each parameter, in lab units; where no interval with tolerances is
-    known, the standard error stands beside the value."""
+    """Value, both 95 % intervals and verdict of each parameter, in lab units; where there is one interval only, the
+    standard error stands beside the value."""
     views = parameter_views(parameters)
-    both = any(view.practical for view in views)
-    rows = [["", "value", "95 %, rig exact", "95 %, tolerances", "unit", "verdict"]]
+    both = any(view.exact for view in views)
+    rows = [["", "value", "95 % interval", "rig exact", "unit", "verdict"]]
     for view in views:
         value = view.value if both or not view.error else f"{view.value} ± {view.error}"
-        rows.append([view.name, value, view.interval, view.practical, view.unit, view.verdict])
+        rows.append([view.name, value, view.interval, view.exact, view.unit, view.verdict])
     if not both:
         rows = [[*row[:3], *row[4:]] for row in rows]
-        rows[0][2] = "95 % interval"
     return columns(rows)
 
 
@@ -87,10 +87,10 @@ def tolerances_text(tolerances: Mapping[str, ToleranceResult]) -> str:
     """What the two intervals mean: "" where there is one only."""
     if not tolerances:
         return ""
-    words = {"friction_force": "gain of the friction force", "normal_force": "gain of the normal force"}
-    listed = [f"{words.get(n, n.replace('_', ' '))} {100 * t.relative:g} %" for n, t in tolerances.items()]
+    listed = [f"{TOLERANCE_WORDS.get(n, n).removeprefix('the ')} {100 * t.relative:g} %" for n, t in tolerances.items()]
     usual = "" if all(t.source == "scene" for t in tolerances.values()) else "usual "
     return (
-        "rig exact: noise alone, to compare runs on this rig. tolerances: with errors of rig and sensors, to compare "
-        f"with other rigs ({usual}standard deviations: {', '.join(listed)}; [tolerances] in the scene changes them)"
+        "The 95 % interval is the one to publish: it holds errors of rig and sensors "
+        f"({usual}standard deviations: {', '.join(listed)}; [tolerances] in the scene changes them). "
+        "Rig exact: noise alone, to compare runs on this rig"
     )

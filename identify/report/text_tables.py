@@ -61,12 +61,12 @@ ESCAPED = str.maketrans(
 
 def latex_table(parameters: Mapping[str, ParameterResult]) -> str:
     """A `tabular` (needs booktabs), one row per parameter: symbol, meaning, unit, value with its standard error, the
-    95 % interval with the rig taken as exact and, where it is known, the one with the tolerances of rig and sensors."""
+    95 % interval and, beside it, the one of noise alone."""
     views = parameter_views(parameters)
-    both = any(view.practical for view in views)
-    heads = ["parameter", "", "unit", "value", r"95\,\% interval", *([r"95\,\%, tolerances"] if both else [])]
+    both = any(view.exact for view in views)
+    heads = ["parameter", "", "unit", "value", r"95\,\% interval", *([r"rig exact"] if both else [])]
     lines = [
-        "% needs \\usepackage{booktabs}; standard errors and the first interval take rig and sensors as exact",
+        "% needs \\usepackage{booktabs}; standard errors and intervals hold errors of rig and sensors",
         rf"\begin{{tabular}}{{lll{'r' * (len(heads) - 3)}}}",
         r"\toprule",
         " & ".join(heads) + r" \\",
@@ -83,5 +83,5 @@ def _cells(view: ParameterView, both: bool) -> list[str]:
     subscript = rf"_{{\mathrm{{{view.subscript.translate(ESCAPED)}}}}}" if view.subscript else ""
     group = f" ({view.group.translate(ESCAPED)})" if view.group else ""
     value = view.value if not view.error else f"{view.value} ± {view.error}"
-    cells = [view.meaning, view.unit or "1", value, view.interval, *([view.practical] if both else [])]
+    cells = [view.meaning, view.unit or "1", value, view.interval, *([view.exact] if both else [])]
     return [f"${base}{subscript}${group}", *(cell.translate(ESCAPED) for cell in cells)]

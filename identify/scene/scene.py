@@ -37,7 +37,7 @@ class Scene:
     A rig quantity (mass, stiffness, damping) stands in `parameters` only if it is to be estimated. While the effects
     are still to be chosen ("auto"), `parameters` holds those of every effect; `with_effects` settles them.
     `extrapolate`: effects that are used outside the range of their measurements. `thresholds`: of the quality gate.
-    `time_limit`: of a fit [s]. `tolerances`: relative, of what the second intervals allow for, in place of the usual.
+    `time_limit`: of a fit [s]. `tolerances`: relative, of what the published intervals hold, in place of the usual.
 
     Raises:
         SceneError: parts that contradict each other, one sentence.

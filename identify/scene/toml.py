@@ -231,7 +231,7 @@ def read_parts(document: Mapping[str, object], folder: Path) -> Parts:
 
 
 def _tolerances(value: object) -> dict[str, float]:
-    """What the second intervals allow for, relative: "2 %" or 0.02; 0 takes that quantity as exact."""
+    """What the published intervals hold, relative: "2 %" or 0.02; 0 takes that quantity as exact."""
     table = TomlTable.of(value, "[tolerances]", USUAL_TOLERANCES, '[tolerances] stiffness = "2 %"')
     found = {}
     for name, said in table.data.items():

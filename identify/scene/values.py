@@ -22,6 +22,8 @@ USUAL_TOLERANCES: Mapping[str, float] = {
     "drive_speed": 0.01,
     "friction_force": 0.01,
     "normal_force": 0.01,
+    "friction_zero": 0.005,  # of the normal force, as the next
+    "normal_zero": 0.005,
 }
 
 

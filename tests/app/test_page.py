@@ -168,7 +168,7 @@ def fit_that_outlives_its_page(page, serving, folder):
 def result_is_seen(page):
     """Both intervals and what they mean, the price of accuracy, residuals, and the worst cycle in its log."""
     told = page.ask("document.querySelector('#parameters').innerText")
-    assert all(words in told for words in ("mu_s", "identified", "95 %, rig exact", "95 %, tolerances"))
+    assert all(words in told for words in ("mu_s", "identified", "95 % interval", "rig exact"))
     assert "noise alone, to compare runs on this rig" in page.ask("document.querySelector('#view').innerText")
     price = page.ask("document.querySelector('#price').textContent")
     assert "accuracy default: " in price and "tight: about " in price and "contact_ageing " in price

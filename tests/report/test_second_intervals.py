@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify import Scene, SceneError, examples
+from identify import Scene, SceneError, examples, fit
 from identify.base.result import ToleranceResult
-from identify.estimation.tolerances import _directions, added_by_tolerances
+from identify.estimation.tolerances import _directions, added_by_tolerances, standard_deviations
 from identify.identification import find
+from identify.logs.scene_records import with_drives, with_records
 from identify.report.result import _farther
 from identify.report.summary import parameter_table, tolerances_text
 from identify.scene.values import USUAL_TOLERANCES
@@ -30,7 +31,13 @@ def answer():
 def added(answer, **tolerances):
     information, values = answer
     names = np.array(information.unknowns.names)[information.free]
-    return dict(zip(names.tolist(), added_by_tolerances(information, values, tolerances, 1.0).tolist(), strict=True))
+    return dict(
+        zip(
+            names.tolist(),
+            standard_deviations(added_by_tolerances(information, values, tolerances, 1.0)).tolist(),
+            strict=True,
+        )
+    )
 
 
 def test_an_error_of_the_speed_is_a_change_of_the_unit_of_length(answer):
@@ -53,8 +60,45 @@ def test_a_gain_of_the_normal_force_goes_into_the_coefficients_alone(answer):
 
 def test_by_default_each_force_is_known_to_a_percent(answer):
     """The gain of the friction force, of which the stick slope tells a part, comes to that of the normal force."""
-    usual, normal = (added(answer, **given)["mu_s"] for given in (USUAL_TOLERANCES, {"normal_force": 0.01}))
+    gains = {name: share for name, share in USUAL_TOLERANCES.items() if not name.endswith("_zero")}
+    usual, normal = (added(answer, **given)["mu_s"] for given in (gains, {"normal_force": 0.01}))
     assert 1.2 * normal < usual < 1.5 * normal
+
+
+def test_a_zero_of_the_friction_force_shifts_both_coefficients_as_a_fit_of_shifted_logs_does(answer):
+    """Against the fit itself: all friction forces raised by 1 % of the normal force."""
+    _, values = answer
+    scene = Scene.from_toml(examples.SCENE).choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"])
+    scene, records = with_records(with_drives(scene)[0], None)
+    signs = [np.sign(np.median(r.friction_force)) for r in records]  # a force is turned so that it slides forward
+    raised = [
+        replace(r, friction_force=r.friction_force + sign * 0.01 * float(np.median(r.normal_force)))
+        for r, sign in zip(records, signs, strict=True)
+    ]
+    prepared, found = find(scene, raised, progress=lambda *_: None)
+    moved = found.unknowns.values(found.attempt.solved.theta, prepared[0].data.base) - values
+    shift, names = added(answer, friction_zero=0.01), found.unknowns.names
+    # The loads vary by 2.6 %, and a zero is a level of the coefficients exactly where they are steady.
+    for name, close in (("mu_s", 0.02), ("mu_k0", 0.2)):
+        assert shift[name] == pytest.approx(0.01, rel=1e-3)
+        assert moved[names.index(name)] == pytest.approx(shift[name], rel=close)
+    assert max(shift[name] for name in ("D", "t_cr", "a")) < 1e-5
+
+
+def test_the_verdict_is_of_the_interval_to_publish():
+    """Strength is a difference: what both coefficients share is no error of it, and what only one gain tells is."""
+    loose = Scene.from_toml(examples.SCENE, ["tolerances.friction_zero=0.08"])
+    result = fit(loose.choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"])).typed
+    entry = result.parameters["mu_k0"]
+    low, high = entry.ends
+    exact = entry.interval_rig_exact
+    assert entry.verdict == "weak" and "the zero of the friction force counts as known to 8 %" in entry.reason
+    assert low < 0.8 * entry.value < 0.95 * entry.value < exact[0] < exact[1] < high
+    assert entry.standard_error == pytest.approx((high - low) / (2.0 * 1.96), rel=0.02)
+    assert result.correlation.standard_errors[result.correlation.names.index("mu_k0")] == pytest.approx(
+        entry.standard_error, rel=0.02
+    )
+    assert result.parameters["D"].verdict == "identified"
 
 
 def test_an_error_of_the_speed_reaches_a_rig_whose_mass_and_stiffness_are_tied():
@@ -95,11 +139,11 @@ def test_an_end_moves_out_and_an_open_one_stays_open():
 
 def test_the_summary_says_which_interval_is_which():
     parameters = {
-        name: replace(entry, interval_with_tolerances=(0.97 * entry.value, 1.03 * entry.value))
+        name: replace(entry, interval=(0.97 * entry.value, 1.03 * entry.value), interval_rig_exact=entry.interval)
         for name, entry in fake_fit().typed.parameters.items()
     }
     table = parameter_table(parameters)
-    assert "95 %, rig exact" in table and "95 %, tolerances" in table and "0.601 to 0.639" in table
+    assert "95 % interval" in table and "rig exact" in table and "0.601 to 0.639" in table
     assert max(map(len, table.splitlines())) <= 80 and "±" not in table
     said = tolerances_text({"stiffness": ToleranceResult(0.05, "scene"), "mass": ToleranceResult(0.02, "usual")})
     assert "usual standard deviations: stiffness 5 %, mass 2 %" in said

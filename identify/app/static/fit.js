@@ -16,10 +16,10 @@ function accuracies(seen) {
 function parameters(one, two) {
   const names = [...new Set([...Object.keys(one.parameters), ...Object.keys(two?.parameters ?? {})])];
   const entries = names.map((name) => one.parameters[name]);
-  const exact = one.tolerances ? "95 %, rig exact" : "95 %", wide = !two && one.tolerances, why = !two && entries.some((entry) => entry.reason);
-  const cells = (entry) => entry ? [{ number: quantity(entry.value, entry.unit, digitsOf(entry.interval)) }, interval(entry.interval, entry.unit), ...(wide ? [interval(entry.interval_with_tolerances, entry.unit)] : []), VERDICTS[entry.verdict] ?? entry.verdict ?? ""] : ["–", "", ""];
+  const exact = "95 % interval", wide = !two && one.tolerances, why = !two && entries.some((entry) => entry.reason);
+  const cells = (entry) => entry ? [{ number: quantity(entry.value, entry.unit, digitsOf(entry.interval)) }, interval(entry.interval, entry.unit), ...(wide ? [interval(entry.interval_rig_exact, entry.unit)] : []), VERDICTS[entry.verdict] ?? entry.verdict ?? ""] : ["–", "", ""];
   const apart = (a, b) => a?.standard_error && b?.standard_error && a.value !== null && b.value !== null ? { number: `${plain((b.value - a.value) / Math.hypot(a.standard_error, b.standard_error), 2)} s.e.` } : "";
-  return [table(["", { number: "value" }, exact, ...(wide ? ["95 %, tolerances"] : []), "verdict", ...(two ? [{ number: "second" }, exact, "verdict", { number: "apart" }] : []), ...(why ? ["why"] : [])],
+  return [table(["", { number: "value" }, exact, ...(wide ? ["rig exact"] : []), "verdict", ...(two ? [{ number: "second" }, exact, "verdict", { number: "apart" }] : []), ...(why ? ["why"] : [])],
     names.map((name, i) => [element("strong", {}, name), ...cells(entries[i]), ...(two ? [...cells(two.parameters[name]), apart(entries[i], two.parameters[name])] : []), ...(why ? [entries[i].reason ?? ""] : [])]), { id: "parameters", class: "cards" }),
   wide ? element("p", { class: "quiet" }, `${one.tolerances}.`) : null];
 }
