@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.studies.mixed import Setting
+from identify.studies.pooled import Setting
 
 Array = NDArray[np.float64]
 

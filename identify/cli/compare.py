@@ -39,13 +39,14 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     Raises:
         CommandLineError, CompareError, OSError: one sentence each.
     """
+    from identify.base.table import visible
     from identify.cli.folder import COMPARISON, check_replaceable, result_folder
     from identify.studies.compare import compare
-    from identify.studies.comparison_files import all_sheets, document, write_comparison
-    from identify.studies.comparison_page import answered
-    from identify.studies.comparison_views import together
+    from identify.studies.comparison_page import document, write_comparison
+    from identify.studies.comparison_tables import comparison_tables, together
     from identify.studies.fits import read_fits
-    from identify.studies.labels import ComparisonQuestion, visible
+    from identify.studies.labels import ComparisonQuestion
+    from identify.studies.operating_points import answered
 
     speeds, load = _point(arguments)
     by = "".join(c if c.isalnum() or c in "-_" else "_" for c in arguments.by)[:40] or "label"
@@ -64,7 +65,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     terminal.note("writing the tables and the page")
     with result_folder(out, COMPARISON) as folder:
         write_comparison(comparison, answers, folder, home=out)
-    told = document(comparison, all_sheets(comparison, answers))
+    told = document(comparison, comparison_tables(comparison, answers))
     terminal.say(
         f"{told['compared']} of {told['fits']} fits compared by {visible(comparison.question.by)}: "
         + ", ".join(visible(g, 30) for g in comparison.groups[:10])
@@ -75,7 +76,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     for name, reason in comparison.taken.left_out[:10]:
         terminal.say(f"  left out: {visible(name, 60)} ({visible(reason, 120)})")
     for odd in comparison.odd[:10]:
-        terminal.say(f"  does not belong? {visible(odd.name, 60)}: {odd.quantity} is off by {odd.z:+.1f} sd")
+        terminal.say(f"  outlier? {visible(odd.name, 60)}: {odd.quantity} is off by {odd.z:+.1f} sd")
     terminal.say(f"page: {out / 'report.html'}")
     return Answer(document={**told, "out": str(out)})
 

@@ -9,7 +9,7 @@ from identify.base.document import Json, finite, to_dict
 from identify.base.result import QualityFigure
 from identify.base.wording import DASH, ends_text, number, places_for, quantity, scale_for, speed, split_key
 from identify.prediction.wording import WINDOWS
-from identify.report.report_tables import Cell, ReportTable, Row, plain_text
+from identify.report.report_tables import ReportCell, ReportTable, Row, plain_text
 from identify.report.report_wording import ANSWER_ORDER, ANSWER_WORDS, OUTCOMES, RECORD_WORDS, SLIPS
 
 Path = tuple[str, ...]
@@ -21,7 +21,7 @@ NOTHING = 1e-9  # a pure number below this is shown as next to nothing
 SAID_ONCE = ":"  # of a long validity only what stands before this is said again
 
 
-def answer_table(columns: Sequence[tuple[Cell, Mapping[str, Json]]], corner: str) -> ReportTable | None:
+def answer_table(columns: Sequence[tuple[ReportCell, Mapping[str, Json]]], corner: str) -> ReportTable | None:
     """A table with one column per (head, entries) and one row per quantity; None without any entry.
 
     Nested mappings become parts of the table; plain numbers, texts and truth values are taken too, lists and
@@ -153,18 +153,18 @@ def _again(validity: str, heard: set[str]) -> str:
     return validity
 
 
-def _cell(entry: Entry | None, said: str, validity: str) -> Cell:
+def _cell(entry: Entry | None, said: str, validity: str) -> ReportCell:
     """Value with unit; below it the interval and how far it may be trusted."""
     if entry is None:
-        return Cell(DASH)
+        return ReportCell(DASH)
     value, unit = entry.get("value"), str(entry.get("unit") or "")
     shown = finite(value)
     if shown is not None and not unit and 0.0 < abs(shown) < NOTHING:
-        return Cell("below 10⁻⁹")
+        return ReportCell("below 10⁻⁹")
     text = quantity(shown, unit) if shown is not None else WORDS.get(str(value), plain_text(value))
     interval = interval_text(entry.get("interval"), shown, unit) if shown is not None else ""
     notes = [note for note in (interval, said, str(entry.get("reason") or "")) if note]
-    return Cell(text, " · ".join(notes), "doubt" if "not valid" in validity.lower() else "")
+    return ReportCell(text, " · ".join(notes), "doubt" if "not valid" in validity.lower() else "")
 
 
 def _word(key: str) -> str:

@@ -16,17 +16,17 @@ from identify.base.result import (
 from identify.base.wording import DASH, number, quantity
 from identify.prediction.stabilising import ChangeAdvice, StabilisingAdvice
 from identify.report.answers import interval_text
-from identify.report.report_tables import Cell, ReportTable, Row
+from identify.report.report_tables import ReportCell, ReportTable, Row
 from identify.report.report_wording import plain_symbol, with_group
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Advice as a table: what each quantity of the rig is, its limit, and what it should be.
 # ----------------------------------------------------------------------------------------------------------------------
 
-HEADS = (Cell("now"), Cell("limit"), Cell("should be"))
+HEADS = (ReportCell("now"), ReportCell("limit"), ReportCell("should be"))
 
 
-def advice_table(head: Cell, derived: Mapping[str, Json]) -> ReportTable | None:
+def advice_table(head: ReportCell, derived: Mapping[str, Json]) -> ReportTable | None:
     """The table of the advice of a log; None where it has none."""
     if not derived.get("advice"):
         return None
@@ -51,9 +51,9 @@ def _row(change: ChangeAdvice) -> Row:
     return Row(
         change.label,
         (
-            Cell(_said(change.now)),
-            Cell(_said(change.limit), " · ".join(filter(None, (limit, change.kind)))),
-            Cell(told, " · ".join(filter(None, notes)), "doubt" if change.extrapolated else ""),
+            ReportCell(_said(change.now)),
+            ReportCell(_said(change.limit), " · ".join(filter(None, (limit, change.kind)))),
+            ReportCell(told, " · ".join(filter(None, notes)), "doubt" if change.extrapolated else ""),
         ),
     )
 
@@ -64,17 +64,17 @@ def _said(entry: Number) -> str:
 
 def interval_table(result: Result) -> ReportTable | None:
     """The 95 % intervals side by side: the result's own, by profile, by bootstrap; None where neither was run."""
-    heads = [Cell("result")]
+    heads = [ReportCell("result")]
     methods: list[dict[str, tuple[Interval, str]]] = []  # interval and remark by parameter
     if result.profile and result.profile.parameters:
-        heads.append(Cell("profile"))
+        heads.append(ReportCell("profile"))
         methods.append({})
         for name, curve in result.profile.parameters.items():
             doubts = ["ends at a bound of the scene"] * any(curve.at_bound) + ["a point failed"] * any(curve.failed)
             methods[-1][name] = curve.interval, " · ".join(doubts)
     if result.bootstrap and result.bootstrap.parameters:
         failed = f", {result.bootstrap.failed} did not settle" if result.bootstrap.failed else ""
-        heads.append(Cell("bootstrap", f"{result.bootstrap.replicates} replicates{failed}"))
+        heads.append(ReportCell("bootstrap", f"{result.bootstrap.replicates} replicates{failed}"))
         methods.append({})
         for name, part in result.bootstrap.parameters.items():
             spread = part.spread_in_standard_errors
@@ -83,11 +83,11 @@ def interval_table(result: Result) -> ReportTable | None:
     for name, entry in result.parameters.items():
         if not any(name in method for method in methods):
             continue
-        cells = [Cell(interval_text(entry.interval, entry.value, entry.unit) or "open")]
+        cells = [ReportCell(interval_text(entry.interval, entry.value, entry.unit) or "open")]
         for method in methods:
             interval, note = method.get(name, (None, ""))
             text = interval_text(interval, entry.value, entry.unit) or "open"
-            cells.append(Cell(text, note) if name in method else Cell(DASH))
+            cells.append(ReportCell(text, note) if name in method else ReportCell(DASH))
         rows.append(
             Row(plain_symbol(with_group(name, entry.group)), tuple(cells), quantity(entry.value, entry.unit, 5))
         )
@@ -100,15 +100,15 @@ def combination_table(combinations: CombinationsResult) -> ReportTable | None:
         Row(
             entry.name,
             (
-                Cell(quantity(entry.value, entry.unit)),
-                Cell(interval_text(entry.interval, entry.value, entry.unit)),
-                Cell(f"{number(entry.sharper, 2)} ×"),
+                ReportCell(quantity(entry.value, entry.unit)),
+                ReportCell(interval_text(entry.interval, entry.value, entry.unit)),
+                ReportCell(f"{number(entry.sharper, 2)} ×"),
             ),
             note=entry.meaning,
         )
         for entry in combinations.natural
     ]
-    heads = (Cell("value"), Cell("95 % interval"), Cell("sharper than its loosest part"))
+    heads = (ReportCell("value"), ReportCell("95 % interval"), ReportCell("sharper than its loosest part"))
     return ReportTable("combination", heads, tuple(rows)) if rows else None
 
 
@@ -135,8 +135,8 @@ def accuracy_rows(table: Sequence[AccuracyLevel]) -> ReportTable | None:
             f"{number(max(left), 2)} SE" if left else DASH,
             *(number(shift.get(name), 2) for name in names),
         )
-        rows.append(Row(level.accuracy, tuple(map(Cell, cells)), note="" if shift else "did not solve"))
-    return ReportTable("accuracy", tuple(map(Cell, heads)), tuple(rows))
+        rows.append(Row(level.accuracy, tuple(map(ReportCell, cells)), note="" if shift else "did not solve"))
+    return ReportTable("accuracy", tuple(map(ReportCell, heads)), tuple(rows))
 
 
 def comparison_table(models: Sequence[ComparedModel]) -> ReportTable | None:
@@ -151,9 +151,15 @@ def comparison_table(models: Sequence[ComparedModel]) -> ReportTable | None:
             number(entry.left_out_cycles, 4),
             number(entry.left_out_logs, 4),
         )
-        rows.append(Row(entry.model.replace("_", " "), (*map(Cell, cells), Cell(entry.verdict, kind="words"))))
+        rows.append(
+            Row(entry.model.replace("_", " "), (*map(ReportCell, cells), ReportCell(entry.verdict, kind="words")))
+        )
     heads = ("parameters", "χ² per sample", "ΔAIC", "ΔBIC", "error on cycles left out", "error on logs left out")
-    return ReportTable("model", (*map(Cell, heads), Cell("verdict", kind="words")), tuple(rows)) if rows else None
+    return (
+        ReportTable("model", (*map(ReportCell, heads), ReportCell("verdict", kind="words")), tuple(rows))
+        if rows
+        else None
+    )
 
 
 def _count(value: int | None) -> str:

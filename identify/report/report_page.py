@@ -24,7 +24,7 @@ from identify.report.depth import (
 )
 from identify.report.first_screen import first_screen_views, templates
 from identify.report.report_figures import Picture
-from identify.report.report_tables import Cell, effects_table, held_table, sensitivity_table
+from identify.report.report_tables import ReportCell, effects_table, held_table, sensitivity_table
 from identify.report.report_views import log_views
 from identify.report.report_wording import EFFECT_SIZES, EFFECTS_CHOSEN, TIMING_WORDS, with_group
 from identify.report.style import inline_svg
@@ -43,7 +43,7 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
     result = fit.typed
     logs = log_views(result)
     heads = [
-        (Cell(f"log {view.number}", dict(view.facts).get("drive speed", "")), log)
+        (ReportCell(f"log {view.number}", dict(view.facts).get("drive speed", "")), log)
         for view, log in zip(logs, result.logs, strict=True)
     ]
     figures = inlined(drawn)
@@ -71,7 +71,7 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         derived=[
             table
             for table in (
-                answer_table([(Cell("value"), told_of_pair)], "friction pair"),
+                answer_table([(ReportCell("value"), told_of_pair)], "friction pair"),
                 answer_table([(head, said_once(log.derived, told_of_pair)) for head, log in heads], "each log"),
                 *(advice_table(head, log.derived) for head, log in heads),
             )

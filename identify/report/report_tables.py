@@ -25,7 +25,7 @@ EFFECT_COLUMNS = (
 
 
 @dataclass(frozen=True)
-class Cell:
+class ReportCell:
     """One cell: its text, a smaller second line, and a kind that the style sheet knows."""
 
     text: str
@@ -38,7 +38,7 @@ class Row:
     """One row: its head, a smaller word beside it (a unit, say), its cells; `heading` rows only part the table."""
 
     head: str
-    cells: tuple[Cell, ...] = ()
+    cells: tuple[ReportCell, ...] = ()
     note: str = ""
     heading: bool = False
 
@@ -48,7 +48,7 @@ class ReportTable:
     """A table with a corner text, column heads and rows."""
 
     corner: str
-    heads: tuple[Cell, ...]
+    heads: tuple[ReportCell, ...]
     rows: tuple[Row, ...]
 
 
@@ -65,7 +65,7 @@ def classical_tables(logs: Sequence[LogResult]) -> tuple[ReportTable, ...]:
     for first in range(0, len(rows), LOGS_PER_TABLE):
         part = rows[first : first + LOGS_PER_TABLE]
         heads = tuple(
-            Cell(f"log {position}", ", ".join(f"{key} {row[key]}" for key in keys if told(row.get(key))))
+            ReportCell(f"log {position}", ", ".join(f"{key} {row[key]}" for key in keys if told(row.get(key))))
             for position, row in part
         )
         tables.append(
@@ -91,17 +91,20 @@ def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Shift]]) -> ReportT
         Row(f"{quantity_name.replace('_', ' ')} + 1 %", tuple(_shift_cell(shifts.get(name)) for name in names))
         for quantity_name, shifts in sensitivity.items()
     )
-    return ReportTable("", tuple(Cell(plain_symbol(name)) for name in names), rows)
+    return ReportTable("", tuple(ReportCell(plain_symbol(name)) for name in names), rows)
 
 
 def held_table(held: Mapping[str, HeldResult]) -> ReportTable:
     """Rig quantities (rows) as stated, and where the data would put them."""
-    heads = tuple(Cell(head) for head in ("stated", "by the data", "standard error (SE)", "apart"))
+    heads = tuple(ReportCell(head) for head in ("stated", "by the data", "standard error (SE)", "apart"))
     rows = []
     for name, entry in held.items():
         numbers = number(entry.stated, 4), number(entry.from_data, 4), number(entry.standard_error, 2)
         apart = math.sqrt(entry.squared_distance)
-        cells = (*(Cell(text) for text in numbers), Cell(f"{apart:.2g} SE", kind="strong" if apart > FAR else ""))
+        cells = (
+            *(ReportCell(text) for text in numbers),
+            ReportCell(f"{apart:.2g} SE", kind="strong" if apart > FAR else ""),
+        )
         rows.append(Row(name, cells, entry.unit))
     return ReportTable("", heads, tuple(rows))
 
@@ -111,20 +114,20 @@ def effects_table(reasons: Sequence[EffectReason]) -> ReportTable | None:
     if not reasons:
         return None
     columns = [(head, key) for head, key in EFFECT_COLUMNS if any(told(getattr(each, key)) for each in reasons)]
-    heads = (Cell("kept"), *(Cell(head) for head, _ in columns), Cell("why", kind="words"))
+    heads = (ReportCell("kept"), *(ReportCell(head) for head, _ in columns), ReportCell("why", kind="words"))
     return ReportTable("effect", heads, tuple(_effect_row(reason, [key for _, key in columns]) for reason in reasons))
 
 
 def _effect_row(reason: EffectReason, keys: Sequence[str]) -> Row:
-    cells = [Cell("yes" if reason.kept else "no", kind="" if reason.kept else "doubt")]
+    cells = [ReportCell("yes" if reason.kept else "no", kind="" if reason.kept else "doubt")]
     for key in keys:
         value = getattr(reason, key)
         shown = finite(value)
         text = plain_text(value) if shown is None else number(shown, 3)
         if key == "error" and shown is not None:
             text = f"{number(100 * shown, 2)} %"
-        cells.append(Cell(text, reason.group if key == "value" else ""))
-    return Row(reason.effect.replace("_", " "), (*cells, Cell(reason.sentence, kind="words")))
+        cells.append(ReportCell(text, reason.group if key == "value" else ""))
+    return Row(reason.effect.replace("_", " "), (*cells, ReportCell(reason.sentence, kind="words")))
 
 
 def told(value: object) -> bool:
@@ -137,7 +140,9 @@ def _classical_row(key: str, values: Sequence[object]) -> Row:
     numbers = [abs(shown) for value in values if (shown := finite(value)) is not None]
     scale = scale_for(sorted(numbers)[len(numbers) // 2] if numbers else None, unit)
     cells = tuple(
-        Cell(number(shown / scale.factor)) if (shown := finite(value)) is not None else Cell(plain_text(value))
+        ReportCell(number(shown / scale.factor))
+        if (shown := finite(value)) is not None
+        else ReportCell(plain_text(value))
         for value in values
     )
     return Row(RECORD_WORDS.get(name, name), cells, note=scale.unit)
@@ -150,11 +155,11 @@ def plain_text(value: object) -> str:
     return str(value) if told(value) else DASH
 
 
-def _shift_cell(entry: Shift | None) -> Cell:
+def _shift_cell(entry: Shift | None) -> ReportCell:
     if entry is None or entry.shift is None:
-        return Cell(DASH)
+        return ReportCell(DASH)
     text = quantity(entry.shift, entry.unit, 2)
     text, errors = text if entry.shift < 0 else f"+{text}", entry.in_standard_errors
     if errors is None:
-        return Cell(text)
-    return Cell(text, f"{number(abs(errors), 2)} SE", "strong" if abs(errors) >= 1 else "")
+        return ReportCell(text)
+    return ReportCell(text, f"{number(abs(errors), 2)} SE", "strong" if abs(errors) >= 1 else "")

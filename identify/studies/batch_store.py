@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import errno
 import hashlib
-import io
 import json
 import os
 import platform
@@ -13,7 +11,6 @@ import secrets
 import shutil
 import sys
 import time
-import unicodedata
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,6 +19,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from data_io.atomic import atomic_write
+from identify.base.table import OutputTable
 from identify.studies.job import TRY_AGAIN, WAITING, BatchError, End, Job
 from identify.studies.planning import BatchPlan
 
@@ -249,9 +247,6 @@ def _take(handle: IO[str]) -> bool:
 # ----------------------------------------------------------------------------------------------------------------------
 
 OWN = ("group", "status", "message", "result", "folder", "logs", "seconds")
-FORMULA = ("=", "+", "-", "@", "\t", "\r", "|", "%")  # a text that begins so is a formula to some spreadsheet
-
-TURNING = "\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"  # marks that turn the direction of text
 
 
 @dataclass(frozen=True)
@@ -305,23 +300,13 @@ def index_csv(plan: BatchPlan, ended: Mapping[str, Ended]) -> str:
     """The text of index.csv; one row per group in the order of the source."""
     # Those of the manifest in its order, then those that only the scene gives.
     names = list(dict.fromkeys([*plan.labels, *(name for job in plan.jobs for name in job.labels)]))
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
     headings = [f"label: {name}" if name in OWN else name for name in names]
-    writer.writerow([harmless(text) for text in (*OWN[:-1], *headings, OWN[-1])])
+    rows = []
     for job in plan.jobs:
         end = ended.get(job.group)
         result = f"{job.folder}/result.json" if end is not None and end.has_result else ""
         words = (end.status, end.message) if end is not None else (WAITING, "")
-        seconds = "" if end is None or end.seconds is None else f"{end.seconds:.3f}"
-        texts = [job.group, *words, result, job.folder]
+        seconds = None if end is None or end.seconds is None else round(end.seconds, 3)
         labels = [job.labels.get(name, "") for name in names]
-        writer.writerow([*map(harmless, texts), len(job.logs), *map(harmless, labels), seconds])
-    return out.getvalue()
-
-
-def harmless(text: str) -> str:
-    """The text as one line that no spreadsheet takes for a formula."""
-    line = " ".join(text.splitlines())
-    line = "".join(c for c in line if unicodedata.category(c) != "Cc" and c not in TURNING)
-    return f"'{line}" if line.lstrip().startswith(FORMULA) or line.startswith(FORMULA) else line
+        rows.append((job.group, *words, result, job.folder, len(job.logs), *labels, seconds))
+    return OutputTable("Groups", (*OWN[:-1], *headings, OWN[-1]), tuple(rows)).to_csv()

@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from identify.scene.rig import DAMPING
 from identify.scene.values import EACH_LOG
 from identify.studies.fits import FitEntry, Quantity, Values, shared_labels, values
-from identify.studies.joint import outliers
 from identify.studies.labels import CompareError, ComparisonQuestion, Taken, take
-from identify.studies.mixed import PoolingError
-from identify.studies.pooled import Pooled, pool
+from identify.studies.pooled import Pooled, PoolingError, pool
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A fit with parameters that differ between its logs, taken apart: what each group tells, and what all its logs share.
@@ -57,17 +53,13 @@ def _own(entry: FitEntry) -> dict[Group, dict[str, str]]:
 def _group(entry: FitEntry, group: Group, keys: Mapping[str, str], searched: set[str]) -> FitEntry:
     """One group with its own parameters under their plain names and with the labels of its logs."""
     per, value = group
-    told, plain = entry.result, {key: name for name, key in keys.items()}
+    told = entry.result
     logs = tuple(
         log
         for number, log in enumerate(told.logs, 1)
         if (value == f"log {number}" if per == EACH_LOG else log.labels.get(per, "") == value)
     )
     said, mixed = shared_labels(logs)
-    correlation = told.correlation
-    if correlation is not None:  # a group's own parameters get their plain names, those of the others no such name
-        names = tuple(plain.get(n, f"{n} of another" if n in keys else n) for n in correlation.names)
-        correlation = replace(correlation, names=names)
     asked = {} if per == EACH_LOG else {per: value}
     own = {name: told.parameters[key] for name, key in keys.items()}
     return replace(
@@ -75,7 +67,7 @@ def _group(entry: FitEntry, group: Group, keys: Mapping[str, str], searched: set
         name=f"{entry.name}, {value if per == EACH_LOG else f'{per} {value}'}",
         labels={n: v for n, v in entry.labels.items() if n not in mixed} | said | asked,
         mixed=tuple(name for name in mixed if name != per),
-        result=replace(told, parameters=own, correlation=correlation, logs=logs),
+        result=replace(told, parameters=own, logs=logs),
         fit=entry.name,
         elsewhere=frozenset(searched - set(keys)),
     )
@@ -89,9 +81,6 @@ def _with_known_rig(entry: FitEntry) -> FitEntry:
     known = {"damping" if n in DAMPING else n for n, v in stated if isinstance(v, Mapping) and "tolerance" in v}
     parameters = {n: replace(p, verdict="fixed") if n in known else p for n, p in entry.result.parameters.items()}
     return replace(entry, result=replace(entry.result, parameters=parameters)) if known else entry
-
-
-FEW = 2  # fits that must tell a quantity
 
 
 @dataclass(frozen=True)
@@ -156,16 +145,13 @@ def compare(entries: Sequence[FitEntry], question: ComparisonQuestion) -> Compar
     quantities, odd = [], []
     for k, quantity in enumerate(told.quantities):
         untold = tuple((names[i], reason) for i, reason in told.untold[quantity.name])
-        if np.count_nonzero(np.isfinite(told.y[:, k])) < FEW:
-            quantities.append(PooledQuantity(quantity, None, "fewer than two fits tell it", untold))
-            continue
         try:
-            pooled = pool(told.y[:, k], told.covariance[:, k, k], taken.setting, family)
+            pooled = pool(told.y[:, k], told.variance[:, k], taken.setting, family)
         except PoolingError as error:
             quantities.append(PooledQuantity(quantity, None, str(error), untold))
             continue
         quantities.append(PooledQuantity(quantity, pooled, "", untold))
-        odd += [OddFit(names[pooled.rows[o.row]], quantity.name, o.z, o.p) for o in outliers(pooled.mixed, family)]
+        odd += [OddFit(names[pooled.rows[o.row]], quantity.name, o.z, o.p) for o in pooled.outliers]
     return Comparison(
         question=question,
         entries=tuple(entries),

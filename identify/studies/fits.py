@@ -17,8 +17,9 @@ from identify.base.document import Json
 from identify.base.errors import DocumentError
 from identify.base.quantiles import NORMAL
 from identify.base.result import LogResult, ParameterResult, Result
+from identify.base.table import FORMULA
 from identify.effects import ALL
-from identify.studies.batch_store import BATCH, FORMULA, INDEX, RESULT
+from identify.studies.batch_store import BATCH, INDEX, RESULT
 from identify.studies.job import CONVERGED
 from identify.uneven.answer import SCALES
 
@@ -197,7 +198,7 @@ def shared_labels(logs: Sequence[LogResult]) -> tuple[dict[str, str], tuple[str,
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What is pooled: the parameters of every fit on the scale where their errors are even, with their covariance.
+# What is pooled: the parameters of every fit on the scale where their errors are even.
 # ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
@@ -221,12 +222,12 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Values:
-    """Quantities of n fits: y (n, m) on their scales, NaN where a fit does not tell one; covariance (n, m, m);
-    untold: fits by index that do not tell a quantity, with the reason."""
+    """Quantities of n fits: y and variance (n, m) on their scales, NaN where a fit does not have one; untold: fits by
+    index that do not have a quantity, with the reason."""
 
     quantities: tuple[Quantity, ...]
     y: Array
-    covariance: Array
+    variance: Array
     untold: Mapping[str, tuple[tuple[int, str], ...]]
 
 
@@ -235,17 +236,15 @@ def values(entries: Sequence[FitEntry]) -> Values:
     names = list(dict.fromkeys(name for e in entries for name, p in e.result.parameters.items() if p.verdict in TOLD))
     quantities = tuple(_quantity(name, entries) for name in names)
     n, m = len(entries), len(quantities)
-    y, covariance = np.full((n, m), np.nan), np.full((n, m, m), np.nan)
+    y, sd = np.full((n, m), np.nan), np.full((n, m), np.nan)
     untold: dict[str, list[tuple[int, str]]] = {name: [] for name in names}
     for i, entry in enumerate(entries):
-        sd = np.full(m, np.nan)
         for k, quantity in enumerate(quantities):
             parameter = entry.result.parameters.get(quantity.name)
-            y[i, k], sd[k], reason = _told(parameter, quantity)
+            y[i, k], sd[i, k], reason = _told(parameter, quantity)
             if reason and quantity.name not in entry.elsewhere:
                 untold[quantity.name].append((i, reason))
-        covariance[i] = _correlation(entry, names) * np.outer(sd, sd)
-    return Values(quantities, y, covariance, {name: tuple(found) for name, found in untold.items()})
+    return Values(quantities, y, sd**2, {name: tuple(found) for name, found in untold.items()})
 
 
 def tells(entry: FitEntry) -> bool:
@@ -290,17 +289,3 @@ def _told(parameter: ParameterResult | None, quantity: Quantity) -> tuple[float,
         return float(np.log(value)), float(width) / (2.0 * NORMAL) or error / value, ""
     width = high - low if low is not None and high is not None else 0.0
     return value, width / (2.0 * NORMAL) or error, ""
-
-
-def _correlation(entry: FitEntry, names: Sequence[str]) -> Array:
-    """Correlation of the fit's errors among `names`; none where the fit does not tell it."""
-    out, told = np.eye(len(names)), entry.result.correlation
-    if told is None or any(len(row) != len(told.names) for row in told.matrix) or len(told.matrix) != len(told.names):
-        return out
-    matrix = np.array(told.matrix, dtype=float)
-    for j, first in enumerate(names):
-        for k, second in enumerate(names):
-            if j != k and first in told.names and second in told.names:
-                value = matrix[told.names.index(first), told.names.index(second)]
-                out[j, k] = np.clip(value, -1.0, 1.0) if np.isfinite(value) else 0.0
-    return out

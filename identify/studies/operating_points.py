@@ -1,6 +1,6 @@
 """What each group does at the common operating points: stick-slip, its probability and size, the way to its end.
 
-The nonlinear model is asked at the pooled means. Intervals of the mean carry the covariance of the pooled parameters,
+The nonlinear model is evaluated at the means. Intervals of the mean carry the covariance of the mean parameters,
 widened as Student's t asks for few people; what one more run of one more person would do carries the scatter between
 people and runs as well.
 """
@@ -26,9 +26,8 @@ from identify.scene import Scene
 from identify.simulation.sliding import slidings
 from identify.studies.compare import Comparison
 from identify.studies.fits import FitEntry
-from identify.studies.joint import Joint, Together
 from identify.studies.labels import CompareError
-from identify.studies.pooled import predictive
+from identify.studies.pooled import joint
 
 if TYPE_CHECKING:
     from identify.model.model import Model
@@ -165,28 +164,42 @@ class GroupAnswer:
 NOTHING, NO_NUMBER = Figure(None), Number(None)
 
 
+@dataclass(frozen=True)
+class Answers:
+    """What follows at common operating points: the ground they stand on, the answers, and why there are none."""
+
+    ground: Common | None
+    groups: tuple[GroupAnswer, ...]
+    reason: str = ""
+
+
+def answered(comparison: Comparison, speeds: Sequence[float] = (), normal_force: float | None = None) -> Answers:
+    """The answers of the nonlinear model of every group at common points; a reason where there are none."""
+    try:
+        ground = common(comparison, speeds, normal_force)
+        return Answers(ground, group_answers(comparison, ground))
+    except IdentifyError as error:
+        return Answers(None, (), str(error))
+
+
 def group_answers(comparison: Comparison, ground: Common) -> tuple[GroupAnswer, ...]:
     """The answers of every group, in natural order; the first MOST_GROUPS of them are calculated."""
     names = [name for name in comparison.answered if name in ground.model.parameter_names]
-    pooled = [comparison.answered[name] for name in names]
-    index = [k for k, q in enumerate(comparison.values.quantities) if q.name in names]
-    noise = comparison.values.covariance[:, index][:, :, index]
-    together = Together(pooled, comparison.taken.setting, noise) if pooled else None
     out = []
     for place, group in enumerate(comparison.groups):
         reason = "" if place < MOST_GROUPS else f"only the first {MOST_GROUPS} groups are calculated"
         reason = reason or _lacking(comparison, ground, group, names)
-        if reason or together is None:
+        if reason or not names:
             out.append(GroupAnswer(group, NOTHING, (), None, None, reason))
             continue
-        out.append(_answer(comparison, ground, group, names, together.group(group)))
+        out.append(_answer(comparison, ground, group, names))
     return tuple(out)
 
 
 def _lacking(comparison: Comparison, ground: Common, group: str, names: Sequence[str]) -> str:
     """Why a group has no answer: parameters of the model that its fits neither tell nor fix, or that its fits tell and
     nobody could pool."""
-    missing = [name for name in names if group not in comparison.answered[name].design.groups]
+    missing = [name for name in names if group not in comparison.answered[name].groups]
     entries = comparison.taken.entries
     tried = {name for entry in entries for name in (*entry.result.parameters, *entry.elsewhere)}
     verdicts = {n: {p.verdict for e in entries if (p := e.result.parameters.get(n)) is not None} for n in tried}
@@ -222,23 +235,24 @@ class _Spreads:
     df: float
 
 
-def _spreads(comparison: Comparison, ground: Common, group: str, names: Sequence[str], found: Joint) -> _Spreads:
+def _spreads(comparison: Comparison, ground: Common, group: str, names: Sequence[str]) -> _Spreads:
     quantities = {q.name: q for q in comparison.values.quantities}
+    pooled = [comparison.answered[name] for name in names]
     values = dict(ground.values)
     slope = np.ones(len(names))
     for k, name in enumerate(names):
-        values[name] = quantities[name].shown(float(found.mean[k]))
+        values[name] = quantities[name].shown(pooled[k].mean_of(group).value)
         slope[k] = values[name] if quantities[name].logarithmic else 1.0
-    wide = student(0.5 + LEVEL / 2, np.maximum(found.df, LEAST_DF)) / NORMAL
-    ahead = [predictive(comparison.answered[name], group) for name in names]
-    further = student(0.5 + LEVEL / 2, np.maximum([a[2] for a in ahead], LEAST_DF)) / NORMAL
-    mean = found.covariance * np.outer(slope * wide, slope * wide)
-    people = (found.covariance + found.scatter) * np.outer(slope * further, slope * further)
-    return _Spreads(values, tuple(names), mean, people, float(max(min(a[2] for a in ahead), LEAST_DF)))
+    of_mean, of_further = joint(pooled, group)
+    further_df = np.maximum([p.further_df for p in pooled], LEAST_DF)
+    wide = slope * student(0.5 + LEVEL / 2, np.maximum([p.mean_of(group).df for p in pooled], LEAST_DF)) / NORMAL
+    further = slope * student(0.5 + LEVEL / 2, further_df) / NORMAL
+    mean, people = of_mean * np.outer(wide, wide), of_further * np.outer(further, further)
+    return _Spreads(values, tuple(names), mean, people, float(np.min(further_df)))
 
 
-def _answer(comparison: Comparison, ground: Common, group: str, names: Sequence[str], found: Joint) -> GroupAnswer:
-    spreads = _spreads(comparison, ground, group, names, found)
+def _answer(comparison: Comparison, ground: Common, group: str, names: Sequence[str]) -> GroupAnswer:
+    spreads = _spreads(comparison, ground, group, names)
     # the curve of amplitudes: a decade around the common drive speeds
     curve = np.geomspace(min(ground.speeds) / 3.0, max(ground.speeds) * 10.0, AMPLITUDE_POINTS).tolist()
     mean, people = (

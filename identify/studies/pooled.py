@@ -1,103 +1,71 @@
-"""One quantity pooled over fits: group means, all their differences with a verdict, scatter and repeatability."""
+"""One quantity pooled over fits: means of people and groups, all differences with a verdict, scatter, outliers.
+
+The fits of one person in one group are averaged first, so that thirty logs of one person count as one person. The
+person means go through a two-way analysis of variance: groups, with people as blocks where the same people were
+measured in several groups. Differences carry Tukey's simultaneous intervals (Tukey 1949, Kramer 1956), the mean of a
+group the t interval of its person means.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import combinations
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
-from scipy.optimize import brentq
-from scipy.special import chdtr, ndtri
-from scipy.stats.qmc import Sobol
+from scipy.interpolate import PchipInterpolator
+from scipy.stats import studentized_range
 
+from identify.base.errors import IdentifyError
 from identify.base.quantiles import LEVEL, chi_square, student, student_below
-from identify.studies.mixed import RUN, SUBJECT, SUBJECT_BY_GROUP, Design, Mixed, Setting, design, fit_mixed
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Simultaneous intervals: how far the largest of several correlated t statistics reaches.
-#
-# P(max_j |T_j| <= q) = E over the chi of P(max_j |Z_j| <= q s); the normal directions are a fixed Sobol sequence, and
-# the chi is integrated in closed form for each of them, so that the answer is smooth in q and the same every time. With
-# all pairs of independent equal means this is Tukey's studentised range over sqrt(2).
-# ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
 
-POWER = 14  # 2^14 directions
-SEED = 20250101
-LARGEST_DF = 1e6
-BINS, FEW = 256, 300.0
-
-
-@lru_cache(maxsize=64)
-def _largest(rows: bytes, count: int) -> Array:
-    """Sorted max_j |Z_j| of the directions, for a correlation matrix given as bytes."""
-    R = np.frombuffer(rows).reshape(count, count)
-    values, vectors = np.linalg.eigh(R)
-    kept = values > 1e-9 * values[-1]
-    root = vectors[:, kept] * np.sqrt(values[kept])
-    u = Sobol(int(kept.sum()), scramble=True, seed=SEED).random_base2(POWER)
-    z = ndtri(np.clip(u, 1e-15, 1 - 1e-15))
-    return np.sort(np.max(np.abs(z @ root.T), axis=1))
-
-
-@lru_cache(maxsize=64)
-def _binned(rows: bytes, count: int) -> Array:
-    """The means of equal shares of the sorted largest |Z|: as good as all of them under a chi of few freedoms."""
-    return np.asarray(_largest(rows, count).reshape(BINS, -1).mean(axis=1))
-
-
-def _correlation(covariance: Array) -> bytes:
-    sd = np.sqrt(np.diag(covariance))
-    R = np.round(covariance / np.outer(sd, sd), 6)  # the same designs share their directions
-    return np.ascontiguousarray(0.5 * (R + R.T)).tobytes()
-
-
-def below(q: float, covariance: Array, df: float) -> float:
-    """P(max_j |T_j| <= q) for contrasts with this covariance (m, m) and common degrees of freedom."""
-    if q <= 0.0:
-        return 0.0
-    if len(covariance) == 1:
-        return 1.0 - 2.0 * student_below(-q, df)
-    return _below(q, _correlation(covariance), len(covariance), df)
-
-
-def _below(q: float, rows: bytes, count: int, df: float) -> float:
-    if not df < LARGEST_DF:
-        return float(np.mean(_largest(rows, count) <= q))
-    largest = _binned(rows, count) if df < FEW else _largest(rows, count)
-    return float(1.0 - np.mean(chdtr(df, df * (largest / q) ** 2)))
-
-
-def critical(covariance: Array, df: float, level: float) -> float:
-    """The q that all |T_j| stay below with probability `level`; NaN below half a degree of freedom."""
-    if not df >= 0.5:
-        return math.nan
-    return _critical(_correlation(covariance), len(covariance), float(f"{df:.7g}"), level)
-
-
-@lru_cache(maxsize=256)
-def _critical(rows: bytes, count: int, df: float, level: float) -> float:
-    single = float(student(0.5 + level / 2.0, df))
-    if count == 1:
-        return single
-    bonferroni = -float(student((1.0 - level) / (2.0 * count), df))
-    ends = 0.98 * single, 1.02 * bonferroni
-    return float(brentq(lambda q: _below(q, rows, count, df) - level, *ends, xtol=1e-5))
-
-
 DIFFERENT, NOT_TOLD_APART, NOT_TESTED = "different", "not told apart", "not tested"
-LEAST_DF = 0.9  # below this an interval says nothing
 MOST_GROUPS = 30  # beyond these, pairs are too many to be told apart, and to be looked at
+RELATIVE_RANK = 1e-8  # of the largest singular value: columns of a design below it are combinations of the others
+ROUNDING = 1e-12  # of the largest value: scatter below it is rounding
+MOST_ERRORS, LEAST_P = 40.0, 1e-12  # of a difference and of its probability, beyond which nobody asks
+FALSE_OUTLIERS = 0.05  # chance of calling any fit of a study an outlier where none is
+
+
+class PoolingError(IdentifyError):
+    """These fits cannot be pooled; the text is one sentence."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is known of n fits: group (n,) labels; subject (n,): whose fit it is, None where nobody says;
+    factors: further labels that are adjusted for; covariates: numbers that are adjusted for, each (n,)."""
+
+    group: tuple[str, ...]
+    subject: tuple[str, ...] | None = None
+    factors: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    covariates: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+
+    def rows(self, kept: Sequence[int]) -> Setting:
+        """The same of some of the fits, by index."""
+
+        def take(labels: tuple[str, ...]) -> tuple[str, ...]:
+            return tuple(labels[i] for i in kept)
+
+        return Setting(
+            take(self.group),
+            None if self.subject is None else take(self.subject),
+            {name: take(labels) for name, labels in self.factors.items()},
+            {name: tuple(numbers[i] for i in kept) for name, numbers in self.covariates.items()},
+        )
 
 
 @dataclass(frozen=True)
 class Mean:
     """The mean of a group: value, standard error, degrees of freedom, 95 % interval (None: open, and why);
-    fits and subjects behind it (subjects None: not told); scatter: standard deviation of its fits, None of one."""
+    fits and subjects behind it (subjects None: unknown); scatter: standard deviation of its fits, None of one."""
 
     group: str
     value: float
@@ -113,8 +81,7 @@ class Mean:
 @dataclass(frozen=True)
 class Difference:
     """First group minus second: value, standard error, degrees of freedom, simultaneous interval (None: not tested),
-    probability of at least so large a difference somewhere in the family if all were equal, verdict and reason;
-    shared: subjects that have both groups."""
+    reason; shared: subjects that have both groups; groups, family: how many groups and quantities are compared."""
 
     first: str
     second: str
@@ -122,25 +89,41 @@ class Difference:
     error: float
     df: float
     interval: tuple[float, float] | None
-    p: float | None
-    verdict: str
     reason: str
     shared: int | None
+    groups: int
+    family: int
+
+    @property
+    def verdict(self) -> str:
+        """Whether the interval leaves out zero."""
+        if self.interval is None:
+            return NOT_TESTED
+        return DIFFERENT if self.interval[0] > 0.0 or self.interval[1] < 0.0 else NOT_TOLD_APART
+
+    @property
+    def p(self) -> float | None:
+        """The probability of at least so large a difference somewhere in the family if all were equal."""
+        if self.interval is None:
+            return None
+        t = abs(self.value) / self.error
+        if self.groups == 2:
+            return min(1.0, self.family * 2.0 * student_below(-t, self.df))
+        return min(1.0, self.family * float(np.exp(_log_exceeded(self.groups, self.df)(min(t, MOST_ERRORS)))))
 
 
 @dataclass(frozen=True)
 class VarianceParts:
-    """Standard deviations, in the units of y; None where these fits do not tell.
+    """Standard deviations, in the units of y; None where these fits do not show them.
 
-    between_groups: of the group means, their own errors taken out; subject, subject_by_group, run: the random
-    effects; fit: root mean square of the errors of the fits; repeatability: of one fit on repetition (run and fit),
-    with its 95 % interval; intraclass: share of the variance within a group that is between subjects.
+    between_groups: of the group means, their own errors taken out; subject: between people of one group; run: between
+    runs of one person; fit: root mean square of the errors of the fits; repeatability: of one fit on repetition (run
+    and fit), with its 95 % interval; intraclass: share of the variance within a group that is between people.
     """
 
     between_groups: float | None
     subject: float | None
-    subject_by_group: float | None
-    run: float
+    run: float | None
     fit: float
     repeatability: float | None
     repeatability_interval: tuple[float, float] | None
@@ -148,172 +131,286 @@ class VarianceParts:
 
 
 @dataclass(frozen=True)
+class Outlier:
+    """A fit by its index, how far it is off in standard deviations, and the chance of that in one of the n fits."""
+
+    row: int
+    z: float
+    p: float
+
+
+@dataclass(frozen=True)
 class Pooled:
-    """A pooled quantity. rows: indices of the fits that tell it; differences: of all pairs, none beyond MOST_GROUPS;
-    level: of the simultaneous intervals."""
+    """A pooled quantity of the n fits that have it.
+
+    rows (n,): their indices among all fits; y (n,): their values, adjusted; groups; dropped: adjustments that cannot
+    be made, with the reason; adjustments: slope of each column that is adjusted for; differences: of all pairs, none
+    beyond MOST_GROUPS; further_sd: standard deviation of one more run of one more person about the mean of its
+    group, with further_df degrees of freedom; residuals (n,): about the means of the groups.
+    """
 
     rows: tuple[int, ...]
-    design: Design
-    mixed: Mixed
+    y: Array
+    groups: tuple[str, ...]
+    dropped: Mapping[str, str]
+    adjustments: Mapping[str, float]
     means: tuple[Mean, ...]
     differences: tuple[Difference, ...]
     scatter: VarianceParts
-    level: float
+    outliers: tuple[Outlier, ...]
+    further_sd: float
+    further_df: float
+    residuals: Array
+
+    def mean_of(self, group: str) -> Mean:
+        """The mean of one of the groups."""
+        return self.means[self.groups.index(group)]
 
 
 def pool(y: Array, noise: Array, setting: Setting, family: int = 1) -> Pooled:
     """Pool one quantity.
 
-    Args:
-        y (n,): its value in every fit, NaN where a fit does not tell it; noise (n,): known variances of y.
-        setting: labels of all n fits.
-        family: quantities that are compared together; their intervals hold at once (Bonferroni over quantities,
-            exact over pairs of groups).
+    Parameters
+    ----------
+    y : (n,) array
+        Its value in every fit, NaN where a fit does not have it.
+    noise : (n,) array
+        Variance of the error of each fit.
+    setting : Setting
+        Labels of all n fits.
+    family : int
+        Quantities that are compared together; their intervals hold at once (Bonferroni over quantities, Tukey over
+        pairs of groups).
 
-    Raises:
-        PoolingError: too few fits tell it.
+    Raises
+    ------
+    PoolingError
+        Nothing shows the scatter between people.
     """
     rows = np.flatnonzero(np.isfinite(y) & np.isfinite(noise) & (noise >= 0.0))
     here = setting.rows(rows.tolist())
-    plan = design(here)
-    mixed = fit_mixed(y[rows], plan.X, noise[rows], plan.components)
-    level = 1.0 - (1.0 - LEVEL) / family
+    known = here.subject is not None
+    values, groups = np.asarray(y, float)[rows], tuple(dict.fromkeys(here.group))
+    people = here.subject or tuple(map(str, range(len(rows))))
+    cells, at = _numbered(list(zip(here.group, people, strict=True)))  # person means, and that of each fit
+    count = np.bincount(at).astype(np.float64)
+    group_at, person_at = np.array([groups.index(group) for group, _ in cells]), _numbered([p for _, p in cells])[1]
+    if not len(cells) or np.bincount(group_at).max() < 2:
+        raise PoolingError(
+            "no group has fits of two people, so that nothing shows the scatter between people; add people to each "
+            "group"
+            if known
+            else "no group has two fits, so that nothing shows the scatter between runs; add runs to each group"
+        )
+
+    # the design of the person means: groups, people as blocks where most are in several groups, adjustments
+    X = _indicators(group_at)
+    in_groups = np.bincount(person_at)
+    if 2 * np.count_nonzero(in_groups > 1) > len(in_groups):
+        people_X = _indicators(person_at)
+        X = np.hstack([X, people_X[:, 1:] - people_X[:, :1]])
+    fit_X, base = X[at], X.shape[1]
+    dropped: dict[str, str] = {}
+    columns: list[str] = []
+    for name, block in _adjustments(here):
+        of_cells = np.column_stack([_averages(column, at) for column in block.T]) if block.size else block[: len(cells)]
+        joined = np.hstack([X, of_cells])
+        if np.ptp(of_cells, axis=0).max(initial=0.0) <= ROUNDING * np.abs(block).max(initial=0.0):
+            dropped[name] = "its average is the same for all people and groups"
+        elif _rank(joined) < _rank(X) + block.shape[1]:
+            dropped[name] = "it goes with the groups or the people, so that its part cannot be told from theirs"
+        elif _rank(joined) >= len(cells):
+            dropped[name] = "there are too few fits to adjust for it"
+        else:
+            X, fit_X = joined, np.hstack([fit_X, block])
+            columns += [name] * block.shape[1]
+    level = _averages(values, at)
+    beta: Array = np.asarray(np.linalg.lstsq(X, level, rcond=RELATIVE_RANK)[0], dtype=np.float64)
+    values = values - fit_X[:, base:] @ beta[base:]
+    means = tuple(
+        _mean(group, _averages(values, at)[group_at == k], values[group_at[at] == k], known)
+        for k, group in enumerate(groups)
+    )
+    between = _rest(_averages(values, at), group_at), len(cells) - len(groups)
+    conditions = _numbered(list(zip(at.tolist(), *here.factors.values(), strict=True)))[1]
+    within = _rest(values, conditions), len(values) - int(conditions.max()) - 1
+    run = within[0] / within[1] if within[1] else 0.0
     return Pooled(
         rows=tuple(rows.tolist()),
-        design=plan,
-        mixed=mixed,
-        means=tuple(_mean(group, k, mixed, here) for k, group in enumerate(plan.groups)),
-        differences=_differences(plan, mixed, here, level),
-        scatter=_scatter(plan, mixed, here),
-        level=level,
+        y=values,
+        groups=groups,
+        dropped=dropped,
+        adjustments=dict(zip(columns, beta[base:].tolist(), strict=True)),
+        means=means,
+        differences=_differences(means, level, X, beta, cells, family),
+        scatter=_scatter(means, between, within, float(np.mean(1.0 / count)), float(np.mean(noise[rows])), known),
+        outliers=_outliers(values, fit_X[:, :base], len(columns), family),
+        # averaging over the runs of a person took off a part of the scatter between runs
+        further_sd=math.sqrt(between[0] / between[1] + run * float(np.mean(1.0 - 1.0 / count))),
+        further_df=float(between[1]),
+        residuals=values - _averages(values, group_at[at])[group_at[at]],
     )
 
 
-def _count(setting: Setting, group: str) -> tuple[int, int | None]:
-    """Fits and subjects of a group."""
-    fits = [i for i, g in enumerate(setting.group) if g == group]
-    subjects = None if setting.subject is None else len({setting.subject[i] for i in fits})
-    return len(fits), subjects
+def _numbered(labels: Sequence[Hashable]) -> tuple[list[Any], NDArray[np.int64]]:
+    """The different labels in the order of first appearance, and the number of each one's."""
+    order = {label: k for k, label in enumerate(dict.fromkeys(labels))}
+    return list(order), np.array([order[label] for label in labels], dtype=np.int64)
 
 
-def _mean(group: str, column: int, mixed: Mixed, setting: Setting) -> Mean:
-    c = np.zeros(len(mixed.beta))
-    c[column] = 1.0
-    found = mixed.contrast(c)
-    fits, subjects = _count(setting, group)
-    reason = _few(group, fits, subjects)
-    if not reason and found.df < LEAST_DF:
-        reason = "too few fits to tell the scatter"
-    half = 0.0 if reason else float(student(0.5 + LEVEL / 2, found.df)) * found.error
-    values = mixed.y[[i for i, g in enumerate(setting.group) if g == group]]
+def _averages(values: Array, numbers: NDArray[np.int64]) -> Array:
+    """The mean of the values of each number."""
+    return np.asarray(np.bincount(numbers, values) / np.bincount(numbers), dtype=np.float64)
+
+
+def _rest(values: Array, numbers: NDArray[np.int64]) -> float:
+    """The sum of squares about the means of each number."""
+    return float(np.sum((values - _averages(values, numbers)[numbers]) ** 2))
+
+
+def _indicators(numbers: NDArray[np.int64]) -> Array:
+    """One column per number: shape (n, levels)."""
+    return np.asarray(numbers[:, None] == np.arange(numbers.max() + 1)[None, :], dtype=np.float64)
+
+
+def _adjustments(setting: Setting) -> list[tuple[str, Array]]:
+    """Columns (n, k) of what is adjusted for, centred; factors sum to zero, so that means are of the average level."""
+    out = [(name, np.asarray(v, float)[:, None] - float(np.mean(v))) for name, v in setting.covariates.items()]
+    for name, labels in setting.factors.items():
+        levels = _indicators(_numbered(labels)[1])
+        out.append((name, levels[:, :-1] - levels[:, -1:]))
+    return out
+
+
+def _rank(X: Array) -> int:
+    size = np.sqrt(np.sum(X**2, axis=0))
+    return int(np.linalg.matrix_rank(X / np.where(size > 0.0, size, 1.0), tol=RELATIVE_RANK))
+
+
+def _mean(group: str, people: Array, fits: Array, known: bool) -> Mean:
+    """The mean of a group from its person means, with the t interval."""
+    n, value = len(people), float(np.mean(people))
+    scatter = float(np.std(fits, ddof=1)) if len(fits) > 1 else None
+    if n < 2:
+        reason = f"one subject only with {group}: a person's fits, {len(fits)} here, say nothing of others"
+        reason = reason if known else f"one fit only with {group}"
+        return Mean(group, value, math.nan, 0.0, None, reason, len(fits), 1 if known else None, scatter)
+    error = float(np.std(people, ddof=1)) / math.sqrt(n)
+    half = float(student(0.5 + LEVEL / 2, n - 1)) * error
     return Mean(
-        group,
-        found.value,
-        found.error,
-        found.df,
-        None if reason else (found.value - half, found.value + half),
-        reason,
-        fits,
-        subjects,
-        float(np.std(values, ddof=1)) if fits > 1 else None,
+        group, value, error, n - 1.0, (value - half, value + half), "", len(fits), n if known else None, scatter
     )
 
 
-def _few(group: str, fits: int, subjects: int | None) -> str:
-    """Why a group says nothing beyond itself."""
-    if subjects == 1:
-        return f"one subject only with {group}: a person's fits, {fits} here, say nothing of others"
-    return f"one fit only with {group}" if fits == 1 else ""
+@lru_cache(maxsize=256)
+def _log_exceeded(groups: int, df: float) -> PchipInterpolator:
+    """The logarithm of the probability that some pair of so many equal means differs by more than so many standard
+    errors, interpolated: scipy takes 30 ms for one value."""
+    t = np.linspace(0.0, math.sqrt(MOST_ERRORS), 24) ** 2
+    p = studentized_range.sf(math.sqrt(2.0) * t, groups, df)
+    return PchipInterpolator(t, np.log(np.clip(p, LEAST_P, 1.0)))
 
 
-def _differences(plan: Design, mixed: Mixed, setting: Setting, level: float) -> tuple[Difference, ...]:
-    pairs = list(combinations(range(len(plan.groups)), 2)) if len(plan.groups) <= MOST_GROUPS else []
-    contrasts = np.zeros((len(pairs), len(mixed.beta)))
-    for row, (i, j) in enumerate(pairs):
-        contrasts[row, [i, j]] = 1.0, -1.0
-    few = {group: _few(group, *_count(setting, group)) for group in plan.groups}
-    reasons = [few[plan.groups[i]] or few[plan.groups[j]] for i, j in pairs]
-    estimates = [mixed.contrast(c) for c in contrasts]
-    reasons = [
-        reason or ("too few fits to tell the scatter" if found.df < LEAST_DF else "")
-        for reason, found in zip(reasons, estimates, strict=True)
-    ]
-    tested = contrasts[[not reason for reason in reasons]]
-    covariance = tested @ mixed.covariance @ tested.T
+@lru_cache(maxsize=256)
+def critical(groups: int, df: float, level: float) -> float:
+    """What all pairs of so many equal means stay below, in standard errors of a difference: Tukey's studentised range
+    over the square root of two, for two groups Student's t."""
+    if groups == 2:
+        return float(student(0.5 + 0.5 * level, df))
+    return float(studentized_range.ppf(level, groups, df) / math.sqrt(2.0))
+
+
+def _differences(
+    means: Sequence[Mean], level: Array, X: Array, beta: Array, cells: Sequence[tuple[str, str]], family: int
+) -> tuple[Difference, ...]:
+    """All pairs; simultaneous over the groups of two people and more and over `family` quantities."""
+    if len(means) > MOST_GROUPS:
+        return ()
+    df = float(len(level) - _rank(X))
+    rest = level - X @ beta
+    variance = max(float(rest @ rest) / max(df, 1.0), (ROUNDING * float(np.max(np.abs(level)))) ** 2)
+    inverse = np.linalg.pinv(X.T @ X, rcond=RELATIVE_RANK, hermitian=True)
+    reach = inverse @ (X.T @ X)
+    tested = sum(not m.reason for m in means)
+    whose = {m.group: {person for group, person in cells if group == m.group} for m in means}
     out = []
-    for (i, j), found, reason in zip(pairs, estimates, reasons, strict=True):
-        a, b = plan.groups[i], plan.groups[j]
-        shared = None
-        if setting.subject is not None:
-            mine = [{s for s, g in zip(setting.subject, setting.group, strict=True) if g == x} for x in (a, b)]
-            shared = len(mine[0] & mine[1])
-        if reason:
-            out.append(Difference(a, b, found.value, found.error, found.df, None, None, NOT_TESTED, reason, shared))
-            continue
-        half = critical(covariance, found.df, level) * found.error
-        share = 1.0 - below(abs(found.value) / found.error, covariance, found.df)
-        p = min(1.0, share * (1.0 - LEVEL) / (1.0 - level))
-        verdict = DIFFERENT if abs(found.value) > half else NOT_TOLD_APART
-        ends = (found.value - half, found.value + half)
-        out.append(Difference(a, b, found.value, found.error, found.df, ends, p, verdict, "", shared))
+    for (i, a), (j, b) in combinations(enumerate(means), 2):
+        c = np.zeros(X.shape[1])
+        c[i], c[j] = 1.0, -1.0
+        value, error = float(c @ beta), math.sqrt(variance * float(c @ inverse @ c))
+        shared = None if a.subjects is None else len(whose[a.group] & whose[b.group])
+        reason = a.reason or b.reason
+        if not reason and df < 1.0:
+            reason = "too few fits to tell the scatter"
+        if not reason and np.max(np.abs(c @ reach - c)) > RELATIVE_RANK:
+            reason = "no people join these two groups"
+        ends = None
+        if not reason:
+            half = critical(tested, df, 1.0 - (1.0 - LEVEL) / family) * error
+            ends = (value - half, value + half)
+        out.append(Difference(a.group, b.group, value, error, df, ends, reason, shared, tested, family))
     return tuple(out)
 
 
-def _scatter(plan: Design, mixed: Mixed, setting: Setting) -> VarianceParts:
-    # Whether somebody was measured again under the same conditions, so that runs are told from people.
-    subjects = setting.subject or ("",) * len(setting.group)
-    conditions = list(zip(subjects, setting.group, *setting.factors.values(), strict=True))
-    repeated = len(set(conditions)) < len(conditions)
-    names = [c.name for c in plan.components]
-    noise = float(np.mean(mixed.noise))
-    run = mixed.variance_of(RUN)
-    subject = mixed.variance_of(SUBJECT) if SUBJECT in names else None
-    crossed = mixed.variance_of(SUBJECT_BY_GROUP) if SUBJECT_BY_GROUP in names else None
-    ends = _repeatability_interval(mixed, run + noise) if repeated else None
-    between = (subject or 0.0) + (crossed or 0.0)
-    tells = repeated and SUBJECT in names and between + run + noise > 0.0
+def _scatter(
+    means: Sequence[Mean],
+    between: tuple[float, int],
+    within: tuple[float, int],
+    per_person: float,
+    noise: float,
+    known: bool,
+) -> VarianceParts:
+    """Standard deviations from the sums of squares, with their degrees of freedom, of person means about the means of
+    groups and of fits about those of people; per_person: mean of 1 / fits of a person; noise: variance of a fit."""
+    df = within[1]
+    variance = within[0] / df if df else 0.0
+    subject = max(between[0] / between[1] - variance * per_person, 0.0) if known else None
+    ends = None
+    if df:
+        low, high = (math.sqrt(within[0] / chi_square(q, df)) for q in (0.5 + LEVEL / 2, 0.5 - LEVEL / 2))
+        ends = (low, high)
+    sure = [m for m in means if not m.reason]
+    raw = float(np.var([m.value for m in sure], ddof=1) - np.mean([m.error**2 for m in sure])) if sure[1:] else None
     return VarianceParts(
-        between_groups=_between(plan, mixed),
-        subject=None if subject is None else float(np.sqrt(subject)),
-        subject_by_group=None if crossed is None else float(np.sqrt(crossed)),
-        run=float(np.sqrt(run)),
-        fit=float(np.sqrt(noise)),
-        repeatability=float(np.sqrt(run + noise)) if repeated else None,
+        between_groups=None if raw is None else math.sqrt(max(raw, 0.0)),
+        subject=None if subject is None else math.sqrt(subject),
+        run=math.sqrt(max(variance - noise, 0.0)) if df else None,
+        fit=math.sqrt(noise),
+        repeatability=math.sqrt(variance) if df else None,
         repeatability_interval=ends,
-        intraclass=between / (between + run + noise) if tells else None,
+        intraclass=subject / (subject + variance) if subject is not None and df and subject + variance > 0.0 else None,
     )
 
 
-def _repeatability_interval(mixed: Mixed, variance: float) -> tuple[float, float] | None:
-    wobble = float(mixed.theta_covariance[0, 0])
-    if not (wobble > 0.0 and variance > 0.0):
-        return None
-    df = 2.0 * variance**2 / wobble
-    if df < LEAST_DF:
-        return None
-    low, high = (float(np.sqrt(df * variance / chi_square(q, df))) for q in (0.5 + LEVEL / 2, 0.5 - LEVEL / 2))
-    return low, high
+def _outliers(values: Array, X: Array, adjustments: int, family: int) -> tuple[Outlier, ...]:
+    """Fits whose externally studentised residual is larger than chance allows (Bonferroni over fits and quantities),
+    the furthest first."""
+    n, used = len(values), _rank(X) + adjustments
+    if n - used < 2:
+        return ()
+    hat = X @ np.linalg.pinv(X, rcond=RELATIVE_RANK)
+    rest, leverage = values - hat @ values, np.diag(hat)
+    free = leverage < 1.0 - RELATIVE_RANK
+    own = np.where(free, rest**2 / np.where(free, 1.0 - leverage, 1.0), 0.0)
+    others = np.maximum(float(rest @ rest) - own, n * (ROUNDING * float(np.max(np.abs(values)))) ** 2)
+    z = np.sign(rest) * np.sqrt(own * (n - used - 1) / others)
+    found = (Outlier(i, float(z[i]), min(1.0, 2.0 * n * student_below(-abs(z[i]), n - used - 1))) for i in range(n))
+    return tuple(sorted((o for o in found if o.p * family < FALSE_OUTLIERS), key=lambda o: o.p))
 
 
-def _between(plan: Design, mixed: Mixed) -> float | None:
-    """Standard deviation of the group means with the variance of their errors taken out."""
-    count = len(plan.groups)
-    if count < 2:
-        return None
-    values, errors = mixed.beta[:count], mixed.plain[:count, :count]
-    centre = np.eye(count) - 1.0 / count
-    raw = float(values @ centre @ values) / (count - 1)
-    return float(np.sqrt(max(raw - float(np.trace(centre @ errors)) / (count - 1), 0.0)))
+def joint(pooled: Sequence[Pooled], group: str) -> tuple[Array, Array]:
+    """Covariance (m, m) of the means of m quantities in one group, and of one more run of one more person.
 
-
-def predictive(pooled: Pooled, group: str) -> tuple[float, float, float]:
-    """Value, standard deviation and degrees of freedom of one more run of one more person of a group."""
-    c = np.zeros(len(pooled.mixed.beta))
-    c[pooled.design.groups.index(group)] = 1.0
-    mixed = pooled.mixed
-    spread = float(np.sum(mixed.theta))
-    variance = float(c @ mixed.plain @ c) + spread
-    slope = np.einsum("i,kij,j->k", c, mixed.moves, c) + 1.0
-    wobble = float(slope @ mixed.theta_covariance @ slope)
-    df = 2.0 * variance**2 / wobble if wobble > 0.0 else np.inf
-    return float(c @ mixed.beta), float(np.sqrt(variance)), df
+    The correlation is that of the residuals of all fits about the means of their groups; quantities that no two fits
+    have in common are taken as independent.
+    """
+    residuals = pd.concat([pd.Series(p.residuals, index=p.rows) for p in pooled], axis=1)
+    with np.errstate(all="ignore"):
+        R = residuals.corr().fillna(0.0).to_numpy(copy=True)
+    np.fill_diagonal(R, 1.0)
+    size, vectors = np.linalg.eigh(R)  # pairs told by different fits: the nearest matrix that can be a correlation
+    R = (vectors * np.maximum(size, 0.0)) @ vectors.T
+    R /= np.sqrt(np.outer(np.diag(R), np.diag(R)))
+    errors = np.array([p.mean_of(group).error for p in pooled])
+    further = np.hypot(errors, [p.further_sd for p in pooled])
+    return R * np.outer(errors, errors), R * np.outer(further, further)

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 from identify.base.document import Json, finite
 from identify.base.result import LogResult
+from identify.base.table import Cell, OutputTable, visible
 from identify.base.wording import quantity
 from identify.studies.fits import FitEntry, natural
-from identify.studies.labels import visible
 
-MISSING = "missing"
 MOST_VALUES = 6
 
 
@@ -53,6 +52,16 @@ ASKED: tuple[tuple[str, str], ...] = (
 )
 PAIR = ("material", "counterface")  # labels that make a pair of materials
 INSTEAD = {"counterface": ("site", "skin site")}  # a label that tells the same under another name
+
+
+def reporting(entries: Sequence[FitEntry]) -> OutputTable:
+    """The data sheet as a table; what is missing is marked, with the label that would give it."""
+    rows = tuple(
+        (i.name, i.text, i.source) if i.text else (i.name, Cell("missing", kind="fair"), f"give it as {i.source}")
+        for i in items(entries)
+    )
+    title = "What ASTM G115 asks to be reported with a friction coefficient"
+    return OutputTable(title, ("item", "reported", "from"), rows, "reporting")
 
 
 def items(entries: Sequence[FitEntry]) -> tuple[Item, ...]:
@@ -95,7 +104,7 @@ def _measured(entries: Sequence[FitEntry], logs: Sequence[LogResult]) -> tuple[I
         Item("number of tests", f"{len(logs)} logs in {len(entries)} fits" if logs else "", "batch"),
         Item(
             "method of calculation",
-            "joint fit of a stick-slip model; random-effects pooling (REML, Kenward-Roger)" if entries else "",
+            "joint fit of a stick-slip model; analysis of variance of person means (Tukey)" if entries else "",
             "this program",
         ),
     )

@@ -6,7 +6,7 @@ import pytest
 
 from identify.report.answers import answer_table, said_once, sentences
 from identify.report.report_page import render_page
-from identify.report.report_tables import Cell
+from identify.report.report_tables import ReportCell
 from identify.report.text_tables import latex_table
 from identify.report.uncertainty_figures import draw_correlation
 from tests.support.fake_fit import failed, fake_fit, with_verdicts
@@ -30,7 +30,7 @@ def test_every_entry_of_the_contents_leads_somewhere(page):
 
 def test_a_number_that_is_next_to_nothing_is_said_so():
     entries = {"multiplier": {"value": 1.9e-295, "unit": ""}, "force": {"value": 1.9e-12, "unit": "N"}}
-    table = answer_table([(Cell("log 1"), {"stability": entries})], "")
+    table = answer_table([(ReportCell("log 1"), {"stability": entries})], "")
     assert table is not None
     assert [row.cells[0].text for row in table.rows if row.cells] == ["below 10⁻⁹", "1.9·10⁻⁶\N{NO-BREAK SPACE}µN"]
 
@@ -44,7 +44,7 @@ def test_groups_are_those_that_say_something_and_stability_of_several_logs_is_a_
         "amplitude": {"text": "It falls."},
     }
     assert sentences(entries) == ("It sticks.", "It falls.") and sentences(entries, several=True) == ("It falls.",)
-    table = answer_table([(Cell("log 1"), entries)], "")
+    table = answer_table([(ReportCell("log 1"), entries)], "")
     assert table is not None and table.rows[1].head == "steady sliding is unstable at"
     assert table.rows[1].cells[0].text.endswith("to 10\N{NO-BREAK SPACE}mm/s")
 

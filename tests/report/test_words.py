@@ -13,7 +13,7 @@ from identify.prediction.point_prediction import PointPrediction
 from identify.prediction.wording import amplitude_text, said, stability_text
 from identify.report.answers import answer_table, said_once
 from identify.report.report_page import render_page
-from identify.report.report_tables import Cell, classical_tables
+from identify.report.report_tables import ReportCell, classical_tables
 from identify.report.report_wording import plain_symbol
 from identify.report.summary import summary
 from tests.support.fake_fit import failed, fake_fit
@@ -107,19 +107,21 @@ def test_rows_without_a_number_become_one():
     why = "not valid here: the linear law runs away (alpha = -1.02, at or below -1)"
     names = ("drop", "period", "slip_duration", "peak_speed")
     forms = {"slip": "runaway"} | {name: entry(None, "N", validity=why) for name in names}
-    table = answer_table([(Cell("log 1"), {"closed_forms": forms, "stability": {"outcome": "always sticks"}})], "")
+    table = answer_table(
+        [(ReportCell("log 1"), {"closed_forms": forms, "stability": {"outcome": "always sticks"}})], ""
+    )
     heads = [row.head for row in table.rows]
     assert "drop of the force (onset to rest), period, duration of slip, highest sliding speed" in heads
     cells = {row.head: row.cells for row in table.rows if row.cells}
     assert cells["what it does here"][0].text == "stick-slip, from any start"
     assert cells["kind of linear slip"][0].text == "runs away"
-    some = answer_table([(Cell("a"), {"x": entry(None, ""), "y": entry(1.0, ""), "z": entry(None, "")})], "")
+    some = answer_table([(ReportCell("a"), {"x": entry(None, ""), "y": entry(1.0, ""), "z": entry(None, "")})], "")
     assert [row.head for row in some.rows] == ["x", "y", "z"], "only neighbours are joined"
 
 
 def test_windows_of_several_logs_stand_in_one_row():
     outcomes = ("bistable", "always sticks")
-    answers = [(Cell(outcome), {"stability": document(outcome)["stability"]}) for outcome in outcomes]
+    answers = [(ReportCell(outcome), {"stability": document(outcome)["stability"]}) for outcome in outcomes]
     rows = {row.head: row.cells for row in answer_table(answers, "").rows if row.cells}
     told = [cell.text.replace("\N{NO-BREAK SPACE}", " ") for cell in rows["over all drive speeds"]]
     assert told[0] == "stick-slip or steady sliding up to 21.12 mm/s; steady sliding above"

@@ -5,7 +5,7 @@ from functools import partial
 import pytest
 
 from identify.prediction.predict import predictions
-from identify.studies import comparison_page, operating_points
+from identify.studies import operating_points
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -19,4 +19,4 @@ def straight_lines():
 @pytest.fixture
 def no_answers(monkeypatch):
     """The groups are not asked what they do at common points: that is tests/studies/test_compare.py's."""
-    monkeypatch.setattr(comparison_page, "group_answers", lambda _comparison, _ground: ())
+    monkeypatch.setattr(operating_points, "group_answers", lambda _comparison, _ground: ())

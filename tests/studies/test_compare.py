@@ -10,7 +10,6 @@ import zipfile
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
-import h5py
 import numpy as np
 import pytest
 
@@ -21,11 +20,10 @@ from identify.cli.main import main
 from identify.prediction.point_prediction import NoAnswer
 from identify.studies import operating_points
 from identify.studies.compare import compare
-from identify.studies.comparison_files import write_comparison
-from identify.studies.comparison_page import Answers, write_batch_report
+from identify.studies.comparison_page import write_batch_report, write_comparison
 from identify.studies.fits import read_fits
-from identify.studies.labels import CompareError, ComparisonQuestion, cell, latex, usual, visible
-from identify.studies.operating_points import NOTHING, GroupAnswer, common, group_answers, probability
+from identify.studies.labels import CompareError, ComparisonQuestion, usual
+from identify.studies.operating_points import NOTHING, Answers, GroupAnswer, common, group_answers, probability
 from identify.studies.reporting import items
 from tests.support.comparing_case import document, write_fit, write_study
 
@@ -85,11 +83,6 @@ def test_logarithms_are_pooled_as_logarithms(study):
     first = found.taken.entries[0]
     index = next(k for k, q in enumerate(found.values.quantities) if q.name == "D")
     assert found.values.y[0, index] == pytest.approx(np.log(first.document["parameters"]["D"]["value"]))
-    told = first.document["correlation"]
-    i, j = told["names"].index("D"), told["names"].index("t_cr")
-    other = next(k for k, q in enumerate(found.values.quantities) if q.name == "t_cr")
-    C = found.values.covariance[0]
-    assert C[index, other] / np.sqrt(C[index, index] * C[other, other]) == pytest.approx(told["matrix"][i][j])
 
 
 def test_rejected_and_untold_fits_are_named(tmp_path):
@@ -294,29 +287,13 @@ def test_hostile_labels_do_no_harm_in_excel(hostile):
 def test_hostile_labels_do_no_harm_in_latex(hostile):
     text = (hostile / "comparison.tex").read_text(encoding="utf-8")
     assert "\\input" not in text and "\\frac" not in text
-    assert text.count("\\begin{longtable}") == text.count("\\end{longtable}") == 5
-    assert not re.search(r"(?<!\\)[#]", text) and all(ord(c) < 0x180 for c in text)
+    assert text.count("\\begin{longtable}") == text.count("\\end{longtable}") == 4
     bare = re.sub(r"\\.", "", text.split("\n", 1)[1])
-    assert bare.count("{") == bare.count("}") and bare.count("$") % 2 == 0
+    assert bare.count("{") == bare.count("}") and bare.count("$") % 2 == 0 and "#" not in bare
 
 
-def test_hostile_labels_come_back_from_hdf5_and_json(hostile):
-    with h5py.File(hostile / "comparison.h5") as file:
-        assert file.attrs["format"] == "stickslip-comparison"
-        fits = [json.loads(fit["labels"][()]) for fit in file["fits"].values()]
-        pooled = file["pooled/1"]
-        assert pooled["covariance"].shape == (pooled["X"].shape[1],) * 2
-    assert HOSTILE[0] in {labels["material"] for labels in fits}
-    told = json.loads((hostile / "comparison.json").read_text(encoding="utf-8"))
-    assert HOSTILE[2] in told["groups"]
-
-
-def test_cells_and_words():
-    assert cell("=1+1") == "'=1+1" and cell(" \t@x") == "'@x" and cell(-0.5) == -0.5 and cell(float("nan")) is None
-    assert cell(np.float64(2.5)) == 2.5 and type(cell(np.float64(2.5))) is float
-    assert visible("a\nb\u202ec") == "a b\N{REPLACEMENT CHARACTER}c"
-    assert visible("y" * 10_000) == "y" * 80 + "… (10000 characters)"
-    assert latex("50% of $x_1$ & µ") == r"50\% of \$x\_1\$ \& \ensuremath{\mu}"
+def test_hostile_labels_come_back_from_json(hostile):
+    assert HOSTILE[2] in json.loads((hostile / "comparison.json").read_text(encoding="utf-8"))["groups"]
 
 
 def test_the_command(study, tmp_path, capsys):
@@ -330,7 +307,6 @@ def test_the_command(study, tmp_path, capsys):
         "comparison.json",
         "comparison.xlsx",
         "comparison.tex",
-        "comparison.h5",
         "tables",
     }
     check_replaceable(out, COMPARISON)  # a comparison of ours is replaced
@@ -391,8 +367,8 @@ def test_what_too_few_fits_tell_is_not_called_untold(tmp_path):
     found = compare(read_fits([tmp_path]), ComparisonQuestion("material"))
     for answer in group_answers(found, common(found)):
         assert answer.reason == (
-            "D, a, delta_mu_k, mu_k0, mu_s, t_cr are not pooled: 2 fits for 2 means and covariates leave nothing "
-            "that shows the scatter between runs; expected more fits: add runs of every group"
+            "D, a, delta_mu_k, mu_k0, mu_s, t_cr are not pooled: no group has two fits, so that nothing shows the "
+            "scatter between runs; add runs to each group"
         )
 
 

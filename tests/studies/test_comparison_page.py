@@ -7,9 +7,8 @@ import re
 import pytest
 
 from experiments.pooling_draws import Plan
-from identify.studies.comparison_figures import FAR, AxisScale, _without_far, tick_texts
 from identify.studies.comparison_page import write_batch_report
-from identify.studies.comparison_views import together
+from identify.studies.comparison_tables import together
 from tests.support.browser import CHROMIUM, Browser
 from tests.support.comparing_case import write_study
 
@@ -105,16 +104,3 @@ def test_a_script_of_a_label_would_not_run(page, browser, tmp_path):
 def test_equal_sentences_are_said_once():
     told = [("mu_s", "static", "no."), ("mu_k0", "kinetic", "yes."), ("D", "length", "no.")]
     assert together(told) == [("mu_s, D", "", "no."), ("mu_k0", "kinetic", "yes.")]
-
-
-def test_an_axis_is_not_as_long_as_an_interval_that_spans_decades():
-    inside = _without_far([30.0, 55.0], [0.855, 1930.0, 40.6])
-    assert min(inside) == 0.855 and max(inside) == 55.0 + FAR * 25.0
-    assert _without_far([30.0, 55.0], [28.0, 60.0]) == [28.0, 60.0, 30.0, 55.0]
-
-
-def test_ticks_of_a_narrow_axis_are_told_apart():
-    """A stiffness known to 0.01 N/m stood above five ticks of 1320."""
-    ticks = AxisScale(1319.99, 1320.01, 0.0, 400.0).ticks()
-    assert len(ticks) > 3 and len(set(tick_texts(ticks))) == len(ticks)
-    assert tick_texts([0.4, 0.6, 1.0]) == ["0.4", "0.6", "1"]
