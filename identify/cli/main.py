@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sys
 import traceback
 import warnings
@@ -152,6 +153,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         the exit code: 0 done, 2 wrong input, 3 ran without success, 130 interrupted, 1 a defect.
     """
+    # Before numpy loads: threads of small solves wait for each other longer than they work.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     given = list(sys.argv[1:] if argv is None else argv)
     json_mode, debug = "--json" in given, "--debug" in given
     with outlets():

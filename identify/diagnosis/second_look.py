@@ -16,10 +16,9 @@ from identify.diagnosis.findings import Findings
 from identify.diagnosis.hypotheses import restraints, sitting
 from identify.effects import MAIN
 from identify.estimation.attempt import Attempt
-from identify.estimation.certainty import unexamined
 from identify.estimation.known_early import wrong_unit
 from identify.estimation.status_words import EXCHANGE
-from identify.estimation.strategies import cut_short
+from identify.estimation.strategies import cut_short, no_time_for
 from identify.logs.prepare import Prepared
 from identify.logs.spectrum import Spectrum
 from identify.model.model import RIG_PARAMETERS
@@ -166,16 +165,10 @@ def looked_into(
     progress("looking for what is wrong", 0.95)
     found = doubt(scene, read, prepared, findings, beyond=doubtful, anew=refused or _rises(findings))
     if found is None:
-        return (_unexamined(findings) if doubtful and time_is_up() else findings), None
+        if doubtful and time_is_up():
+            no_time_for("whether another cause describes the logs as well")
+        return findings, None
     return _doubted(findings, found), found.better
-
-
-def _unexamined(findings: Findings) -> Findings:
-    """An answer that the rig as stated speaks against, and that there was no time to look into."""
-    if findings.status is not Status.CONVERGED or findings.attempt is None:
-        return findings
-    attempt = unexamined(findings.attempt)
-    return replace(findings, attempt=attempt, status=attempt.gate.status, message=attempt.gate.message)
 
 
 def _unexplained(findings: Findings, scene: Scene) -> str:

@@ -87,10 +87,8 @@ def certainty(
     seen = examine(attempt, known, Question(unknowns, base, asked, speed_tolerance, seed, progress))
     attempt, view = seen.attempt, seen.view
     if seen.unfinished:
-        attempt = unexamined(attempt)
-    elif (
-        seen.accepted and not view.bounds and len(attempt.log_numbers) > 1
-    ):  # at a bound the pulls of the logs do not cancel
+        no_time_for("whether other values fit as well")
+    if seen.accepted and not view.bounds and len(attempt.log_numbers) > 1:  # at a bound the scores do not cancel
         attempt = agreeing(attempt, unknowns, base, view.allowed)
     theta, groups = attempt.solved.theta, shares(attempt, unknowns)
     bounds_of = {s.log: at_bounds(unknowns, attempt.solved.trajectories[s.log].theta(theta)) for s in groups}
@@ -115,17 +113,6 @@ def certainty(
     with no_time_limit():
         out = _resampled(out, asked, seed, progress) if asked.bootstrap else out
         return _tabled(out, unknowns, progress) if asked.accuracy_table else out
-
-
-def unexamined(attempt: Attempt) -> Attempt:
-    """An answer that fits, and that there was no time to examine as far as it calls for: it is none to rely on."""
-    gate = attempt.gate
-    no_time_for("whether other values fit as well")
-    message = (
-        f"an answer fits ({gate.message}), but the time limit ended the look at whether other values, or another "
-        "cause, describe the logs as well"
-    )
-    return replace(attempt, gate=replace(gate, status=Status.SOLVER_FAILED, message=message))
 
 
 def _combined(out: Certainty, unknowns: Unknowns, base: Array) -> Certainty:

@@ -13,11 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.budget import time_is_up
 from identify.base.progress import Progress, to_nobody
 from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.covariance import WEAK
 from identify.estimation.profile_line import ProfileLine, ProfilePoint
 from identify.estimation.residual_autocorrelation import NoiseAutocorrelation
+from identify.estimation.strategies import no_time_for
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import rhythmic
@@ -40,6 +42,7 @@ LEAST = 0.002  # of what a step is measured by: the first one of what is known v
 CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
 AIM = 1.03  # of a standard interval: where the first step goes
 BEYOND = 0.1  # of a side: farther past its end than the interpolation can be off
+BENT = 0.05  # of a side, by which it is longer or shorter than the covariance has it: its ridge bends
 PAST = 1.7  # of a side: where one more point shows how the ridge bends
 
 
@@ -285,12 +288,17 @@ def profile(
     sides = [(i, sign) for i in free for sign in (-1.0, 1.0) if asked.sides is None or (i, sign) in asked.sides]
     walks = _walks(line, sides, {i: float(wide[place[i]]) for i in free}, wait, asked.steps, progress)
     for (index, sign), walk in walks.items():
-        mark_past(line, index, sign, walk)
+        straight = float(np.sqrt(CRITICAL * wait[index])) * float(wide[place[index]])
+        end = walk.side.end
+        if end is not None and abs(abs(end - line.best.theta[index]) / straight - 1.0) > BENT:
+            mark_past(line, index, sign, walk)
     lowest = min(line.seen, key=lambda point: point.cost, default=line.best)
     gain = max(0.0, 2 * (line.answer - lowest.cost))
     better = lowest if gain > BETTER else None
     ends, curves = {}, {}
     for i in free:
+        if asked.sides is None and not ((i, -1.0) in walks and (i, 1.0) in walks):
+            continue  # no time: the covariance gives its interval
         inside = [point.theta[i] for point in line.seen if line.loss_root(point) ** 2 < CRITICAL * wait[i]]
         inside.append(line.best.theta[i])
         here = ProfileBranch(Side(float(line.best.theta[i]), False), line.best)
@@ -319,7 +327,11 @@ def _walks(
     walks: dict[tuple[int, float], ProfileBranch] = {}
     for index, sign in asked:
         progress(f"profile of {line.unknowns.names[index]}", None)
-        walks[index, sign] = walk_one_way(line, index, sign, sizes[index], line.best, wait[index], steps)
+        walk = walk_one_way(line, index, sign, sizes[index], line.best, wait[index], steps)
+        if time_is_up():
+            no_time_for("profiles")
+            break
+        walks[index, sign] = walk
     for (index, sign), walk in walks.items():
         beyond = _beyond(line, index, sign, walk.side, wait[index])
         if beyond is not None:
