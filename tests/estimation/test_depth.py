@@ -216,6 +216,7 @@ def test_an_answer_whose_finer_steps_the_solver_does_not_settle_is_kept(monkeypa
             return replace(attempt, gate=replace(attempt.gate, status=status, message="the finer one"))
 
         monkeypatch.setattr(fine_enough, "solve_again", again)
+        monkeypatch.setattr(fine_enough.Warm, "settle", lambda *_, **__: None)
         attempt, _, shares = fine_enough.fine_enough(answer, unknowns, finest)
         assert max(map(abs, shares.values())) > 1e-9, "what the steps cost is told"
         return attempt
