@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import LogError, LogTooLargeError, Record, read_log
-from data_io.arrays import kept, thinned_steps
+from data_io.arrays import kept, thinned, thinned_steps
 from data_io.correct import Corrections, correct
 from data_io.motion import check_drive
 from data_io.record import WINDOW_START
@@ -21,6 +21,7 @@ from data_io.values import Finding
 from identify.base.errors import FitError
 from identify.base.wording import programme_text
 from identify.logs.recorded_drive import RecordedDrive, drive_position, held_against_column, recorded_drive
+from identify.logs.zigzag import running_means
 from identify.scene import Scene
 from identify.scene.values import DriveSpeed, LogEntry
 
@@ -31,6 +32,12 @@ Array = NDArray[np.float64]
 FEW = 8  # samples that two logs may share: windows that meet share those on their edge
 LOOKED_AT = 1000  # samples that are compared first: logs that differ, differ there already
 SAME_TIME = 1e-3  # of a step: what rounding makes of the clock of a copy
+SAME_NOISE = 0.4  # correlation of the noise of one measurement: a resampled copy holds half of it
+SAME_LEVEL = 0.02  # of the range of a force, by which its quantiles may differ in a copy
+SHORTEST, LONGEST_SOUGHT = 64, 4096  # samples whose noise is looked for
+PHASES = 8  # of a step, by which the rows of a copy may lie beside those of the other
+NEIGHBOURS = 3  # rows: differences of neighbours are alike
+OUTLYING = 4.0  # standard deviations
 
 
 def refuse_counted_twice(entries: Sequence[LogEntry], records: Sequence[Record]) -> None:
@@ -50,6 +57,13 @@ def refuse_counted_twice(entries: Sequence[LogEntry], records: Sequence[Record])
                 f"log {i + 1} ({entries[i].path.name}) and log {j + 1} ({entries[j].path.name}) hold the same "
                 f"{times.size} samples from {times[0]:.6g} to {times[-1]:.6g} s, which would count twice; expected "
                 "every sample once: remove one of the two logs, or give them windows that do not overlap"
+            )
+        agree, shift = noise_agreement(one.time, one.force, other.time, other.force)
+        if agree > SAME_NOISE:
+            raise FitError(
+                f"log {i + 1} ({entries[i].path.name}) and log {j + 1} ({entries[j].path.name}) are one measurement, "
+                f"exported twice: the noise of their forces is the same (correlation {agree:.2f}, clocks {shift:.6g} s "
+                "apart), so that it would count twice; expected every measurement once: remove one of the two logs"
             )
 
 
@@ -83,6 +97,60 @@ def _shared(one: _Used, other: _Used) -> Array:
         if np.any(other.force[at][together] != force[together]):
             return np.empty(0)
     return time[together]
+
+
+def noise_agreement(time: Array, force: Array, other_time: Array, other_force: Array) -> tuple[float, float]:
+    """By how much the noise of two records agrees at the one shift of their clocks where it agrees best.
+
+    A measurement that was exported again, rounded, on another clock, in another unit, thinned or resampled, has the
+    same noise; a repeat of a test has not, alike as its course may be. Fourth differences hold noise and hardly any
+    course; what is left of a course that repeats agrees a cycle earlier and later as well.
+
+    Args:
+        time, force, other_time, other_force: (n,) [s], [N] and (m,) [s], [N], times rising.
+
+    Returns:
+        the correlation of the noise less that at any other shift, 0 where the forces differ anyway; and how much later
+        the clock of the other record is [s].
+    """
+    shares = (0.1, 0.3, 0.5, 0.7, 0.9)
+    levels = [np.quantile(thinned(np.abs(values)), shares) for values in (force, other_force)]
+    if min(force.size, other_force.size) < 2 * SHORTEST or np.any(
+        np.abs(levels[0] - levels[1]) > SAME_LEVEL * np.ptp(levels)
+    ):
+        return 0.0, 0.0
+    if np.median(thinned_steps(other_time)) < np.median(thinned_steps(time)):
+        agree, shift = noise_agreement(other_time, other_force, time, force)
+        return agree, -shift
+    step = float(np.median(thinned_steps(other_time)))  # the coarser clock: the other record is looked for in this one
+    length = min(LONGEST_SOUGHT, other_force.size // 2, int((time[-1] - time[0]) / step) // 2)
+    if length < SHORTEST:
+        return 0.0, 0.0
+    first = (other_force.size - length) // 2
+    grid = other_time[first] + step * np.arange(length)
+    sought = _noise_alone(np.interp(grid, other_time, other_force))
+    best, shift, others = 0.0, 0.0, 0.0
+    for phase in np.arange(PHASES) / PHASES:
+        begin = time[0] + phase * step
+        evenly = np.interp(np.arange(begin, time[-1], step), time, force)
+        noise = _noise_alone(evenly)
+        size = np.sqrt(running_means(noise**2, sought.size) * sought.size * float(sought @ sought))
+        padded = 2 * noise.size
+        product = np.fft.irfft(np.fft.rfft(noise, padded) * np.conj(np.fft.rfft(sought, padded)), padded)
+        correlation = np.abs(product[: size.size]) / np.maximum(size, 1e-12)
+        at = int(np.argmax(correlation))
+        if correlation[at] > best:
+            best, shift = float(correlation[at]), float(grid[0] - (begin + step * at))
+            correlation[max(at - NEIGHBOURS, 0) : at + NEIGHBOURS + 1] = 0.0
+            others = float(np.max(correlation, initial=0.0))
+    return best - others, shift
+
+
+def _noise_alone(force: Array) -> Array:
+    """Fourth differences of an even force in standard deviations, without those of slips and spikes."""
+    bends = np.diff(force, 4)
+    sd = 1.4826 * float(np.median(np.abs(bends)))
+    return np.asarray(np.where(np.abs(bends) < OUTLYING * sd, bends / max(sd, 1e-300), 0.0))
 
 
 # A log larger than memory: of its file only what the scene uses is read, and the times of its entry follow.

@@ -8,8 +8,11 @@ import pytest
 
 from data_io import Record, read_log, write_csv, write_hdf5
 from identify.base.errors import FitError
-from identify.logs.scene_records import with_records
+from identify.effects import MAIN
+from identify.logs.scene_records import SAME_NOISE, noise_agreement, with_records
+from identify.model.model import assemble
 from identify.scene import Scene
+from identify.simulation.simulate import run
 
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": 1e-3}
 EFFECTS = ["inertia", "hysteresis_damping"]
@@ -76,3 +79,52 @@ def test_records_that_are_given_are_looked_at_as_well(folder):
     with pytest.raises(FitError, match=r"log 1 \(a\) and log 2 \(b\)"):
         with_records(scene, [record, record])
     assert len(with_records(scene, [record, read_log(folder / "other.csv")])[1]) == 2
+
+
+def _pair(seed):
+    """A simulated log of a pair drawn by lot, and a repeat of the same test: (n,) time [s] and forces [N]."""
+    random = np.random.default_rng(seed)
+    mu_s, speed = random.uniform(0.4, 0.9), float(np.exp(random.uniform(np.log(2e-4), np.log(3e-3))))
+    pair = {
+        "mu_s": mu_s,
+        "mu_k0": mu_s * random.uniform(0.55, 0.85),
+        "delta_mu_k": -random.uniform(0.02, 0.1),
+        "a": float(np.exp(random.uniform(4.0, 6.5))),
+        "D": random.uniform(15e-6, 80e-6),
+        "t_cr": random.uniform(0.1, 2.0),
+    }
+    rig = {name: RIG[name] for name in ("mass", "stiffness", "damping")}
+    time = np.arange(4000) / random.choice([500.0, 1000.0])
+    force = run(assemble(MAIN), pair | rig, speed, 1.0, float(time[-1])).sample(time)["force"]
+    noise = random.choice([1e-3, 5e-3, 1e-2])
+    return time, *(force + noise * random.standard_normal(time.size) for _ in range(2))
+
+
+COPIES = {
+    "rounded": lambda t, f: (t, np.round(f, 3)),
+    "shifted": lambda t, f: (t + 100.0, f),
+    "in millinewtons": lambda t, f: (t, 1e-3 * np.round(1e3 * f, 1)),
+    "thinned to half": lambda t, f: (t[1::2], f[1::2]),
+    "resampled by lines": lambda t, f: (grid := np.arange(0.3 * t[1], t[-1], 1.19 * t[1]), np.interp(grid, t, f)),
+}
+
+
+@pytest.mark.parametrize("kind", COPIES)
+def test_a_measurement_that_was_exported_again_has_the_same_noise(kind):
+    for seed in range(4):
+        time, force, _ = _pair(seed)
+        agree, _ = noise_agreement(time, force, *COPIES[kind](time, force))
+        assert agree > 1.2 * SAME_NOISE, (kind, seed)
+
+
+def test_a_repeat_of_a_test_has_not():
+    agreement = [noise_agreement(time, one, time, other)[0] for time, one, other in map(_pair, range(25))]
+    assert max(agreement) < 0.5 * SAME_NOISE
+
+
+def test_an_exported_copy_is_refused_by_name_with_the_shift_of_its_clock(folder):
+    log = read_log(folder / "slow.csv")
+    rows = np.column_stack([log.time + 100.0, log.normal_force, log.friction_force])
+    np.savetxt(folder / "again.csv", rows, "%.4f", ",", header="Time [s],Fz [N],Fx [N]", comments="")
+    with pytest.raises(FitError, match=r"log 1 \(slow.csv\) and log 2 \(again.csv\) are one measurement.*100 s apart"):
+        read(folder, {"path": "slow.csv"}, {"path": "again.csv"})
