@@ -24,8 +24,7 @@ from identify.shooting.grid import Grid
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.transcription import transcribe
 from identify.simulation.drive import NormalForce
-from identify.simulation.phases import initial_states
-from identify.simulation.simulate import run
+from identify.simulation.simulate import initial_states, run
 from identify.simulation.trajectory import Trajectory
 from tests.support import effects_case as case
 

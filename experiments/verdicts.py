@@ -19,9 +19,8 @@ from experiments.energy import balance
 from identify.base.errors import SceneError, SimulationError
 from identify.effects import MAIN
 from identify.simulation.drive import Drive, NormalForce
-from identify.simulation.phases import Machine
+from identify.simulation.phases import Machine, phases
 from identify.simulation.plan import SAFETY, Stepping, admit, plan, scales
-from identify.simulation.simulate import phases
 from identify.simulation.steppers import STIFF
 from identify.simulation.trajectory import Trajectory, inside
 from tests.support import oracle
@@ -89,7 +88,7 @@ def _motion(draw: Draw, drive: tuple[tuple[float, float], ...], accuracy: float,
     load = NormalForce.of(draw.normal_force)
     scale = scales(model, p, float(load.at(0.0)))
     asked = accuracy / TIGHTER if change else accuracy
-    steps = plan(model, p, scale, Stepping(asked / SAFETY))
+    steps = plan(scale, Stepping(asked / SAFETY))
     kept, machine = [], Machine(model, p, scale, steps)
     with closing(machine):
         for phase in islice(phases(machine, Drive.of(drive), load, draw.duration, x), most):

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from identify.base.errors import SimulationError
 from identify.model.model import Model, assemble
 from identify.simulation.drive import Drive, NormalForce
-from identify.simulation.phases import Machine, Phase
+from identify.simulation.phases import Machine, Phase, phases
 from identify.simulation.plan import ACCURACY, Plan, Stepping, scales
-from identify.simulation.simulate import phases, run
+from identify.simulation.simulate import run
 from identify.simulation.steppers import Method
 from identify.simulation.trajectory import Trajectory
 

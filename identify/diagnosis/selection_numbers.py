@@ -19,8 +19,7 @@ from identify.effects.quantities import Effect
 from identify.effects.typical import fall, slip_time, stick_time
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.simulation.phases import initial_states
-from identify.simulation.simulate import run
+from identify.simulation.simulate import initial_states, run
 
 TOLERANCE = 0.01  # relative change of drop, period or level from which an effect stays
 CYCLES = 12.0  # that are simulated; the first half settles

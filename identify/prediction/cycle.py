@@ -14,7 +14,8 @@ from identify.base.compiled import Mapped
 from identify.base.errors import SimulationError
 from identify.effects import ALL
 from identify.model.model import ELONGATION, SPEED, Model, assemble
-from identify.simulation.phases import Machine, Slide, slide
+from identify.model.modes import ModeName
+from identify.simulation.phases import Machine, Slide
 from identify.simulation.plan import Plan, scales
 from identify.simulation.resting import borrowed, give_back
 from identify.simulation.steppers import HIGH
@@ -238,14 +239,20 @@ class CycleMap:
             start = np.insert(y, SPEED, 0.0)
             stick, onset, force = _rested(machine, start, w, through_zero=not stops)
             slides, x, t, rests = list[Slide](), onset, 0.0, False
+            mode: ModeName = "slip"
             for _ in range(MOST_TURNS):
-                situated = situated_at(w, -1.0 if force < 0.0 else 1.0)
-                slides += slide(machine, "slip", x, situated, t, limit - t)
-                x, t = slides[-1].end, slides[-1].start + slides[-1].duration
-                margin, force = machine.rests.margin(x, situated_at(w))
-                rests = slides[-1].ended_by == "speed" and margin > 0.0
-                if rests or slides[-1].ended_by is None:
+                part = machine.slide(mode, x, situated_at(w, -1.0 if force < 0.0 else 1.0, t), limit - t)
+                slides.append(part)
+                x, t = part.end, part.start + part.duration
+                if part.ended_by is None:
                     break
+                mode = machine.following[mode][part.ended_by]
+                if mode == "stick":
+                    mode = "slip"
+                    margin, force = machine.rests.margin(x, situated_at(w))
+                    rests = margin > 0.0
+                    if rests:
+                        break
             return Cycle(start, onset, x, stick, t, w, tuple(slides)), rests
         finally:
             machine.close()

@@ -10,7 +10,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.compiled import compiled
 from identify.base.errors import SimulationError
 from identify.effects import ALL
 from identify.effects.quantities import Parameter
@@ -98,25 +97,30 @@ def _expected(parameter: Parameter) -> str:
 # ----------------------------------------------------------------------------------------------------------------------
 
 SHARE = 4.0  # steps on one period or wave, at least
+BEGINNING = 0.1  # of the time in which a slip that has just begun grows e-fold: no first step is longer
+STIFF_FROM = 300.0  # decay rates times the natural time: explicit steps would be held back by them, not by their error
+SPEEDS = (1e-3, 1e-1)  # of the speed at which one normal force stops the mass: where decays are looked at
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Typical time [s] and state sizes (n_x,) of a scene under a normal force [N].
+    """Typical time [s] and state sizes (n_x,) of a scene.
 
     No step is longer than `longest` [s] or goes farther than `farthest` [m]: an error estimate sees no vibration
-    and no track that it steps over.
+    and no track that it steps over. No first step of a slide is longer than `first` [s]. stiff: whether small
+    disturbances of sliding, slow or fast, decay much faster than the mass moves.
     """
 
     time: float
     state: Array
-    normal_force: float
     longest: float
-    farthest: float
+    farthest: float = np.inf
+    first: float = np.inf
+    stiff: bool = False
 
 
 def scales(model: Model, p: Array, normal_force: float) -> Scales:
-    """Natural time scale sqrt(m/k), and the states a load of one normal force gives."""
+    """Natural time scale sqrt(m/k), and the states a load of one normal force [N] gives; p (n_p,)."""
     return _scales(model, np.asarray(p, float).tobytes(), float(normal_force))
 
 
@@ -125,11 +129,34 @@ def _scales(model: Model, parameters: bytes, normal_force: float) -> Scales:
     p = np.frombuffer(parameters)
     values = dict(zip(model.parameter_names, p.tolist(), strict=True))
     k, m = values["stiffness"], values["mass"]
-    state = np.ones(len(model.states))
+    state, time = np.ones(len(model.states)), float(np.sqrt(m / k))
     state[ELONGATION], state[SPEED] = normal_force / k, normal_force / np.sqrt(k * m)
-    farthest = float(np.min(np.array(model.finest(p)))) if model.finest.numel_out(0) else np.inf
     state.setflags(write=False)
-    return Scales(float(np.sqrt(m / k)), state, normal_force, swing(model, p)[0] / SHARE, farthest / SHARE)
+    farthest = float(np.min(np.array(model.finest(p)))) if model.finest.numel_out(0) else np.inf
+    begin = [s.start if s.upper is None else s.upper for s in model.states]  # a slip that begins: it grows from nothing
+    growth = float(np.max(_eigenvalues(model, p, normal_force, state, begin, 0.0).real, initial=0.0))
+    first = BEGINNING / growth if growth > 0.0 else np.inf
+    decays = [_eigenvalues(model, p, normal_force, state, [s.start for s in model.states], share) for share in SPEEDS]
+    stiff = -min(float(np.min(values.real, initial=0.0)) for values in decays) * time > STIFF_FROM
+    return Scales(time, state, swing(model, p)[0] / SHARE, farthest / SHARE, first, stiff)
+
+
+@lru_cache(maxsize=32)
+def _jacobian(model: Model) -> ca.Function:
+    """(x, p, u) -> d(dx/dt)/dx while sliding."""
+    x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", 4)
+    return ca.Function("jacobian", [x, p, u], [ca.densify(ca.jacobian(model.slip(x, p, u), x))])
+
+
+def _eigenvalues(
+    model: Model, p: Array, normal_force: float, size: Array, states: list[float], share: float
+) -> NDArray[np.complex128]:
+    """Those of d(dx/dt)/dx [1/s] while sliding under the typical elongation with a share of the typical speed; none
+    where it is not finite."""
+    x = np.array(states, float)
+    x[ELONGATION], x[SPEED] = size[ELONGATION], share * size[SPEED]
+    slope = np.array(_jacobian(model)(x, p, np.array([0.0, normal_force, 1.0, 0.0])))
+    return np.linalg.eigvals(slope) if np.all(np.isfinite(slope)) else np.empty(0, complex)
 
 
 ACCURACY = 1e-10  # where nobody asks and no noise is known
@@ -141,8 +168,6 @@ APART = 100.0  # tolerances of two runs whose distance tells the error
 CAUTION = 10.0  # of that factor, how much is not counted on towards a looser run
 TIGHT_SHARE = 1.5  # of the distance to a tighter run: that has an error too
 TIGHTEST = 1e-13  # rounding takes over below
-STIFF_FROM = 300.0  # decay rates times the natural time: explicit steps would be held back by them, not by their error
-SPEEDS = (1e-3, 1e-1)  # of the speed at which one normal force stops the mass: where decays are looked at
 
 
 @dataclass(frozen=True)
@@ -183,70 +208,14 @@ def accuracy_for(noise: float | None, force: float) -> float:
     return float(np.clip(BELOW_NOISE * noise / force, ACCURACY, LOOSEST))
 
 
-def plan(model: Model, p: Array, scale: Scales, stepping: Stepping) -> Plan:
+def plan(scale: Scales, stepping: Stepping) -> Plan:
     """Methods and tolerance of a motion.
 
     Motions with fast decays are left to an implicit method, the rest to an explicit one of high order. Either waits
     behind the other, and what holds an explicit method back may hold the implicit one back more: then the first one has
     the last word.
-
-    Args:
-        p: parameters (n_p,).
     """
     if stepping.method is not None:
         return Plan(stepping.rtol, (stepping.method,))
-    methods = (STIFF, HIGH) if _stiff(model, p, scale) else (HIGH, STIFF, HIGH)
+    methods = (STIFF, HIGH) if scale.stiff else (HIGH, STIFF, HIGH)
     return Plan(float(np.clip(stepping.rtol, FINEST, COARSEST)), methods)
-
-
-@lru_cache(maxsize=32)
-def _jacobian(model: Model) -> ca.Function:
-    """(x, p, u) -> d(dx/dt)/dx while sliding, column by column."""
-    x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", 4)
-    return ca.Function("jacobian", [x, p, u], [ca.densify(ca.vec(ca.jacobian(model.slip(x, p, u), x)))])
-
-
-def _stiff(model: Model, p: Array, scale: Scales) -> bool:
-    """Whether small disturbances of sliding, slow or fast, decay much faster than the mass moves."""
-    return _pace(model, p.tobytes(), scale.normal_force)[0]
-
-
-def growth(model: Model, p: Array, scale: Scales) -> float:
-    """The fastest growth [1/s] of a slip that has just begun, its contact saturated: it grows from nothing."""
-    return _pace(model, p.tobytes(), scale.normal_force)[1]
-
-
-@lru_cache(maxsize=256)
-def _pace(model: Model, parameters: bytes, normal_force: float) -> tuple[bool, float]:
-    """Whether the motion is stiff, and its growth: kept, as many runs share their parameters."""
-    p = np.frombuffer(parameters)
-    scale = scales(model, p, normal_force)
-    return _decays(model, p, scale), _grows(model, p, scale)
-
-
-def _decays(model: Model, p: Array, scale: Scales) -> bool:
-    slopes = _slopes(model, p, scale, [s.start for s in model.states], SPEEDS)
-    # No eigenvalue exceeds the largest row sum: mostly that is enough to say no.
-    bound = np.abs(slopes * (scale.state / scale.state[:, None])).sum(axis=2).max()
-    if not np.isfinite(bound) or bound * scale.time <= STIFF_FROM:
-        return False
-    return float(-np.min(np.linalg.eigvals(slopes).real)) * scale.time > STIFF_FROM
-
-
-def _grows(model: Model, p: Array, scale: Scales) -> float:
-    slopes = _slopes(model, p, scale, [s.start if s.upper is None else s.upper for s in model.states], (0.0,))[0]
-    return max(float(np.max(np.linalg.eigvals(slopes).real)), 0.0) if np.all(np.isfinite(slopes)) else 0.0
-
-
-def _slopes(model: Model, p: Array, scale: Scales, states: list[float], speeds: tuple[float, ...]) -> Array:
-    """d(dx/dt)/dx (m, n_x, n_x) while sliding at m speeds (in typical ones) under the typical elongation."""
-    n = len(model.states)
-    x, u = np.array(states, float), np.array([0.0, scale.normal_force, 1.0, 0.0])
-    x[ELONGATION] = scale.state[ELONGATION]
-    call = compiled(_jacobian(model))
-    call.bind([x, np.array(p), u])
-    slopes = np.empty((len(speeds), n, n))
-    for i, share in enumerate(speeds):
-        x[SPEED] = share * scale.state[SPEED]
-        slopes[i] = call().reshape(n, n).T
-    return slopes

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from identify.base.compiled import compiled
 from identify.base.roots import Course, first_zero
 from identify.model.model import Model
-from identify.simulation.bursts import symbols
-from identify.simulation.stepper import Situated
+from identify.simulation.stepper import Situated, symbols
 
 Array = NDArray[np.float64]
 

@@ -6,24 +6,21 @@ overcomes the static limit, and the sign function is never smoothed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import asdict
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identify.base.errors import SimulationError
-from identify.model.model import SPEED, Model
-from identify.model.modes import ModeName
+from identify.model.model import ELONGATION, Model
 from identify.scene.tables import quantity
-from identify.simulation.drive import Drive, NormalForce, breaks
-from identify.simulation.phases import Machine, Phase, initial_states
+from identify.simulation.balance import METHOD, BalancedMachine, sizes, with_speed
+from identify.simulation.drive import Drive, NormalForce
+from identify.simulation.phases import Machine, phases
 from identify.simulation.plan import ACCURACY, SAFETY, Plan, Stepping, accuracy_for, admit, plan, scales
-from identify.simulation.quasistatic_phases import BalancedMachine, BalancedTrajectory, sizes
-from identify.simulation.stepper import Situated
 from identify.simulation.trajectory import Second, Trajectory
 
 if TYPE_CHECKING:
@@ -31,56 +28,34 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MAX_PHASES = 2_000_000
-STALLED = 1000  # rests and slides within one moment of the machine: chatter, refused by name
 
+def initial_states(model: Model, p: Array, u: Array, given: Mapping[str, float]) -> dict[str, float]:
+    """States by name at the start of a simulation, SI.
 
-def phases(
-    machine: Machine | BalancedMachine, drive: Drive, normal_force: NormalForce, duration: float, x: Array
-) -> Iterator[Phase]:
-    """The phases of the motion from state x (n_x,), one by one, until `duration` [s].
+    A series element and the lags of a load cell start settled at the force that the elongation means at rest, so
+    that nothing moves of itself.
+
+    Args:
+        p: parameters (n_p,). u: inputs (4,) at the start. given: states by name; "elongation" is the whole one, of
+            rig and series element together.
 
     Raises:
-        SimulationError: chatter (stick and slip without time passing), or a slip that cannot be integrated.
+        SimulationError: a sliding speed for a model without inertia, where it is no state.
     """
-    model, p = machine.model, machine.p
-    ends = breaks(drive, normal_force, duration)
-    t, segment, marked, longest = 0.0, 0, -np.inf, 0.0
-    mode: ModeName = "stick"
-    direction = 1.0
-    if isinstance(machine, Machine) and x[SPEED] != 0.0:
-        direction = float(np.sign(x[SPEED]))
-        force, slope = normal_force.line(0.0)
-        mode = machine.begins(Situated(p, drive.at(0.0), direction, force, slope), x)
-    made: Sequence[Phase]
-    for number in range(MAX_PHASES):
-        force, slope = normal_force.line(t)
-        situated = Situated(p, drive.at(t), direction, force, slope, t)
-        limit = max(float(ends[segment]) - t, 0.0)
-        if mode == "stick":
-            stick = machine.rest(x, situated, limit)
-            direction, made = -1.0 if stick.drive_force < 0.0 else 1.0, (stick,)
-        else:
-            made = machine.slide(mode, x, situated, limit)
-        phase = made[-1]
-        end, longest = phase.start + phase.duration, max(longest, phase.duration)
-        if number % STALLED == STALLED - 1:
-            if t - marked < machine.moment:
-                raise SimulationError(machine.chatter(t, longest))
-            marked, longest = t, 0.0
-        yield from (phase for phase in made if machine.counts(phase))
-        t, x, mode = end, phase.end, phase.mode
-        if phase.ended_by is None:
-            t, segment = float(ends[segment]), segment + 1
-            if segment == ends.size:
-                return
-        elif mode == "stick":
-            mode = "slip"
-        else:
-            mode = machine.following[mode][phase.ended_by]
-            if mode == "stick" and model.jumps:
-                x = np.array(model.at_stick(x, p, situated.at(phase.duration))).ravel()
-    raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
+    if model.balance is not None and given.get("sliding_speed", 0.0) != 0.0:
+        raise SimulationError(
+            f"the motion is to start at {given['sliding_speed']:g} m/s, but without inertia the speed follows from the "
+            "balance of forces; drop sliding_speed from [initial], or add the effect inertia"
+        )
+    names = [s.name for s in model.states]
+    chosen = {name: value for name, value in given.items() if name in names}
+    named = {s.name: s.start for s in model.states} | chosen
+    if model.decays.numel_out(0) == 0:
+        return named
+    unloaded, loaded = (np.array(model.at_force(force, p, u)).ravel() for force in (0.0, 1.0))
+    share = (named["elongation"] - unloaded[ELONGATION]) / (loaded[ELONGATION] - unloaded[ELONGATION])
+    settled = unloaded + share * (loaded - unloaded)
+    return dict(zip(names, settled.tolist(), strict=True)) | chosen
 
 
 def run(
@@ -113,23 +88,24 @@ def run(
         raise SimulationError(f"the accuracy is {accuracy}; expected a relative error between 0 and 1, such as 1e-6")
     p = np.array([values[name] for name in model.parameter_names])
     initial = start or {}
-    x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
     programme, load = Drive.of(drive), NormalForce.of(normal_force)
     force = float(load.at(0.0))
-    build: Callable[..., Machine | BalancedMachine]
-    kind: type[Trajectory]
+    build: type[Machine] = Machine
     if model.balance is None:
         scale = scales(model, p, force)
-        first, build, kind = plan(model, p, scale, asked), partial(Machine, model, p, scale), Trajectory
+        first = plan(scale, asked)
     else:
-        build, kind = partial(BalancedMachine, model, p, sizes(model, p, force), duration), BalancedTrajectory
-        first = Plan(asked.rtol, ())
+        model, build = with_speed(model), BalancedMachine
+        scale, first = sizes(model, p, force, duration), Plan(asked.rtol, (METHOD,))
+    x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
 
     def made(steps: Plan) -> Trajectory:
-        with closing(build(steps, locate=asked.locate)) as machine:
+        with closing(build(model, p, scale, steps, locate=asked.locate)) as machine:
             motion = tuple(phases(machine, programme, load, duration, x))
         other, share = steps.other()
-        return kind(model, motion, duration, accuracy, Second(lambda: made(other), share, other.rtol < steps.rtol))
+        return Trajectory(
+            model, motion, duration, accuracy, Second(lambda: made(other), share, other.rtol < steps.rtol)
+        )
 
     return made(first)
 

@@ -1,9 +1,16 @@
-"""Steps of one scene with one method: the compiled trials and bursts with their buffers."""
+"""Steps of a sliding mass: one trial as a compiled function, many of them in one call, switches located on the step.
+
+A burst takes `method.trials` trials in a row: the step length follows the error estimate, and where an event function
+has fallen to zero within a step the trials go on from the same node, with lengths by Newton's method, until it is
+zero. So switch times are as accurate as the integration, not as its interpolation. Without inertia the sliding speed is
+a state whose equation is the balance of forces.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property, lru_cache
 
 import casadi as ca
@@ -12,16 +19,21 @@ from numpy.typing import NDArray
 
 from identify.base import native
 from identify.base.compiled import Compiled, compiled
-from identify.model.model import Model
+from identify.model.model import SPEED, Model
 from identify.model.modes import GUARDS, ModeName, sliding_modes
-from identify.simulation.bursts import DIPS, MODES, N_GUARDS, BurstState, burst, coefficient, ends, trial
-from identify.simulation.steppers import Method
+from identify.simulation.steppers import Expression, Method, StepProblem
+
+Array = NDArray[np.float64]
+
+N_GUARDS = len(GUARDS)
+ROUNDING = 1e-15  # of the forces: a few last digits
+ABOVE = 1e-3  # of its reach: by so much a bounded state may err beyond its upper bound
+LARGEST = 1e150  # of a state: beyond, squares overflow
+PROJECTIONS = 3  # Newton steps that put a speed inside a step on the balance of forces
 
 # ----------------------------------------------------------------------------------------------------------------------
 # What stays the same during one phase of motion.
 # ----------------------------------------------------------------------------------------------------------------------
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -42,13 +54,8 @@ class Situated:
         return (self.drive_speed, self.direction, self.normal_force, self.force_slope, self.time)
 
     @property
-    def inputs(self) -> Array:
-        """The same as an array, shape (5,)."""
-        return np.array(self.numbers)
-
-    @property
     def constants(self) -> Array:
-        """p and the inputs, shape (n_p + 5,)."""
+        """p and these numbers, shape (n_p + 5,)."""
         return np.append(self.p, self.numbers)
 
     @cached_property
@@ -56,13 +63,381 @@ class Situated:
         """Parameters, normal force at the start, drive speed: shape (n_p + 2,)."""
         return np.append(self.p, [self.normal_force, self.drive_speed])
 
-    def at(self, t: float | Array, direction: float = 1.0) -> Array:
-        """u of the model (4,) or (4, n) at times t [s] within the phase."""
-        t = np.asarray(t, float)
-        ones = np.ones_like(t)
-        force = self.normal_force + self.force_slope * t
-        return np.stack([self.drive_speed * ones, force, direction * ones, self.time + t])
+    def at(self, t: float, direction: float = 1.0) -> Array:
+        """u (4,) of the model at time t [s] within the phase."""
+        return np.array([self.drive_speed, self.normal_force + self.force_slope * t, direction, self.time + t])
 
+
+def inputs(drive: Expression, t: Expression) -> Expression:
+    """u (4,) of the model at time t of a phase, from `Situated.numbers` (5,)."""
+    return ca.vertcat(drive[0], drive[2] + drive[3] * t, drive[1], drive[4] + t)
+
+
+def symbols(model: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
+    """State x, constants (n_p + 5,) and time t in a phase, and in terms of these parameters p and inputs u."""
+    x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
+    return x, c, t, c[:-5], inputs(c[-5:], t)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# One trial step of a model: the state after it, its error, and the event functions of its mode.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def rate(model: Model, mode: ModeName) -> ca.Function:
+    """(x, constants (n_p + 5,), t in phase) -> dx/dt; of a speed without inertia the balance of forces [N]."""
+    x, c, t, p, u = symbols(model)
+    field = model.worn if mode == "worn" else model.slip
+    return ca.Function("rate", [x, c, t], [ca.densify(field(x, p, u))])
+
+
+@lru_cache(maxsize=64)
+def on_balance(model: Model, mode: ModeName) -> ca.Function:
+    """What the balance of forces says of the speed at (x, constants, t), without inertia.
+
+    Where the balance depends on the speed the system has index 1 and the speed is its root; where it does not (Coulomb
+    friction, contact ageing) it has index 2, and the speed is what keeps the balance (Hairer and Wanner, Solving
+    Ordinary Differential Equations II, VI.1 and VII.4).
+
+    Returns:
+        (5,): speed after a Newton step [m/s], its rate [m/s^2], load minus friction [N], and how that changes with
+        speed [N s/m] and with sliding distance [N/m]. A small mass follows a speed while the first of these two is
+        negative, or zero with the second negative.
+    """
+    x, c, t, _p, _u = symbols(model)
+    motion = rate(model, mode)(x, c, t)
+    force = motion[SPEED]
+    others = ca.vertcat(motion[:SPEED], 0, motion[SPEED + 1 :])
+    by_speed = ca.jacobian(force, x[SPEED])
+    drift = ca.jtimes(force, x, others) + ca.jacobian(force, t)
+    by_way = ca.jtimes(force, x, ca.jacobian(others, x[SPEED]))
+    bend = ca.jtimes(drift, x, others) + ca.jacobian(drift, t)
+    free = by_speed == 0
+    speed = x[SPEED] - ca.if_else(free, drift / by_way, force / by_speed)
+    speeding = -ca.if_else(free, bend / by_way, drift / by_speed)
+    return ca.Function("on_balance", [x, c, t], [ca.densify(ca.vertcat(speed, speeding, force, by_speed, by_way))])
+
+
+def _put(x: Expression, i: int, value: Expression) -> Expression:
+    """A vector with one of its elements replaced."""
+    return ca.vertcat(x[:i], value, x[i + 1 :])
+
+
+@lru_cache(maxsize=64)
+def event_functions(model: Model, mode: ModeName) -> ca.Function:
+    """(x, constants, t) -> event functions in the order of GUARDS and their slopes in time (2 N_GUARDS,); 1 where one
+    does not end the mode."""
+    moving, free = rate(model, mode), rate(model, "slip")
+    x, c, t, _p, _u = symbols(model)
+    exits = dict(sliding_modes(model.clamped is not None)[mode].exits)
+    guards = [c[-4] * x[SPEED], ca.SX(1), ca.SX(1)]
+    if model.clamped is not None and "clearance" in exits:
+        guards[1] = x[model.clamped] - (model.states[model.clamped].lower or 0.0)
+    if model.clamped is not None and "release" in exits:
+        guards[2] = -free(x, c, t)[model.clamped]
+    guard, motion = ca.vertcat(*guards), moving(x, c, t)
+    if model.balance is not None:
+        motion = _put(motion, SPEED, on_balance(model, mode)(x, c, t)[1])
+    slopes = ca.jtimes(guard, x, motion) + ca.jacobian(guard, t)
+    return ca.Function("event_functions", [x, c, t], [ca.densify(ca.vertcat(guard, slopes))])
+
+
+@lru_cache(maxsize=64)
+def trial(model: Model, method: Method, mode: ModeName, stops: bool = True) -> ca.Function:
+    """(x and t and h, constants, tolerances) -> x after, error norm (<= 1 acceptable), event functions, their slopes.
+
+    One vector; constants: p, then the numbers of `Situated`; tolerances: rtol, atol (n_x,). stops as of `burst`: a
+    motion that goes on through rest may leave the bounds of a state.
+    """
+    kind, n = method.kind, len(model.states)
+    z = kind.sym("z", n + 2)
+    c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", n + 1)
+    x, t, h = z[:n], z[n], z[n + 1]
+    after, norm = method.step(_problem(model, method, mode, z, c, tolerances), x, t, h)
+    # A largest value hides what is not a number: such a step is refused.
+    good = ca.sum1(ca.fabs(after)) < LARGEST
+    # So is one to where no motion leads: the equations of an implicit step have other solutions, too.
+    for i, state in enumerate(model.states if stops else ()):
+        if state.lower is not None and state.upper is not None:
+            reach = state.upper - state.lower
+            inside = ca.logic_and(after[i] < state.upper + ABOVE * reach, after[i] > state.lower - reach)
+            good = ca.logic_and(good, inside)
+    if model.balance is not None:
+        says = on_balance(model, mode)
+        at = says(after, c, t + h)
+        after = _put(after, SPEED, at[0])
+        stable = ca.logic_or(at[3] < 0.0, ca.logic_and(at[3] == 0.0, at[4] < 0.0))
+        # A speed that is unstable at zero did not get below zero by itself: that is another branch.
+        other = ca.logic_and(c[-4] * at[0] < 0.0, says(_put(after, SPEED, 0), c, t + h)[3] > 0.0)
+        good = ca.logic_and(good, ca.logic_and(stable, ca.logic_not(other)))
+    norm = ca.if_else(good, norm, ca.inf)
+    row = ca.vertcat(after, norm, event_functions(model, mode)(after, c, t + h))
+    return ca.Function(f"trial_{mode}", [z, c, tolerances], [ca.cse(ca.densify(row))])
+
+
+@lru_cache(maxsize=64)
+def within(model: Model, method: Method, mode: ModeName) -> ca.Function:
+    """(x and t and h and part and x after, constants, tolerances) -> x at t + part [s], inside a step of length h [s]
+    from t."""
+    kind, n = method.kind, len(model.states)
+    z = kind.sym("z", 2 * n + 3)
+    c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", n + 1)
+    x, t, h, part = z[:n], z[n], z[n + 1], z[n + 2]
+    inside = method.within(_problem(model, method, mode, z, c, tolerances), x, t, h, part, z[n + 3 :])
+    if model.balance is not None:
+        for _ in range(PROJECTIONS):
+            inside = _put(inside, SPEED, on_balance(model, mode)(inside, c, t + part)[0])
+    return ca.Function(f"within_{mode}", [z, c, tolerances], [ca.cse(ca.densify(inside))])
+
+
+def _problem(
+    model: Model, method: Method, mode: ModeName, xth: Expression, c: Expression, tolerances: Expression
+) -> StepProblem:
+    """A step of a mode from state, time and length xth, with what it is tolerated to be wrong by."""
+    n, moving = len(model.states), rate(model, mode)
+    x, t, h = xth[:n], xth[n], xth[n + 1]
+    # What a state moves by in the step counts as its size: a speed that falls through zero is not chased to zero.
+    size = ca.fabs(x) + h * ca.fabs(moving(x, c, t))
+    blur = type(x).zeros(n)
+    if model.balance is None:
+        # Forces have so many digits: what their rounding makes of the speed, until it decays, is no error of the step.
+        lasts = h if method.smooth else h / (1.0 + h * ca.fabs(_speed_decay(moving)(x, c, t)))
+        blur[SPEED] = lasts * ROUNDING * ca.fabs(_load(model)(x, c, t)) / c[model.parameter_names.index("mass")]
+    algebraic = None if model.balance is None else SPEED
+    return StepProblem(
+        moving, c, lambda after: tolerances[1:] + blur + tolerances[0] * ca.fmax(size, ca.fabs(after)), algebraic
+    )
+
+
+def _speed_decay(moving: ca.Function) -> ca.Function:
+    """(x, constants, t) -> change of the acceleration with the speed [1/s]."""
+    x, c, t = (ca.SX.sym(name, moving.numel_in(i)) for i, name in enumerate("xct"))
+    return ca.Function("speed_decay", [x, c, t], [ca.densify(ca.jacobian(moving(x, c, t)[SPEED], x[SPEED]))])
+
+
+def _load(model: Model) -> ca.Function:
+    """(x, constants, t) -> force of the rig on the mass [N]."""
+    x, c, t, p, u = symbols(model)
+    return ca.Function("load", [x, c, t], [ca.densify(model.load(x, p, u))])
+
+
+def friction(model: Model, mode: ModeName, x: Expression, c: Expression, t: Expression) -> Expression:
+    """Friction force of the contact while it slides [N]: what the load leaves of the inertia."""
+    load = _load(model)(x, c, t)
+    if model.balance is not None:
+        return load
+    return load - c[model.parameter_names.index("mass")] * rate(model, mode)(x, c, t)[SPEED]
+
+
+@lru_cache(maxsize=64)
+def coefficient(model: Model, mode: ModeName) -> ca.Function:
+    """(x, constants, t) -> friction coefficient, positive where friction brakes."""
+    x, c, t, _p, u = symbols(model)
+    return ca.Function("coefficient", [x, c, t], [ca.densify(u[2] * friction(model, mode, x, c, t) / u[1])])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Many trials in one call.
+# ----------------------------------------------------------------------------------------------------------------------
+
+MODES: tuple[ModeName, ...] = ("slip", "worn")  # numbered so in a burst
+SHORTEST = 1e-14  # of the natural time: a step shorter than that is no step
+GROWTH, SHRINKING, SAFETY = 10.0, 0.2, 0.9  # of the step length from one trial to the next
+WRONG = 1e30  # an error as large as this, or none at all, shrinks the step as far as it goes
+LAST = 1e-15  # moves of Newton's method, of a step: nothing follows
+NEAR = 0.1  # the same, of the root of the tolerance: one more is as exact as the step itself
+ROUGHLY, STRAIGHT = 0.5, 0.01  # where the motion of a step is smooth: one more is; a straight line from its end is
+BEYOND = 2.0  # times the time in which an event function would fall to zero as it falls: no step is longer
+CLOSE = 0.25  # of the event function before it: a minimum as low as this within a step is looked at
+DIPS = 3  # times in a row that a dip is sought more closely
+
+
+class Stop(IntEnum):
+    """Why a burst stopped."""
+
+    NOT_YET = 0
+    LOCATED = 1  # the last node is a switch
+    EVENT = 2  # the trial from the last node meets an event, and is decided outside
+    TIME_IS_UP = 3
+    STUCK = 4  # no step is short enough
+
+
+class BurstState:
+    """The places in the vector z that says where a burst stands: the node x (n_x,), its time t, `Stop`, the control.
+
+    Control: h, length of the next trial. error, step: root of the error and length of the last step taken (0: none).
+    low, high: lengths between which a switch is being located (high 0: none is). final: the coming trial ends at the
+    switch. watch: how often a dip may still be sought. Event functions and their slopes at the node. Last, which trial
+    comes: twice the place of the mode in `MODES`, one more where a switch is being located; -1 none.
+    """
+
+    def __init__(self, n: int) -> None:
+        """n: of states."""
+        self.n, self.t, self.stop, self.h = n, n, n + 1, n + 2
+        self.control, self.ends = slice(n + 2, n + 9), slice(n + 9, n + 9 + 2 * N_GUARDS)
+        self.which = n + 9 + 2 * N_GUARDS
+        self.size = self.which + 1
+
+
+@lru_cache(maxsize=64)
+def burst(model: Model, method: Method, stops: bool) -> ca.Function:
+    """`method.trials` trials in a row: (z, bounds, constants, tolerances) -> z after each of them, column by column.
+
+    z as in `BurstState`; bounds: time limit, longest and shortest step [s], whether switches are located, farthest way
+    of a step [m]. A trial that is refused repeats the node with another length. Without `stops` the mass goes on
+    through rest, by the motion forwards.
+    """
+    at, modes = BurstState(len(model.states)), MODES[: len(sliding_modes(model.clamped is not None))]
+    paced = [_paced(model, method, mode, locating, stops) for mode in modes for locating in (False, True)]
+    given = [ca.MX.sym(name, paced[0].numel_in(i)) for i, name in enumerate("zbct")]
+    z = ca.MX.sym("z", at.size)
+    by_kind = ca.Function.conditional("by_kind", paced, ca.Function("idle", [z, *given[1:]], [z]))
+    nodes = [given[0]]
+    for _ in range(method.trials):
+        last = nodes[-1]
+        nodes.append(by_kind(last[at.which], last, *given[1:]))  # a stopped burst repeats its last node
+    return ca.Function("burst", given, [ca.horzcat(*nodes[1:])])
+
+
+def _paced(model: Model, method: Method, mode: ModeName, locating: bool, stops: bool) -> ca.Function:
+    """One trial in one mode, walking on or locating a switch: (z, bounds, constants, tolerances) -> z after it."""
+    kind, at = method.kind, BurstState(len(model.states))
+    z, bounds = kind.sym("z", at.size), kind.sym("bounds", 5)
+    c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", at.n + 1)
+    x, t, ends, control = z[: at.n], z[at.t], z[at.ends], z[at.control]
+    watched = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
+    exits = [i for i in watched if stops or GUARDS[i] != "speed"]
+    h = z[at.h] if locating else _length(model, at, z, exits, bounds)
+    row = trial(model, method, mode, stops)(ca.vertcat(x, t, h), c, tolerances)
+    after, after_ends = row[: at.n], row[at.n + 1 :]
+    if locating:
+        (moved, *control_after, stop), more = _locating(control, h, after_ends, exits, tolerances[0], method.smooth)
+        after, h = after + more * rate(model, mode)(after, c, t + h), h + more
+    else:
+        moved, *control_after, stop = _walking(at, z, h, row[at.n :], (exits, watched), bounds, method)
+    new = ca.vertcat(
+        ca.if_else(moved, after, x),
+        t + ca.if_else(moved, h, 0),
+        stop,
+        *control_after,
+        ca.if_else(moved, after_ends, ends),
+        ca.if_else(stop < 0.5, 2 * MODES.index(mode) + (control_after[4] > 0.0), -1),
+    )
+    return ca.Function("paced", [z, bounds, c, tolerances], [ca.cse(ca.densify(new))])
+
+
+def _length(model: Model, at: BurstState, z: Expression, exits: list[int], bounds: Expression) -> Expression:
+    """Length of the next step: what the error suggests, within its bounds."""
+    ends, h = z[at.ends], ca.fmin(ca.fmin(z[at.h], bounds[1]), bounds[0] - z[at.t])
+    for i in exits:
+        # Not far beyond a switch that is near: it is sought from both ends of the step.
+        value, slope = ends[i], ends[N_GUARDS + i]
+        near = ca.logic_and(value > 0.0, slope * h < -BEYOND * value)
+        h = ca.if_else(near, -BEYOND * value / slope, h)
+    if model.finest.numel_out(0):
+        h = ca.fmin(h, bounds[4] / ca.fmax(ca.fabs(z[SPEED]), 1e-300))
+    return h
+
+
+def _walking(
+    at: BurstState,
+    z: Expression,
+    h: Expression,
+    trial_end: Expression,
+    guards: tuple[list[int], list[int]],
+    bounds: Expression,
+    method: Method,
+) -> tuple[Expression, ...]:
+    """Whether a trial of length h towards the next node is taken, and the control after it; guards: those that end the
+    mode, and those of which a minimum near zero is to be a node."""
+    exits, watched = guards
+    t, before, control, ends = z[at.t], z[at.ends], z[at.control], trial_end[1:]
+    error, step, watch = control[1], control[2], control[6]
+    norm = ca.if_else(trial_end[0] <= WRONG, ca.fmax(trial_end[0], 1e-10), WRONG)
+    good, fallen, risen, guess, dip = norm <= 1.0, 0.0, 0.0, h, h
+    # The step after it: as the error says, and as its trend says where it grows (Gustafsson's predictive control).
+    root = _root(norm, method.measured)
+    slower = root / SAFETY
+    trend = slower * step / h * root / ca.fmax(error, 1e-10)
+    slower = ca.if_else(ca.logic_and(good, step > 0.0), ca.fmax(slower, trend), slower)
+    following = h * ca.fmax(SHRINKING, ca.fmin(GROWTH, 1.0 / slower))
+    for i in exits:
+        down = ca.logic_or(ends[i] < 0.0, ca.logic_and(ends[i] <= 0.0, t > 0.0))
+        fallen = ca.logic_or(fallen, down)
+        risen = ca.logic_or(risen, ca.logic_and(down, before[i] <= 0.0))
+        guess = ca.fmin(guess, ca.if_else(down, _first_guess(h, before, ends, i), h))
+    for i in watched:
+        dip = ca.fmin(dip, _dip(h, before, ends, i))
+    met, dips = ca.logic_and(good, fallen), ca.logic_and(ca.logic_and(good, watch > 0.5), dip < h)
+    taken = ca.logic_and(good, ca.logic_not(ca.logic_or(fallen, dips)))
+    # Event functions that were not positive at the start, and switches that are not to be located: decided outside.
+    outside = ca.logic_and(met, ca.logic_or(risen, bounds[3] < 0.5))
+    over = ca.logic_and(taken, t + h >= bounds[0] * (1.0 - 1e-15))
+    stuck = ca.logic_and(norm > 1.0, following < bounds[2])
+    next_h = ca.if_else(met, ca.if_else(outside, h, guess), ca.if_else(dips, dip, following))
+    next_watch = ca.if_else(dips, watch - 1, ca.if_else(dip < h, watch, DIPS))
+    stop = Stop.EVENT * outside + Stop.TIME_IS_UP * over + Stop.STUCK * stuck
+    last = ca.if_else(taken, root, error), ca.if_else(taken, h, step)
+    return taken, next_h, *last, 0, ca.if_else(met, h, 0), 0, next_watch, stop
+
+
+def _root(value: Expression, degree: int) -> Expression:
+    """value^(1/degree), by square roots where they do."""
+    if degree == 1:
+        return value
+    return ca.sqrt(_root(value, degree // 2)) if degree % 2 == 0 else value ** (1.0 / degree)
+
+
+def _first_guess(h: Expression, before: Expression, ends: Expression, i: int) -> Expression:
+    """Where within a step of length h event function i, which falls to zero in it, is zero: Hermite's cubic for time as
+    a function of its value where it falls at both ends, else the chord."""
+    v0, s0, v1, s1 = before[i], before[N_GUARDS + i], ends[i], ends[N_GUARDS + i]
+    share, falls = v0 / (v0 - v1), ca.logic_and(s0 < 0.0, s1 < 0.0)
+    a, b = (v1 - v0) / (ca.if_else(falls, s0, 1.0) * h), (v1 - v0) / (ca.if_else(falls, s1, 1.0) * h)
+    cubic = share * share * (3.0 - 2.0 * share) + share * (1.0 - share) * ((1.0 - share) * a - share * b)
+    inside = ca.logic_and(falls, ca.logic_and(cubic > 0.0, cubic < 1.0))
+    return h * ca.if_else(inside, cubic, share)
+
+
+def _dip(h: Expression, before: Expression, ends: Expression, i: int) -> Expression:
+    """Where within a step of length h event function i has a minimum near zero, by Hermite's cubic; h if none."""
+    v0, s0, v1, s1 = before[i], h * before[N_GUARDS + i], ends[i], h * ends[N_GUARDS + i]
+    turning = ca.logic_and(v0 > 0.0, ca.logic_and(s0 < 0.0, s1 > 0.0))
+    a, b = 3.0 * (s0 + s1 - 2.0 * (v1 - v0)), 3.0 * (v1 - v0) - 2.0 * s0 - s1
+    root = b + ca.sqrt(ca.fmax(b * b - a * s0, 0.0))
+    share = ca.if_else(ca.logic_and(turning, root > 0.0), -s0 / ca.if_else(root > 0.0, root, 1.0), 1.0)
+    lowest = v0 + share * (s0 + share * (b + share * a / 3.0))
+    near = ca.logic_and(lowest < CLOSE * ca.fmin(v0, v1), ca.logic_and(share > 0.0, share < 1.0))
+    return ca.if_else(ca.logic_and(turning, near), share * h, h)
+
+
+def _locating(
+    control: Expression, h: Expression, ends: Expression, exits: list[int], rtol: Expression, smooth: bool
+) -> tuple[tuple[Expression, ...], Expression]:
+    """Whether a trial of length h ends at the switch looked for, and the control after it: Newton within a bracket; and
+    how much longer than the trial it is to the switch [s], along a straight line."""
+    newton, hit, fallen = ca.inf, 0.0, 0.0
+    for i in exits:
+        value, slope = ends[i], ends[N_GUARDS + i]
+        newton = ca.fmin(newton, ca.if_else(slope < 0.0, h - value / ca.if_else(slope < 0.0, slope, 1.0), ca.inf))
+        hit, fallen = ca.logic_or(hit, value == 0.0), ca.logic_or(fallen, value <= 0.0)
+    low, high = ca.if_else(fallen, control[3], h), ca.if_else(fallen, h, control[4])
+    inside = ca.logic_and(newton > low, newton < high)
+    following = ca.if_else(inside, newton, 0.5 * (low + high))
+    move, length = ca.fabs(newton - h), ca.sqrt(rtol) * control[4]
+    done = ca.logic_or(ca.logic_or(hit, control[5] > 0.5), ca.logic_or(move <= LAST * h, high - low <= LAST * high))
+    near = ca.logic_and(inside, move <= (ROUGHLY if smooth else NEAR) * length)
+    more: Expression = 0.0
+    if smooth:
+        straight = ca.logic_and(ca.logic_and(inside, move <= STRAIGHT * length), ca.logic_not(hit))
+        more, done = ca.if_else(straight, newton - h, 0.0), ca.logic_or(done, straight)
+    return (done, following, control[1], control[2], low, high, near, 0, Stop.LOCATED * done), more
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Steps of one scene with one method: the compiled trials and bursts with their buffers.
+# ----------------------------------------------------------------------------------------------------------------------
 
 Kind = tuple[Model, Method, bool]  # of a stepper: whether it stops where the mass comes to rest
 SOME = 100  # bursts: before them nobody looks for machine code
@@ -76,13 +451,13 @@ class _Bursts:
         self._kind, self._buffers = kind, buffers
         self._function = burst(*kind)
         self._call = self._bound(self._function)
-        self._count, self._ask = 0, SOME
+        self._count, self._look = 0, SOME
         self.hastened = False
 
     def _bound(self, function: ca.Function) -> Compiled:
-        made = compiled(function)
-        made.bind(self._buffers)
-        return made
+        call = compiled(function)
+        call.bind(self._buffers)
+        return call
 
     def __call__(self) -> Array:
         self._count += 1
@@ -92,16 +467,16 @@ class _Bursts:
         """Take the machine code of the bursts where it is there, and have it made where they are used much: the same
         numbers sooner.
         """
-        if self.hastened or self._count < self._ask:
+        if self.hastened or self._count < self._look:
             return
         key = _key(*self._kind)
-        found = None if key is None else native.find(key, self._function.name())
-        if found is not None:
-            self._call = self._bound(found)
+        code = None if key is None else native.find(key, self._function.name())
+        if code is not None:
+            self._call = self._bound(code)
         elif key is not None and self._count >= MUCH and not native.busy():
             native.start([(self._function, key)])
-        self.hastened = found is not None or key is None
-        self._ask = MUCH if self._count < MUCH else self._count + MUCH
+        self.hastened = code is not None or key is None
+        self._look = MUCH if self._count < MUCH else self._count + MUCH
 
 
 class Stepper:
@@ -121,7 +496,7 @@ class Stepper:
         for mode in sliding_modes(model.clamped is not None):
             self._trials[mode] = compiled(trial(model, method, mode, stops))
             self._trials[mode].bind([self._xth, self._constants, self._tolerances])
-            self._ends[mode] = compiled(ends(model, mode))
+            self._ends[mode] = compiled(event_functions(model, mode))
             self._ends[mode].bind([self._z[:n], self._constants, np.zeros(1)])
             self._coefficients[mode] = compiled(coefficient(model, mode))
             self._coefficients[mode].bind([x, self._constants, t])
@@ -143,7 +518,7 @@ class Stepper:
         z, n = self._z, self.places.n
         z[:n] = x
         ends = self._ends[mode]().tolist()
-        z[n:] = [0.0, MODES.index(mode), 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, DIPS, *ends, 2 * MODES.index(mode)]
+        z[n:] = [0.0, 0.0, h, 0.0, 0.0, 0.0, 0.0, 0.0, DIPS, *ends, 2 * MODES.index(mode)]
 
     @property
     def speeding(self) -> float:
@@ -151,27 +526,25 @@ class Stepper:
         return self.ends[N_GUARDS + GUARDS.index("speed")]
 
     def go_on(self) -> list[list[float]]:
-        """Several trials from where the last call stopped: rows of state, time, mode, stop and h as in `BurstState`,
-        the last one where it stopped."""
+        """Several trials from where the last call stopped: rows of state, time, stop and h as in `BurstState`; those
+        after a stop repeat it."""
         rows = self.bursts().reshape(self.method.trials, -1)
         self._z[:] = rows[-1]
-        stopped = int(np.count_nonzero(rows[:, self.places.stop]))
-        return rows[: len(rows) - stopped + 1, : self.places.n + 4].tolist()
+        return rows[:, : self.places.h + 1].tolist()
 
     @property
     def ends(self) -> list[float]:
-        """Guards and their slopes at the last node."""
+        """Event functions and their slopes at the last node."""
         return self._z[self.places.ends].tolist()
 
     def trial(self, mode: ModeName, x: list[float], t: float, h: float) -> list[float]:
-        """A step of length h [s] from x at time t [s]: state after, error norm, guards, their slopes."""
+        """A step of length h [s] from x at time t [s]: state after, error norm, event functions, their slopes."""
         n = self.places.n
         self._xth[:n], self._xth[n], self._xth[n + 1] = x, t, h
         return self._trials[mode]().tolist()
 
-    def coefficient(self, mode: ModeName, x: Sequence[float] | Array, situated: Situated, t: float) -> float:
-        """Friction coefficient in state x at time t [s] of a phase, positive where friction brakes."""
-        self._constants[-5:] = situated.numbers
+    def coefficient(self, mode: ModeName, x: Sequence[float] | Array, t: float) -> float:
+        """Friction coefficient in state x at time t [s] of this slide, positive where friction brakes."""
         self._xth[:-2], self._xth[-2] = x, t
         return float(self._coefficients[mode]()[0])
 

@@ -16,17 +16,16 @@ from numpy.typing import NDArray
 from identify.base.compiled import Mapped
 from identify.model.model import SPEED, Model
 from identify.model.modes import ModeName
-from identify.simulation.bursts import rate
 from identify.simulation.phases import Slide
-from identify.simulation.stepper import Situated
+from identify.simulation.stepper import Situated, rate
 from identify.simulation.steppers import Method, StepProblem
 
 Array = NDArray[np.float64]
 
 
-def situated_at(w: Array, direction: float = 1.0) -> Situated:
-    """What holds during a slide at a setting w (n_w,)."""
-    return Situated(w[:-2], float(w[-1]), direction, float(w[-2]), 0.0)
+def situated_at(w: Array, direction: float = 1.0, time: float = 0.0) -> Situated:
+    """What holds during a slide at a setting w (n_w,) from a time [s] on."""
+    return Situated(w[:-2], float(w[-1]), direction, float(w[-2]), 0.0, time)
 
 
 @dataclass(frozen=True)

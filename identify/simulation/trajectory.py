@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from identify.base.compiled import Mapped
 from identify.base.errors import SimulationError
-from identify.model.model import SPEED, Model
+from identify.model.model import Model
 from identify.model.modes import ModeName
 from identify.scene.tables import quantity
-from identify.simulation.bursts import inputs, within
 from identify.simulation.phases import Phase, Slide
-from identify.simulation.steppers import Expression, Method
+from identify.simulation.stepper import coefficient, inputs, within
+from identify.simulation.steppers import Method
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -156,18 +156,12 @@ def _row(model: Model, method: Method | None, mode: ModeName) -> Mapped:
     u = inputs(drive, t)
     if method is None:
         x = model.rest(xth[:n], p, u, t)
-        friction = model.driving_force(x, p, u)
+        shown = model.driving_force(x, p, u) / u[1]
     else:
         x = within(model, method, mode)(xth, ca.vertcat(p, drive), tolerances)
-        friction = _friction(model, mode, x, p, u)
-    row = ca.densify(ca.vertcat(x, model.load_cell(x, p, u), friction / u[1]))
+        shown = u[2] * coefficient(model, mode)(x, ca.vertcat(p, drive), t)
+    row = ca.densify(ca.vertcat(x, model.load_cell(x, p, u), shown))
     return Mapped(ca.Function("row", [xth, drive, p, tolerances], [row]))
-
-
-def _friction(model: Model, mode: ModeName, x: Expression, p: Expression, u: Expression) -> Expression:
-    """Friction force while sliding [N]: what the load leaves of the inertia."""
-    field = model.worn if mode == "worn" else model.slip
-    return model.load(x, p, u) - p[model.parameter_names.index("mass")] * field(x, p, u)[SPEED]
 
 
 LAST_DIGITS = 1e-13  # no estimate says less

@@ -8,9 +8,8 @@ import pytest
 from identify.effects import ALL
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.simulation.phases import initial_states
 from identify.simulation.plan import Stepping
-from identify.simulation.simulate import run, simulate
+from identify.simulation.simulate import initial_states, run, simulate
 from tests.support import effects_case as case
 
 VARYING = (*case.MAIN, "varying_normal_force")
