@@ -23,7 +23,7 @@ from identify import identification
 from identify.base import budget, compiled, native
 from identify.estimation import starts
 from identify.estimation.strategies import Strategy, tracing
-from identify.simulation.price import SimulationPrice
+from identify.simulation.cost import SimulationCost
 from identify.uneven.slip_functions import slip_functions
 
 
@@ -108,9 +108,9 @@ def no_further_logs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def no_price(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`simulate` does not tell what each effect costs, by simulations without it: tests/simulation/test_price.py."""
-    monkeypatch.setattr("identify.simulation.price.price", lambda *_: SimulationPrice(1e-5, {1e-5: 0.0}, {}))
+def no_cost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`simulate` does not tell what each effect costs, by simulations without it: tests/simulation/test_cost.py."""
+    monkeypatch.setattr("identify.simulation.cost.cost", lambda *_: SimulationCost(1e-5, {1e-5: 0.0}, {}))
 
 
 @pytest.fixture

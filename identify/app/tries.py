@@ -19,8 +19,8 @@ from identify.logs.segmented import Segmented
 from identify.report.stored_result import plain
 from identify.scene import Scene
 from identify.scene.values import LogEntry
+from identify.simulation.cost import cost
 from identify.simulation.drive import Drive
-from identify.simulation.price import price
 from identify.simulation.simulate import run, simulate
 
 Array = NDArray[np.float64]
@@ -141,7 +141,7 @@ def costs(scene: Scene, entry: LogEntry) -> dict[str, Any]:
     with ONE_AT_A_TIME:
         since = process_time()
         motion = simulate(driven, CYCLES * period, accuracy=ACCURACY).refined()
-        found = price(driven, motion, process_time() - since)
+        found = cost(driven, motion, process_time() - since)
     scale = 1e3 / max(motion.onsets.size, 1)
     slips = f"Simulating {motion.onsets.size} slips: {found.text}."
     return {"effects": {name: scale * seconds for name, seconds in found.effects.items()}, "text": slips}

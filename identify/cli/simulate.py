@@ -66,7 +66,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.base.wording import wrapped
     from identify.diagnosis.choice import effects_result
     from identify.diagnosis.selection_numbers import choose_from_numbers
-    from identify.simulation.price import price
+    from identify.simulation.cost import cost
     from identify.simulation.simulate import simulate
 
     scene, words = _scene_of(arguments)
@@ -76,7 +76,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         terminal.say(f"effects by the numbers of the scene: {', '.join(choice.effects)}")
     since = process_time()
     motion = simulate(scene, duration, accuracy=accuracy, noise=noise or None).refined()
-    cost = price(scene, motion, process_time() - since)
+    spent = cost(scene, motion, process_time() - since)
     time = np.arange(int(duration * rate * (1 + 1e-12)) + 1) / rate
     samples = motion.sample(time)
     speed = scene.rig.drive_speed
@@ -97,11 +97,11 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         found = {name: error if np.isfinite(error) else None for name, error in asdict(motion.achieved).items()}
         asked = motion.accuracy or 0.0
         terminal.say(f"asked for {asked:.2g}; {_words(found, asked)}; {', '.join(motion.methods) or 'no slip'}")
-        terminal.say(wrapped(cost.text, ""))
+        terminal.say(wrapped(spent.text, ""))
         document["accuracy"] = {"asked": motion.accuracy, **found, "methods": list(motion.methods)}
         document["price"] = {
-            "levels": [{"accuracy": level, "seconds": seconds} for level, seconds in cost.seconds.items()],
-            "effects_s": cost.effects,
+            "levels": [{"accuracy": level, "seconds": seconds} for level, seconds in spent.seconds.items()],
+            "effects_s": spent.effects,
         }
     if choice is not None:
         document["effects"] = to_dict(effects_result(choice, auto=True))

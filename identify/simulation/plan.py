@@ -165,8 +165,8 @@ LOOSEST = 1e-4  # where the noise would allow more: a record stays free of visib
 SAFETY = 10.0  # tolerance of a step: this much finer than the accuracy of the record
 FINEST, COARSEST = 1e-14, 1e-2  # tolerances of a step
 APART = 100.0  # tolerances of two runs whose distance tells the error
-CAUTION = 10.0  # of that factor, how much is not counted on towards a looser run
-TIGHT_SHARE = 1.5  # of the distance to a tighter run: that has an error too
+LOOSER_SHARE = 0.1  # of the distance to the looser one of them is at most the error of the tighter one
+TIGHT_SHARE = 1.5  # of it that of the looser one: the tighter one has an error too
 TIGHTEST = 1e-13  # rounding takes over below
 
 
@@ -190,15 +190,9 @@ class Plan:
     def other(self) -> tuple[Plan, float]:
         """A plan to judge this one by, and the share of the distance between the two that is the error of this one:
         a tighter one where there is room for it, else a looser one."""
-        rtol, share = other(self.rtol)
-        return Plan(rtol, self.methods), share
-
-
-def other(rtol: float) -> tuple[float, float]:
-    """A tolerance to judge one by, and the share of the distance between the two runs that is the error of the one."""
-    if rtol / APART >= TIGHTEST:
-        return rtol / APART, TIGHT_SHARE
-    return rtol * APART, CAUTION / APART
+        if self.rtol / APART >= TIGHTEST:
+            return Plan(self.rtol / APART, self.methods), TIGHT_SHARE
+        return Plan(self.rtol * APART, self.methods), LOOSER_SHARE
 
 
 def accuracy_for(noise: float | None, force: float) -> float:

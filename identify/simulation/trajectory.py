@@ -17,6 +17,7 @@ from identify.model.model import Model
 from identify.model.modes import ModeName
 from identify.scene.tables import quantity
 from identify.simulation.phases import Phase, Slide
+from identify.simulation.plan import LOOSER_SHARE
 from identify.simulation.stepper import coefficient, inputs, within
 from identify.simulation.steppers import Method
 
@@ -177,6 +178,10 @@ class Achieved:
     switches: float
     forces: float
 
+    def within(self, accuracy: float) -> bool:
+        """Whether both are at most that."""
+        return self.switches <= accuracy and self.forces <= accuracy
+
 
 @dataclass(frozen=True)
 class Second:
@@ -192,8 +197,7 @@ class Second:
 class Trajectory:
     """A simulated motion: its phases in order, and everything that can be sampled from them.
 
-    `duration` [s] counts from the start of the simulation; all quantities are SI. `accuracy` was asked for; `coarser`
-    runs of the same scene did not reach it.
+    `duration` [s] counts from the start of the simulation; all quantities are SI. `accuracy` was asked for.
     """
 
     model: Model
@@ -201,7 +205,6 @@ class Trajectory:
     duration: float
     accuracy: float | None = None
     second: Second | None = field(default=None, repr=False, compare=False)
-    coarser: int = 0
 
     @cached_property
     def achieved(self) -> Achieved | None:
@@ -224,11 +227,15 @@ class Trajectory:
 
         A motion that nearly does two things needs more than a plan can know beforehand.
         """
-        found = self.achieved
-        if found is None or self.accuracy is None or self.second is None or not self.second.finer:
+        if self.second is None or self.accuracy is None or not self.second.finer:
             return self
-        enough = found.switches <= self.accuracy and found.forces <= self.accuracy
-        return self if enough else replace(self._other, coarser=self.coarser + 1).refined()
+        apart = distance(self, self._other)
+        if apart.within(self.accuracy / self.second.share):
+            return self
+        # The finer one was compared already: its own error is a small share of the same distance.
+        if apart.within(self.accuracy / LOOSER_SHARE):
+            return replace(self._other, second=Second(lambda: self, LOOSER_SHARE, False))
+        return self._other.refined()
 
     @property
     def methods(self) -> tuple[str, ...]:

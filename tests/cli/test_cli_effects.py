@@ -11,7 +11,7 @@ from identify.effects import ALL, MAIN, NAMES
 from identify.scene import Scene
 from tests.support.command import refused, stickslip
 
-pytestmark = pytest.mark.usefixtures("no_price")
+pytestmark = pytest.mark.usefixtures("no_cost")
 
 RIG = """
 [rig]
