@@ -289,10 +289,10 @@ def burst(model: Model, method: Method, stops: bool) -> ca.Function:
     through rest, by the motion forwards.
     """
     at, modes = BurstState(len(model.states)), MODES[: len(sliding_modes(model.clamped is not None))]
-    paced = [_paced(model, method, mode, locating, stops) for mode in modes for locating in (False, True)]
-    given = [ca.MX.sym(name, paced[0].numel_in(i)) for i, name in enumerate("zbct")]
+    each = [paced(model, method, mode, locating, stops) for mode in modes for locating in (False, True)]
+    given = [ca.MX.sym(name, each[0].numel_in(i)) for i, name in enumerate("zbct")]
     z = ca.MX.sym("z", at.size)
-    by_kind = ca.Function.conditional("by_kind", paced, ca.Function("idle", [z, *given[1:]], [z]))
+    by_kind = ca.Function.conditional("by_kind", each, ca.Function("idle", [z, *given[1:]], [z]))
     nodes = [given[0]]
     for _ in range(method.trials):
         last = nodes[-1]
@@ -300,7 +300,7 @@ def burst(model: Model, method: Method, stops: bool) -> ca.Function:
     return ca.Function("burst", given, [ca.horzcat(*nodes[1:])])
 
 
-def _paced(model: Model, method: Method, mode: ModeName, locating: bool, stops: bool) -> ca.Function:
+def paced(model: Model, method: Method, mode: ModeName, locating: bool, stops: bool) -> ca.Function:
     """One trial in one mode, walking on or locating a switch: (z, bounds, constants, tolerances) -> z after it."""
     kind, at = method.kind, BurstState(len(model.states))
     z, bounds = kind.sym("z", at.size), kind.sym("bounds", 5)
