@@ -15,7 +15,7 @@ from identify.base.errors import FitError, SceneError
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import Model, assemble
-from identify.shooting.blocks import block
+from identify.shooting.blocks import SlideBlock, block
 from identify.shooting.grid import COARSE_GRID
 from identify.shooting.passes import ORDER, Solved, solve_in_passes
 from identify.shooting.placing import place
@@ -136,10 +136,10 @@ def accuracy_costs(solved: Solved, size: Array, taken: Accuracy, first: int, sol
     """
     steps, problem = solved.grid.steps, solved.problem
     left = solved.discretisation_error
-    per_step = (problem.with_finer_steps().instructions / problem.instructions - 1.0) / steps  # of a solve
+    per_step = (problem.with_steps(2 * steps).instructions / problem.instructions - 1.0) / steps  # of a solve
 
     def error_with(count: int) -> float:
-        moved = problem.with_coarser_steps(steps // count) if count < steps and steps % count == 0 else None
+        moved = problem.with_steps(count) if count < steps and steps % count == 0 else None
         if moved is not None:
             return float(np.max(np.abs((left + solved.moved_by_steps(moved)) / size)))
         return float(np.max(np.abs(left / size))) * (steps / count) ** ORDER
@@ -176,7 +176,7 @@ def effect_shares(model: Model) -> dict[str, float]:
 
 
 def _instructions(model: Model) -> int:
-    return block(model, "slip", FEWEST_STEPS).derivatives.instructions
+    return block(model, SlideBlock(FEWEST_STEPS)).derivatives.instructions
 
 
 def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tuple[Array, list[ShootingTrajectory]]:

@@ -74,7 +74,7 @@ class Solved:
     def discretisation_error(self) -> Array:
         """Error of theta (f,) of the free parameters that the integration steps leave, signed, in search units: from
         one Newton step on the same problem with twice as many steps, and the order of the step formula."""
-        return -self.moved_by_steps(self.problem.with_finer_steps()) * 2**ORDER / (2**ORDER - 1)
+        return -self.moved_by_steps(self.problem.with_steps(2 * self.grid.steps)) * 2**ORDER / (2**ORDER - 1)
 
     def moved_by_steps(self, problem: Problem) -> Array:
         """How far theta (f,) of the free parameters would go from the answer if its steps were those of another

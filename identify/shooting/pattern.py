@@ -90,7 +90,7 @@ class Moments:
         return np.asarray(np.matmul(self.curvature, step[..., None])[..., 0])
 
 
-def samples_of(family: Family, logs: Sequence[LogData]) -> Iterator[CellSamples]:
+def samples_of(family: Family, logs: Sequence[LogData], portion: int = PORTION) -> Iterator[CellSamples]:
     """The samples in the cells of a family, log by log and a portion at a time."""
     n_cells = family.block.n_cells
     flat = family.edges.reshape(-1, 2)
@@ -105,7 +105,7 @@ def samples_of(family: Family, logs: Sequence[LogData]) -> Iterator[CellSamples]
         cells, first, lengths = cells[full], first[full], (last - first)[full]
         if cells.size == 0:
             continue
-        for part, begin, held in _portions(first, lengths):
+        for part, begin, held in _portions(first, lengths, portion):
             ends = begin + held
             sample: Indices | slice
             if np.array_equal(begin[1:], ends[:-1]):  # as a rule: a slice copies nothing
@@ -118,7 +118,7 @@ def samples_of(family: Family, logs: Sequence[LogData]) -> Iterator[CellSamples]
             yield CellSamples(number, cells[part], held, sample, u)
 
 
-def compressed(family: Family, logs: Sequence[LogData], reference: Array) -> Moments:
+def compressed(family: Family, logs: Sequence[LogData], reference: Array, portion: int = PORTION) -> Moments:
     """The samples in the cells of a family, compressed around a curve (B, cells, order).
 
     Sample by sample only the line that the curve begins with is taken off, which leaves residuals small enough for
@@ -130,7 +130,7 @@ def compressed(family: Family, logs: Sequence[LogData], reference: Array) -> Mom
     square, number = np.zeros(n), np.zeros(n)
     line = np.where(np.arange(order) < LINE, reference, 0.0)
     beginning = line.reshape(n, order)[:, :LINE]
-    for held in samples_of(family, logs):
+    for held in samples_of(family, logs, portion):
         log, cells, u = logs[held.log], held.cells, held.u
         weight, force = log.weight[held.samples], log.force[held.samples]
         first = np.cumsum(held.lengths) - held.lengths
@@ -162,13 +162,13 @@ def _each(values: Array, lengths: Indices) -> Array:
     return values if lengths.size == 1 else np.repeat(values, lengths, axis=0)
 
 
-def _portions(first: Indices, lengths: Indices) -> Iterator[tuple[slice, Indices, Indices]]:
-    """PORTION samples at a time of cells (k,): which cells in a row, and where their samples of it begin, and how many
+def _portions(first: Indices, lengths: Indices, most: int) -> Iterator[tuple[slice, Indices, Indices]]:
+    """So many samples at a time of cells (k,): which cells in a row, and where their samples of it begin, and how many
     they are."""
     ends = np.cumsum(lengths)
     begins = ends - lengths
-    for start in range(0, int(ends[-1]), PORTION):
-        stop = start + PORTION
+    for start in range(0, int(ends[-1]), most):
+        stop = start + most
         part = slice(int(np.searchsorted(ends, start, side="right")), int(np.searchsorted(begins, stop)))
         skipped = np.maximum(start - begins[part], 0)
         yield part, first[part] + skipped, np.minimum(ends[part], stop) - begins[part] - skipped
@@ -179,8 +179,8 @@ BLOCKS_AT_ONCE = 1024  # blocks worked on at once: few enough for all their deri
 
 @dataclass(frozen=True)
 class IndexMaps:
-    """Constant index maps of some blocks of one family, PORTION at most: which entries of their dense Jacobian
-    (b, n_rows, n_slots) and Hessian (b, n_slots, n_slots) count, and where these stand among those of all parts."""
+    """Constant index maps of some blocks of one family: which entries of their dense Jacobian (b, n_rows, n_slots) and
+    Hessian (b, n_slots, n_slots) count, and where these stand among those of all parts."""
 
     blocks: slice
     jacobian_entries: Indices
@@ -189,51 +189,22 @@ class IndexMaps:
     hessian: slice
 
 
-@dataclass
-class _Numbering:
-    """The places in the matrices, column by column, of all entries that count so far, part by part."""
-
-    shape: tuple[int, int]
-    jacobian: list[Indices]
-    hessian: list[Indices]
-    counts: tuple[int, int] = (0, 0)
-
-    def part(self, family: Family, blocks: slice) -> IndexMaps:
-        """The index maps of some blocks, whose entries are counted."""
-        m, n = self.shape
-        slots, rows = family.slots[blocks], family.rows[blocks]
-        known = slots >= 0
-        entries = np.flatnonzero(np.broadcast_to(known[:, None, :], (*rows.shape, slots.shape[1])))
-        self.jacobian.append((slots[:, None, :] * m + rows[:, :, None]).ravel()[entries])
-        # Slots of the end state do not enter the curve, but keeping them keeps one rule for all kinds.
-        left, right = slots[:, :, None], slots[:, None, :]
-        upper = np.flatnonzero(known[:, :, None] & known[:, None, :] & (left <= right))
-        self.hessian.append((right * n + left).ravel()[upper])
-        before, self.counts = self.counts, (self.counts[0] + entries.size, self.counts[1] + upper.size)
-        return IndexMaps(blocks, entries, upper, slice(before[0], self.counts[0]), slice(before[1], self.counts[1]))
-
-
 @dataclass(frozen=True)
 class Scatter:
-    """Where a family stands: slots and rows of its blocks, the slots that are an unknown in some block, and the index
-    maps part by part."""
+    """Where a family stands: slots and rows of its blocks, and the index maps part by part."""
 
     slots: Indices
     rows: Indices
-    used: tuple[int, ...]
     parts: tuple[IndexMaps, ...]
 
-    @staticmethod
-    def of(family: Family, numbering: _Numbering) -> Scatter:
-        """That of a family, whose entries are counted."""
-        used = np.flatnonzero(np.any(family.slots >= 0, axis=0))
-        starts = range(0, family.slots.shape[0], BLOCKS_AT_ONCE)
-        parts = tuple(numbering.part(family, slice(first, first + BLOCKS_AT_ONCE)) for first in starts)
-        return Scatter(family.slots, family.rows, tuple(used.tolist()), parts)
+    @cached_property
+    def used(self) -> tuple[int, ...]:
+        """The slots that are an unknown in some block."""
+        return tuple(np.flatnonzero(np.any(self.slots >= 0, axis=0)).tolist())
 
     def gradient(self, pull: Array, size: int) -> Array:
-        """What the slots of all blocks pull at (B, n_slots), by unknowns (size,)."""
-        # What slots that hold a constant pull at is counted in front of all unknowns (KNOWN is -1), and left out.
+        """Derivatives with respect to the slots of all blocks (B, n_slots), by unknowns (size,)."""
+        # Those of slots that hold a constant are counted in front of all unknowns (KNOWN is -1), and left out.
         return np.asarray(np.bincount(self.slots.ravel() + 1, weights=pull.ravel(), minlength=size + 1)[1:])
 
 
@@ -250,12 +221,14 @@ class Pattern:
     """The nonzeros of the Jacobian (m, n) of the rows and of the upper triangle of the Hessian (n, n), both by columns,
     and the index maps of every family."""
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, at_once: int = BLOCKS_AT_ONCE) -> None:
         n, m = layout.size, layout.rows
-        numbering = _Numbering((m, n), [], [])
-        self.families = [Scatter.of(family, numbering) for family in layout.families]
-        self.shape, self.counts, self.about = (m, n), numbering.counts, layout.prior_about
-        order, first, places = _in_order(np.concatenate(numbering.jacobian))
+        self.shape, self.about = (m, n), layout.prior_about
+        jacobian, hessian, self.counts = list[Indices](), list[Indices](), (0, 0)
+        self.families = [
+            Scatter(f.slots, f.rows, tuple(self._parts(f, at_once, jacobian, hessian))) for f in layout.families
+        ]
+        order, first, places = _in_order(np.concatenate(jacobian))
         self._jacobian_order = order
         # Parameters that are tied meet in one column: their entries are added up.
         self._jacobian_first = None if np.all(first) else np.flatnonzero(first)
@@ -263,11 +236,29 @@ class Pattern:
         self._jacobian_starts = np.searchsorted(self._jacobian_columns, np.arange(n + 1)).astype(np.int32)
         about = layout.prior_about[layout.varied]
         joins = np.maximum(about, layout.varied) * n + np.minimum(about, layout.varied)
-        order, first, places = _in_order(np.concatenate([*numbering.hessian, (n + 1) * np.arange(n), joins]))
+        order, first, places = _in_order(np.concatenate([*hessian, (n + 1) * np.arange(n), joins]))
         self._hessian_slot = np.empty(order.size, dtype=np.int64)
         self._hessian_slot[order] = np.cumsum(first) - 1
         self._hessian_rows, self._hessian_columns = (places % n).astype(np.int32), places // n
         self._hessian_starts = np.searchsorted(self._hessian_columns, np.arange(n + 1)).astype(np.int32)
+
+    def _parts(
+        self, family: Family, at_once: int, jacobian: list[Indices], hessian: list[Indices]
+    ) -> Iterator[IndexMaps]:
+        """The index maps of a family; places of its entries in the matrices, column by column, go to the lists."""
+        m, n = self.shape
+        for begin in range(0, family.slots.shape[0], at_once):
+            blocks = slice(begin, begin + at_once)
+            slots, rows = family.slots[blocks], family.rows[blocks]
+            known = slots >= 0
+            entries = np.flatnonzero(np.broadcast_to(known[:, None, :], (*rows.shape, slots.shape[1])))
+            jacobian.append((slots[:, None, :] * m + rows[:, :, None]).ravel()[entries])
+            # Slots of the end state do not enter the curve, but keeping them keeps one rule for all kinds.
+            left, right = slots[:, :, None], slots[:, None, :]
+            upper = np.flatnonzero(known[:, :, None] & known[:, None, :] & (left <= right))
+            hessian.append((right * n + left).ravel()[upper])
+            before, self.counts = self.counts, (self.counts[0] + entries.size, self.counts[1] + upper.size)
+            yield IndexMaps(blocks, entries, upper, slice(before[0], self.counts[0]), slice(before[1], self.counts[1]))
 
     def fits(self, layout: Layout) -> bool:
         """Whether a layout has the same unknowns and rows, block by block."""

@@ -18,7 +18,6 @@ from identify.logs.unknowns import Unknowns
 from identify.shooting.grid import Grid
 from identify.shooting.layout import Family, Layout
 from identify.shooting.pattern import Moments, Pattern, compressed, samples_of
-from identify.shooting.retranscription import with_coarser_steps, with_every_parameter, with_finer_steps
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.transcription import transcribe
 
@@ -84,27 +83,20 @@ class Problem:
         Args:
             unknowns: as those of this problem; start holds the values of what is no unknown here, the priors count.
         """
-        layout, count = with_every_parameter(self.layout, unknowns), self.layout.free.size
-        theta, x = unknowns.start.copy(), z * self.layout.scale
-        theta[self.layout.free] = x[:count]
-        return Problem(self.logs, layout, self.moments), np.concatenate([theta, x[count:]]) / layout.scale
+        layout, x = self.layout, z * self.layout.scale
+        every = self._transcribed(replace(unknowns, free=np.ones_like(unknowns.free)), layout.grid)
+        theta = unknowns.start.copy()
+        theta[layout.free] = x[: layout.free.size]
+        out = Problem(self.logs, replace(every, unknowns=unknowns), self.moments)
+        return out, np.concatenate([theta, x[layout.free.size :]]) / every.scale
 
-    def with_finer_steps(self) -> Problem:
-        """The same problem, unknown by unknown and row by row, with twice as many integration steps in every slide."""
-        return self._laid_out(with_finer_steps(self.layout))
+    def with_steps(self, steps: int) -> Problem:
+        """The same problem, unknown by unknown and row by row, with so many integration steps in every interval."""
+        layout = self.layout
+        return Problem(self.logs, self._transcribed(layout.unknowns, replace(layout.grid, steps=steps)))
 
-    def with_coarser_steps(self, factor: int) -> Problem:
-        """The same problem with so many integration steps of every slide joined to one; their number divides."""
-        return self._laid_out(with_coarser_steps(self.layout, factor))
-
-    def _laid_out(self, layout: Layout) -> Problem:
-        """The same problem with other steps."""
-        out = copy.copy(self)
-        out._last = None
-        out.layout = layout
-        pairs = zip(self.layout.families, out.layout.families, self.moments, strict=True)
-        out.moments = [held if new is old else self._compress(new) for old, new, held in pairs]
-        return out
+    def _transcribed(self, unknowns: Unknowns, grid: Grid) -> Layout:
+        return transcribe(self.logs, list(self.layout.trajectories), unknowns, grid)
 
     @property
     def samples(self) -> int:
@@ -167,8 +159,8 @@ class Problem:
             for part in scatter.parts:
                 at = part.blocks
                 weights = on_rows[family.rows[at]], pull[at].reshape(pull[at].shape[0], -1)
-                bend = family.block.bend(slots[at], family.constants[at], *weights, scatter.used)
-                np.take(bend, part.hessian_entries, out=entries[part.hessian])
+                second = family.block.hessian(slots[at], family.constants[at], *weights, scatter.used)
+                np.take(second, part.hessian_entries, out=entries[part.hessian])
         summed = self.pattern.hessian(entries, scale)
         summed.data += on_cost * point.hessian.data
         return summed

@@ -37,7 +37,7 @@ class Stretch:
     @property
     def steady(self) -> bool:
         """Whether the mass slides as fast as the drive."""
-        return self.kind.startswith("steady")
+        return self.kind in ("steady", "steady_worn")
 
 
 @dataclass(frozen=True)

@@ -1,72 +1,209 @@
-"""From motions to the layout of the problem: along every log, stick by stick and slip by slip."""
+"""From motions to the layout of the problem: along every log, phase by phase."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
-from identify.model.model import ELONGATION, SPEED
-from identify.shooting.blocks import BlockKind
+from identify.model.model import ELONGATION, SPEED, Model
+from identify.shooting.blocks import (
+    REST_CELLS,
+    AgeingBlock,
+    Block,
+    BlockKind,
+    RestBlock,
+    SlideBlock,
+    SteadyBlock,
+    block,
+)
 from identify.shooting.grid import Grid
-from identify.shooting.layout import KNOWN, Indices, Layout, NlpBuilder, Places
-from identify.shooting.parts import after_reageing, cut, parts_of_rest
+from identify.shooting.layout import KNOWN, Family, Indices, Layout, Places
 from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 from identify.simulation.sliding import rate_slopes
 
 Array = NDArray[np.float64]
-NO_OFFSET = np.array([KNOWN])
-ZERO = np.zeros(1)
+
 BOUNDED_START, BOUNDED_START_SD = 0.5, 0.5  # of a state with bounds, such as a saturation, where a record begins
+DECAYED = (3.0, 8.0, 18.0)  # time constants at which a rest is cut: what decays is followed until it is gone
+CELLS_PER_PERIOD = 8  # of an oscillation while the mass rests
+MOST_PARTS = 4000  # of one rest
+
+
+@dataclass(frozen=True)
+class _Slots:
+    """Slots of blocks (..., k): which unknown each holds (KNOWN: a constant), and its value."""
+
+    index: Indices
+    value: Array
+
+    @staticmethod
+    def joined(*parts: _Slots) -> _Slots:
+        """One after the other, for as many blocks as the longest has."""
+        blocks = max((p.index.shape[0] for p in parts if p.index.ndim == 2), default=1)
+        width = sum(p.index.shape[-1] for p in parts)
+        out, first = _Slots(np.empty((blocks, width), np.int64), np.empty((blocks, width))), 0
+        for p in parts:
+            mine = slice(first, first + p.index.shape[-1])
+            out.index[:, mine], out.value[:, mine] = p.index, p.value
+            first = mine.stop
+        return out
+
+
+NONE: Mapping[str, float | int] = MappingProxyType(
+    {"lower": -np.inf, "upper": np.inf, "mean": 0.0, "sd": np.inf, "about": KNOWN}
+)
+"""An unknown without bounds and prior."""
+CONSTANT = _Slots(np.array([KNOWN]), np.zeros(1))  # an event time or a load that is known
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """Blocks of one kind and part of a log: their slots but for the parameters, constants (B, n_c), edges
+    (B, cells, 2); the number of the first row; theta (n_p,): the slots of the parameters."""
+
+    slots: _Slots
+    constants: Array
+    edges: Array
+    first_row: int
+    log: int
+    part: int
+    theta: Indices
+
+
+class NlpBuilder:
+    """Gathers unknowns, rows and blocks while a layout is built; thrown away afterwards."""
+
+    def __init__(self, model: Model, unknowns: Unknowns, free: Indices) -> None:
+        self.model, self.unknowns = model, unknowns
+        self.theta = np.full(len(unknowns.names), KNOWN)
+        self.theta[free] = np.arange(free.size)
+        mean, sd, about = unknowns.prior_mean.copy(), unknowns.prior_sd.copy(), np.full(unknowns.free.size, KNOWN)
+        for i in np.flatnonzero((unknowns.prior_about >= 0) & ~unknowns.own).tolist():
+            j = int(unknowns.prior_about[i])
+            if self.theta[i] >= 0 and self.theta[j] >= 0:
+                about[i] = self.theta[j]
+            elif self.theta[i] >= 0:
+                mean[i] += unknowns.start[j]
+            elif self.theta[j] >= 0:  # fixed, it says of the other one what its prior says of both
+                weights = np.array([sd[j], sd[i]]) ** -2.0
+                mean[j] = weights @ [mean[j], unknowns.start[i] - mean[i]] / weights.sum()
+                sd[j] = weights.sum() ** -0.5
+        self.count, self.rows = 0, 0
+        self.starts, self.scales = list[Array](), list[Array]()
+        self.more: list[tuple[Indices, str, float | NDArray[Any]]] = []  # what differs from `NONE`
+        bounds = {"lower": unknowns.lower[free], "upper": unknowns.upper[free]}
+        self.add(unknowns.start[free], unknowns.spread[free], **bounds, mean=mean[free], sd=sd[free], about=about[free])
+        self.source = unknowns.source
+        self.groups: dict[tuple[int, str], int] = {}  # of logs: which unknown each shares
+        self.blocks: dict[BlockKind, Block] = {}
+        self.entries: dict[BlockKind, list[_Entry]] = {}
+
+    def add(self, start: Array, scale: Array, **more: float | NDArray[Any]) -> Indices:
+        """New unknowns; more: bounds lower, upper; mean, sd of a prior, and about: the unknown that is added to the
+        mean. Returns their indices."""
+        self.starts.append(start)
+        self.scales.append(scale)
+        index = np.arange(self.count, self.count + start.size)
+        self.more += [(index, name, value) for name, value in more.items()]
+        self.count += start.size
+        return index
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """start, scale, lower, upper, mean, sd, about of all unknowns so far, each (n,)."""
+        out = {name: np.full(self.count, value) for name, value in NONE.items()}
+        for index, name, value in self.more:
+            out[name][index] = value
+        return {"start": np.concatenate(self.starts), "scale": np.concatenate(self.scales), **out}
+
+    def state(self, value: Array, scale: Array, known: tuple[int, ...]) -> Indices:
+        """Unknowns for one node state; the components in `known` stay constants."""
+        index = np.full(value.size, KNOWN)
+        free = [i for i in range(value.size) if i not in known]
+        index[free] = self.add(value[free], scale[free])
+        return index
+
+    def put(
+        self, kind: BlockKind, at: tuple[int, int], slots: _Slots, constants: Array, edges: Array, own: Indices
+    ) -> None:
+        """Blocks of one kind in a part of a log (`at`): their slots are the given ones and the parameters, of which
+        this log has some for itself."""
+        if kind not in self.blocks:
+            self.blocks[kind] = block(self.model, kind)
+        theta = np.where(own >= 0, own, self.theta)[self.source]
+        n = slots.index.shape[0]
+        entry = _Entry(slots, constants.reshape(n, -1), edges.reshape(n, -1, 2), self.rows, *at, theta)
+        self.rows += n * self.blocks[kind].n_rows
+        self.entries.setdefault(kind, []).append(entry)
+
+    def families(self) -> tuple[Family, ...]:
+        """All blocks so far, one family per kind."""
+        return tuple(self._family(self.blocks[kind], entries) for kind, entries in self.entries.items())
+
+    def _family(self, of: Block, entries: list[_Entry]) -> Family:
+        counts = np.array([e.constants.shape[0] for e in entries])
+        theta = np.repeat(np.stack([e.theta for e in entries]), counts, axis=0)
+        start = np.broadcast_to(self.unknowns.start[self.source], theta.shape)
+        within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        first = np.repeat([e.first_row for e in entries], counts) + of.n_rows * within
+        return Family(
+            of,
+            np.concatenate([np.concatenate([e.slots.index for e in entries]), theta], axis=1),
+            np.concatenate([np.concatenate([e.slots.value for e in entries]), start], axis=1),
+            np.concatenate([e.constants for e in entries]),
+            first[:, None] + np.arange(of.n_rows),
+            np.repeat([e.log for e in entries], counts),
+            np.repeat([e.part for e in entries], counts),
+            np.concatenate([e.edges for e in entries]),
+        )
 
 
 class _LogTranscriber:
-    """Walks along one log, stick by stick and slip by slip, and notes its blocks and where its events, loads and nodes
-    stand among the unknowns.
+    """Walks along one log, phase by phase, and notes its blocks and where its events, loads and nodes stand among the
+    unknowns.
 
-    It stands at a node: with its values, the offset of its time, since when, the normal force, and whether the contact
-    re-aged there. Every block that is put ends in the next node.
+    It stands at a node: with its state, the offset of its time, since when, the normal force, and whether the contact
+    slid worn before. Every block that is put ends in the next node.
     """
 
     def __init__(
         self, builder: NlpBuilder, number: int, log: LogData, trajectory: ShootingTrajectory, grid: Grid
     ) -> None:
         self.c, self.number, self.log, self.trajectory, self.grid = builder, number, log, trajectory, grid
-        model = builder.model
+        model = self.model = builder.model
         self.n_x = len(model.states)
-        p = builder.unknowns.values(trajectory.theta(builder.unknowns.start), log.base)
-        k, m = (p[model.parameter_names.index(n)] for n in ("stiffness", "mass"))
+        self.start_theta = trajectory.theta(builder.unknowns.start)
+        self.p = builder.unknowns.values(self.start_theta, log.base)
+        k, m = (self.p[model.parameter_names.index(n)] for n in ("stiffness", "mass"))
         force = 0.1 * log.mean_normal_force
         by_unit = {"m": force / k, "m/s": force / np.sqrt(k * m), "N": force}
         self.size = np.array([by_unit.get(s.unit, 1.0) for s in model.states])
-        # of what makes a rest no straight line
-        self.rates, self.frequencies = (np.array(f(p)).ravel() for f in (model.decays, model.waves))
         self.rest_rows = self.size.copy()
         self.rest_rows[SPEED] = force  # the onset guard is a force
         self.tick = 0.1 * float(np.sqrt(m / k))
-        self.held = () if model.clamped is None else (model.clamped,)
-        self.own = np.full(len(model.parameters), KNOWN)
-        self.strength_at = model.parameter_names.index("mu_s")
-        self.node, self.value, self.offset = np.full(self.n_x, KNOWN), trajectory.start, NO_OFFSET
-        self.load, self.load_value = NO_OFFSET, ZERO
-        self.since, self.reaged = log.begin, False
+        self.clamped = () if model.clamped is None else (model.clamped,)
+        self.node, self.offset, self.load = _Slots(np.full(self.n_x, KNOWN), trajectory.start), CONSTANT, CONSTANT
+        self.since, self.worn = log.begin, False
         parts = trajectory.loaded_at.size
         self.loads = np.full(parts, KNOWN)
         self.loads_in_slips: list[int] = []
         self.strengths = np.full(parts if log.strength_sd > 0.0 else 0, KNOWN)
-        self.sliding_deviation = trajectory.sliding_deviation
 
     def walk(self) -> Places:
         """Note everything of this log."""
-        self._own()
-        self.shared = self.own  # where sticks have a strength of their own, `own` is that of the stick
+        # Where sticks have a strength of their own, `own` is that of the stick.
+        self.own = self.shared = self._own()
         start, trajectory = self._begin(), self.trajectory
         until, nodes = np.full(trajectory.until.shape, KNOWN), np.full(trajectory.nodes.shape, KNOWN)
-        slips, swings = trajectory.slip_parts, trajectory.own_slips if self.log.tremor_sd > 0.0 else []
+        slips, with_jitter = trajectory.slip_parts, trajectory.own_slips if self.log.tremor_sd > 0.0 else []
         ends = [*trajectory.until.tolist(), self.log.end]
         for i, (part, stretch) in enumerate(zip(trajectory.part, trajectory.stretches, strict=True)):
             mine = slice(*trajectory.first[i : i + 2].tolist())
@@ -75,140 +212,82 @@ class _LogTranscriber:
             if stretch.steady:
                 nodes[mine] = self._steady(part, stretch)
                 continue
+            end = CONSTANT
             if stretch.ended_by != "time":
-                until[i] = self.c.event(self.tick, stretch.until - self.since, ends[i + 1] - stretch.until)
+                left, right = stretch.until - self.since, ends[i + 1] - stretch.until
+                index = self.c.add(np.zeros(1), np.array([self.tick]), lower=-0.45 * left, upper=0.45 * right)
+                end, until[i] = _Slots(index, np.zeros(1)), index[0]
             if stretch.kind == "rest":
-                nodes[mine] = self._rest_until(part, stretch.until, int(until[i]), stretch.nodes[-1])
-                self.reaged = False
+                nodes[mine] = self._rest(part, stretch, end)
             else:
-                nodes[mine] = self._sliding(part, stretch, int(until[i]), trembling=i in swings)
-            self.since = stretch.until
+                nodes[mine] = self._slide(part, stretch, end, jitter=i in with_jitter)
+            self.since, self.offset = stretch.until, end
         if trajectory.rests_at_end and self.since < self.log.end:
-            self._last_rest(trajectory.parts)
+            self.load = CONSTANT
+            self._rest(trajectory.parts, None, CONSTANT)
         loads_in_slips = np.array(self.loads_in_slips, dtype=np.int64)
         return Places(start, until, nodes, self.loads, self.shared, loads_in_slips, self.strengths)
 
+    def _own(self) -> Indices:
+        """The parameters (n_p,) this log has for itself or with its group, KNOWN for the others; those of the first log
+        are the shared ones."""
+        u, known, own = self.c.unknowns, self.c.groups, np.full(len(self.model.parameters), KNOWN)
+        for i in np.flatnonzero(u.own).tolist():
+            key = (i, (self.log.groups[i] if self.log.groups else "") or f"log {self.number}")
+            if key not in known:
+                one, start = [i], self.start_theta[[i]]
+                mean, sd = u.own_prior(i, float(start[0]))
+                more = {"lower": u.lower[i], "upper": u.upper[i], "mean": mean, "sd": sd}
+                new = self.number > 0
+                known[key] = int(self.c.add(start, u.spread[one], **more)[0] if new else self.c.theta[i])
+            if self.number > 0:
+                own[i] = known[key]
+        return own
+
     def _begin(self) -> Indices:
         """The state the record starts from: elongation free, the other states with a weak prior."""
-        start = np.full(self.n_x, KNOWN)
+        start, value = self.node.index, self.trajectory.start
         first = next(iter(self.trajectory.stretches), None)
-        begins_steady = first is not None and first.steady
-        if not begins_steady:
-            start[[0]] = self.c.add(self.trajectory.start[[0]], self.size[[0]])
-        if first is not None and first.kind in ("slip", "worn"):
-            start[[SPEED]] = self.c.add(self.trajectory.start[[SPEED]], self.size[[SPEED]])
-        known = self.held if first is not None and first.kind == "worn" else ()
-        extra = [] if begins_steady else [i for i in range(2, self.n_x) if i not in known]
+        kind = "rest" if first is None else first.kind
+        if first is not None and first.steady:
+            return start
+        start[[0]] = self.c.add(value[[0]], self.size[[0]])
+        if kind != "rest":
+            start[[SPEED]] = self.c.add(value[[SPEED]], self.size[[SPEED]])
+        extra = [i for i in range(2, self.n_x) if not (kind == "worn" and i in self.clamped)]
         if extra:
-            bounded = np.array([self.c.model.states[i].lower is not None for i in extra])
-            mean = np.where(bounded, BOUNDED_START, self.trajectory.start[extra])
+            bounded = np.array([self.model.states[i].lower is not None for i in extra])
+            mean = np.where(bounded, BOUNDED_START, value[extra])
             sd = np.where(bounded, BOUNDED_START_SD, self.size[extra])
-            start[extra] = self.c.add(self.trajectory.start[extra], self.size[extra], mean=mean, sd=sd)
-        self.node, self.value, self.offset = start, self.trajectory.start, NO_OFFSET
+            start[extra] = self.c.add(value[extra], self.size[extra], mean=mean, sd=sd)
         return start
 
-    def _load(self, cycle: int, expected: float) -> None:
-        """The normal force of this cycle: known to within the error of its measurement, or exactly.
+    def _load(self, part: int, expected: float) -> None:
+        """The normal force of this part: known to within the error of its measurement, or exactly.
 
-        A slow log tells its periods to a millisecond, which is a millionth of the load: no measured load is
+        Of a slow log the periods are known to a millisecond, which is a millionth of the load: no measured load is
         that good, and a fit that took it as exact would answer with wrong friction.
         """
-        sd, mean = self.log.onset_load_sd_at(self.trajectory.loaded_at[[cycle]]), np.array([expected])
-        if sd[0] > 0.0:
-            self.loads[cycle] = self.c.add(self.trajectory.deviation[[cycle]], sd, mean=mean, sd=sd)[0]
-        self.load = np.array([self.loads[cycle]])
-        self.load_value = self.trajectory.deviation[[cycle]] if sd[0] > 0.0 else ZERO
+        sd = float(self.log.onset_load_sd_at(self.trajectory.loaded_at[[part]])[0])
+        self.load = CONSTANT
+        if sd > 0.0:
+            value = self.trajectory.deviation[[part]]
+            self.load = _Slots(self.c.add(value, np.array([sd]), mean=expected, sd=sd), value)
+            self.loads[part] = self.load.index[0]
         if self.strengths.size:
-            self._strength(cycle)
+            self._strength(part)
 
     def _strength(self, part: int) -> None:
         """The static friction of this stick, and of the slip after it: about that of all, scattered."""
-        at, unknowns, sd = self.strength_at, self.c.unknowns, np.array([self.log.strength_sd])
-        shared = int(np.where(self.shared >= 0, self.shared, self.c.theta)[self.c.source[at]])
-        mean = self.trajectory.theta(unknowns.start)[[self.c.source[at]]]
+        at, sd = self.model.parameter_names.index("mu_s"), self.log.strength_sd
+        source = self.c.source[at]
+        shared = int(np.where(self.shared >= 0, self.shared, self.c.theta)[source])
+        mean = self.start_theta[[source]]
         value = self.trajectory.strength[[part]] if self.trajectory.strength.size else mean
-        self.strengths[part] = self.c.add(value, sd, mean=mean if shared < 0 else ZERO, sd=sd, about=shared)[0]
+        own = self.c.add(value, np.array([sd]), mean=mean if shared < 0 else 0.0, sd=sd, about=shared)
+        self.strengths[part] = own[0]
         self.own = self.shared.copy()
-        self.own[at] = self.strengths[part]
-
-    def _swing(self, part: int, at: float) -> None:
-        """The deviation of the normal force to which that at the onset goes over in a slip, as it is at a time [s]."""
-        sd, mean = self.log.load_sd_at([at]), np.array([self.log.expected[1]])
-        value = self.sliding_deviation[[part]]
-        index = self.c.add(value, sd, mean=mean, sd=sd)
-        self.loads_in_slips.append(int(index[0]))
-        self.load, self.load_value = np.append(self.load, index), np.append(self.load_value, value)
-
-    def _sliding(self, part: int, stretch: Stretch, index: int, *, trembling: bool) -> Indices:
-        """A part of a slide in one mode, whatever ends it.
-
-        Args:
-            trembling: where the measured normal force misses fast rhythms, its deviation becomes another one on the
-                way: a tremor goes through half a period while a slip lasts.
-        """
-        worn = stretch.kind == "worn"
-        inside = self.held if worn else ()
-        arrests = (SPEED,) if stretch.ended_by == "arrest" else ()
-        at_end = (*self.held, *arrests) if worn or stretch.ended_by == "wear" else arrests
-        kind: BlockKind = "worn" if worn else "slip"
-        rows = self.size.copy()
-        if stretch.ended_by == "release":
-            kind = "released"
-            rows[list(self.held)] = self._pace_of_bound(stretch.nodes[-1], stretch.until)
-        if trembling:
-            kind = "slip_trembling"
-            self._swing(part, stretch.until)
-        span = (self.since, stretch.until)
-        local = self._line_by_line(rows, span, len(stretch.nodes))
-        self.reaged = worn
-        places = self._intervals(kind, part, stretch.nodes, span, index, (inside, at_end), local)
-        self.load, self.load_value = self.load[-1:], self.load_value[-1:]
-        return places
-
-    def _steady(self, part: int, stretch: Stretch) -> Indices:
-        """Pieces of steady sliding, each with the states at its ends; what came before has faded."""
-        worn = stretch.kind == "steady_worn"
-        known = (SPEED, *(self.held if worn else ()))
-        pieces = stretch.nodes.reshape(-1, 2, self.n_x)
-        edges = np.linspace(self.since, stretch.until, pieces.shape[0] + 1)
-        places = np.full(pieces.shape, KNOWN)
-        kind: BlockKind = "steady_worn" if worn else "steady"
-        rows = np.maximum(np.max(np.abs(self._rates(pieces[0, 0], self.since)) * self.size, axis=1), 1e-300)
-        rows[ELONGATION] = 1.0
-        for i, (span, ends) in enumerate(zip(pairwise(edges.tolist()), pieces, strict=True)):
-            for j in range(2):
-                places[i, j] = self.c.state(ends[j], self.size, known)
-            self.c.put(
-                (kind, 1),
-                (self.number, part),
-                [places[i, 0], places[i, 1], NO_OFFSET, NO_OFFSET, self.load],
-                [ends[0], ends[1], ZERO, ZERO, self.load_value],
-                self._constants(rows, *span, span[1]),
-                np.array([span]),
-                self.own,
-            )
-        self.node, self.value, self.offset = places[-1, 1], pieces[-1, 1].copy(), NO_OFFSET
-        self.value[SPEED] = self.log.speed_at(0.5 * (edges[-2] + edges[-1]))
-        self.since, self.reaged = stretch.until, worn
-        return places.reshape(stretch.nodes.shape)
-
-    def _own(self) -> None:
-        """The parameters this log has for itself or with its group; those of the first log are the shared ones."""
-        u, known = self.c.unknowns, self.c.groups
-        for i in np.flatnonzero(u.own).tolist():
-            group = self.log.groups[i] if self.log.groups else ""
-            key = (i, group or f"log {self.number}")
-            if key not in known:
-                known[key] = int(self.c.theta[i]) if self.number == 0 else self._own_unknown(i)
-            if self.number > 0:
-                self.own[i] = known[key]
-
-    def _own_unknown(self, i: int) -> int:
-        """A new unknown for parameter i."""
-        u, one = self.c.unknowns, np.array([i])
-        start = self.trajectory.theta(u.start)[one]
-        mean, sd = (np.array([x]) for x in u.own_prior(i, float(start[0])))
-        return int(self.c.add(start, u.spread[one], u.lower[one], u.upper[one], mean=mean, sd=sd)[0])
+        self.own[at] = own[0]
 
     def _constants(self, rows: Array, start: float, end: float, slope_at: float) -> Array:
         force_start, force_end = self.log.normal_force.at([start, end])
@@ -217,149 +296,164 @@ class _LogTranscriber:
         ends = [drive, force_start, force_end, slope, start, end - start, 0.0, 1.0]
         return np.concatenate([self.log.base, rows, ends])
 
-    def _last_rest(self, cycle: int) -> None:
-        """The rest that the end of the window cuts."""
-        constants = self._constants(self.rest_rows, self.since, self.log.end, self.log.end)
-        parts = self._parts(self.since, self.log.end)
-        self._reaging(cycle, constants, len(parts), NO_OFFSET, ZERO)
-        for part in parts:
-            self._rest_part(cycle, NO_OFFSET, NO_OFFSET, ZERO, constants, part)
+    def _put(self, kind: BlockKind, part: int, slots: _Slots, constants: Array, edges: Array) -> None:
+        self.c.put(kind, (self.number, part), slots, constants, edges, self.own)
 
-    def _rest_until(self, cycle: int, on: float, index: int, state: Array) -> Indices:
-        """A rest that ends in a node: with the onset guard at an event, without it (index KNOWN) at a given time."""
-        value = state.copy()
+    def _rest(self, part: int, stretch: Stretch | None, end: _Slots) -> Indices:
+        """A rest that ends in a node, at an event or at a given time; or (None) the last one, which the end of the
+        window cuts. Indices of the node (n_x,)."""
+        until = self.log.end if stretch is None else stretch.until
+        constants = self._constants(self.rest_rows, self.since, until, until)
+        if self.worn:
+            self._age(part, constants)
+        *before, last = [(0.0, 1.0)] if self.model.straight else parts_of_rest(self.model, self.p, until - self.since)
+        for fractions in before:
+            slots = _Slots.joined(self.node, self.offset, end, self.load)
+            self._put(RestBlock(), part, slots, *self._cut(constants, fractions))
+        if stretch is None:
+            slots = _Slots.joined(self.node, self.offset, end, self.load)
+            self._put(RestBlock(), part, slots, *self._cut(constants, last))
+            return self.node.index
+        value = stretch.nodes[-1].copy()
         value[SPEED] = 0.0
-        node = self.c.state(value, self.size, (SPEED,))
-        constants = self._constants(self.rest_rows, self.since, on, on)
-        *before, last = self._parts(self.since, on)
-        self._reaging(cycle, constants, len(before) + 1, self.load, self.load_value)
-        for part in before:
-            self._rest_part(cycle, np.array([index]), self.load, self.load_value, constants, part)
-        self.c.put(
-            (_kind("hold" if index == KNOWN else "stick", self.reaged), 1),
-            (self.number, cycle),
-            [self.node, node, self.offset, np.array([index]), self.load],
-            [self.value, value, ZERO, ZERO, self.load_value],
-            *self._cut(constants, last),
-            self.own,
+        node = _Slots(self.c.state(value, self.size, (SPEED,)), value)
+        kind = RestBlock("time" if stretch.ended_by == "time" else "onset")
+        self._put(kind, part, _Slots.joined(self.node, node, self.offset, end, self.load), *self._cut(constants, last))
+        self.node, self.worn = node, False
+        return node.index
+
+    def _age(self, part: int, rest: Array) -> None:
+        """A node where the contact has aged before the mass rests. rest: the constants of the rest that follows."""
+        theta = self.start_theta[self.c.source]
+        slots = np.concatenate([self.node.value, np.zeros(self.n_x + 3), theta])
+        defect = block(self.model, AgeingBlock()).evaluate(slots[None], rest[None], derivatives=False)[0][0]
+        value, others = self.node.value.copy(), [i for i in range(self.n_x) if i != SPEED]
+        value[SPEED] = 0.0
+        value[others] = np.where(np.isfinite(defect), -defect * self.rest_rows[others], value[others])
+        node = _Slots(self.c.state(value, self.size, (SPEED,)), value)
+        slots_ = _Slots.joined(self.node, node, self.offset, self.offset, self.load)
+        self._put(AgeingBlock(), part, slots_, rest, np.full((1, 2), self.since))
+        self.node, self.worn = node, False
+
+    def _cut(self, constants: Array, fractions: tuple[float, float]) -> tuple[Array, Array]:
+        """The constants of a rest for one part of it, and the windows of its cells (cells, 2) [s]."""
+        own = constants.copy()
+        own[-2:] = fractions
+        since, duration = constants[-4], constants[-3]
+        edges = since + duration * np.linspace(*fractions, (1 if self.model.straight else REST_CELLS) + 1)
+        return own, np.stack([edges[:-1], edges[1:]], axis=1)
+
+    def _slide(self, part: int, stretch: Stretch, end: _Slots, *, jitter: bool) -> Indices:
+        """A part of a slide in one mode, whatever ends it: indices of the nodes at the ends of its intervals (n, n_x).
+
+        Args:
+            jitter: where the measured normal force misses fast rhythms, its deviation becomes another one on the way: a
+                tremor goes through half a period while a slip lasts.
+        """
+        worn, released = stretch.kind == "worn", stretch.ended_by == "release"
+        inside = self.clamped if worn else ()
+        at_end = (SPEED,) if stretch.ended_by == "arrest" else ()
+        if worn or stretch.ended_by == "wear":
+            at_end = (*self.clamped, *at_end)
+        load = self.load
+        if jitter:
+            sd, value = self.log.load_sd_at([stretch.until]), self.trajectory.sliding_deviation[[part]]
+            index = self.c.add(value, sd, mean=self.log.expected[1], sd=sd)
+            self.loads_in_slips.append(int(index[0]))
+            load = _Slots(np.append(load.index, index), np.append(load.value, value))
+        nodes, values = self._nodes(stretch.nodes, inside, at_end)
+        slots = _Slots.joined(
+            _Slots(np.vstack([self.node.index, nodes[:-1]]), np.vstack([self.node.value, values[:-1]])),
+            _Slots(nodes, values),
+            self.offset,
+            end,
+            load,
         )
-        self.node, self.value, self.offset = node, value, np.array([index])
-        return node
+        intervals, steps = nodes.shape[0], self.grid.steps
+        constants = self._line_by_line(stretch, intervals)
+        cells = self.since + (stretch.until - self.since) * shares(intervals * steps)
+        edges = np.stack([cells[:-1], cells[1:]], axis=1).reshape(intervals, steps, 2)
+        kind = SlideBlock(steps, worn, jitter=jitter)
+        last = intervals - 1 if released else intervals  # the guard is in the last interval
+        for of, some in ((kind, slice(0, last)), (SlideBlock(steps, worn, released=True), slice(last, None))):
+            if slots.index[some].size:
+                self._put(of, part, _Slots(slots.index[some], slots.value[some]), constants[some], edges[some])
+        self.node, self.load = _Slots(nodes[-1], values[-1]), _Slots(load.index[-1:], load.value[-1:])
+        self.worn = worn
+        return nodes
 
-    def _reaging(self, cycle: int, constants: Array, parts: int, load: Indices, load_value: Array) -> None:
-        """A node after the contact re-aged, where more than one block would each go through that moment again."""
-        if not self.reaged or parts == 1:
-            return
-        moment = self._cut(constants, (0.0, 0.0))[0]
-        theta = self.trajectory.theta(self.c.unknowns.start)[self.c.source]
-        value = after_reageing(self.c.model, self.value, theta, moment, self.rest_rows)
-        node = self.c.state(value, self.size, (SPEED,))
-        self.c.put(
-            ("reageing", 1),
-            (self.number, cycle),
-            [self.node, node, self.offset, self.offset, load],
-            [self.value, value, ZERO, ZERO, load_value],
-            moment,
-            np.full((1, 2), self.since),
-            self.own,
-        )
-        self.node, self.value, self.reaged = node, value, False
+    def _nodes(self, states: Array, inside: tuple[int, ...], at_end: tuple[int, ...]) -> tuple[Indices, Array]:
+        """Unknowns and values (n, n_x) of the nodes of a slide.
 
-    def _rest_part(
-        self, cycle: int, end: Indices, load: Indices, load_value: Array, constants: Array, part: tuple[float, float]
-    ) -> None:
-        """A part of a rest without the guard that ends it."""
-        self.c.put(
-            (_kind("rest", self.reaged), 1),
-            (self.number, cycle),
-            [self.node, self.offset, end, load],
-            [self.value, ZERO, ZERO, load_value],
-            *self._cut(constants, part),
-            self.own,
-        )
+        Args:
+            inside, at_end: states that are known there, at their bounds or at rest.
+        """
+        values, index = states.copy(), np.full(states.shape, KNOWN)
+        for row, known in ((slice(None, -1), inside), (slice(-1, None), at_end)):
+            for component in known:
+                values[row, component] = self.model.states[component].lower or 0.0
+        unknown = _unknown(*states.shape, inside, at_end)
+        index[unknown] = self.c.add(values[unknown], np.tile(self.size, (states.shape[0], 1))[unknown])
+        return index, values
 
-    def _cut(self, constants: Array, part: tuple[float, float]) -> tuple[Array, Array]:
-        return cut(constants, part, self.c.model.straight)
-
-    def _parts(self, since: float, until: float) -> list[tuple[float, float]]:
-        return [(0.0, 1.0)] if self.c.model.straight else parts_of_rest(self.rates, self.frequencies, until - since)
-
-    def _line_by_line(self, rows: Array, span: tuple[float, float], intervals: int) -> Array:
+    def _line_by_line(self, stretch: Stretch, intervals: int) -> Array:
         """The constants of the intervals of a slide, with the normal force as a straight line over each: the tremor of
         a finger goes through half a period while a slip lasts. Written as lines from the start of the slide.
 
         A trajectory whose events coincide has a slide of no length: its normal force is level, not undefined."""
-        since = (span[1] - span[0]) * shares(intervals)
-        forces = self.log.normal_force.at(span[0] + since)
+        rows, fractions = self.size.copy(), shares(intervals)
+        if stretch.ended_by == "release":
+            rates = self._rates(stretch.nodes[-1], stretch.until)[list(self.clamped)]
+            rows[list(self.clamped)] = np.max(np.abs(rates) * self.size)  # a typical rate of the bounded state
+        since = (stretch.until - self.since) * fractions
+        forces = self.log.normal_force.at(self.since + since)
         width = since[1:] - since[:-1]
         slope = np.divide(forces[1:] - forces[:-1], width, out=np.zeros(intervals), where=width > 0.0)
-        local = np.tile(self._constants(rows, *span, span[0]), (intervals, 1))
+        local = np.tile(self._constants(rows, self.since, stretch.until, self.since), (intervals, 1))
         local[:, -7], local[:, -5] = forces[:-1] - slope * since[:-1], slope
+        local[:, -2], local[:, -1] = fractions[:-1], fractions[1:]
         return local
 
-    def _intervals(
-        self,
-        kind: BlockKind,
-        cycle: int,
-        nodes: Array,
-        span: tuple[float, float],
-        end: int,
-        known: tuple[tuple[int, ...], tuple[int, ...]],
-        local: Array | None = None,
-    ) -> Indices:
-        """The shooting intervals of one part of a slide: indices of the nodes at their ends (n, n_x).
-
-        Args:
-            known: states that are at their bounds inside, and at the end; end: index of the event that ends it, KNOWN
-                at a given time; local: constants of each interval in place of those of the whole span.
-        """
-        intervals, steps, n_x = nodes.shape[0], self.grid.steps, self.n_x
-        values, index = nodes.copy(), np.full((intervals, n_x), KNOWN)
-        for row, bound in zip((slice(None, -1), slice(-1, None)), known, strict=True):
-            for component in bound:
-                values[row, component] = self.c.model.states[component].lower or 0.0
-        unknown = _unknown(intervals, n_x, *known)
-        index[unknown] = self.c.add(values[unknown], np.broadcast_to(self.size, unknown.shape)[unknown])
-        d_end, fractions = np.array([end]), shares(intervals)
-        slots = np.empty((intervals, 2 * n_x + 2 + self.load.size), dtype=np.int64)
-        fixed = np.zeros(slots.shape)
-        for table, before, nodes_at, load in (
-            (slots, self.node, index, self.load),
-            (fixed, self.value, values, self.load_value),
-        ):
-            table[0, :n_x], table[1:, :n_x], table[:, n_x : 2 * n_x] = before, nodes_at[:-1], nodes_at
-            table[:, 2 * n_x + 2 :] = load
-        slots[:, 2 * n_x], slots[:, 2 * n_x + 1] = self.offset[0], end
-        constants = np.tile(self._constants(self.size, *span, span[0]), (intervals, 1)) if local is None else local
-        constants[:, -2], constants[:, -1] = fractions[:-1], fractions[1:]
-        cells = span[0] + (span[1] - span[0]) * shares(intervals * steps)
-        edges = np.empty((intervals, steps, 2))
-        edges[..., 0], edges[..., 1] = cells[:-1].reshape(intervals, steps), cells[1:].reshape(intervals, steps)
-        last = intervals - 1 if kind == "released" else intervals  # the guard is in the last interval
-        for name, part in (("worn" if kind == "released" else kind, slice(0, last)), (kind, slice(last, None))):
-            if slots[part].size:
-                self.c.put_all(
-                    (name, steps),
-                    (self.number, cycle),
-                    slots[part],
-                    fixed[part],
-                    constants[part],
-                    edges[part],
-                    self.own,
-                )
-        self.node, self.value = index[-1], values[-1]
-        self.offset = d_end
-        return index
+    def _steady(self, part: int, stretch: Stretch) -> Indices:
+        """Pieces of steady sliding, each with the states at its ends; what came before has faded."""
+        worn = stretch.kind == "steady_worn"
+        known = (SPEED, *(self.clamped if worn else ()))
+        pieces = stretch.nodes.reshape(-1, 2, self.n_x)
+        edges = np.linspace(self.since, stretch.until, pieces.shape[0] + 1)
+        places = np.full(pieces.shape, KNOWN)
+        rows = np.maximum(np.max(np.abs(self._rates(pieces[0, 0], self.since)) * self.size, axis=1), 1e-300)
+        rows[ELONGATION] = 1.0
+        for i, (span, ends) in enumerate(zip(pairwise(edges.tolist()), pieces, strict=True)):
+            for j in range(2):
+                places[i, j] = self.c.state(ends[j], self.size, known)
+            at_ends = (_Slots(places[i, j], ends[j]) for j in range(2))
+            slots = _Slots.joined(*at_ends, CONSTANT, CONSTANT, self.load)
+            self._put(SteadyBlock(worn), part, slots, self._constants(rows, *span, span[1]), np.array([span]))
+        value = pieces[-1, 1].copy()
+        value[SPEED] = self.log.speed_at(0.5 * (edges[-2] + edges[-1]))
+        self.node, self.offset = _Slots(places[-1, 1], value), CONSTANT
+        self.since, self.worn = stretch.until, worn
+        return places.reshape(stretch.nodes.shape)
 
     def _rates(self, state: Array, at: float) -> Array:
         """Derivatives of the rates of all states with respect to the states (n_x, n_x) [1/s per unit]."""
-        unknowns, model = self.c.unknowns, self.c.model
-        p = unknowns.values(self.trajectory.theta(unknowns.start), self.log.base)
-        return rate_slopes(model, state, p, np.array([self.log.speed_at(at), self.log.normal_force.at(at), 1.0, at]))
+        u = np.array([self.log.speed_at(at), self.log.normal_force.at(at), 1.0, at])
+        return rate_slopes(self.model, state, self.p, u)
 
-    def _pace_of_bound(self, state: Array, at: float) -> float:
-        """A typical rate of the bounded state [1/s]."""
-        return float(np.max(np.abs(self._rates(state, at)[list(self.held)]) * self.size))
+
+def parts_of_rest(model: Model, p: Array, duration: float) -> list[tuple[float, float]]:
+    """Fractions of a rest [s] that one block each can follow: fine where something decays, and where it oscillates."""
+    if duration <= 0.0:
+        return [(0.0, 1.0)]
+    rates, frequencies = (np.array(f(p)).ravel() for f in (model.decays, model.waves))
+    ends = [c / r for r in rates for c in DECAYED if c / r < duration]
+    edges = np.unique([0.0, *ends, duration])
+    longest = min((REST_CELLS * 2 * np.pi / (CELLS_PER_PERIOD * w) for w in frequencies), default=np.inf)
+    cuts = [
+        np.linspace(a, b, 1 + min(max(int(np.ceil((b - a) / longest)), 1), MOST_PARTS))[:-1] for a, b in pairwise(edges)
+    ]
+    inner = np.append(np.concatenate(cuts), duration) / duration
+    return list(zip(inner[:-1].tolist(), inner[1:].tolist(), strict=True))
 
 
 @lru_cache(maxsize=64)
@@ -380,11 +474,6 @@ def _unknown(intervals: int, n_x: int, inside: tuple[int, ...], at_end: tuple[in
     return out
 
 
-def _kind(kind: str, reaged: bool) -> BlockKind:
-    """The kind of a rest, by whether the contact re-aged in the last moment of the slide before it."""
-    return f"{kind}_reaged" if reaged else kind  # type: ignore[return-value]
-
-
 def transcribe(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns, grid: Grid) -> Layout:
     """Lay out the multiple-shooting problem of several logs around their trajectories."""
     free = np.flatnonzero(unknowns.free)
@@ -393,23 +482,20 @@ def transcribe(logs: list[LogData], trajectories: list[ShootingTrajectory], unkn
         _LogTranscriber(builder, number, log, trajectory, grid).walk()
         for number, (log, trajectory) in enumerate(zip(logs, trajectories, strict=True))
     )
-    families = builder.families()
-    joined = [
-        np.concatenate(part)
-        for part in (builder.scale, builder.start, builder.lower, builder.upper, builder.mean, builder.sd)
-    ]
-    scale, start, lower, upper, mean, sd = joined
+    columns = builder.columns()
     return Layout(
-        unknowns,
-        free,
-        families,
-        scale,
-        start,
-        lower,
-        upper,
-        mean,
-        sd,
-        np.concatenate(builder.about),
-        builder.rows,
-        places,
+        unknowns=unknowns,
+        trajectories=tuple(trajectories),
+        grid=grid,
+        free=free,
+        families=builder.families(),
+        scale=columns["scale"],
+        start=columns["start"],
+        lower=columns["lower"],
+        upper=columns["upper"],
+        prior_mean=columns["mean"],
+        prior_sd=columns["sd"],
+        prior_about=columns["about"],
+        rows=builder.rows,
+        places=places,
     )

@@ -17,7 +17,7 @@ from identify.base import native
 from identify.base.compiled import Mapped
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.shooting.blocks import block
+from identify.shooting.blocks import AgeingBlock, RestBlock, SlideBlock, block
 
 
 def function(factor: float = 2.0) -> ca.Function:
@@ -62,9 +62,9 @@ def test_another_function_is_not_mistaken_for_it(machine_code):
     assert not other.native
 
 
-@pytest.mark.parametrize("kind", ["stick_reaged", "slip", "worn"])
+@pytest.mark.parametrize("kind", [RestBlock("onset"), AgeingBlock(), SlideBlock(2), SlideBlock(2, worn=True)])
 def test_shooting_blocks_agree_to_ten_digits(machine_code, kind):
-    made_block = block(assemble(MAIN), kind, 2)
+    made_block = block(assemble(MAIN), kind)
     slots, constants, _, _ = made_block.expressions
     random = np.random.default_rng(3)
     given = [0.1 + 0.1 * random.random((7, slots.numel())), 0.5 + random.random((7, constants.numel()))]

@@ -18,7 +18,7 @@ from identify.bench.ringdown import ring_downs
 from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.unknowns import from_scene
-from identify.shooting.layout import NlpBuilder
+from identify.shooting.transcription import NlpBuilder
 
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
 OMEGA, ZETA = np.sqrt(1470.0 / 0.2), 0.05
@@ -167,7 +167,7 @@ def test_a_problem_counts_tied_priors_whatever_of_them_is_held(held):
     start = unknowns.start + 0.01 * random.standard_normal(len(unknowns.names))
     free = unknowns.free & ~np.isin(unknowns.names, held)
     made = NlpBuilder(unknowns.model, replace(unknowns, start=start, free=free), np.flatnonzero(free))
-    mean, sd, about = made.mean[0], made.sd[0], made.about[0]
+    mean, sd, about = (made.columns()[name] for name in ("mean", "sd", "about"))
 
     def costs(theta):
         searched = theta[free]

@@ -35,6 +35,7 @@ from identify.logs.parting import _unrecorded, gaps_apart, name_of, parts_of, st
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
+from identify.shooting.blocks import AgeingBlock, RestBlock, SlideBlock, SteadyBlock
 from identify.shooting.following import follow, glide
 from identify.shooting.grid import COARSE_GRID
 from identify.shooting.shooting import shooting_problem
@@ -131,7 +132,9 @@ def test_the_derivatives_of_a_course_are_those_of_differences():
     trajectory = follow(unknowns.model, prepared.data, p, begins_sliding=False).trajectory
     problem = shooting_problem([prepared.data], [trajectory], at, COARSE_GRID)
     kinds = {family.block.kind for family in problem.layout.families}
-    assert {"hold_reaged", "steady_worn", "stick", "worn", "slip"} <= kinds
+    steps = COARSE_GRID.steps
+    slides = {SlideBlock(steps, worn=True), SlideBlock(steps), SteadyBlock(worn=True)}
+    assert slides | {RestBlock("time"), RestBlock("onset"), AgeingBlock()} <= kinds
     z, random = problem.start, np.random.default_rng(1)
     point = problem.evaluate(z, derivatives=True)
     for _ in range(3):

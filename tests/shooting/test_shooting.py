@@ -7,9 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.model.model import assemble
+from identify.logs.unknowns import FORGOTTEN
+from identify.model.model import SPEED, assemble
+from identify.shooting.blocks import AgeingBlock
 from identify.shooting.grid import COARSE_GRID, Grid
 from identify.shooting.passes import solve_in_passes
+from identify.shooting.pattern import Pattern, compressed
 from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.solve import solve
 from identify.shooting.transcription import transcribe
@@ -165,25 +168,23 @@ def test_compression_is_exact(size):
 
 
 @pytest.mark.parametrize("portion", [1, 10, 997])
-def test_a_cell_may_be_compressed_in_portions(portion, monkeypatch):
+def test_a_cell_may_be_compressed_in_portions(portion):
     whole = _masked(_problem(load_sd=1e-3)[0])
     z = _somewhere(whole, 3e-2)
-    cost, fitted = whole.evaluate(z, derivatives=False).cost, whole.fitted(z)
-    monkeypatch.setattr("identify.shooting.pattern.PORTION", portion)
-    cut = Problem(whole.logs, whole.layout)
-    assert cut.evaluate(z, derivatives=False).cost == pytest.approx(cost, rel=1e-12)
-    assert cut.samples == whole.samples
-    for one, other in zip(cut.fitted(z), fitted, strict=True):
-        np.testing.assert_array_equal(one, other)
+    families = zip(whole.layout.families, whole.moments, strict=True)
+    parts = [compressed(family, whole.logs, moments.reference, portion) for family, moments in families]
+    assert whole.with_moments(parts).evaluate(z, derivatives=False).cost == pytest.approx(
+        whole.evaluate(z, derivatives=False).cost, rel=1e-12
+    )
+    assert whole.with_moments(parts).samples == whole.samples
 
 
 @pytest.mark.parametrize("portion", [1, 7])
-def test_derivatives_may_be_taken_in_portions(portion, monkeypatch):
+def test_derivatives_may_be_taken_in_portions(portion):
     whole = _problem(MIXED, free=(*case.FRICTION, "mass"), load_sd=1e-3)[0]
     z, on_rows = _somewhere(whole, 1e-2), np.random.default_rng(7).standard_normal(whole.layout.rows)
     assert all(len(family.parts) == 1 for family in whole.pattern.families)
-    monkeypatch.setattr("identify.shooting.pattern.BLOCKS_AT_ONCE", portion)
-    cut = Problem(whole.logs, whole.layout)
+    cut = Problem(whole.logs, whole.layout, pattern=Pattern(whole.layout, portion))
     assert max(len(family.parts) for family in cut.pattern.families) > 3
     one, other = (problem.evaluate(z, derivatives=True) for problem in (whole, cut))
     for name in ("rows", "gradient"):
@@ -229,8 +230,16 @@ def test_cost_does_not_depend_on_the_curve_the_samples_are_compressed_about():
 def test_the_same_motion_about_other_event_times_has_the_same_rows_and_cost():
     """Re-centring changes what is constant and what is unknown, not the motion."""
     problem = _problem()[0]
-    z = _somewhere(problem, 1e-6)
-    x = z * problem.layout.scale
+    x = _somewhere(problem, 1e-6) * problem.layout.scale
+    # The node in which a contact has aged follows from the arrest before it, and is no part of a trajectory.
+    ageing = next(family for family in problem.layout.families if family.block.kind == AgeingBlock())
+    rows, n_x = (
+        problem.evaluate(x / problem.layout.scale, derivatives=False).rows,
+        len(problem.layout.unknowns.model.states),
+    )
+    for i, state in enumerate(j for j in range(n_x) if j != SPEED):
+        x[ageing.slots[:, n_x + state]] -= rows[ageing.rows[:, i]] * ageing.constants[:, -8 - n_x + state]
+    z = x / problem.layout.scale
     unknowns = replace(problem.layout.unknowns, start=problem.layout.unknowns.start.copy())
     unknowns.start[problem.layout.free] = x[: problem.layout.free.size]
     logs = [case.simulated(case.PAIR, *s) for s in (case.SLOW, case.MIDDLE)]
@@ -341,3 +350,34 @@ def test_a_pattern_is_taken_over_by_problems_with_the_same_unknowns_and_rows_onl
         expected, found = (p.evaluate(z, derivatives=True) for p in (problem, again))
         for name in ("jacobian", "hessian"):
             np.testing.assert_array_equal(getattr(found, name).toarray(), getattr(expected, name).toarray())
+
+
+@pytest.mark.parametrize("jitter", [0.0, 1e-3])
+@pytest.mark.parametrize("per", [None, "log"], ids=["shared", "own"])
+def test_a_point_keeps_its_cost_where_every_parameter_is_unknown(per, jitter):
+    problem, _ = _problem(load_sd=jitter, tremor_sd=jitter)
+    unknowns = problem.layout.unknowns
+    if per is not None:
+        unknowns = replace(unknowns, per=tuple(per if name == "mu_s" else None for name in unknowns.names))
+        problem = shooting_problem(problem.logs, list(problem.layout.trajectories), unknowns, SMALL)
+    z = _somewhere(problem)
+    every, at = problem.with_all_parameters(unknowns, z)
+    assert every.layout.free.size == len(unknowns.names) > unknowns.free.sum()
+    cost = problem.evaluate(z, derivatives=False).cost
+    assert every.evaluate(at, derivatives=False).cost == pytest.approx(cost, rel=1e-9)
+    own = [int(i) for place in every.layout.places for i in place.own if i >= len(unknowns.names)]
+    assert len(own) == (per is not None)
+    if own:  # a wide prior of the search is no information on what a log has for itself
+        spread = unknowns.spread[unknowns.names.index("mu_s")]
+        soft, _ = problem.with_all_parameters(unknowns.with_weak_priors(), z)
+        assert every.layout.prior_sd[own[0]] == FORGOTTEN * spread > soft.layout.prior_sd[own[0]]
+
+
+def test_finer_steps_are_those_of_a_finer_grid():
+    problem, _ = _problem()
+    z = _somewhere(problem)
+    finer = problem.with_steps(2 * SMALL.steps)
+    walked, _ = _problem(grid=replace(SMALL, steps=2 * SMALL.steps))
+    coarse, fine = (p.evaluate(z, derivatives=False) for p in (problem, finer))
+    assert np.max(np.abs(coarse.rows - fine.rows)) > 1e-9, "more steps change nothing"
+    assert walked.layout.size == finer.layout.size and walked.samples == finer.samples

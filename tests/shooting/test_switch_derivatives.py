@@ -10,7 +10,6 @@ import scipy.sparse.linalg as sla
 
 from identify.estimation.influence import sample_moves
 from identify.shooting import blocks
-from identify.shooting import blocks as reageing
 from identify.shooting.grid import Grid
 from identify.shooting.layout import KNOWN
 from identify.shooting.shooting import shooting_problem
@@ -140,7 +139,7 @@ def test_the_motion_is_that_of_the_integrator(kind, monkeypatch):
 
     assert late(_solved_once(kind)[3]) < ON_TIME
     if kind == "fast, ageing fast before arrest":  # without that moment every slip comes too late
-        monkeypatch.setattr(reageing, "FASTEST", 1e-9)
+        monkeypatch.setattr(blocks.AgeingBlock, "FASTEST", 1e-9)
         blocks.block.cache_clear()
         assert late(_solved(pair, log)[3]) > 1e3 * ON_TIME
         blocks.block.cache_clear()
