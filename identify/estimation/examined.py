@@ -114,7 +114,7 @@ def _finer(attempt: Attempt, unknowns: Unknowns, steps: int, size: Array) -> Att
         size: (f + o,) standard errors of the free parameters and of those of single logs.
     """
     solved = attempt.solved
-    problem, z = solved.problem.with_finer_steps(), solved.solution.z
+    problem, z = solved.problem.with_steps(steps), solved.solution.z
     layout = problem.layout
     kept = kept_parameters(layout)
     try:
