@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from identify.app.curves import MOST_POINTS, STRETCHES
 from identify.app.folder import Folder, PageError, read_json
 from identify.base.result import Result
+from identify.report.report_wording import NOT_FOR, distribution_lines, headline, is_uneven, odd_slips
 from identify.report.stored_result import plain
 from identify.report.summary import accuracy_text, tolerances_text
-from identify.report.uneven_words import NOT_FOR, distribution_lines, headline, is_uneven, odd_slips
 
 Array = NDArray[np.float64]
 SHOWN = ("status", "message", "parameters", "gate", "fit", "search", "not_tried", "found_by", "next_logs", "notes",

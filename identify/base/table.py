@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Value = str | float | int | bool | None
 
+SENTENCE = 400  # characters of a cell on a page
 LINE = 2000  # characters of a cell; Excel takes 32,767
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "|", "%", "＝", "＋", "－", "＠")  # read as a formula by spreadsheets
 LATEX_ROWS = 400  # a longer table is for a spreadsheet
@@ -102,8 +103,8 @@ class OutputTable:
         return pd.DataFrame(body, columns=[str(harmless(head)) for head in self.columns], dtype=object)
 
     def to_text(self, indent: str = "  ") -> str:
-        """Aligned columns for a terminal."""
-        body = [[cell.shown for cell in row] for row in self.cells if len(row) > 1]
+        """Aligned columns for a terminal; the first holds names as they are."""
+        body = [[_name(row[0]), *(cell.shown for cell in row[1:])] for row in self.cells if len(row) > 1]
         return columns([list(self.columns), *body], indent)
 
     def to_csv(self) -> str:
@@ -116,13 +117,16 @@ class OutputTable:
         import pandas as pd
 
         kept = [k for k in range(len(self.columns)) if any(c[k].value not in (None, "") for c in self.cells if c[1:])]
-        body = [[_plain_number(row[k]) for k in kept] for row in self.cells if len(row) > 1]
+        body = [
+            [_plain_number(row[k]) if k else visible(_name(row[0])) for k in kept] for row in self.cells if len(row) > 1
+        ]
         frame = pd.DataFrame(body[:LATEX_ROWS], columns=[visible(self.columns[k]) for k in kept])
         text = str(frame.to_latex(index=False, escape=True, longtable=True, caption=_escaped(self.title)))
         return "".join(SYMBOLS.get(c, c if c.isprintable() or c == "\n" else "?") for c in text)
 
-    def to_html(self, sortable: bool = False) -> Markup:
-        """A <table> in a box that scrolls; sortable: headings are buttons and cells carry what they sort by."""
+    def to_html(self, sortable: bool = False, style: str = "grid") -> Markup:
+        """A <table> in a box that scrolls; sortable: headings are buttons and cells carry what they sort by; style: its
+        class where it is not."""
         cells = self.cells
         numeric = [
             any(isinstance(row[k].value, int | float) for row in cells if len(row) > k)
@@ -137,7 +141,9 @@ class OutputTable:
             for head, right in zip(self.columns, numeric, strict=True)
         ]
         body = Markup("\n").join(_html_row(row, numeric, len(self.columns), sortable) for row in cells)
-        attributes = Markup(' class="sortable" id="{}"').format(self.name) if sortable else Markup(' class="grid"')
+        attributes = (
+            Markup(' class="sortable" id="{}"').format(self.name) if sortable else Markup(' class="{}"').format(style)
+        )
         return Markup(
             '<div class="scroll" tabindex="0">\n<table{}>\n<thead><tr>{}</tr></thead>\n'
             "<tbody>\n{}\n</tbody>\n</table>\n</div>"
@@ -170,14 +176,18 @@ def _html_row(row: Sequence[Cell], numeric: Sequence[bool], width: int, sortable
 
 
 def _inside(cell: Cell) -> Markup:
-    shown = escape(visible(cell.shown, 400))
+    shown = escape(visible(cell.shown, LINE if cell.kind == "words" else SENTENCE))
     if cell.kind in CHIPS:
         body = Markup('<span class="chip {}">{}</span>').format(cell.kind, shown)
     elif cell.link:
         body = Markup('<a href="{}"><bdi>{}</bdi></a>').format(cell.link, shown)
     else:
         body = Markup("<bdi>{}</bdi>").format(shown)
-    return body + Markup(" <small>{}</small>").format(visible(cell.note, 400)) if cell.note else body
+    return body + Markup(" <small>{}</small>").format(visible(cell.note, LINE)) if cell.note else body
+
+
+def _name(cell: Cell) -> str:
+    return str(cell.value) if isinstance(cell.value, str) else cell.shown
 
 
 def _plain_number(cell: Cell) -> str:

@@ -163,6 +163,23 @@ def ends_text(low: float, high: float, places: int) -> str:
     return f"{decimals(low, places)} to {decimals(high, places)}"
 
 
+def interval_text(ends: tuple[float | None, float | None], scale: Scale, places: int | None = None) -> str:
+    """ "0.618 to 0.622" of SI ends in the unit of the scale, open ends as "above" and "below", "open" where both are.
+
+    places: decimals; None: as many as a quarter of the length is worth.
+    """
+    low, high = (None if end is None else end / scale.factor for end in ends)
+    if low is not None and high is not None:
+        if places is None and (max(abs(low), abs(high)) >= 1e6 or high - low < 1e-6):
+            return f"{number(low, 5)} to {number(high, 5)}"
+        return ends_text(low, high, places_for((high - low) / 4, None) if places is None else places)
+    if low is None and high is None:
+        return "open"
+    end = low if low is not None else high
+    assert end is not None
+    return f"{'below' if low is None else 'above'} {number(end, 3) if places is None else decimals(end, places)}"
+
+
 def places_for(error: float | None, value: float | None) -> int:
     """Decimals that show the error with two digits, or one where it begins with 4 or more; else four of the value."""
     if error is not None and error > 0:

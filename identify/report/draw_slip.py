@@ -17,13 +17,13 @@ from identify.report.style import (
     ONSET,
     QUIET,
     SLIDING,
+    Columns,
     Drawing,
     extremes,
     frame,
     headroom,
     padded,
 )
-from identify.report.text_tables import Columns
 
 MOST_POINTS = 500
 HEIGHT = 4.7  # of both figures [inch], so that they stand well beside each other

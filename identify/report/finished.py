@@ -19,10 +19,10 @@ from identify.model.model import RIG_PARAMETERS
 from identify.prediction.point_prediction import PointPrediction
 from identify.prediction.predict import predict
 from identify.prediction.sources import pair_of
-from identify.report.first_screen import first_screen
+from identify.report.report_page import first_screen
+from identify.report.report_tables import classical_rows
 from identify.report.stored_result import plain, read_document, scene_of
 from identify.report.summary import summary
-from identify.report.text_tables import classical_rows
 from identify.scene import Scene
 from identify.scene.parameters import default_spec
 from identify.scene.tables import quantity

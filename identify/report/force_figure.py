@@ -22,6 +22,7 @@ from identify.report.style import (
     QUIET,
     RESIDUAL,
     WIDE,
+    Columns,
     Drawing,
     Envelope,
     envelope,
@@ -31,7 +32,6 @@ from identify.report.style import (
     padded,
     printable,
 )
-from identify.report.text_tables import Columns
 
 OVERVIEW_STRETCHES, CLOSEUP_STRETCHES = 560, 300
 MOST_MARKS = 120

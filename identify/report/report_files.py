@@ -6,16 +6,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pandas as pd
+
 from data_io.atomic import atomic_path, atomic_write
+from identify.report.report_figures import pictures
+from identify.report.report_tables import classical_table, parameter_table
 from identify.report.stored_result import as_json
-from identify.report.text_tables import classical_csv, figure_csv, latex_table
 
 if TYPE_CHECKING:
     from identify.report.finished import Fit
-
+    from identify.report.style import Columns
 
 FIGURES = "figures"
-FIGURE_ENDINGS = (".png", ".svg", ".csv")
+FIGURE_ENDINGS = (".png", ".svg", ".csv")  # pictures of older reports were PNG too
 
 
 def write_report(fit: Fit, folder: Path) -> list[Path]:
@@ -26,20 +29,17 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
     last. Until everything is rendered nothing is touched; an interruption leaves no half file.
     OSError where the folder cannot be written.
     """
-    # Matplotlib and HDF5 are slow to import: only who writes a report pays for them.
     from identify.report.cycle_figures import measured_cycles
     from identify.report.hdf5 import write_result_h5
-    from identify.report.report_figures import pictures
     from identify.report.report_page import render_page
 
     drawn = list(pictures(fit))
     page, document = render_page(fit, drawn), as_json(fit.result)
-    table = classical_csv(fit.typed.logs)
-    latex = latex_table(fit.typed.parameters)
+    table = classical_table(fit.typed.logs).to_csv()
+    latex = parameter_table(fit.typed.parameters).to_latex()
     figures: dict[str, str | bytes] = {"measured_cycles.csv": figure_csv(measured_cycles(fit.logs))}
     for picture in drawn:
         figures[f"{picture.name}.svg"] = picture.svg
-        figures[f"{picture.name}.png"] = picture.png
         figures.update({f"{name}.csv": figure_csv(columns) for name, columns in picture.tables.items()})
     (folder / FIGURES).mkdir(parents=True, exist_ok=True)
     written = [_write(folder / FIGURES / name, content) for name, content in figures.items()]
@@ -67,3 +67,8 @@ def _remove_stale(folder: Path, written: Sequence[Path]) -> None:
         for path in folder.glob(pattern):
             if path.suffix in FIGURE_ENDINGS and path.name not in kept:
                 path.unlink()
+
+
+def figure_csv(columns: Columns) -> str:
+    """Columns of equal length as CSV, numbers so that they read back exactly; NaN is an empty cell."""
+    return str(pd.DataFrame(columns).to_csv(index=False, lineterminator="\n"))

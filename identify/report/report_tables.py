@@ -1,165 +1,455 @@
-"""Tables of the page as plain data, built from whatever entries the document holds."""
+"""The tables of a fit, the same for page, terminal, CSV and LaTeX, built from whatever entries the document holds."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 
-from identify.base.document import finite
-from identify.base.result import EffectReason, HeldResult, LogResult, Shift
-from identify.base.wording import DASH, number, quantity, scale_for, split_key
-from identify.report.report_wording import RECORD_WORDS, plain_symbol
-from identify.report.text_tables import classical_rows, column_names
+from identify.base.document import Json, finite, from_document, to_dict
+from identify.base.result import (
+    AccuracyLevel,
+    CombinationsResult,
+    ComparedModel,
+    EffectReason,
+    HeldResult,
+    LogResult,
+    Number,
+    ParameterResult,
+    QualityFigure,
+    Result,
+    Shift,
+)
+from identify.base.table import Cell, OutputTable, Row, Value
+from identify.base.wording import (
+    DASH,
+    decimals,
+    interval_text,
+    number,
+    places_for,
+    quantity,
+    scale_for,
+    speed,
+    split_key,
+)
+from identify.prediction.stabilising import ChangeAdvice, StabilisingAdvice
+from identify.prediction.wording import WINDOWS
+from identify.report.report_wording import (
+    ANSWER_ORDER,
+    ANSWER_WORDS,
+    MEANINGS,
+    OUTCOMES,
+    RECORD_WORDS,
+    SLIPS,
+    VERDICT_CLASS,
+    VERDICT_MARK,
+    plain_symbol,
+    with_group,
+)
+from identify.report.shown_error import said_once, scatter, shown_error
+
+Entry = Mapping[str, Json]
+KeyPath = tuple[str, ...]
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Parameters: value, intervals, verdict; how sure they are by each method; combinations.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def parameter_table(parameters: Mapping[str, ParameterResult], errors: bool = True) -> OutputTable:
+    """Value, 95 % interval and verdict of each parameter in lab units, beside them the interval of noise alone where
+    there is one. The first column holds the name, its symbol for a page; errors: standard errors beside the values."""
+    exact = any(entry.interval_rig_exact for entry in parameters.values())
+    reasons = said_once([entry.reason for entry in parameters.values()])
+    rows = []
+    for (name, entry), reason in zip(parameters.items(), reasons, strict=True):
+        error, spread, scale = shown_error(entry), scatter(entry), scale_for(entry.value, entry.unit)
+        shown = None if entry.value is None else entry.value / scale.factor
+        places = places_for(spread / scale.factor, shown) if spread else places_for(None, shown) - 1
+        text = DASH if shown is None else decimals(shown, places)
+        text += "" if error is None or shown is None or not errors else f" ± {decimals(error / scale.factor, places)}"
+        si = f"{number(entry.value, 5)} {entry.unit}" if entry.value is not None and scale.factor != 1 else ""
+        kind = VERDICT_CLASS.get(entry.verdict, "plain")
+        known = entry.verdict != "fixed" and entry.interval
+        ends = entry.interval_rig_exact
+        halves = [abs(end / scale.factor - (shown or 0.0)) for end in ends or () if end is not None]
+        alone = places_for(min(halves, default=0.0) / 2, shown)
+        rows.append(
+            (
+                Cell(
+                    with_group(name, entry.group),
+                    with_group(plain_symbol(entry.parameter or name), entry.group),
+                    MEANINGS.get(entry.parameter or name, ""),
+                ),
+                Cell(entry.value, text, si, "doubt" if kind == "bad" else ""),
+                Cell(interval_text(entry.ends, scale, places) if known else DASH),
+                *([Cell(interval_text(ends, scale, alone) if ends and shown is not None else "")] if exact else []),
+                Cell(entry.unit, scale.unit or "1"),
+                Cell(entry.verdict, f"{VERDICT_MARK.get(entry.verdict, '')} {entry.verdict}".strip(), reason, kind),
+            )
+        )
+    heads = ("parameter", "value", "95 % interval", *(["rig exact"] if exact else []), "unit", "verdict")
+    return OutputTable("Parameters", heads, tuple(rows), "parameters")
+
+
+def method_table(result: Result) -> OutputTable:
+    """The 95 % intervals side by side: the result's own, by profile, by bootstrap; empty where neither was run."""
+    profiles = result.profile.parameters if result.profile else {}
+    resampled = result.bootstrap.parameters if result.bootstrap else {}
+    rows = []
+    for name, entry in result.parameters.items():
+        if name not in profiles and name not in resampled:
+            continue
+        scale = scale_for(entry.value, entry.unit)
+        row = [Cell(plain_symbol(with_group(name, entry.group)), note=quantity(entry.value, entry.unit, 5))]
+        row.append(Cell(interval_text(entry.ends, scale)))
+        if profiles:
+            curve = profiles.get(name)
+            doubts = ["ends at a bound of the scene"] * bool(curve and any(curve.at_bound))
+            doubts += ["a point failed"] * bool(curve and any(curve.failed))
+            row.append(Cell(interval_text(curve.interval, scale), note=" · ".join(doubts)) if curve else Cell())
+        if resampled:
+            part = resampled.get(name)
+            spread = part.spread_in_standard_errors if part else None
+            note = "" if spread is None else f"spread {number(spread, 2)} SE"
+            row.append(Cell(interval_text(part.interval, scale), note=note) if part else Cell())
+        rows.append(tuple(row))
+    heads = ["parameter", "result", *(["profile"] if profiles else [])]
+    if result.bootstrap and resampled:
+        failed = f", {result.bootstrap.failed} did not settle" if result.bootstrap.failed else ""
+        heads.append(f"bootstrap, {result.bootstrap.replicates} replicates{failed}")
+    return OutputTable("Intervals by each method", tuple(heads), tuple(rows))
+
+
+def combination_table(combinations: CombinationsResult) -> OutputTable:
+    """Combinations that are known better than their parts."""
+    rows = tuple(
+        (
+            Cell(entry.name, note=entry.meaning),
+            Cell(quantity(entry.value, entry.unit)),
+            Cell(interval_text(entry.interval, scale_for(entry.value, entry.unit))),
+            Cell(f"{number(entry.sharper, 2)} ×"),
+        )
+        for entry in combinations.natural
+    )
+    heads = ("combination", "value", "95 % interval", "sharper than its loosest part")
+    return OutputTable("Known better together", heads, rows)
+
+
+def direction_lines(combinations: CombinationsResult) -> tuple[str, ...]:
+    """The best and the worst known direction, in words."""
+    lines = [direction.text for direction in combinations.directions]
+    return tuple(line[:1].upper() + line[1:] + "." for line in (lines[:1] + lines[-1:] if len(lines) > 1 else lines))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What accuracy costs, what effects are worth, what the rig's errors would do.
+# ----------------------------------------------------------------------------------------------------------------------
+
+FAR = 4.0  # standard errors beyond which a stated value stands out
+
+
+def accuracy_rows(table: Sequence[AccuracyLevel]) -> OutputTable:
+    """What each level of accuracy costs, and by how many standard errors it moves each parameter."""
+    names = list(dict.fromkeys(name for level in table for name in level.shift_in_standard_errors or {}))
+    rows = []
+    for level in table:
+        left = [abs(error) for error in (level.left_in_standard_errors or {}).values() if error is not None]
+        shift = level.shift_in_standard_errors or {}
+        shifts = (Cell(value, number(value, 2)) for value in map(shift.get, names))
+        error = Cell(max(left), f"{number(max(left), 2)} SE") if left else Cell()
+        head = Cell(level.accuracy, note="" if shift else "did not solve")
+        rows.append(
+            (head, Cell(level.seconds, number(level.seconds, 3)), level.iterations, level.steps, error, *shifts)
+        )
+    heads = ("accuracy", "seconds", "iterations", "steps", "error left", *map(plain_symbol, names))
+    return OutputTable("What accuracy costs", heads, tuple(rows))
+
+
+def models_table(models: Sequence[ComparedModel]) -> OutputTable:
+    """The fit with and without each effect: information criteria and errors on what was left out."""
+    rows = tuple(
+        (
+            entry.model.replace("_", " "),
+            entry.parameters,
+            Cell(entry.chi2_per_sample, number(entry.chi2_per_sample, 5)),
+            *(Cell(v, f"{'+' * bool(v and v > 0)}{number(v, 3)}") for v in (entry.delta_aic, entry.delta_bic)),
+            *(Cell(v, number(v, 4)) for v in (entry.left_out_cycles, entry.left_out_logs)),
+            Cell(entry.verdict, kind="words"),
+        )
+        for entry in models
+    )
+    heads = ("model", "parameters", "χ² per sample", "ΔAIC", "ΔBIC", "error on cycles left out")
+    return OutputTable("The fit with and without each effect", (*heads, "error on logs left out", "verdict"), rows)
+
+
+def effects_table(reasons: Sequence[EffectReason]) -> OutputTable:
+    """Which effects and why: one row per effect that was looked at; columns that nobody fills are left out."""
+    columns = {
+        "group": [
+            Cell(finite(r.value), note=r.group) if finite(r.value) is not None else _cell(r.value) for r in reasons
+        ],
+        "error without it": [
+            Cell(e, "" if e is None else f"{number(100 * e, 2)} %") for e in (r.error for r in reasons)
+        ],
+        "costs": [_cell(r.cost) for r in reasons],
+        "gain in the data": [_cell(r.statistic) for r in reasons],
+        "error on cycles kept back": [_cell(r.held_out) for r in reasons],
+    }
+    columns = {head: cells for head, cells in columns.items() if any(c.value not in (None, "") for c in cells)}
+    rows: tuple[Row, ...] = tuple(
+        (
+            reason.effect.replace("_", " "),
+            Cell("yes" if reason.kept else "no", kind="" if reason.kept else "doubt"),
+            *(cells[k] for cells in columns.values()),
+            Cell(reason.sentence, kind="words"),
+        )
+        for k, reason in enumerate(reasons)
+    )
+    return OutputTable("Effects: which and why", ("effect", "kept", *columns, "why"), rows)
+
+
+def _cell(value: object) -> Cell:
+    """Anything of a document as a cell: numbers with three digits."""
+    shown = finite(value)
+    if shown is not None:
+        return Cell(shown, number(shown, 3))
+    return Cell("yes" if value else "no") if isinstance(value, bool) else Cell(None if value is None else str(value))
+
+
+def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Shift]]) -> OutputTable:
+    """What an error of 1 % in a rig quantity (rows) would do to each parameter (columns)."""
+    names = list(dict.fromkeys(name for shifts in sensitivity.values() for name in shifts))
+    rows: tuple[Row, ...] = tuple(
+        (f"{rig.replace('_', ' ')} + 1 %", *(_shift(shifts.get(name)) for name in names))
+        for rig, shifts in sensitivity.items()
+    )
+    return OutputTable("What an error of the rig would do", ("", *map(plain_symbol, names)), rows)
+
+
+def _shift(entry: Shift | None) -> Cell:
+    if entry is None or entry.shift is None:
+        return Cell()
+    text, errors = f"{'+' * (entry.shift >= 0)}{quantity(entry.shift, entry.unit, 2)}", entry.in_standard_errors
+    if errors is None:
+        return Cell(text)
+    return Cell(text, note=f"{number(abs(errors), 2)} SE", kind="strong" if abs(errors) >= 1 else "")
+
+
+def held_table(held: Mapping[str, HeldResult]) -> OutputTable:
+    """Rig quantities (rows) as stated, and where the data would put them."""
+    rows = []
+    for name, entry in held.items():
+        apart = math.sqrt(entry.squared_distance)
+        numbers = ((entry.stated, 4), (entry.from_data, 4), (entry.standard_error, 2))
+        cells = (Cell(value, number(value, digits)) for value, digits in numbers)
+        rows.append(
+            (Cell(name, note=entry.unit), *cells, Cell(apart, f"{apart:.2g} SE", kind="strong" if apart > FAR else ""))
+        )
+    heads = ("", "stated", "by the data", "standard error (SE)", "apart")
+    return OutputTable("The rig as stated, and as the data would have it", heads, tuple(rows))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The classical table: one row per log, step and stroke in the file, turned on its side on the page.
+# ----------------------------------------------------------------------------------------------------------------------
 
 LOGS_PER_TABLE = 6
 MOST_CLASSICAL_COLUMNS = 60
-FAR = 4.0  # standard errors beyond which a stated value stands out
-EFFECT_COLUMNS = (
-    ("group", "value"),
-    ("error without it", "error"),
-    ("costs", "cost"),
-    ("gain in the data", "statistic"),
-    ("error on cycles kept back", "held_out"),
-)  # heads and keys of a reason
 
 
-@dataclass(frozen=True)
-class ReportCell:
-    """One cell: its text, a smaller second line, and a kind that the style sheet knows."""
-
-    text: str
-    note: str = ""
-    kind: str = ""
+def classical_rows(logs: Sequence[LogResult]) -> list[tuple[int, Entry]]:
+    """The rows of every log's classical table, each with the number of its log (from 1)."""
+    return [(position, row) for position, log in enumerate(logs, start=1) for row in log.classical.rows]
 
 
-@dataclass(frozen=True)
-class Row:
-    """One row: its head, a smaller word beside it (a unit, say), its cells; `heading` rows only part the table."""
-
-    head: str
-    cells: tuple[ReportCell, ...] = ()
-    note: str = ""
-    heading: bool = False
+def classical_table(logs: Sequence[LogResult]) -> OutputTable:
+    """The classical table of all logs (SI, units in the column names); an empty cell where a value is missing."""
+    rows = classical_rows(logs)
+    columns = list(dict.fromkeys(name for _, row in rows for name in row))
+    body = tuple((n, logs[n - 1].path, *(_value(row.get(name)) for name in columns)) for n, row in rows)
+    return OutputTable("Classical table", ("log", "path", *columns), body, "classical")
 
 
-@dataclass(frozen=True)
-class ReportTable:
-    """A table with a corner text, column heads and rows."""
-
-    corner: str
-    heads: tuple[ReportCell, ...]
-    rows: tuple[Row, ...]
+def _value(entry: object) -> Value:
+    return entry if entry is None or isinstance(entry, str | int | float) else str(entry)
 
 
-def classical_tables(logs: Sequence[LogResult]) -> tuple[ReportTable, ...]:
+def classical_pages(logs: Sequence[LogResult]) -> tuple[OutputTable, ...]:
     """The classical table turned on its side: one column per log, step and stroke, one row per quantity.
 
-    Several tables where there are many columns, so that they fit a sheet; at most 60 columns in all
-    (classical.csv holds every one).
+    Several tables where there are many columns, so that they fit a sheet; at most 60 columns in all.
     """
-    rows = classical_rows(logs)[:MOST_CLASSICAL_COLUMNS]
-    keys = [key for key in ("step", "stroke", "direction") if any(key in row for _, row in rows)]
-    names = [name for name in column_names(rows) if name not in keys and any(told(row.get(name)) for _, row in rows)]
+    whole = classical_table(logs)
+    rows = [dict(zip(whole.columns, row, strict=True)) for row in whole.rows[:MOST_CLASSICAL_COLUMNS]]
+    names = [n for n in whole.columns[2:] if any(row[n] not in (None, "") and row[n] == row[n] for row in rows)]
+    keys = [key for key in ("step", "stroke", "direction") if key in names]
     tables = []
     for first in range(0, len(rows), LOGS_PER_TABLE):
         part = rows[first : first + LOGS_PER_TABLE]
-        heads = tuple(
-            ReportCell(f"log {position}", ", ".join(f"{key} {row[key]}" for key in keys if told(row.get(key))))
-            for position, row in part
-        )
-        tables.append(
-            ReportTable("", heads, tuple(_classical_row(name, [row.get(name) for _, row in part]) for name in names))
-        )
+        heads = [", ".join([f"log {row['log']}", *(f"{k} {row[k]}" for k in keys if row[k])]) for row in part]
+        body = tuple(_classical_row(name, [row[name] for row in part]) for name in names if name not in keys)
+        tables.append(OutputTable("Classical table", ("", *heads), body))
     return tuple(tables)
+
+
+def _classical_row(key: str, values: Sequence[object]) -> tuple[Cell, ...]:
+    name, unit = split_key(key)
+    numbers = sorted(abs(shown) for value in values if (shown := finite(value)) is not None)
+    scale = scale_for(numbers[len(numbers) // 2] if numbers else None, unit)
+    cells = (
+        Cell(shown, number(shown / scale.factor)) if (shown := finite(value)) is not None else _cell(value)
+        for value in values
+    )
+    return (Cell(RECORD_WORDS.get(name, name), note=scale.unit), *cells)
 
 
 def definitions(logs: Sequence[LogResult]) -> list[tuple[str, str]]:
     """What each row of the classical table is, as the document says it: (name, sentence)."""
-    said: dict[str, str] = {}
+    out: dict[str, str] = {}
     for log in logs:
         for name, sentence in log.classical.definitions.items():
             words = split_key(name)[0]
-            said.setdefault(RECORD_WORDS.get(words, words), sentence)
-    return list(said.items())
+            out.setdefault(RECORD_WORDS.get(words, words), sentence)
+    return list(out.items())
 
 
-def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Shift]]) -> ReportTable:
-    """What an error of 1 % in a rig quantity (rows) would do to each parameter (columns)."""
-    names = list(dict.fromkeys(name for shifts in sensitivity.values() for name in shifts))
-    rows = tuple(
-        Row(f"{quantity_name.replace('_', ' ')} + 1 %", tuple(_shift_cell(shifts.get(name)) for name in names))
-        for quantity_name, shifts in sensitivity.items()
+# ----------------------------------------------------------------------------------------------------------------------
+# Derived quantities of several logs side by side: any nesting of entries {"value", "unit", "interval", "validity"}.
+# ----------------------------------------------------------------------------------------------------------------------
+
+WORDS = {**OUTCOMES, **SLIPS}
+SHOWN = ("omega_n", "zeta", "tau_cr", "v_cr", "v_acr", "gamma_0", "w")
+NOTHING = 1e-9  # a pure number below this is shown as next to nothing
+
+
+def answer_table(columns: Sequence[tuple[str, Entry]], title: str = "") -> OutputTable:
+    """A table with one column per (heading, entries) and one row per quantity.
+
+    Nested mappings become parts of the table; plain numbers, texts and truth values are taken too, lists and
+    whole sentences (key "text") are not. What all entries of a part say of their validity stands once.
+    """
+    found = [dict(_leaves(entries)) for _, entries in columns]
+    paths = list(dict.fromkeys(path for entries in found for path in entries))
+    rows: list[tuple[Cell, ...]] = []
+    for part in sorted(dict.fromkeys(path[:-1] for path in paths), key=_rank):
+        inside = [path for path in paths if path[:-1] == part]
+        validities = {str(column[path].get("validity") or "") for path in inside for column in found if path in column}
+        shared = next(iter(validities)) if len(validities) == 1 and len(inside) > 1 else ""
+        if part:
+            rows.append((Cell(" · ".join(_word(name) for name in part), note=shared),))
+        rows += [_answer_row(path[-1], [column.get(path) for column in found], shared) for path in inside]
+    return OutputTable(title, (title, *(head for head, _ in columns)), tuple(rows))
+
+
+def _answer_row(key: str, entries: Sequence[Entry | None], shared: str) -> tuple[Cell, ...]:
+    known = [entry for entry in entries if entry is not None]
+    label = next((str(entry["label"]) for entry in known if entry.get("label")), _word(key))
+    meaning = next((str(entry["meaning"]) for entry in known if entry.get("meaning")), "")
+    return (Cell(label, note=meaning), *(_answer(entry, shared) for entry in entries))
+
+
+def _answer(entry: Entry | None, shared: str) -> Cell:
+    """Value with unit; below it the interval and how far it may be trusted."""
+    if entry is None:
+        return Cell()
+    value, unit, validity = entry.get("value"), str(entry.get("unit") or ""), str(entry.get("validity") or "")
+    shown, ends = finite(value), entry.get("interval")
+    if shown is not None and not unit and 0.0 < abs(shown) < NOTHING:
+        return Cell("below 10⁻⁹")
+    interval = ""
+    if shown is not None and isinstance(ends, Sequence) and len(ends) == 2 and any(e is not None for e in ends):
+        interval = interval_text((finite(ends[0]), finite(ends[1])), scale_for(shown, unit))
+    notes = (interval, "" if validity == shared else validity, str(entry.get("reason") or ""))
+    kind = "doubt" if "not valid" in validity.lower() else ""
+    text = quantity(shown, unit) if shown is not None else WORDS.get(str(value)) or _cell(value).shown
+    return Cell(text, note=" · ".join(filter(None, notes)), kind=kind)
+
+
+def _leaves(entries: Entry, above: KeyPath = ()) -> Iterator[tuple[KeyPath, Entry]]:
+    for key, entry in entries.items():
+        if isinstance(entry, Mapping) and "value" not in entry:
+            yield from _leaves(entry, (*above, str(key)))
+        elif isinstance(entry, Mapping):
+            yield (*above, str(key)), entry
+        elif key == "sliding_unstable_between" and isinstance(entry, list):
+            spans = [" to ".join(speed(finite(end)) for end in span) for span in entry]
+            yield (*above, str(key)), {"value": ", ".join(spans) or "nowhere", "unit": ""}
+        elif key == "windows" and isinstance(entry, list):
+            yield (*above, str(key)), {"value": _windows(entry), "unit": ""}
+        elif not isinstance(entry, list) and key != "text":
+            yield (*above, str(key)), {"value": entry, "unit": split_key(str(key))[1]}
+
+
+def _windows(windows: Sequence[Entry]) -> str:
+    """What holds over which drive speeds, in rising order."""
+    words = [WINDOWS.get(str(window["outcome"]), str(window["outcome"])).split(",")[0] for window in windows]
+    ends = [f" up to {speed(finite(window['to']))}" for window in windows[:-1]]
+    return "; ".join(word + end for word, end in zip(words, [*ends, " above" if ends else ""], strict=True))
+
+
+def _rank(part: KeyPath) -> tuple[int, int]:
+    known = ANSWER_ORDER.index(part[0]) if part and part[0] in ANSWER_ORDER else len(ANSWER_ORDER)
+    return (known if part else -1, len(part))
+
+
+def _word(key: str) -> str:
+    return ANSWER_WORDS.get(key) or split_key(key)[0]
+
+
+def without_groups_of(entries: Entry, elsewhere: Entry) -> Entry:
+    """The entries of a log without what stands in another table as well; of the dimensionless groups those that say
+    something of the pair and the rig, while result.json holds all that the closed forms are made of."""
+    entries = {key: entry for key, entry in entries.items() if key != "advice"}  # has a table of its own
+    groups = entries.get("groups")
+    if not isinstance(groups, Mapping):
+        return entries
+    return {**entries, "groups": {key: entry for key, entry in groups.items() if key in SHOWN and key not in elsewhere}}
+
+
+def of_record(figures: Mapping[str, QualityFigure]) -> Entry:
+    """Figures of the data quality of one log, named as what the record alone shows."""
+    return {
+        key: {**({"label": RECORD_WORDS[key]} if key in RECORD_WORDS else {}), **to_dict(figure)}
+        for key, figure in figures.items()
+    }
+
+
+def sentences(entries: Entry, several: bool = False) -> tuple[str, ...]:
+    """What the entries say in whole sentences (key "text" of their parts, or their own); of several logs not what is
+    nearly the same for all of them, and stands in the table: the stability."""
+    silent = ("closed_forms", "advice", *(("stability",) if several and "amplitude" in entries else ()))
+    parts = [part for name, part in entries.items() if isinstance(part, Mapping) and name not in silent]
+    texts = [str(part["text"]) for part in parts if part.get("text")]
+    return tuple(texts or [line for line in str(entries.get("text") or "").splitlines() if line])
+
+
+def advice_table(head: str, derived: Entry) -> OutputTable:
+    """What each quantity of the rig is, its limit, and what it should be, for one log; empty where it has no advice."""
+    heads = ("now", "limit", "should be")
+    if not derived.get("advice"):
+        return OutputTable("", ("", *heads), ())
+    advice = from_document(StabilisingAdvice, derived["advice"], "advice")
+    task = "to stay steady" if advice.steady else "to make sliding steady"
+    title = f"{head}: {task}, margin {100 * advice.margin:.3g} %, one of these"
+    return OutputTable(title, (title, *heads), tuple(_advice(change) for change in advice.changes))
+
+
+def _advice(change: ChangeAdvice) -> tuple[Cell, ...]:
+    def shown(entry: Number) -> str:
+        return quantity(entry.value, entry.unit, 3)
+
+    word = {"least": "at least ", "most": "at most "}.get(change.at or "", "")
+    notes = [f"ζ = {change.zeta:.3g}"] if change.zeta else []
+    notes += [change.reason, "extrapolated: outside the tested range" if change.extrapolated else ""]
+    if change.advised.value is None:
+        text = "any" if change.limit.value is None and "it is steady" in change.reason else "cannot be reached"
+    else:
+        text = "as it is" if change.advised.value == change.now.value else word + shown(change.advised)
+    limit, scale = change.limit.reason, scale_for(change.limit.value, change.limit.unit)
+    limit = limit or (interval_text(change.limit.ends, scale) if any(change.limit.ends) else "")
+    return (
+        Cell(change.label),
+        Cell(shown(change.now)),
+        Cell(shown(change.limit), note=" · ".join(filter(None, (limit, change.kind)))),
+        Cell(text, note=" · ".join(filter(None, notes)), kind="doubt" if change.extrapolated else ""),
     )
-    return ReportTable("", tuple(ReportCell(plain_symbol(name)) for name in names), rows)
-
-
-def held_table(held: Mapping[str, HeldResult]) -> ReportTable:
-    """Rig quantities (rows) as stated, and where the data would put them."""
-    heads = tuple(ReportCell(head) for head in ("stated", "by the data", "standard error (SE)", "apart"))
-    rows = []
-    for name, entry in held.items():
-        numbers = number(entry.stated, 4), number(entry.from_data, 4), number(entry.standard_error, 2)
-        apart = math.sqrt(entry.squared_distance)
-        cells = (
-            *(ReportCell(text) for text in numbers),
-            ReportCell(f"{apart:.2g} SE", kind="strong" if apart > FAR else ""),
-        )
-        rows.append(Row(name, cells, entry.unit))
-    return ReportTable("", heads, tuple(rows))
-
-
-def effects_table(reasons: Sequence[EffectReason]) -> ReportTable | None:
-    """Which effects and why: one row per effect that was looked at; columns that nobody fills are left out."""
-    if not reasons:
-        return None
-    columns = [(head, key) for head, key in EFFECT_COLUMNS if any(told(getattr(each, key)) for each in reasons)]
-    heads = (ReportCell("kept"), *(ReportCell(head) for head, _ in columns), ReportCell("why", kind="words"))
-    return ReportTable("effect", heads, tuple(_effect_row(reason, [key for _, key in columns]) for reason in reasons))
-
-
-def _effect_row(reason: EffectReason, keys: Sequence[str]) -> Row:
-    cells = [ReportCell("yes" if reason.kept else "no", kind="" if reason.kept else "doubt")]
-    for key in keys:
-        value = getattr(reason, key)
-        shown = finite(value)
-        text = plain_text(value) if shown is None else number(shown, 3)
-        if key == "error" and shown is not None:
-            text = f"{number(100 * shown, 2)} %"
-        cells.append(ReportCell(text, reason.group if key == "value" else ""))
-    return Row(reason.effect.replace("_", " "), (*cells, ReportCell(reason.sentence, kind="words")))
-
-
-def told(value: object) -> bool:
-    """Whether a cell has something to say: not None, not empty, not NaN."""
-    return value is not None and value != "" and value == value
-
-
-def _classical_row(key: str, values: Sequence[object]) -> Row:
-    name, unit = split_key(key)
-    numbers = [abs(shown) for value in values if (shown := finite(value)) is not None]
-    scale = scale_for(sorted(numbers)[len(numbers) // 2] if numbers else None, unit)
-    cells = tuple(
-        ReportCell(number(shown / scale.factor))
-        if (shown := finite(value)) is not None
-        else ReportCell(plain_text(value))
-        for value in values
-    )
-    return Row(RECORD_WORDS.get(name, name), cells, note=scale.unit)
-
-
-def plain_text(value: object) -> str:
-    """Anything that is no number as the text of a cell."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return str(value) if told(value) else DASH
-
-
-def _shift_cell(entry: Shift | None) -> ReportCell:
-    if entry is None or entry.shift is None:
-        return ReportCell(DASH)
-    text = quantity(entry.shift, entry.unit, 2)
-    text, errors = text if entry.shift < 0 else f"+{text}", entry.in_standard_errors
-    if errors is None:
-        return ReportCell(text)
-    return ReportCell(text, f"{number(abs(errors), 2)} SE", "strong" if abs(errors) >= 1 else "")

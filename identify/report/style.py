@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -13,8 +12,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-
-from identify.report.text_tables import Columns
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Long signals for a small picture: lowest and highest value per stretch, so that no peak is lost.
@@ -72,41 +69,6 @@ def extremes(values: Array, stretches: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate([padded[rows, lowest], padded[rows, highest]]))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Matplotlib's SVG made fit to stand inside an HTML page: small, self-contained, ids of its own.
-# ----------------------------------------------------------------------------------------------------------------------
-
-FONTS = "system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif"
-_TAG = re.compile(r"<[^>]*>")
-_LONG_NUMBER = re.compile(r"(-?\d+\.\d\d)\d+")
-_FONT = re.compile(r"'DejaVu Sans'(?:, *sans-serif)?")
-
-
-def inline_svg(text: str, prefix: str) -> str:
-    """The <svg> element of an SVG file for use inside HTML.
-
-    Prolog, metadata and name-space addresses go (HTML implies them); `prefix` keeps the ids of several
-    figures in one page apart; coordinates are cut to a hundredth of a point; width and height become
-    the page's business. Texts stay as they are. ValueError where there is no viewBox.
-    """
-    body = text[text.index("<svg") :]
-    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
-    body = re.sub(r"<!--.*?-->", "", body, flags=re.DOTALL)
-    head, rest = body.split(">", 1)
-    box = re.search(r'viewBox="([^"]*)"', head)
-    if box is None:
-        raise ValueError("this SVG has no viewBox, so it cannot be scaled to the page")
-
-    def tidy(tag: re.Match[str]) -> str:
-        kept = re.sub(r'\bid="', f'id="{prefix}-', tag[0])
-        kept = kept.replace('href="#', f'href="#{prefix}-').replace("url(#", f"url(#{prefix}-")
-        kept = _FONT.sub(FONTS, _LONG_NUMBER.sub(r"\1", kept))
-        return re.sub(r"\s*\n\s*", " ", kept)
-
-    rest = re.sub(r">\s*\n\s*<", ">\n<", _TAG.sub(tidy, rest))
-    return f'<svg viewBox="{box.group(1)}" aria-hidden="true" focusable="false">{rest.rstrip()}'
-
-
 # Okabe and Ito's colours.
 MEASURED, BEHIND, FITTED, RESIDUAL = "#3f4750", "#a3aeb8", "#D55E00", "#56B4E9"
 ONSET, ARREST, SLIDING = "#009E73", "#CC79A7", "#0072B2"
@@ -154,6 +116,9 @@ STYLE: Any = {  # matplotlib's types spell out every key there is
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
 }
+
+
+Columns = Mapping[str, NDArray[np.generic]]  # columns of equal length by name
 
 
 @dataclass(frozen=True)

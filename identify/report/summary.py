@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from identify.base.result import AccuracyResult, LevelCost, ParameterResult, Result, ToleranceResult
+from identify.base.result import AccuracyResult, LevelCost, Result, ToleranceResult
 from identify.base.wording import columns, wrapped
 from identify.estimation.tolerances import TOLERANCE_WORDS
-from identify.report.report_views import parameter_views
-from identify.report.uneven_words import NOT_FOR, distribution_lines, is_uneven, odd_slips
+from identify.report.report_tables import parameter_table
+from identify.report.report_wording import NOT_FOR, distribution_lines, is_uneven, odd_slips
 
 
 def summary(result: Result) -> str:
@@ -24,7 +24,8 @@ def _lines(result: Result) -> Iterator[str]:
         if log.reason_left_out:
             yield wrapped(f"log {number} took no part: {log.reason_left_out}", "  ")
     yield ""
-    yield parameter_table(result.parameters)
+    table = parameter_table(result.parameters, errors=not any(e.interval_rig_exact for e in result.parameters.values()))
+    yield table.to_text()
     if meaning := tolerances_text(result.tolerances or {}):
         yield wrapped(meaning, "  ")
     yield ""
@@ -44,23 +45,9 @@ def _lines(result: Result) -> Iterator[str]:
     tables = ((result.accuracy_table, "what accuracy costs"), (result.effects_table, "what each effect is worth"))
     if asked := [words for table, words in tables if table]:
         yield wrapped(f"{' and '.join(asked)}: see the report", "  ")
-    for view in parameter_views(result.parameters):
-        if view.verdict not in ("identified", "fixed") and view.reason:
-            yield wrapped(f"{view.name}: {view.reason}", "  ")
-
-
-def parameter_table(parameters: Mapping[str, ParameterResult]) -> str:
-    """Value, both 95 % intervals and verdict of each parameter, in lab units; where there is one interval only, the
-    standard error stands beside the value."""
-    views = parameter_views(parameters)
-    both = any(view.exact for view in views)
-    rows = [["", "value", "95 % interval", "rig exact", "unit", "verdict"]]
-    for view in views:
-        value = view.value if both or not view.error else f"{view.value} ± {view.error}"
-        rows.append([view.name, value, view.interval, view.exact, view.unit, view.verdict])
-    if not both:
-        rows = [[*row[:3], *row[4:]] for row in rows]
-    return columns(rows)
+    for name, *_, verdict in table.cells:
+        if verdict.value not in ("identified", "fixed") and verdict.note:
+            yield wrapped(f"{name.value}: {verdict.note}", "  ")
 
 
 def accuracy_text(accuracy: AccuracyResult | None) -> str:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from identify.base.result import ParameterResult, ProfileResult
 from identify.base.wording import DASH, decimals, scale_for
 from identify.report.report_wording import plain_symbol, with_group
-from identify.report.style import FITTED, HALF, MEASURED, QUIET, SHADE, WIDE, Drawing
-from identify.report.text_tables import Columns
+from identify.report.style import FITTED, HALF, MEASURED, QUIET, SHADE, WIDE, Columns, Drawing
 
 COLOURS = "PuOr"  # diverging, told apart by colour-blind readers
 

@@ -14,8 +14,9 @@ from matplotlib.figure import Figure
 
 from identify.base.table import visible
 from identify.base.wording import quantity, scale_for
+from identify.report.report_figures import inline_svg
 from identify.report.report_wording import plain_symbol
-from identify.report.style import STYLE, extremes, inline_svg, printable
+from identify.report.style import STYLE, extremes, printable
 from identify.studies.compare import Comparison, PooledQuantity
 from identify.studies.fits import FitEntry
 from identify.studies.operating_points import Answers

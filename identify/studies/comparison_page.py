@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from data_io.atomic import atomic_write
 from identify.base.table import Cell, OutputTable, visible, workbook
-from identify.report.first_screen import templates
+from identify.report.report_page import templates
 from identify.report.report_wording import VERDICT_MARK
 from identify.report.stored_result import as_json
 from identify.studies.compare import Comparison, compare

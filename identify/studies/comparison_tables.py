@@ -112,7 +112,7 @@ def _differences(comparison: Comparison) -> OutputTable:
             text, interval = difference_text(entry, d)
             chance = None if d.p is None else Cell(d.p, "< 0.001" if d.p < 0.001 else f"{d.p:.2g}")
             unit = Cell("first / second") if q.logarithmic else Cell(q.unit)
-            verdict = Cell(d.verdict, note=d.reason, kind=VERDICT_KIND[d.verdict])
+            verdict = Cell(d.verdict, note=visible(d.reason, 300), kind=VERDICT_KIND[d.verdict])
             rows.append(
                 (
                     *(plain(q), d.first, d.second, Cell(values[0], text, interval), *values[1:], unit, chance),

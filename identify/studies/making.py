@@ -145,11 +145,6 @@ def serve(work: Make) -> None:
 
 def main() -> None:
     """Serve fits; what they need is loaded before the first one, so that no fit pays for it."""
-    import identify.identification
-    import identify.report
-    import identify.report.hdf5
-    import identify.report.report_figures
-    import identify.report.report_page  # noqa: F401
 
     serve(make)
 

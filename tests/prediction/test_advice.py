@@ -21,8 +21,7 @@ from identify.prediction.probability import alike, stick_slip_probability
 from identify.prediction.solutions import solution_set
 from identify.prediction.sources import stated
 from identify.prediction.stabilising import nearest_turn, stabilising_changes
-from identify.report.depth import advice_table
-from identify.report.report_tables import ReportCell
+from identify.report.report_tables import advice_table
 from tests.support import oracle
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
@@ -271,11 +270,11 @@ def test_intervals_are_those_of_differences():
 
 
 def test_advice_in_the_report(told):
-    table = advice_table(ReportCell("log 1"), {"advice": told["all"]})
-    assert table is not None and "to make sliding steady, margin 20 %" in table.corner
-    cells = {row.head: row.cells for row in table.rows}
-    assert cells["drive speed"][2].text.startswith("at least") and "extrapolated" in cells["drive speed"][2].note
-    assert cells["damping h"][2].note.startswith("ζ = ") and advice_table(ReportCell("log 1"), {}) is None
+    table = advice_table("log 1", {"advice": told["all"]})
+    assert "to make sliding steady, margin 20 %" in table.title
+    cells = {row[0].shown: row[1:] for row in table.rows}
+    assert cells["drive speed"][2].shown.startswith("at least") and "extrapolated" in cells["drive speed"][2].note
+    assert cells["damping h"][2].note.startswith("ζ = ") and not advice_table("log 1", {})
 
 
 def test_an_open_interval_of_a_limit_says_why():
@@ -285,5 +284,5 @@ def test_an_open_interval_of_a_limit_says_why():
     assert limit["interval"] == [None, None] and "these data do not tell t_cr" in limit["reason"]
     (line,) = (line for line in told["text"].splitlines() if line.startswith("- drive speed"))
     assert f"mm/s ({limit['reason']})" in line and "(interval open)" not in told["text"]
-    table = advice_table(ReportCell("log 1"), {"advice": told})
-    assert limit["reason"] in table.rows[0].cells[1].note
+    table = advice_table("log 1", {"advice": told})
+    assert limit["reason"] in table.rows[0][2].note

@@ -5,7 +5,7 @@ import pytest
 
 from identify import Asked, Scene, examples, fit
 from identify.base.result import Result
-from identify.report.first_screen import first_screen
+from identify.report.report_page import first_screen
 from identify.report.summary import accuracy_text, summary
 
 

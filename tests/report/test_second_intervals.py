@@ -11,8 +11,9 @@ from identify.base.result import ToleranceResult
 from identify.estimation.tolerances import _directions, added_by_tolerances, standard_deviations
 from identify.identification import find
 from identify.logs.scene_records import with_drives, with_records
+from identify.report.report_tables import parameter_table
 from identify.report.result import _farther
-from identify.report.summary import parameter_table, tolerances_text
+from identify.report.summary import tolerances_text
 from identify.scene.values import USUAL_TOLERANCES
 from tests.support.fake_fit import EFFECTS, RIG, fake_fit
 
@@ -142,7 +143,7 @@ def test_the_summary_says_which_interval_is_which():
         name: replace(entry, interval=(0.97 * entry.value, 1.03 * entry.value), interval_rig_exact=entry.interval)
         for name, entry in fake_fit().typed.parameters.items()
     }
-    table = parameter_table(parameters)
+    table = parameter_table(parameters, errors=False).to_text()
     assert "95 % interval" in table and "rig exact" in table and "0.601 to 0.639" in table
     assert max(map(len, table.splitlines())) <= 80 and "±" not in table
     said = tolerances_text({"stiffness": ToleranceResult(0.05, "scene"), "mass": ToleranceResult(0.02, "usual")})

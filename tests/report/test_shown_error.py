@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from identify.base.result import ParameterResult
-from identify.report.report_views import parameter_views
+from identify.report.report_tables import parameter_table
 from identify.report.shown_error import scatter, shown_error
 
 NORMAL = 1.959963984540054  # Abramowitz & Stegun, table 26.5
@@ -43,8 +43,8 @@ def test_nothing_is_denied_by_an_interval_with_an_open_end(interval: Any) -> Non
 
 
 def test_the_row_of_the_table_has_the_interval_alone_and_its_digits() -> None:
-    views = parameter_views({"mu_s": entry(0.6204, 0.0083, [0.6181, 0.6309]), "mu_k0": entry(0.5, 0.01, [0.48, 0.52])})
-    assert [(v.value, v.error, v.interval, v.bare) for v in views] == [
-        ("0.6204", "", "0.6181 to 0.6309", True),
-        ("0.500", "0.010", "0.480 to 0.520", False),
+    table = parameter_table({"mu_s": entry(0.6204, 0.0083, [0.6181, 0.6309]), "mu_k0": entry(0.5, 0.01, [0.48, 0.52])})
+    assert [(row[1].shown, row[2].shown) for row in table.cells] == [
+        ("0.6204", "0.6181 to 0.6309"),
+        ("0.500 ± 0.010", "0.480 to 0.520"),
     ]

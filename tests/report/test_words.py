@@ -11,9 +11,8 @@ from identify.base.wording import quantity, three_figures, told_apart
 from identify.cli import main as cli
 from identify.prediction.point_prediction import PointPrediction
 from identify.prediction.wording import amplitude_text, said, stability_text
-from identify.report.answers import answer_table, said_once
 from identify.report.report_page import render_page
-from identify.report.report_tables import ReportCell, classical_tables
+from identify.report.report_tables import answer_table, classical_pages, without_groups_of
 from identify.report.report_wording import plain_symbol
 from identify.report.summary import summary
 from tests.support.fake_fit import failed, fake_fit
@@ -96,34 +95,29 @@ def test_speeds_have_one_unit_in_sentences_and_tables(value):
     assert said(value, "m/s").endswith(f" {unit}") and quantity(value, "m/s").endswith(f"\N{NO-BREAK SPACE}{unit}")
 
 
-def test_what_it_does_is_said_once():
+def test_what_it_does_is_without_groups_of():
     text = stability_text(prediction())
     assert text.startswith("At 0.1 mm/min and 0.943 N it sticks and slips, however the motion starts. Stick-slip ends")
     assert "always sticks" not in text
     assert "depends on the start" in stability_text(prediction("bistable"))
 
 
-def test_rows_without_a_number_become_one():
+def test_what_all_entries_say_of_their_validity_stands_once():
     why = "not valid here: the linear law runs away (alpha = -1.02, at or below -1)"
-    names = ("drop", "period", "slip_duration", "peak_speed")
-    forms = {"slip": "runaway"} | {name: entry(None, "N", validity=why) for name in names}
-    table = answer_table(
-        [(ReportCell("log 1"), {"closed_forms": forms, "stability": {"outcome": "always sticks"}})], ""
-    )
-    heads = [row.head for row in table.rows]
-    assert "drop of the force (onset to rest), period, duration of slip, highest sliding speed" in heads
-    cells = {row.head: row.cells for row in table.rows if row.cells}
-    assert cells["what it does here"][0].text == "stick-slip, from any start"
-    assert cells["kind of linear slip"][0].text == "runs away"
-    some = answer_table([(ReportCell("a"), {"x": entry(None, ""), "y": entry(1.0, ""), "z": entry(None, "")})], "")
-    assert [row.head for row in some.rows] == ["x", "y", "z"], "only neighbours are joined"
+    forms = {name: entry(None, "N", validity=why) for name in ("drop", "period")}
+    table = answer_table([("log 1", {"closed_forms": forms, "stability": {"outcome": "always sticks"}})])
+    headings = [row[0] for row in table.rows if len(row) == 1]
+    assert [cell.note for cell in headings] == ["", why]
+    cells = {row[0].shown: row[1] for row in table.rows if len(row) > 1}
+    assert cells["what it does here"].shown == "stick-slip, from any start"
+    assert (cells["period"].shown, cells["period"].note, cells["period"].kind) == ("–", "", "doubt")
 
 
 def test_windows_of_several_logs_stand_in_one_row():
     outcomes = ("bistable", "always sticks")
-    answers = [(ReportCell(outcome), {"stability": document(outcome)["stability"]}) for outcome in outcomes]
-    rows = {row.head: row.cells for row in answer_table(answers, "").rows if row.cells}
-    told = [cell.text.replace("\N{NO-BREAK SPACE}", " ") for cell in rows["over all drive speeds"]]
+    answers = [(outcome, {"stability": document(outcome)["stability"]}) for outcome in outcomes]
+    rows = {row[0].shown: row[1:] for row in answer_table(answers).rows if len(row) > 1}
+    told = [cell.shown.replace("\N{NO-BREAK SPACE}", " ") for cell in rows["over all drive speeds"]]
     assert told[0] == "stick-slip or steady sliding up to 21.12 mm/s; steady sliding above"
     assert told[1].startswith("stick-slip up to 21.12 mm/s")
 
@@ -138,8 +132,8 @@ def test_the_fall_of_a_record_is_not_called_the_drop_of_the_model():
     quality = page[page.index('<section id="quality">') :]
     assert "fall of the force (peak to valley)" in quality and "drop of the force (onset to rest)" not in quality
     assert "drop of the force (onset to rest)" in page[: page.index('<section id="quality">')]
-    (table,) = classical_tables([LogResult(classical=ClassicalTable(({"drop_N": 0.9241},)))])
-    assert [row.head for row in table.rows] == ["fall of the force (peak to valley)"]
+    (table,) = classical_pages([LogResult(classical=ClassicalTable(({"drop_N": 0.9241},)))])
+    assert [row[0].shown for row in table.rows] == ["fall of the force (peak to valley)"]
 
 
 def test_the_report_names_the_group_of_every_parameter():
@@ -149,8 +143,8 @@ def test_the_report_names_the_group_of_every_parameter():
     parameters = {**told, "mu_s": {**told["mu_s"], "group": "A", "per": "volunteer"}, "mu_s (B)": second}
     derived = {"v_cr": entry(1e-4, "m/s", group="A"), "v_cr (B)": entry(2e-4, "m/s", group="B")}
     page = render_page(replace(fit, result={**fit.result, "parameters": parameters, "derived": derived}), [])
-    assert "<i>μ</i><sub>s</sub> (A)</span>" in page and "<i>μ</i><sub>s</sub> (B)</span>" in page
-    assert "<i>D</i></span>" in page, "what all groups share has none"
+    assert "<bdi>μₛ (A)</bdi>" in page and "<bdi>μₛ (B)</bdi>" in page
+    assert "<bdi>D</bdi>" in page, "what all groups share has none"
     assert "v_cr (A)" in page and "v_cr (B)" in page
     assert plain_symbol("mu_s (B)") == "μₛ (B)" and plain_symbol("v (B)") == "v (B)"
 
@@ -158,8 +152,8 @@ def test_the_report_names_the_group_of_every_parameter():
 def test_a_group_that_stands_elsewhere_is_not_said_again():
     groups = {name: entry(1.0, "") for name in ("Pi", "v_cr", "zeta")}
     entries = {"groups": groups, "closed_forms": {"Pi": entry(1.0, "")}}
-    assert list(said_once(entries, {"v_cr": entry(1.0, "m/s")})["groups"]) == ["zeta"]
-    assert said_once({"text": "no answer"}, {}) == {"text": "no answer"}
+    assert list(without_groups_of(entries, {"v_cr": entry(1.0, "m/s")})["groups"]) == ["zeta"]
+    assert without_groups_of({"text": "no answer"}, {}) == {"text": "no answer"}
 
 
 def test_a_refused_fit_shows_no_green_badge():
