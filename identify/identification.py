@@ -22,14 +22,12 @@ from identify.base.errors import FitError
 from identify.base.heap import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
-from identify.base.result import ComparedModel
 from identify.base.stages import stage, timing_stages
 from identify.bench.next_log import Advice, advised, next_logs
 from identify.diagnosis.choice import Choice
 from identify.diagnosis.findings import Findings, against_data
 from identify.diagnosis.second_look import looked_into
 from identify.diagnosis.selection import choose_from_data
-from identify.diagnosis.worth import compared_models, worth
 from identify.effects import ALL
 from identify.estimation.agreement import largest_inflation
 from identify.estimation.attempt import Attempt
@@ -145,8 +143,6 @@ def fit(
         solving = (result.timing_s["build"] + result.timing_s["solve"]) / max(len(findings.trace.trials), 1)
         spent = FitSeconds(processor, (Mapped.total - in_functions) / taken, solving / taken * processor)
         result = replace(result, accuracy=accuracy_result(findings, asked.accuracy, spent))
-        if asked.effects_table and findings.attempt is not None:
-            result = replace(result, effects_table=_effects_table(found, findings.attempt, report))
     used = (stated if stated.effects != "auto" else found.scene).as_document()
     result = replace(
         result,
@@ -383,14 +379,6 @@ def _more_time(limit: float) -> str:
         longer = min(TIMES_LONGER * limit, LONGEST_ADVISED)
         return f'a longer one: --time-limit "{longer:g} s", or time_limit under [fit] in the scene'
     return "fit fewer or shorter logs together, or fix under [parameters] what is known otherwise"
-
-
-def _effects_table(found: _Identified, answer: Attempt, progress: Progress) -> tuple[ComparedModel, ...]:
-    """What every effect gains beside an answer of the plain estimator."""
-    progress("effects compared", 0.95)
-    whole = len(found.logs) == len(found.scene.logs)
-    read = found.records or ([log.record for log in found.logs] if whole else with_records(found.scene, None)[1])
-    return compared_models(worth(found.scene, read, found.logs, found.findings.unknowns, answer, progress))
 
 
 def _curves(prepared: list[Prepared], findings: Findings) -> tuple[LogCurves, ...]:

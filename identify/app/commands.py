@@ -30,7 +30,7 @@ KINDS = {
     kind.name: kind
     for kind in (
         PageCommand("fit", "logs", ("scene", "out"), ("accuracy", "time-limit", "starts"), ("set",),
-             ("profile", "effects-table", "accuracy-table")),
+             ("profile", "accuracy-table")),
         PageCommand("scene", "logs", ("out",)),
         PageCommand("rig", "logs", ("out",), (), ("drive-speed", "added-mass")),
         PageCommand("plan", "source", ("out",), ("budget",), ("set",)),

@@ -501,7 +501,6 @@ class Result:
     timing_s: Mapping[str, float] = field(default_factory=dict)
     provenance: Mapping[str, Json] = field(default_factory=dict)
     accuracy: AccuracyResult | None = field(default=None, metadata=OMITTED)
-    effects_table: tuple[ComparedModel, ...] | None = field(default=None, metadata=OMITTED)
     next_logs: tuple[NextLogResult, ...] = ()
 
     @staticmethod

@@ -59,7 +59,6 @@ def add_depth_options(parser: ArgumentParser) -> None:
     group.add_argument("--profile", action="store_true", help="profile likelihood of every parameter")
     group.add_argument("--bootstrap", type=int, metavar="N", help="cycle-block bootstrap with N replicates")
     group.add_argument("--accuracy-table", action="store_true", help="what each level of accuracy costs and changes")
-    group.add_argument("--effects-table", action="store_true", help="the fit with and without each effect")
 
 
 def run(arguments: Namespace, terminal: Terminal) -> Answer:
@@ -103,7 +102,6 @@ def asked_of(arguments: Namespace) -> FitOptions:
         profile=arguments.profile,
         bootstrap=replicates,
         accuracy_table=arguments.accuracy_table,
-        effects_table=arguments.effects_table,
     )
 
 

@@ -8,11 +8,13 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
-from identify.base.document import Json
-from identify.base.result import Result
 from identify.cli.common import DONE, NOT_SUCCEEDED, Answer, CommandLineError, Terminal
+
+if TYPE_CHECKING:
+    from identify.base.document import Json
+    from identify.base.result import Result
 
 NAME = "verify"
 HELP = "run a stored fit again from its recorded inputs and compare"

@@ -28,7 +28,6 @@ from identify.report.report_tables import (
     effects_table,
     held_table,
     method_table,
-    models_table,
     of_record,
     parameter_table,
     sensitivity_table,
@@ -268,7 +267,6 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
         combinations=combination_table(combinations),
         directions=direction_lines(combinations),
         accuracy=accuracy_rows(result.accuracy_table or ()),
-        compared=models_table(result.effects_table or ()),
         derived=[
             table
             for table in (

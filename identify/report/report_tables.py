@@ -9,7 +9,6 @@ from identify.base.document import Json, finite, from_document, to_dict
 from identify.base.result import (
     AccuracyLevel,
     CombinationsResult,
-    ComparedModel,
     EffectReason,
     HeldResult,
     LogResult,
@@ -142,7 +141,7 @@ def direction_lines(combinations: CombinationsResult) -> tuple[str, ...]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What accuracy costs, what effects are worth, what the rig's errors would do.
+# What accuracy costs, which effects and why, what the rig's errors would do.
 # ----------------------------------------------------------------------------------------------------------------------
 
 FAR = 4.0  # standard errors beyond which a stated value stands out
@@ -163,23 +162,6 @@ def accuracy_rows(table: Sequence[AccuracyLevel]) -> OutputTable:
         )
     heads = ("accuracy", "seconds", "iterations", "steps", "error left", *map(plain_symbol, names))
     return OutputTable("What accuracy costs", heads, tuple(rows))
-
-
-def models_table(models: Sequence[ComparedModel]) -> OutputTable:
-    """The fit with and without each effect: information criteria and errors on what was left out."""
-    rows = tuple(
-        (
-            entry.model.replace("_", " "),
-            entry.parameters,
-            Cell(entry.chi2_per_sample, number(entry.chi2_per_sample, 5)),
-            *(Cell(v, f"{'+' * bool(v and v > 0)}{number(v, 3)}") for v in (entry.delta_aic, entry.delta_bic)),
-            *(Cell(v, number(v, 4)) for v in (entry.left_out_cycles, entry.left_out_logs)),
-            Cell(entry.verdict, kind="words"),
-        )
-        for entry in models
-    )
-    heads = ("model", "parameters", "χ² per sample", "ΔAIC", "ΔBIC", "error on cycles left out")
-    return OutputTable("The fit with and without each effect", (*heads, "error on logs left out", "verdict"), rows)
 
 
 def effects_table(reasons: Sequence[EffectReason]) -> OutputTable:

@@ -42,9 +42,8 @@ def _lines(result: Result) -> Iterator[str]:
         yield ""
     if cost := accuracy_text(result.accuracy):
         yield wrapped(cost, "  ")
-    tables = ((result.accuracy_table, "what accuracy costs"), (result.effects_table, "what each effect is worth"))
-    if asked := [words for table, words in tables if table]:
-        yield wrapped(f"{' and '.join(asked)}: see the report", "  ")
+    if result.accuracy_table:
+        yield wrapped("what accuracy costs: see the report", "  ")
     for name, *_, verdict in table.cells:
         if verdict.value not in ("identified", "fixed") and verdict.note:
             yield wrapped(f"{name.value}: {verdict.note}", "  ")

@@ -207,13 +207,12 @@ def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tupl
 @dataclass(frozen=True)
 class FitOptions:
     """accuracy: of the integration; profile: every parameter by its profile likelihood; bootstrap: replicates, 0 for
-    none; accuracy_table: what each level costs and changes; effects_table: the fit with and without each effect."""
+    none; accuracy_table: what each level costs and changes."""
 
     accuracy: Accuracy = DEFAULT
     profile: bool = False
     bootstrap: int = 0
     accuracy_table: bool = False
-    effects_table: bool = False
 
     def document(self) -> dict[str, Any]:
         """All of it, for provenance; only accuracy and profile decide the numbers, and `again` reads no more."""

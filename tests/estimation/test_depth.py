@@ -34,7 +34,7 @@ LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
 def deep(tmp_path_factory):
     """The folder of a fit of two example logs with everything asked for."""
     out = tmp_path_factory.mktemp("deep") / "result"
-    asked = ["--profile", "--bootstrap", "40", "--accuracy-table", "--effects-table"]
+    asked = ["--profile", "--bootstrap", "40", "--accuracy-table"]
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(identification, "next_logs", lambda _found: None)
         assert cli.main(["fit", *LOGS, "--scene", str(examples.SCENE), "--out", str(out), *asked]) == 0
@@ -48,10 +48,10 @@ def document(deep):
 
 def test_all_that_was_asked_for_is_said(document, deep):
     asked = document["provenance"]["asked"]
-    everything = {"profile": True, "bootstrap": 40, "accuracy_table": True, "effects_table": True}
+    everything = {"profile": True, "bootstrap": 40, "accuracy_table": True}
     assert asked == {"accuracy": "default"} | everything
     page = (deep / "report.html").read_text(encoding="utf-8")
-    assert "accuracy default, profile, bootstrap 40, accuracy table, effects table" in page
+    assert "accuracy default, profile, bootstrap 40, accuracy table" in page
     assert FitOptions.again(asked) == FitOptions(profile=True), (
         "what is run again to verify is what decides the numbers"
     )
@@ -100,22 +100,11 @@ def test_accuracy_table_says_what_each_level_moves(document):
         assert shift == pytest.approx(rows[0]["left_in_standard_errors"][name], abs=0.2 * left[0] + left[2])
 
 
-def test_every_effect_is_left_out_once(document):
-    rows = {row["without"]: row for row in document["effects_table"]}
-    assert rows[None]["delta_bic"] == 0.0
-    assert rows[None]["left_out_cycles"] == pytest.approx(1.0, abs=0.2)
-    for effect in ("hysteresis_damping", "contact_ageing", "velocity_weakening"):
-        row = rows[effect]
-        assert row["verdict"]
-        assert row["delta_bic"] is None or row["delta_bic"] > 10.0, "the logs were made with it"
-    assert rows["hysteresis_damping"]["left_out_cycles"] > rows[None]["left_out_cycles"]
-
-
 def test_the_report_shows_it_all(deep):
     page = (deep / "report.html").read_text()
-    for words in ("How sure is it", "Intervals by each method", "What accuracy costs", "with and without each effect"):
+    for words in ("How sure is it", "Intervals by each method", "What accuracy costs"):
         assert words in page
-    assert (deep / "figures" / "profile.png").stat().st_size > 5000
+    assert (deep / "figures" / "profile.svg").stat().st_size > 5000
     assert (deep / "figures" / "profile_D.csv").read_text().startswith("value,loss")
 
 

@@ -5,42 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from identify.base.document import from_document
 from identify.base.result import ParameterResult, ProfileResult
 from identify.report.force_figure import draw_force
-from identify.report.report_page import render_page
 from identify.report.uncertainty_figures import draw_profile
-from tests.support.browser import CHROMIUM, Browser
 from tests.support.fake_fit import fake_fit
-
-MODELS = ("this fit", "without hysteresis_damping", "without contact_ageing", "without velocity_weakening")
-VERDICT = "hysteresis damping earns its place; what was left out is foretold with 28 times the error"
-
-
-def compared():
-    told = {"parameters": 16, "chi2_per_sample": 1.07942, "delta_aic": 5855.1, "delta_bic": 5855.2}
-    return [
-        {"model": model, **told, "left_out_cycles": 1.0852, "left_out_logs": 27.93, "verdict": VERDICT}
-        for model in MODELS
-    ]
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
-def test_the_verdicts_of_the_effects_are_seen_without_scrolling(tmp_path):
-    fit = fake_fit(logs=1)
-    page = tmp_path / "report.html"
-    reason = {"effect": "inertia", "kept": True, "sentence": "the mass resists acceleration"}
-    effects = {"names": ["inertia"], "chosen": "listed", "reasons": [reason]}
-    told = {**fit.result, "effects": effects, "effects_table": compared()}
-    page.write_text(render_page(replace(fit, result=told), []), "utf-8")
-    with Browser() as browser:
-        browser.open(page, 1200)
-        hidden = "Array.from(document.querySelectorAll('#effects .scroll')).map(e => e.scrollWidth - e.clientWidth)"
-        assert browser.run(f"Math.max(...{hidden})") == 0
-        assert browser.run("document.querySelectorAll('#effects td.words').length") >= len(MODELS)
 
 
 def outside(figure):

@@ -104,7 +104,7 @@ export async function fitView(host, asked, session) {
   const out = element("input", { value: `stickslip-${text?.form?.name || stem}`, size: 22, "aria-label": "folder of the result" });
   let accuracy = choice(accuracies(), "default", () => {}, { "aria-label": "accuracy" });
   const limit = element("input", { value: text?.form?.time_limit || "60 s", size: 7, "aria-label": "time limit" });
-  const more = Object.entries({ profile: "profile of every parameter", "effects-table": "with and without each effect", "accuracy-table": "measure every accuracy" }).map(([name, words]) => {
+  const more = Object.entries({ profile: "profile of every parameter", "accuracy-table": "measure every accuracy" }).map(([name, words]) => {
     return element("label", {}, element("input", { type: "checkbox", "data-option": name }), " ", words);
   });
   let close = null, stop = () => {};
