@@ -168,6 +168,11 @@ def typical_load(normal: FloatArray) -> float:
     return float(np.median(finite[size >= _LOADED * level]))
 
 
+def presses(normal: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return which rows (n,) press with more than a tenth of the typical load: only these take part in a ratio."""
+    return np.asarray(normal > UNLOADED * typical_load(normal))
+
+
 def mean_and_drift(normal: FloatArray) -> tuple[float, float]:
     """Return the mean of the loaded rows [N], and the change of their median from the first to the last tenth as share
     of the typical load; (n,) may hold NaN. Where nothing presses, all rows count and the change is 0."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.arrays import kept, thinned
-from data_io.signals import mean_and_drift
+from data_io.signals import mean_and_drift, presses
 from identify.base.quantiles import NORMAL
 from identify.base.result import ClassicalDirection, ClassicalTable
 from identify.logs.log_regime import LogRegime, look
@@ -168,7 +168,7 @@ def _level(record: Record, stroke: Stroke, verdict: Verdict, tare: float) -> flo
     """Mean coefficient of what slides in a stroke, its first loading left out; NaN where nothing presses."""
     rows = slice(stroke.start, stroke.stop)
     force, load = stroke.direction * (record.friction_force[rows] - tare), record.normal_force[rows]
-    good = np.isfinite(force) & (load > 0.0) & ~verdict.found.spikes
+    good = np.isfinite(force) & presses(load) & ~verdict.found.spikes
     slides = good & (verdict.found.phase == SLIDING)
     good = slides if slides.any() else good
     return float(np.mean(force[good] / load[good])) if good.any() else np.nan
@@ -187,7 +187,7 @@ def _row(
     time, load = record.time[rows], record.normal_force[rows]
     force = record.friction_force[rows] - tare if tare else record.friction_force[rows]
     force = -force if stroke.direction < 0 else force
-    good = np.isfinite(force) & np.isfinite(load) & ~segmentation.spikes
+    good = np.isfinite(force) & np.isfinite(load) & ~segmentation.spikes & presses(load)
     figures: Figures = {
         "run": stroke.run,
         "step": stroke.step,
@@ -242,8 +242,9 @@ def _coefficients(part: _Part) -> tuple[Figures, Reasons]:
     if float(np.median(thinned(kept(part.load, part.good)))) <= 0.0:
         return told, dict.fromkeys(keys, "the normal force is not positive: no coefficient of friction")
     cycles, phase = part.found.cycles, part.found.phase
-    load = _steady(part.load)
-    load = load if load.min() > 0 else np.where(load > 0, load, np.nan)
+    # A load that is averaged is none beside a row that lifts off.
+    load = _steady(part.load) if np.all(presses(part.load)) else part.load
+    load = np.where(presses(load), load, np.nan)
     coefficient, loaded = part.force / load, _begins_loading(part)
     begin = int(np.searchsorted(part.time, cycles.onset[0])) if cycles.count else _end_of_first_stick(phase)
     moving = slice(begin if loaded else 0, None)
@@ -265,7 +266,7 @@ def _coefficients(part: _Part) -> tuple[Figures, Reasons]:
 def _slides(part: _Part, verdict: Verdict) -> tuple[Figures, Reasons]:
     """Trend and rhythm of what slides without stick-slip."""
     told: Figures = dict.fromkeys(("sliding_trend_percent", "rhythm_Hz", "rhythm_N", "rhythm_turns"))
-    sliding = part.good & (part.found.phase == SLIDING) & (part.load > 0.0)
+    sliding = part.good & (part.found.phase == SLIDING)
     coefficient = part.force[sliding] / part.load[sliding]
     tenth = coefficient.size // 10
     rubs = tenth and float(np.median(part.force[sliding])) > RUBS * part.found.noise

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from data_io import Record
 from data_io.arrays import kept, thinned
 from data_io.quality import Quality, Verdict, assess, verdict_of
-from data_io.thresholds import DEFAULTS, Thresholds
+from data_io.signals import presses
+from data_io.thresholds import DEFAULTS, Thresholds, percent
 from data_io.values import Finding
 from identify.base.result import QualityFigure, QualityResult
 from identify.logs.recorded_drive import speed_of
+from identify.logs.regime import PERIODS, classify
 from identify.logs.segment import Segmentation, segment
 from identify.logs.slip_quality import RecordPart, SlipQuality, look_at_slips
 from identify.logs.spectrum import Spectrum
@@ -25,6 +27,8 @@ Array = NDArray[np.float64]
 
 ENOUGH = 1 << 12  # forces that tell how large they are
 SWAPPED = 3  # slips of the normal force, where the friction force has none
+CLEARLY = 0.95  # probability of stick-slip in the force turned over
+ZERO_LOST = 0.5  # of the force at the onset, by which the force at the arrest is negative: inertia makes a third of it
 STILL = 0.05  # of its level: a force that ranges less is no friction force with slips
 SLOWEST, FASTEST = 2.2, 14.0  # samples per period of an oscillation that is sampled too slowly
 LINE = 0.35  # share of the power that such a line holds at least
@@ -40,11 +44,13 @@ def suspicions(record: Record, phases: Sequence[Segmentation], thresholds: Thres
         thresholds: where they begin.
     """
     found = [strange_coefficient(record, thresholds), _swapped(record, phases)]
-    if not any(p.count for p in phases):
-        found += [
-            _too_slow(record.time[s.start : s.stop], record.friction_force[s.start : s.stop], thresholds)
-            for s in record.steps
-        ]
+    for step, part in zip(record.steps, phases, strict=False):
+        rows = slice(step.start, step.stop)
+        force = np.where(presses(record.normal_force[rows]), record.friction_force[rows], np.nan)
+        if part.count:
+            found.append(_zero_lost(part))
+        else:
+            found.append(_upside_down(record.time[rows], force) or _swings(record.time[rows], force, thresholds))
     return [finding for finding in found if finding is not None]
 
 
@@ -95,15 +101,56 @@ def _swing(force: Array) -> float:
     return float((high - low) / middle) if middle > 0.0 else np.inf
 
 
-def _too_slow(time: Array, force: Array, thresholds: Thresholds) -> Finding | None:
-    """An oscillation of few samples per period, of which stick and slip cannot be told apart."""
+def _zero_lost(part: Segmentation) -> Finding | None:
+    """Slips about a force of zero: friction of no contact does so, a filter that takes out the mean does."""
+    onset, arrest = (float(np.median(force)) for force in (part.cycles.onset_force, part.cycles.arrest_force))
+    if not arrest < -ZERO_LOST * onset:
+        return None
+    return Finding(
+        "zero_lost",
+        "warning",
+        f"the force swings about zero, from {onset:.3g} N to {arrest:.3g} N, as no friction does: its zero was lost "
+        "(AC coupling, or a tare while it ran); drops and periods are right, coefficients are not: record with DC "
+        "coupling, or state the zero with tare",
+    )
+
+
+def _upside_down(time: Array, force: Array) -> Finding | None:
+    """A saw-tooth whose rises are sudden: the sensor is wired the other way."""
+    if not np.isfinite(force).any():
+        return None
+    mirrored = classify(time, -np.copysign(1.0, np.nanmedian(force)) * force)
+    slips = mirrored.regime is not None and mirrored.regime.slips and mirrored.confidence > CLEARLY
+    if not slips or mirrored.found.count < SWAPPED:
+        return None
+    return Finding(
+        "upside_down",
+        "warning",
+        f"the force rises at once and falls slowly, {mirrored.found.count} times, as stick-slip upside down: is the "
+        "sensor wired the other way? Turn it with flip_sign = true and give its zero with tare",
+    )
+
+
+def _swings(time: Array, force: Array, thresholds: Thresholds) -> Finding | None:
+    """An oscillation of what slides; one of few samples per period, of which stick and slip cannot be told apart."""
     seen = Spectrum.of(time, force)
     if seen is None:
         return None
     level = float(np.median(np.abs(force[np.isfinite(force)])))
     peak, samples = seen.peak, seen.samples
-    if seen.share(peak) < LINE or np.sqrt(seen.variance) < LARGE * level or not SLOWEST <= samples <= FASTEST:
+    if seen.share(peak) < LINE or np.sqrt(seen.variance) < LARGE * level or samples < SLOWEST:
         return None
+    if seen.periods < PERIODS:
+        return None
+    if samples > FASTEST:
+        height = 2.0 * seen.amplitude(peak)
+        return Finding(
+            "swings",
+            "warning",
+            f"the force swings by {height:.3g} N ({percent(height / level) if level else 'about zero'}), {peak:.3g} "
+            "times a second, without a slip: an oscillation of rig, track or drive, which a mean coefficient hides; "
+            "look for what has this rhythm",
+        )
     return Finding(
         "sampled_too_slowly",
         thresholds.severity("samples_per_cycle", samples) or "info",

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from data_io.arrays import thinned
+from data_io.signals import presses
 from identify.logs.recorded_drive import RecordedDrive
 from identify.logs.regime import UNKNOWN, Known, Regime, Verdict, classify
 from identify.logs.segment import SLIDING, DetectedCycles, Segmentation
@@ -16,6 +18,7 @@ from identify.logs.strokes import Drive, Stroke, strokes
 
 Array = NDArray[np.float64]
 
+CHANGES = 0.3  # of the typical load, by which one changes that the force is to be seen over
 SAME = 0.05  # share by which speeds differ if they are two
 STEADY = 0.1  # of the speed of a disc: one that varies more has no turns of one length
 
@@ -50,8 +53,18 @@ def look(
         force = stroke.direction * (record.friction_force[rows] - tare)
         own = replace(known, drive_speed=stroke.speed or 0.0, turn=turn_of(record, rows))
         given = found if len(parts) == 1 and found is not None and found.phase.size == force.size else None
-        verdicts.append(classify(record.time[rows], force, own, given=given))
+        verdicts.append(_classified(record.time[rows], force, record.normal_force[rows], own, given))
     return LogRegime(*_of_all(changes_speed(drive), parts, verdicts), parts, tuple(verdicts))
+
+
+def _classified(time: Array, force: Array, load: Array, known: Known, given: Segmentation | None) -> Verdict:
+    """The verdict on a stroke: on the force, or, where its load changes much, on the force at the typical load."""
+    verdict = classify(time, force, known, given=given)
+    pressed = presses(load) & np.isfinite(force)
+    low, level, high = np.quantile(thinned(load[pressed]), [0.05, 0.5, 0.95]) if pressed.any() else (1.0, 1.0, 1.0)
+    if verdict.found.count or high - low < CHANGES * level:
+        return verdict
+    return classify(time, np.where(pressed, force * level / np.where(pressed, load, 1.0), np.nan), known)
 
 
 def drive_of(record: Record, told: RecordedDrive) -> Drive:

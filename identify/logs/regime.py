@@ -21,7 +21,7 @@ from identify.logs.spectrum import Spectrum
 
 Array = NDArray[np.float64]
 
-STRAIGHT = 0.7  # share of the usual rise that a line of the one slope explains
+STRAIGHT = 0.8  # share of the usual rise that a line of the one slope explains
 COVERS = (0.5, 2.0)  # times a fall, that a rise makes up
 AS_LONG, SAWTOOTH = 2.0, 4.0  # longer than this times a fall, a rise is a stick's: log odds per logarithm beyond
 OFF, LOADING = 5.0, 3.0  # times off k v_0, up or down, at which rises hardly are sticks: log odds per logarithm
@@ -38,6 +38,7 @@ HUMP = 4.0  # times the power beside it, octave by octave, at which a rhythm tha
 PERIODS = 8  # of a rhythm
 CLEAR = 0.4  # share of the power at its frequency and above
 SURE = 0.99
+MAINS_DRIFT = 0.004  # share by which the frequency of the mains, or a clock, is off
 RUBS = 2.0  # times its noise: a smaller force is that of a drive at rest
 LEAST = 0.03  # share of the power in the line of slips that noise hides
 
@@ -153,7 +154,7 @@ def classify(
         tested = _tested(time, force, found, known)
         first = first or tested
         if tested.slips and not found.slides_on(found.count):
-            return _slipping(found, tested)
+            return _slipping(time, force, found, tested)
         if tested.slips and brief is None:
             word = "one slip" if found.count == 1 else f"{found.count} slips"
             evidence = (*tested.evidence, f"{word} at first, then it slides")
@@ -188,9 +189,20 @@ def _segmented(time: Array, force: Array, known: Known, noise: float | None) -> 
             yield found
 
 
-def _slipping(found: Segmentation, tested: _Tested) -> Verdict:
+def is_mains(frequency: float, lasts: float) -> bool:
+    """Whether a frequency [Hz], known from so long a record [s], is that of the mains or a low multiple of it."""
+    near = max(MAINS_DRIFT * frequency, 0.2 / lasts)
+    return any(abs(frequency - many * mains) < many * near for mains in (50.0, 60.0) for many in (1, 2, 3))
+
+
+def _slipping(time: Array, force: Array, found: Segmentation, tested: _Tested) -> Verdict:
     """Which stick-slip it is."""
     shape, confidence, evidence = tested.shape, tested.confidence, tested.evidence
+    if shape.rises >= FEW and shape.sine >= SINE and is_mains(shape.frequency, float(np.ptp(found.cycles.fall))):
+        says = f"it swings {shape.frequency:.4g} times a second as one sine, as the mains make a sensor hum"
+        smooth_slide = segment(time, force, noise=None, slips=False)
+        hum = ForceOscillation(shape.frequency, float(np.median(found.cycles.drop)))
+        return Verdict(Regime.SLIDING, confidence, (says,), smooth_slide, hum)
     if shape.rises >= FEW and shape.sine >= SINE:
         says = f"the mean cycle is a sine to {100 * shape.sine:.1f} %, {shape.frequency:.3g} times a second"
         return Verdict(Regime.NEAR_HARMONIC, confidence, (*evidence, says), found)
@@ -218,7 +230,10 @@ def drop_scatter(found: Segmentation) -> float | None:
 def _tested(time: Array, force: Array, found: Segmentation, known: Known) -> _Tested:
     """Whether the falls of a force are slips, how sure that is, and what was tested."""
     if found.count == 0:
-        return _Tested(False, 0.95, ("no fall of the force stands out of its noise",), NO_SHAPE)
+        says = "no fall of the force stands out of its noise"
+        if found.other_falls:
+            says = f"{found.other_falls} falls stand out of the noise, none of them faster than the rises beside it"
+        return _Tested(False, 0.95, (says,), NO_SHAPE)
     shape = _shape(time, force, found)
     return _Tested(*_slips(shape, found, known), shape)
 

@@ -85,7 +85,8 @@ class Segmentation:
     begins_in_slip: the record starts within a slip (not counted); stick_slopes: slope of every stick
     that was seen completely [N/s], in order, the first ramp of a record that starts at rest apart in
     `loading_slope` (None without one); ends_sliding: steady or decaying sliding follows the last cycle; low_snr: slips
-    fall by so little that many of them are lost in the noise.
+    fall by so little that many of them are lost in the noise; other_falls: number of falls that stand out of the noise
+    and are no slips.
     """
 
     cycles: DetectedCycles
@@ -98,6 +99,7 @@ class Segmentation:
     loading_slope: float | None
     sample_interval: float
     low_snr: bool = False
+    other_falls: int = 0
 
     @property
     def count(self) -> int:
@@ -208,6 +210,7 @@ def segment(
         loading_slope=_loading_slope(trace, falls),
         sample_interval=interval,
         low_snr=low_snr,
+        other_falls=int(np.count_nonzero(~falls.kept)),
     )
 
 

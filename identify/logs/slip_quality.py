@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from data_io.arrays import kept
+from data_io.arrays import kept, thinned
 from data_io.thresholds import Thresholds, percent
 from data_io.values import Finding
-from identify.logs.segment import ENDS_LOADING, REMEDY, Segmentation, still_loading
+from identify.logs.segment import ENDS_LOADING, REMEDY, SLIDING, Segmentation, still_loading
 
 # How sharp the slips of a log are: the lag that a sensor has put on them, and how near the swing is to a sine.
 
@@ -203,6 +203,8 @@ def _lagged_fall(time: Array, begin: Array, duration: Array, lag: Array) -> Arra
 
 
 NAMED = 4  # times of spikes that are listed
+ENOUGH = 1 << 12  # samples that tell a level
+BLOCKS, TREND_SD = 12, 5.0  # blocks of what slides, and standard deviations of their scatter that a trend exceeds
 FOR_DRIFT = 6  # cycles from which on a drift can be told
 FOR_SCATTER = 4
 
@@ -269,8 +271,8 @@ def look_at_slips(part: RecordPart, limits: Thresholds) -> SlipQuality:
     if drift is not None and (severity := limits.severity("friction_drift", abs(drift))):
         word = "rises" if drift > 0 else "falls"
         text = (
-            f"the friction force over the load {word} by {percent(abs(drift))} from the first to the last third of "
-            "the slips: running-in, wear or a drifting zero? Cut it with skip_cycles or window"
+            f"the friction force over the load {word} by {percent(abs(drift))} from the first to the last third: "
+            "running-in, wear or a drifting zero? Cut it with skip_cycles or window"
         )
         notes.append(Finding("friction_drift", severity, text))
     scatter = _scatter(found)
@@ -365,13 +367,27 @@ def _load_at(part: RecordPart, times: Array) -> Array:
     return load / np.median(load) if np.all(load > 0.0) else steady
 
 
+def _has_trend(values: Array) -> bool:
+    """Whether values (n,) change along a line by clearly more than blocks of them scatter about it."""
+    blocks = np.array([float(np.mean(block)) for block in np.array_split(values, BLOCKS)])
+    place = np.linspace(-0.5, 0.5, BLOCKS)
+    change = float(place @ (blocks - blocks.mean()) / (place @ place))
+    return abs(change) > TREND_SD * float(np.std(blocks - blocks.mean() - change * place))
+
+
 def _drift(part: RecordPart) -> float | None:
-    """Middles between peak and valley over the load, last third against first; the loading from rest does not count."""
+    """Middles between peak and valley over the load, of what slides all of it, last third against first; the loading
+    from rest does not count."""
     cycles = part.found.cycles
-    if cycles.count < FOR_DRIFT:
+    if cycles.count == 0:
+        slides = (part.found.phase == SLIDING) & np.isfinite(part.force) & ~part.found.spikes
+        middle = thinned(part.force[slides] / _load_at(part, part.time[slides]), ENOUGH)
+    else:
+        middle = (cycles.middle / _load_at(part, cycles.fall))[1:]
+    if middle.size < (FOR_DRIFT if cycles.count else BLOCKS) or (cycles.count == 0 and not _has_trend(middle)):
         return None
-    middle = (cycles.middle / _load_at(part, cycles.fall))[1:]
     third = max(middle.size // 3, 1)
     # about zero force the middles say nothing of how large the force is
-    level = max(abs(float(np.median(middle))), 0.5 * abs(float(np.median(cycles.drop))))
+    drop = float(np.median(cycles.drop)) if cycles.count else 0.0
+    level = max(abs(float(np.median(middle))), 0.5 * abs(drop), 5.0 * part.found.noise)
     return float(np.median(middle[-third:]) - np.median(middle[:third])) / level if level else None

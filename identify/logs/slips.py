@@ -187,7 +187,7 @@ FADED = (0.85, 0.94)  # drop and steepness of the last swing against the first, 
 FEW_RISES = 3  # are no reference: take the loading slope
 SPIKE_RISE = 5  # samples
 LAST_RISE = (0.6, 0.3)  # of the last fall's duration must follow it, less where it already rises like a stick
-FROM_REST = 0.3  # of the level that it leads to: a first rise by less is no loading, the level wanders
+FROM_REST = 0.5  # of the level that it leads to: a first rise by less is no loading, the level wanders
 LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading from rest
 
 

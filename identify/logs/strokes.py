@@ -29,6 +29,7 @@ ALIKE = 1.5  # times: strokes rub to both sides by about as much; a force that s
 FEW, ALIKE_FEW = 8, 3.0  # changes of sign up to which no oscillation makes them, and strokes may differ by running-in
 QUIET = 0.1  # of the typical force: noise that is left where signs are told
 WIDEST = 20  # part of a record over which it is smoothed at most
+LEVEL_SHARE = 0.65  # of the rows of strokes, in which the force is more than half of the highest of its stroke
 HELD = 0.8  # of the level of a stroke, that its force has until the drive turns
 STEADY = 0.05  # of the median speed: a drive that varies more has no one speed
 
@@ -133,13 +134,16 @@ def turns_of_sign(force: Array) -> list[tuple[int, int, int]]:
         own = way * slow[(starts[-1] + last) // 2 : last + 1]
         held = np.flatnonzero(own >= HELD * float(np.median(own)))
         starts.append(last + 1 - own.size + int(held[-1]) + 1 if held.size else last + 1)
+    sizes = [np.abs(slow[a:b]) for a, b in pairwise([*starts, force.size]) if b > a]
+    if sum(np.count_nonzero(size > 0.5 * np.quantile(size, 0.9)) for size in sizes) < LEVEL_SHARE * force.size:
+        return whole  # a force that crosses zero on its way up and down rubs at no level to either side
     ways = [int(sign[0]), *(int(sign[i + 1]) for i in changes)]
     return [(a, b, way) for (a, b), way in zip(pairwise([*starts, force.size]), ways, strict=True) if b > a]
 
 
 def _direction(force: Array) -> int:
     negative = np.count_nonzero(force < 0)  # most of them: the median is negative, which takes longer to find
-    return -1 if 2 * negative > np.count_nonzero(np.isfinite(force)) else 1
+    return -1 if negative > LEVEL_SHARE * np.count_nonzero(np.isfinite(force)) else 1  # about zero: as in the file
 
 
 def _constant(speed: Array) -> float | None:

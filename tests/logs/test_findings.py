@@ -13,6 +13,9 @@ ELSEWHERE = {
     "load_trembles": "tests/logs/test_live_load.py",  # so does how the fit takes the load
     "load_varies": "tests/logs/test_prepare.py",  # a warning of the fit: the scene's effects decide it
     "settings_above": "tests/data_io/test_layouts.py",  # of thousands of rows
+    "swings": "tests/logs/test_looks_of_records.py",  # what such records look like at random, as the next two
+    "upside_down": "tests/logs/test_looks_of_records.py",
+    "zero_lost": "tests/logs/test_looks_of_records.py",
     "unreadable": "tests/cli/test_inspect.py",  # the reader's sentence as a verdict, see tests/support/refusal_cases.py
 }
 PAIRS = [(code, number) for code, pairs in finding_cases.CASES.items() for number in range(len(pairs))]
