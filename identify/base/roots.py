@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,8 +58,8 @@ def rising_root(
 # The first time at which a positive function falls to zero: scanned as finely as its time scales ask, then refined.
 #
 # Knows nothing of friction. What is smooth (ramps, decays that begin at time zero) is seen on a geometric grid; where
-# something oscillates, only the stretches in which it can reach zero are scanned, at a fraction of its shortest period.
-# What can reach zero is told by bounds from below, each with fewer oscillations than the next.
+# something oscillates, only the stretches in which it can reach zero are scanned, at a fraction of its shortest period:
+# those in which a smooth function that is nowhere above it has fallen to zero.
 # ----------------------------------------------------------------------------------------------------------------------
 
 Function = Callable[[Array], Array]  # times (n,) [s] -> values (n,)
@@ -77,75 +76,46 @@ DEEP = 0.5  # a dip is looked at where a parabola comes within this share of its
 _GRID = np.concatenate([[0.0], np.geomspace(10.0**-DECADES, 1.0, DECADES * PER_DECADE + 1)])
 
 
-@dataclass(frozen=True)
-class Course:
-    """A function of time and the shortest period [s] of what oscillates in it (infinite without)."""
-
-    at: Function
-    period: float = np.inf
-
-
-def first_zero(function: Course, limit: float, below: Sequence[Course] = ()) -> float | None:
+def first_zero(function: Function, limit: float, period: float = np.inf, below: Function | None = None) -> float | None:
     """The first time in (0, limit] at which the function is zero; None if it stays positive.
 
     Args:
         function: positive at 0; a smooth part whose time scales begin at time zero, plus an oscillation.
         limit: [s], positive and finite.
-        below: functions that nowhere exceed it, the first one smooth, each oscillating faster than the one before:
-            where one of them is positive, nothing finer is looked at.
+        period: the shortest one of the oscillation [s]; infinite without.
+        below: a smooth function that nowhere exceeds it.
 
     Raises:
         SimulationError: more than MAX_SCAN times would have to be looked at.
     """
-    return _Search(limit).first((*below, function), 0.0, limit)
+    grid = _GRID * limit
+    if period >= 1e3 * limit:
+        return _first_in(function, grid, function(grid))
+    looked = 0
+    for low, high in ((0.0, limit),) if below is None else _fallen(below, grid, below(grid)):
+        for times in _chunks(low, high, period / PER_PERIOD, limit):
+            looked += times.size
+            if looked > MAX_SCAN:
+                raise SimulationError(
+                    f"the drive vibrates more than {MAX_SCAN // PER_PERIOD} times near the onset of one slip "
+                    f"(shortest period {period:.3g} s): too many to look at; leave out that vibration or shorten "
+                    "the record"
+                )
+            zero = _first_in(function, times, function(times))
+            if zero is not None:
+                return zero
+    return None
 
 
-class _Search:
-    """One search; counts the times it has looked at."""
-
-    def __init__(self, limit: float) -> None:
-        self.limit, self.looked = limit, 0
-
-    def first(self, courses: Sequence[Course], start: float, end: float) -> float | None:
-        """The first zero of the last course within [start, end], where all before it have fallen to zero."""
-        course, finer = courses[0], courses[1:]
-        for t, v in self._pieces(course, start, end):
-            if not finer:
-                found = _first_in(course.at, t, v)
-                if found is not None:
-                    return found
-                continue
-            for low, high in _fallen(course.at, t, v):
-                found = self.first(finer, low, high)
-                if found is not None:
-                    return found
-        return None
-
-    def _pieces(self, course: Course, start: float, end: float) -> Iterator[tuple[Array, Array]]:
-        """The times to look at and the values there, in order; neighbours overlap by two times."""
-        if course.period >= 1e3 * self.limit:
-            grid = _GRID * self.limit
-            inner = grid[(grid > start) & (grid < end)]
-            yield from self._looked_at(course, np.concatenate([[start], inner, [end]]))
-            return
-        # A dip needs a time at either side.
-        n = max(int(np.ceil((end - start) / (course.period / PER_PERIOD))), 2)
-        step, first, chunk = (end - start) / n, 0, FIRST_CHUNK
-        while first < n:
-            # One step more at both sides: a dip between two chunks is seen by one of them.
-            places = start + step * np.arange(first - 1, min(first + chunk - 3, n) + 2)
-            yield from self._looked_at(course, np.clip(places, 0.0, self.limit))
-            first, chunk = first + chunk - 3, min(2 * chunk, CHUNK)
-
-    def _looked_at(self, course: Course, t: Array) -> Iterator[tuple[Array, Array]]:
-        self.looked += t.size
-        if self.looked > MAX_SCAN:
-            raise SimulationError(
-                f"the drive vibrates more than {MAX_SCAN // PER_PERIOD} times near the onset of one slip "
-                f"(shortest period {course.period:.3g} s): too many to look at; leave out that vibration or shorten "
-                "the record"
-            )
-        yield t, course.at(t)
+def _chunks(start: float, end: float, step: float, limit: float) -> Iterator[Array]:
+    """The times to look at, in order and even; neighbours overlap by two times: a dip between two chunks is seen by one
+    of them."""
+    n = max(int(np.ceil((end - start) / step)), 2)  # a dip needs a time at either side
+    step, first, chunk = (end - start) / n, 0, FIRST_CHUNK
+    while first < n:
+        places = start + step * np.arange(first - 1, min(first + chunk - 3, n) + 2)
+        yield np.clip(places, 0.0, limit)
+        first, chunk = first + chunk - 3, min(2 * chunk, CHUNK)
 
 
 def _fallen(function: Function, t: Array, v: Array) -> Iterator[tuple[float, float]]:

@@ -65,11 +65,9 @@ def rested(m: Composition) -> ca.SX:
     return ca.vertcat(*(after.get(name, m.x[i]) for i, name in enumerate(m.names)))
 
 
-def pulled(m: Composition, shares: Expression) -> Expression:
-    """Force that tries to move the mass after resting for t [N], of each motion to and fro only a share (n_w,)."""
-    pull = chain(m).pull
-    waves = tuple((shares[i] * c, shares[i] * s, w) for i, (c, s, w) in enumerate(pull.waves))
-    return replace(pull, waves=waves).at(m.t)
+def calm_force(m: Composition) -> Expression:
+    """Force that tries to move the mass after resting for t [N], without the motions to and fro."""
+    return replace(chain(m).pull, waves=()).at(m.t)
 
 
 def decays(m: Composition) -> list[Expression]:

@@ -62,9 +62,7 @@ class Model:
     slip: ca.Function  # (x, p, u) -> dx/dt, no state clamped
     worn: ca.Function  # (x, p, u) -> dx/dt, the bounded state held at its lower bound
     rest: ca.Function  # (x, p, u at the end, t) -> x after resting for t [s], closed form
-    pulled: (
-        ca.Function
-    )  # (x, p, u at the end, t, shares (n_w,)) -> driving force after resting [N], shares of the waves
+    calm_force: ca.Function  # (x, p, u at the end, t) -> driving force after resting [N], without what oscillates
     driving_force: ca.Function  # (x, p, u) -> force that tries to move a mass at rest [N], signed
     grip: ca.Function  # (x, p, u) -> force a mass at rest withstands [N]
     load: ca.Function  # (x, p, u) -> force the rig puts on the mass [N]
@@ -155,7 +153,7 @@ def assemble(names: tuple[str, ...]) -> Model:
     slip = m.motion(held=False)
     jumped = m.jumped(lambda effect, s: effect.at_stick(s))
     grip = m.friction(resting, 1.0)
-    rested, shares = chain.rested(m), ca.SX.sym("shares", len(m.waves))
+    rested = chain.rested(m)
     moving = [] if m.inertial else [m.speed_along]
     lengths = [effect.finest(m.values) for effect in effects]
 
@@ -170,7 +168,7 @@ def assemble(names: tuple[str, ...]) -> Model:
         slip=function("slip", moving, slip),
         worn=function("worn", moving, m.motion(held=True)),
         rest=function("rest", [m.t], rested),
-        pulled=function("pulled", [m.t, shares], chain.pulled(m, shares)),
+        calm_force=function("calm_force", [m.t], chain.calm_force(m)),
         driving_force=function("driving_force", [], pull),
         grip=function("grip", [], grip),
         load=function("load", moving, moved),

@@ -46,7 +46,7 @@ def with_speed(model: Model) -> Model:
     """A model without inertia over the states of one with it: its speed has no rate of change, but a balance [N]."""
     assert model.balance is not None
     x, p, u = (ca.SX.sym(name, n) for name, n in (("x", len(model.states) + 1), ("p", len(model.parameters)), ("u", 4)))
-    t, shares, force = ca.SX.sym("t"), ca.SX.sym("shares", model.waves.numel_out(0)), ca.SX.sym("force")
+    t, force = ca.SX.sym("t"), ca.SX.sym("force")
     own = ca.vertcat(*(q for i, q in enumerate(ca.vertsplit(x)) if i != SPEED))
     along = u[2] * x[SPEED]
 
@@ -65,7 +65,7 @@ def with_speed(model: Model) -> Model:
         slip=function("slip", [x, p, u], full(model.slip(own, p, u, along), u[2] * balance)),
         worn=function("worn", [x, p, u], full(model.worn(own, p, u, along), u[2] * balance)),
         rest=function("rest", [x, p, u, t], full(model.rest(own, p, u, t))),
-        pulled=function("pulled", [x, p, u, t, shares], model.pulled(own, p, u, t, shares)),
+        calm_force=function("calm_force", [x, p, u, t], model.calm_force(own, p, u, t)),
         driving_force=function("driving_force", [x, p, u], model.driving_force(own, p, u)),
         grip=function("grip", [x, p, u], model.grip(own, p, u)),
         load=function("load", [x, p, u], model.load(own, p, u, along)),

@@ -6,15 +6,14 @@ contact that saturates, Newton's method from the far end meets the only zero; an
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.compiled import compiled
-from identify.base.roots import Course, first_zero
+from identify.base.compiled import Mapped, compiled
+from identify.base.roots import first_zero
 from identify.model.model import Model
 from identify.simulation.stepper import Situated, symbols
 
@@ -22,38 +21,28 @@ Array = NDArray[np.float64]
 
 _BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
 _EARLY = np.concatenate([[0.0], np.geomspace(1e-16, 1.0, 193)])  # of the longest rest: where a start is looked at
-LANES = 8  # times of one call
 NEWTON_STEPS = 60
 MARGIN, SLOPE, DRIVE, RESTED = 0, 1, 2, 3  # places in a row
-APART = 4.0  # motions of the drive whose frequencies are closer than that are looked at together
-SAFETY = 1e-12  # of the force of what is left out of a bound
+SAFETY = 1e-12  # of the force of what oscillates
 
 
 @lru_cache(maxsize=32)
-def _functions(model: Model) -> tuple[ca.Function, ca.Function, ca.Function, ca.Function]:
-    """By (x at the start, constants, t): the row (breakaway margin [N], its slope, force of the drive [N], state)
-    and the largest second derivative of the margin; for many times the margin, and that under shares (n_w,) of what
-    oscillates, LANES times in a call."""
+def _functions(model: Model) -> tuple[ca.Function, ca.Function, Mapped, Mapped]:
+    """By (x at the start, constants, t): the row (breakaway margin [N], its slope, force of the drive [N], state);
+    the largest second derivative of the margin at some times; for many at once the margin, and what it is without what
+    oscillates."""
     x, c, t, p, u = symbols(model)
     rested = model.rest(x, p, u, t)
-    force = model.driving_force(rested, p, u)
-    margin = model.grip(rested, p, u) - ca.fabs(force)
+    force, limit = model.driving_force(rested, p, u), model.grip(rested, p, u)
+    margin = limit - ca.fabs(force)
     slope = ca.jacobian(margin, t)
     row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(margin, slope, force, rested)))])
-    shares = ca.SX.sym("shares", model.waves.numel_out(0))
-    partly = model.grip(rested, p, u) - ca.fabs(model.pulled(x, p, u, t, shares))
     bend = ca.Function("bend", [x, c, t], [ca.densify(ca.jacobian(slope, t))])
     times = ca.SX.sym("times", _BENDS.size)
     largest = ca.mmax(ca.vertcat(*(bend(x, c, at) for at in ca.vertsplit(times))))
-    bends = ca.Function("bends", [x, c, times], [ca.cse(largest)])
-    many = ca.Function("margin", [x, c, t], [ca.cse(ca.densify(margin))])
-    some = ca.Function("partly", [x, c, t, shares], [ca.cse(ca.densify(partly))])
-    return (
-        row,
-        bends,
-        many.map(LANES, [True, True, False], [False]),
-        some.map(LANES, [True, True, False, True], [False]),
-    )
+    calm = limit - ca.fabs(model.calm_force(x, p, u, t))
+    many = [Mapped(ca.Function("margins", [x, c, t], [ca.cse(ca.densify(q))])) for q in (margin, calm)]
+    return row, ca.Function("bends", [x, c, times], [ca.cse(largest)]), *many
 
 
 class Resting:
@@ -63,13 +52,10 @@ class Resting:
         self.model = model
         self._x, self._c = np.zeros(len(model.states)), np.zeros(len(model.parameters) + 5)
         self._t, self._bends = np.zeros(1), np.zeros(_BENDS.size)
-        self._times, self._shares = np.zeros(LANES), np.zeros(model.waves.numel_out(0))
-        self._row, self._bend, self._margins, self._partly = (compiled(f) for f in _functions(model))
+        row, bends, self._margins, self._calm = _functions(model)
+        self._row, self._bend = compiled(row), compiled(bends)
         self._row.bind([self._x, self._c, self._t])
         self._bend.bind([self._x, self._c, self._bends])
-        self._margins.bind([self._x, self._c, self._times])
-        self._partly.bind([self._x, self._c, self._times, self._shares])
-        self._oscillates = model.vibrates
 
     def until(
         self, x: Array, situated: Situated, limit: float, *, through_zero: bool = False
@@ -104,7 +90,7 @@ class Resting:
         the mass rests."""
         self.margin(x, situated)
         times, onset = _EARLY * limit, None
-        margins = self._margins_at(times, None)
+        margins = self._at_times(self._margins, times)
         counts = np.flatnonzero(np.abs(margins) > least)
         if counts.size and limit > 0.0:
             first = int(counts[0])
@@ -132,7 +118,7 @@ class Resting:
 
     def _concave(self, limit: float) -> bool:
         """Whether the breakaway margin bends downwards throughout."""
-        if self._oscillates:
+        if self.model.vibrates:
             return False
         np.multiply(_BENDS, limit, out=self._bends)
         return bool(self._bend()[0] <= 0.0)
@@ -153,25 +139,24 @@ class Resting:
         return t
 
     def _by_scan(self, since: float, limit: float) -> float | None:
-        p, at = self._c[:-5], self._margins_at
-        below = [
-            Course(lambda t, b=b: at(since + t, b.shares) - b.less, b.period)  # type: ignore[misc]
-            for b in bounds(self.model, p)
-        ]
-        whole = Course(lambda t: at(since + t, None), swing(self.model, p)[0])
-        found = first_zero(whole, limit - since, below)
-        return None if found is None else since + found
+        """The first zero after a time at which the margin is positive; where it is positive without what oscillates,
+        by more than the force of that, nothing is looked at finely."""
+        period, force = swing(self.model, self._c[:-5])
 
-    def _margins_at(self, times: Array, shares: Array | None) -> Array:
-        """Breakaway margin [N] at times (n,) [s], under shares (n_w,) of what oscillates (None: all of it)."""
-        if shares is not None:
-            self._shares[:] = shares
-        call, out = self._margins if shares is None else self._partly, np.empty(-(-times.size // LANES) * LANES)
-        padded = np.append(times, np.full(out.size - times.size, times[-1]))
-        for first in range(0, out.size, LANES):
-            self._times[:] = padded[first : first + LANES]
-            out[first : first + LANES] = call()
-        return out[: times.size]
+        def margin(times: Array) -> Array:
+            if times.size == 1:
+                return self._at(since + float(times[0]))[MARGIN : MARGIN + 1]
+            return self._at_times(self._margins, since + times)
+
+        def least(times: Array) -> Array:
+            return self._at_times(self._calm, since + times) - (1.0 + SAFETY) * force
+
+        onset = first_zero(margin, limit - since, period, least)
+        return None if onset is None else since + onset
+
+    def _at_times(self, function: Mapped, times: Array) -> Array:
+        """A margin [N] at times (n,) [s]."""
+        return function([*(np.repeat(given[None], times.size, axis=0) for given in (self._x, self._c)), times])[0][:, 0]
 
 
 _IDLE: dict[Model, list[Resting]] = {}
@@ -186,30 +171,6 @@ def borrowed(model: Model) -> Resting:
 def give_back(rests: Resting) -> None:
     """Let others use them."""
     _IDLE.setdefault(rests.model, []).append(rests)
-
-
-@dataclass(frozen=True)
-class Bound:
-    """The margin under shares (n_w,) of what oscillates, less the forces [N] of the rest of it; its period [s]."""
-
-    shares: Array
-    less: float
-    period: float
-
-
-def bounds(model: Model, p: Array) -> list[Bound]:
-    """Bounds of the breakaway margin from below: without what oscillates, then with more and more of it, slow first."""
-    if not model.vibrates:
-        return []
-    forces, omegas = np.array(model.swings(p)).ravel(), np.array(model.waves(p)).ravel()
-    order = [i for i in np.argsort(omegas).tolist() if forces[i] > 0.0]
-    out, shares, period = [], np.zeros(forces.size), np.inf
-    for before, i in zip([None, *order], order, strict=False):
-        if before is None or omegas[i] > APART * omegas[before]:
-            less = (1.0 + SAFETY) * float(np.sum(forces[shares == 0.0]))
-            out.append(Bound(shares.copy(), less, period))
-        shares[i], period = 1.0, 2.0 * np.pi / float(omegas[i])
-    return out
 
 
 def swing(model: Model, p: Array) -> tuple[float, float]:

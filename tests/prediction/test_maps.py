@@ -32,13 +32,13 @@ import brute_force
 @pytest.fixture
 def slips_counted(monkeypatch):
     """The clock of a map shows the slips that it has integrated."""
-    counted, slide = [0], cycle_room.slide
+    counted, slide = [0], cycle_room.Machine.slide
 
     def counting(*given, **how):
         counted[0] += 1
         return slide(*given, **how)
 
-    monkeypatch.setattr(cycle_room, "slide", counting)
+    monkeypatch.setattr(cycle_room.Machine, "slide", counting)
     for module in (chart_room, orbit_search):
         monkeypatch.setattr(module, "process_time", lambda: float(counted[0]))
 

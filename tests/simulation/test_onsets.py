@@ -16,34 +16,25 @@ from identify.effects import MAIN
 from identify.model.model import assemble
 from identify.simulation import stepper
 from identify.simulation.plan import Stepping
-from identify.simulation.resting import bounds
+from identify.simulation.resting import swing
 from identify.simulation.simulate import run
 
 
 @pytest.mark.parametrize("names", [("excitation",), ("excitation", "finger_motion", "skin_compliance", "sensor_lag")])
-def test_bounds_of_the_spare_grip_are_bounds(names: tuple[str, ...]) -> None:
-    """What a rest can spare, from the functions of the model alone, against the bounds by which its end is found."""
+def test_the_bound_of_the_breakaway_margin_is_one(names: tuple[str, ...]) -> None:
+    """The margin from the functions of the model, against the bound by which the end of a rest is found."""
     model = assemble(("inertia", "hysteresis_damping", "contact_ageing", *names))
     values = {"excitation_amplitude": 3e-5, "excitation_frequency": 12.0, "tremor_amplitude": -2e-5}
     p = np.array([values.get(q.name, q.default) for q in model.parameters])
     x = np.array([1e-4 if s.name == "elongation" else 0.0 for s in model.states])
     t = np.random.default_rng(3).uniform(0.0, 3.0, 400)
     u = np.stack([0.0 * t + 2e-4, 0.0 * t + 1.0, 0.0 * t + 1.0, 0.7 + t])
-
-    def spare(shares: np.ndarray) -> np.ndarray:
-        rested = model.rest(x, p, u, t[None, :])
-        pulled = model.pulled(x, p, u, t[None, :], shares)
-        return np.array(model.grip(rested, p, u)).ravel() - np.abs(np.array(pulled).ravel())
-
     rested = model.rest(x, p, u, t[None, :])
-    whole = np.array(model.grip(rested, p, u)).ravel() - np.abs(np.array(model.driving_force(rested, p, u)).ravel())
-    found = bounds(model, p)
-    assert len(found) == len(names[:2])  # the tremor is as fast as the shaking, the breath as slow as the pulse
-    for bound in found:
-        lower = spare(bound.shares)
-        assert np.all(lower - bound.less <= whole)
-        assert np.any(lower - 0.5 * bound.less > whole)  # half of it would be none
-    np.testing.assert_allclose(spare(np.ones(model.waves.numel_out(0))), whole, rtol=1e-12)
+    grip = np.array(model.grip(rested, p, u)).ravel()
+    margin = grip - np.abs(np.array(model.driving_force(rested, p, u)).ravel())
+    calm, force = grip - np.abs(np.array(model.calm_force(x, p, u, t[None, :])).ravel()), swing(model, p)[1]
+    assert np.all(calm - force <= margin)
+    assert np.any(calm - 0.5 * force > margin)  # half of it would be none
 
 
 def test_a_vibration_without_a_phase_is_refused_and_one_that_does_not_move_is_not() -> None:
