@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
 from identify.effects import ALL
-from identify.effects.quantities import Parameter
 from identify.model.model import BASE_STATES, ELONGATION, SPEED, Model
 from identify.simulation.resting import swing
 from identify.simulation.steppers import HIGH, STIFF, Method
@@ -44,14 +43,18 @@ def admit(model: Model, values: Mapping[str, float], duration: float, start: Map
     for parameter in model.parameters:
         if parameter.name not in values:
             raise SimulationError(f"the parameter {parameter.name} is missing; give it a value")
-        if not _possible(parameter, values[parameter.name]):
-            raise SimulationError(
-                f"the parameter {parameter.name} is {values[parameter.name]:g} {parameter.unit}".rstrip()
-                + f"; expected {_expected(parameter)}"
-            )
-    _tell_phases(model, values, duration)
-    if not start:
-        return
+        value, low = values[parameter.name], parameter.lower
+        # A law can be evaluated at any size of the right sign.
+        if not (abs(value) < np.inf and (value > 0.0 if low > 0.0 else value >= 0.0 or low < 0.0)):
+            expected = "a positive number" if low > 0.0 else "a number from 0 on" if low == 0.0 else "a finite number"
+            shown = f"{value:g} {parameter.unit}".rstrip()
+            raise SimulationError(f"the parameter {parameter.name} is {shown}; expected {expected}")
+    period = swing(model, np.array([values[name] for name in model.parameter_names], float))[0]
+    if 2.0 * np.pi * np.finfo(float).eps * duration / period > PHASE:
+        raise SimulationError(
+            f"the drive vibrates {duration / period:.1g} times within {duration:g} s: no digits are "
+            "left of the phase of the vibration; shorten the record, or leave out that vibration"
+        )
     states = {s.name: s for s in model.states}
     known = {s.name for s in BASE_STATES} | {s.name for effect in ALL for s in effect.states} | set(states)
     for name, value in start.items():
@@ -64,32 +67,6 @@ def admit(model: Model, values: Mapping[str, float], duration: float, start: Map
         high = LARGE if state is None or state.upper is None else state.upper + ROUNDING
         if not low <= value <= high:
             raise SimulationError(f"{name} starts at {value:g}; expected a number from {low:.3g} to {high:.3g}")
-
-
-def _tell_phases(model: Model, values: Mapping[str, float], duration: float) -> None:
-    if not model.vibrates:
-        return
-    p = np.array([values[name] for name in model.parameter_names], float)
-    omegas, forces = (np.array(f(p)).ravel() for f in (model.waves, model.swings))
-    fastest = float(np.max(omegas[forces > 0.0], initial=0.0))
-    if np.finfo(float).eps * fastest * duration > PHASE:
-        raise SimulationError(
-            f"the drive vibrates {fastest * duration / (2.0 * np.pi):.1g} times within {duration:g} s: no digits are "
-            "left of the phase of the vibration; shorten the record, or leave out that vibration"
-        )
-
-
-def _possible(parameter: Parameter, value: float) -> bool:
-    """Whether its law can be evaluated: the box says which sign it has, not how large it may be."""
-    if parameter.lower > 0.0:
-        return 0.0 < value < np.inf
-    return (0.0 if parameter.lower == 0.0 else -np.inf) <= value < np.inf and value > -np.inf
-
-
-def _expected(parameter: Parameter) -> str:
-    if parameter.lower > 0.0:
-        return "a positive number"
-    return "a number from 0 on" if parameter.lower == 0.0 else "a finite number"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -133,30 +110,25 @@ def _scales(model: Model, parameters: bytes, normal_force: float) -> Scales:
     state[ELONGATION], state[SPEED] = normal_force / k, normal_force / np.sqrt(k * m)
     state.setflags(write=False)
     farthest = float(np.min(np.array(model.finest(p)))) if model.finest.numel_out(0) else np.inf
-    begin = [s.start if s.upper is None else s.upper for s in model.states]  # a slip that begins: it grows from nothing
-    growth = float(np.max(_eigenvalues(model, p, normal_force, state, begin, 0.0).real, initial=0.0))
+    # A slip that begins, its contact saturated: it grows from nothing. Then slow and fast sliding.
+    begin = [s.start if s.upper is None else s.upper for s in model.states]
+    x = np.array([begin, *([[s.start for s in model.states]] * len(SPEEDS))]).T
+    x[ELONGATION], x[SPEED] = state[ELONGATION], state[SPEED] * np.array([0.0, *SPEEDS])
+    slopes = np.array(_jacobians(model)(x, p, np.array([0.0, normal_force, 1.0, 0.0])))
+    slopes = slopes.reshape(x.shape[0], 1 + len(SPEEDS), -1).transpose(1, 0, 2)
+    slopes[~np.isfinite(slopes).all(axis=(1, 2))] = 0.0
+    rates = np.linalg.eigvals(slopes).real
+    growth, decay = float(np.max(rates[0])), -float(np.min(rates[1:]))
     first = BEGINNING / growth if growth > 0.0 else np.inf
-    decays = [_eigenvalues(model, p, normal_force, state, [s.start for s in model.states], share) for share in SPEEDS]
-    stiff = -min(float(np.min(values.real, initial=0.0)) for values in decays) * time > STIFF_FROM
-    return Scales(time, state, swing(model, p)[0] / SHARE, farthest / SHARE, first, stiff)
+    return Scales(time, state, swing(model, p)[0] / SHARE, farthest / SHARE, first, decay * time > STIFF_FROM)
 
 
 @lru_cache(maxsize=32)
-def _jacobian(model: Model) -> ca.Function:
-    """(x, p, u) -> d(dx/dt)/dx while sliding."""
+def _jacobians(model: Model) -> ca.Function:
+    """(states (n_x, 1 + len(SPEEDS)), p, u) -> d(dx/dt)/dx while sliding, of each state side by side."""
     x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", 4)
-    return ca.Function("jacobian", [x, p, u], [ca.densify(ca.jacobian(model.slip(x, p, u), x))])
-
-
-def _eigenvalues(
-    model: Model, p: Array, normal_force: float, size: Array, states: list[float], share: float
-) -> NDArray[np.complex128]:
-    """Those of d(dx/dt)/dx [1/s] while sliding under the typical elongation with a share of the typical speed; none
-    where it is not finite."""
-    x = np.array(states, float)
-    x[ELONGATION], x[SPEED] = size[ELONGATION], share * size[SPEED]
-    slope = np.array(_jacobian(model)(x, p, np.array([0.0, normal_force, 1.0, 0.0])))
-    return np.linalg.eigvals(slope) if np.all(np.isfinite(slope)) else np.empty(0, complex)
+    one = ca.Function("jacobian", [x, p, u], [ca.densify(ca.jacobian(model.slip(x, p, u), x))])
+    return one.map(1 + len(SPEEDS), [False, True, True], [False])
 
 
 ACCURACY = 1e-10  # where nobody asks and no noise is known

@@ -444,41 +444,6 @@ SOME = 100  # bursts: before them nobody looks for machine code
 MUCH = 20_000  # bursts: some seconds of the virtual machine, what the compiler takes
 
 
-class _Bursts:
-    """The bursts of one kind of stepper, bound to its buffers."""
-
-    def __init__(self, kind: Kind, buffers: Sequence[Array]) -> None:
-        self._kind, self._buffers = kind, buffers
-        self._function = burst(*kind)
-        self._call = self._bound(self._function)
-        self._count, self._look = 0, SOME
-        self.hastened = False
-
-    def _bound(self, function: ca.Function) -> Compiled:
-        call = compiled(function)
-        call.bind(self._buffers)
-        return call
-
-    def __call__(self) -> Array:
-        self._count += 1
-        return self._call()
-
-    def hasten(self) -> None:
-        """Take the machine code of the bursts where it is there, and have it made where they are used much: the same
-        numbers sooner.
-        """
-        if self.hastened or self._count < self._look:
-            return
-        key = _key(*self._kind)
-        code = None if key is None else native.find(key, self._function.name())
-        if code is not None:
-            self._call = self._bound(code)
-        elif key is not None and self._count >= MUCH and not native.busy():
-            native.start([(self._function, key)])
-        self.hastened = code is not None or key is None
-        self._look = MUCH if self._count < MUCH else self._count + MUCH
-
-
 class Stepper:
     """Steps one model with one method, `stops` as of `burst`; holds buffers, so one at a time uses it: `borrowed`."""
 
@@ -490,17 +455,36 @@ class Stepper:
         self._bounds, self._constants = np.zeros(5), np.zeros(len(model.parameters) + 5)
         self._tolerances = np.zeros(n + 1)
         x, t = self._xth[:-2], self._xth[-2:-1]
-        self._trials: dict[ModeName, Compiled] = {}
-        self._ends: dict[ModeName, Compiled] = {}
-        self._coefficients: dict[ModeName, Compiled] = {}
+        self._trials, self._ends, self._coefficients = (dict[ModeName, Compiled]() for _ in range(3))
         for mode in sliding_modes(model.clamped is not None):
-            self._trials[mode] = compiled(trial(model, method, mode, stops))
-            self._trials[mode].bind([self._xth, self._constants, self._tolerances])
-            self._ends[mode] = compiled(event_functions(model, mode))
-            self._ends[mode].bind([self._z[:n], self._constants, np.zeros(1)])
-            self._coefficients[mode] = compiled(coefficient(model, mode))
-            self._coefficients[mode].bind([x, self._constants, t])
-        self.bursts = _Bursts(self.kind, [self._z, self._bounds, self._constants, self._tolerances])
+            for calls, function, given in (
+                (self._trials, trial(model, method, mode, stops), [self._xth, self._constants, self._tolerances]),
+                (self._ends, event_functions(model, mode), [self._z[:n], self._constants, np.zeros(1)]),
+                (self._coefficients, coefficient(model, mode), [x, self._constants, t]),
+            ):
+                calls[mode] = compiled(function)
+                calls[mode].bind(given)
+        self._function = burst(*self.kind)
+        self._bind(self._function)
+        self._count, self._look, self.native = 0, float(SOME), False
+
+    def _bind(self, function: ca.Function) -> None:
+        """Take this function for the bursts."""
+        self._burst = compiled(function)
+        self._burst.bind([self._z, self._bounds, self._constants, self._tolerances])
+
+    def hasten(self) -> None:
+        """Take the machine code of the bursts where it is there, and have it made where they are used much."""
+        if self.native or self._count < self._look:
+            return
+        key = _key(*self.kind)
+        code = None if key is None else native.find(key, self._function.name())
+        if code is not None:
+            self._bind(code)
+        elif key is not None and self._count >= MUCH and not native.busy():
+            native.start([(self._function, key)])
+        self.native = code is not None
+        self._look = np.inf if key is None else MUCH if self._count < MUCH else self._count + MUCH
 
     def tune(self, p: Array, tolerances: Array, bounds: tuple[float, float, float, bool]) -> None:
         """Set parameters p (n_p,), tolerances of a step (rtol, then atol (n_x,)), and its bounds: longest and shortest
@@ -528,7 +512,8 @@ class Stepper:
     def go_on(self) -> list[list[float]]:
         """Several trials from where the last call stopped: rows of state, time, stop and h as in `BurstState`; those
         after a stop repeat it."""
-        rows = self.bursts().reshape(self.method.trials, -1)
+        self._count += 1
+        rows = self._burst().reshape(self.method.trials, -1)
         self._z[:] = rows[-1]
         return rows[:, : self.places.h + 1].tolist()
 
@@ -560,7 +545,7 @@ def borrowed(model: Model, method: Method, stops: bool = True) -> Stepper:
 
 def give_back(stepper: Stepper) -> None:
     """Let others use it."""
-    stepper.bursts.hasten()
+    stepper.hasten()
     _IDLE.setdefault(stepper.kind, []).append(stepper)
 
 

@@ -44,29 +44,13 @@ def averaged(force: Callable[[Array], Array], edges: Array, times: Array, span: 
         edges: rising times [s] between which the force is smooth; they enclose `times`, and begin at the start.
     """
     begin = np.maximum(times - span, edges[0])
-    last = edges.size - 2
-    first_piece = np.clip(np.searchsorted(edges, begin, side="right") - 1, 0, last)
-    last_piece = np.clip(np.searchsorted(edges, times, side="left") - 1, 0, last)
-    one = first_piece >= last_piece
-    whole = np.zeros(edges.size)
-    np.add.at(whole, first_piece[~one] + 1, 1.0)
-    np.add.at(whole, last_piece[~one], -1.0)
-    needed = np.flatnonzero(np.cumsum(whole)[:-1] > 0)
-    # In one go, so that the motion is sampled once: pieces inside a window, and what is cut off at its two ends.
-    lefts = np.concatenate([edges[needed], begin, np.where(one, times, edges[last_piece])])
-    rights = np.concatenate([edges[needed + 1], np.where(one, times, edges[first_piece + 1]), times])
-    parts = _integrals(force, lefts, rights)
-    summed = np.zeros(edges.size)
-    summed[needed + 1] = parts[: needed.size]
-    summed = np.cumsum(summed)
-    tail, head = np.split(parts[needed.size :], 2)
-    inside = np.where(one, 0.0, summed[last_piece] - summed[np.minimum(first_piece + 1, edges.size - 1)])
+    knots = np.unique(np.concatenate([edges[(edges > begin[0]) & (edges < times[-1])], begin, times]))
+    half = 0.5 * np.diff(knots)[:, None]
+    points = knots[:-1, None] + half * (1.0 + _POINTS)
+    integral = np.append(0.0, np.cumsum(half[:, 0] * (force(points.ravel()).reshape(points.shape) @ _WEIGHTS)))
     length = times - begin
-    out = (tail + inside + head) / np.where(length > 0.0, length, 1.0)
-    still = np.flatnonzero(length <= 0.0)
-    if still.size:
-        out[still] = force(times[still])
-    return np.asarray(out)
+    mean = np.diff(integral[np.searchsorted(knots, [begin, times])], axis=0)[0] / np.where(length > 0.0, length, 1.0)
+    return np.where(length > 0.0, mean, force(times))
 
 
 def rest_edges(duration: float, rates: Array, omegas: Array) -> Array:
@@ -78,17 +62,6 @@ def rest_edges(duration: float, rates: Array, omegas: Array) -> Array:
     if fastest > 0.0:
         pieces.append(np.linspace(0.0, duration, 2 + int(duration * fastest / TURN)))
     return np.unique(np.concatenate(pieces))
-
-
-def _integrals(force: Callable[[Array], Array], left: Array, right: Array) -> Array:
-    """Integrals over [left, right] (m,) each [N s]."""
-    half = 0.5 * (right - left)
-    points = (left + half)[:, None] + half[:, None] * _POINTS
-    flat = points.ravel()
-    order = np.argsort(flat, kind="stable")
-    values = np.empty_like(flat)
-    values[order] = force(flat[order])
-    return np.asarray(half * (values.reshape(points.shape) @ _WEIGHTS))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -127,24 +100,16 @@ def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local
         xth[rows, n + 1], xth[rows, n + 2] = phase.t[beyond] - phase.t[node], at - phase.t[node]
         xth[rows, n + 3 :] = phase.x[beyond]
     shown = np.empty((local.size, n + SHOWN))
-    p = phases[0].situated.p
     tolerances = next((phase.tolerances for phase in phases if isinstance(phase, Slide)), np.ones(n + 1))
     for (method, mode), parts in kinds.items():
         rows = np.concatenate(parts)
-        shown[rows] = _evaluated(model, method, mode, xth[rows], numbers[rows], p, tolerances)
+        shared = [np.repeat(given[None], rows.size, axis=0) for given in (phases[0].situated.p, tolerances)]
+        shown[rows] = _row(model, method, mode)([xth[rows], numbers[rows], *shared])[0]
     out = {state.name: shown[:, i].copy() for i, state in enumerate(model.states)}
     out["force"], out["coefficient"] = shown[:, n].copy(), shown[:, n + 1].copy()
     out["normal_force"] = numbers[:, 2] + numbers[:, 3] * local
     out["sliding"] = np.array([float(phase.mode != "stick") for phase in phases])[which]
     return out
-
-
-def _evaluated(
-    model: Model, method: Method | None, mode: ModeName, xth: Array, numbers: Array, p: Array, tolerances: Array
-) -> Array:
-    """Rows (m, n_x + SHOWN) of m times: xth (m, 2 n_x + 3) as in `within`, numbers (m, 5)."""
-    shared = [np.repeat(given[None], len(xth), axis=0) for given in (p, tolerances)]
-    return _row(model, method, mode)([xth, numbers, *shared])[0]
 
 
 @lru_cache(maxsize=64)

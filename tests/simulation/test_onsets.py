@@ -72,6 +72,6 @@ def test_bursts_as_machine_code_give_the_same_numbers(burst_code: None, monkeypa
     assert stepper.hastened(model, LOW)
     motion()  # after it the code is looked for
     used = stepper.borrowed(model, LOW)
-    assert used.bursts.hastened
+    assert used.native
     stepper.give_back(used)
     np.testing.assert_array_equal(motion(), before)
