@@ -134,21 +134,13 @@ class BalancedMachine(Machine):
         self.stepper.start(mode, begin, situated, limit, h)
         return begin
 
-    def _unfinished(
-        self,
-        mode: ModeName,
-        x: Array,
-        situated: Situated,
-        limit: float,
-        times: list[float],
-        states: list[list[float]],
-    ) -> Slide:
+    def _unfinished(self, slide: Slide, x: Array, limit: float) -> Slide:
         """Where no step is short enough the speed ceases to exist or to be stable: it folds."""
-        if len(times) < self._steps:
-            return self._phase(mode, situated, times, states, "fold")
+        if len(slide.times) < self._steps:
+            return replace(slide, ended_by="fold")
         raise SimulationError(
-            f"the {mode} phase at {situated.time:.6g} s did not end within {self._steps} steps (it reached "
-            f"{times[-1]:.3g} s): without inertia its speed changes too fast; add the effect inertia"
+            f"the {slide.mode} phase at {slide.start:.6g} s did not end within {self._steps} steps (it reached "
+            f"{slide.duration:.3g} s): without inertia its speed changes too fast; add the effect inertia"
         )
 
     def check_braking(self, slide: Slide) -> None:

@@ -6,7 +6,7 @@ Time is local to the phase: after 800 s of sticking a slip of microseconds loses
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -187,10 +187,12 @@ class Machine:
             SimulationError: too many steps or a state that is not finite; the motion runs away.
         """
         begin = self._begin(mode, x, situated, limit)
+        times, states = [0.0], [(x if begin is None else begin).tolist()]
+        method = self.stepper.method
+        slide = Slide(mode, situated.time, situated, times, states, "speed", method, self.tolerances)
         if begin is None:
-            return self._phase(mode, situated, [0.0], [x.tolist()], "speed")
-        at, times, states = self.stepper.places, [0.0], [begin.tolist()]
-        tried, creeps = 0, self._creeps(situated, x)
+            return slide
+        at, tried, creeps = self.stepper.places, 0, self._creeps(situated, x)
         while tried < self._steps:
             rows = self.stepper.go_on()
             if len(times) == 1 and rows[0][at.t] > 0.0 and rows[0][at.stop] == Stop.NOT_YET:
@@ -203,16 +205,16 @@ class Machine:
                 if row[at.stop]:
                     break
             stop = row[at.stop]
-            if creeps and self._crept(mode, situated, times, states):
-                return self._phase(mode, situated, times, states, "speed")
+            if creeps and self._crept(slide, times, states):
+                return slide
             if stop == Stop.NOT_YET and not self._held_back(tried, times[-1]):
                 continue
             if stop in (Stop.NOT_YET, Stop.STUCK):
                 break
             ended_by = None if stop == Stop.TIME_IS_UP else self._end(mode, row, times, states)
             self._steps = min(MAX_STEPS, self._steps - len(times) + STEPS_PER_PHASE)
-            return self._phase(mode, situated, times, states, ended_by)
-        return self._unfinished(mode, x, situated, limit, times, states)
+            return replace(slide, ended_by=ended_by)
+        return self._unfinished(slide, x, limit)
 
     def _begin(self, mode: ModeName, x: Array, situated: Situated, limit: float) -> Array | None:
         """The state from which a slide goes on, None where it does not."""
@@ -228,45 +230,26 @@ class Machine:
         self.stepper.start(mode, x, situated, limit, self.first[mode])
         return x
 
-    def _phase(
-        self,
-        mode: ModeName,
-        situated: Situated,
-        times: list[float],
-        states: list[list[float]],
-        ended_by: GuardName | None,
-    ) -> Slide:
-        method = self.stepper.method
-        return Slide(mode, situated.time, situated, times, states, ended_by, method, self.tolerances)
-
     def _held_back(self, tried: int, reached: float) -> bool:
         """Whether so many trials that have reached so far [s] are too many, and there is a method to take over."""
         crawls = tried > CRAWLING[0] and reached < tried * CRAWLING[1] * self.scale.time
         return len(self._left) > 1 and (crawls or tried > PATIENCE)
 
-    def _unfinished(
-        self,
-        mode: ModeName,
-        x: Array,
-        situated: Situated,
-        limit: float,
-        times: list[float],
-        states: list[list[float]],
-    ) -> Slide:
-        """What becomes of a slide that did not end: the next method takes over for good, where there is one."""
+    def _unfinished(self, slide: Slide, x: Array, limit: float) -> Slide:
+        """What becomes of a slide from x that did not end: the next method takes over for good, where there is one."""
         if len(self._left) > 1:
             del self._left[0]
             self.stepper = self._next()
-            return self.slide(mode, x, situated, limit)
-        speed = abs(states[-1][SPEED])
+            return self.slide(slide.mode, x, slide.situated, limit)
+        phase, speed = f"the {slide.mode} phase at {slide.start:.6g} s", abs(slide.states[-1][SPEED])
         if not speed < RUNAWAY * self.scale.state[SPEED]:
             raise SimulationError(
-                f"the {mode} phase at {situated.time:.6g} s runs away (it reached {speed:.3g} m/s): friction falls "
-                "with speed without a floor; make the slope smaller, or take the law velocity_weakening"
+                f"{phase} runs away (it reached {speed:.3g} m/s): friction falls with speed without a floor; make the "
+                "slope smaller, or take the law velocity_weakening"
             )
         raise SimulationError(
-            f"the {mode} phase at {situated.time:.6g} s did not end within {self._steps} steps (it reached "
-            f"{times[-1]:.3g} s): the motion is too stiff to follow; check mass, a and normal force"
+            f"{phase} did not end within {self._steps} steps (it reached {slide.duration:.3g} s): the motion is too "
+            "stiff to follow; check mass, a and normal force"
         )
 
     def _end(self, mode: ModeName, last: list[float], times: list[float], states: list[list[float]]) -> GuardName:
@@ -302,7 +285,7 @@ class Machine:
         still[SPEED] = 0.0
         return float(self.model.slip(still, self.p, situated.at(0.0))[ELONGATION]) == 0.0
 
-    def _crept(self, mode: ModeName, situated: Situated, times: list[float], states: list[list[float]]) -> bool:
+    def _crept(self, slide: Slide, times: list[float], states: list[list[float]]) -> bool:
         """Whether the mass has crept to where its speed has no digits left; then the nodes end where it fell so low.
 
         Under a drive at rest a damped mass only nears its rest, faster than any power of time, and rounding would
@@ -317,12 +300,12 @@ class Machine:
         x, t, whole = states[fast], times[fast], times[fast + 1] - times[fast]
 
         def above(length: float) -> float:
-            return situated.direction * self.stepper.trial(mode, x, t, length)[SPEED] - limit
+            return slide.situated.direction * self.stepper.trial(slide.mode, x, t, length)[SPEED] - limit
 
         length = low = 1e-12 * whole
         if above(low) > 0.0:
             length = brentq(above, low, whole, xtol=1e-15 * whole, rtol=1e-14)
-        after = self.stepper.trial(mode, x, t, length)[: len(x)]
+        after = self.stepper.trial(slide.mode, x, t, length)[: len(x)]
         after[SPEED] = 0.0
         times[fast + 1 :], states[fast + 1 :] = [t + length], [after]
         return True
