@@ -25,8 +25,8 @@ from identify.base.progress import Notice, Progress, noticed_once, to_nobody
 from identify.base.stages import stage, timing_stages
 from identify.bench.next_log import Advice, advised, next_logs
 from identify.diagnosis.choice import Choice
+from identify.diagnosis.explain import explain
 from identify.diagnosis.findings import Findings, against_data
-from identify.diagnosis.second_look import looked_into
 from identify.diagnosis.selection import choose_from_data
 from identify.effects import ALL
 from identify.estimation.agreement import largest_inflation
@@ -313,10 +313,10 @@ def _estimated(task: Task, sources: Sources, progress: Progress) -> tuple[list[P
     with stage("intervals"):
         progress("intervals", 0.9)
         findings = _quantified(task, prepared, attempt, left_out, progress)
-        findings, better = looked_into(findings, task.scene, task.records, prepared, progress)
+        findings, better = explain(findings, task.scene, task.records, prepared, progress)
         if better is not None:  # another optimum of the same model
             left_out = {i: why for i, why in left_out.items() if i not in better.log_numbers}
-            findings = _quantified(task, prepared, replace(better, found_by=("hypotheses",)), left_out, progress)
+            findings = _quantified(task, prepared, replace(better, found_by=(Strategy.CAUSES.title,)), left_out, progress)
     return prepared, findings
 
 

@@ -399,6 +399,21 @@ class HeldResult:
 
 
 @dataclass(frozen=True)
+class CauseResult:
+    """One possible cause of a misfit, SI: a quantity that was stated (log: of one alone), the number of its class (what
+    the data do not tell apart is one class), its score (about the fall of chi^2 with it free), and its value as stated
+    and as the data suggest it; gains, and the drive speed of all logs, as ratios."""
+
+    quantity: str
+    log: str | None
+    number: int = field(metadata={"key": "class"})
+    score: float
+    stated: float | None
+    suggested: float
+    standard_error: float | None
+
+
+@dataclass(frozen=True)
 class Quantile:
     """A quantile of a distribution over the cycles of an uneven record, with its interval."""
 
@@ -498,6 +513,7 @@ class Result:
     last_iterate: Mapping[str, LastValue] | None = field(default=None, metadata=OMITTED)
     more: Mapping[str, Json] = field(default_factory=dict, metadata=FURTHER)
     rig_against_data: Mapping[str, HeldResult] | None = field(default=None, metadata=OMITTED)
+    causes: tuple[CauseResult, ...] = ()
     timing_s: Mapping[str, float] = field(default_factory=dict)
     provenance: Mapping[str, Json] = field(default_factory=dict)
     accuracy: AccuracyResult | None = field(default=None, metadata=OMITTED)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.outcome import Status
-from identify.base.result import HeldResult
+from identify.base.result import CauseResult, HeldResult
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import Certainty
 from identify.estimation.covariance import Estimate, Information
@@ -94,8 +94,8 @@ def held_results(held: list[Held]) -> dict[str, HeldResult]:
 class Findings:
     """What the search and the uncertainty found: status and sentence, the attempt that was accepted or came
     closest (None without one), why logs took no part, what is known of its parameters (None where nothing is); held:
-    the rig as it was stated, against the data; trace: what was tried; estimator: its name; estimated: what an estimator
-    found that is not the plain one."""
+    the rig as it was stated, against the data; causes: the scores of what a misfit may come of; trace: what was tried;
+    estimator: its name; estimated: what an estimator found that is not the plain one."""
 
     status: Status
     message: str
@@ -104,6 +104,7 @@ class Findings:
     left_out: Mapping[int, str] = field(default_factory=dict)
     sure: Certainty | None = None
     held: list[Held] = field(default_factory=list)
+    causes: tuple[CauseResult, ...] = ()
     trace: Trace = field(default_factory=Trace)
     estimator: str = "plain"
     estimated: Estimated | None = None

@@ -38,8 +38,7 @@ class Strategy(Enum):
     OTHER_OPTIMA = "other optima", "the data hardly tell some parameter", "solves from starts about the answer"
     PROFILE_OPTIMUM = "optimum of a profile", "a profile meets a better place", "solves from there"
     # What the model as stated cannot be.
-    HYPOTHESES = "hypotheses", "nothing fitted", "frees mass, stiffness, damping, lag, speed … one at a time"
-    ONE_LOG_OUT = "one log out", "nothing fitted, nor any hypothesis", "fits without each log in turn"
+    CAUSES = "refit of a cause", "nothing fitted, or an answer is doubtful", "frees what the score test names first"
 
     def __init__(self, title: str, when: str, does: str) -> None:
         self.title, self.when, self.does = title, when, does

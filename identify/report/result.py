@@ -176,6 +176,7 @@ def result_of(
         not_tried=tuple(found.trace.not_tried),
         more={} if found.estimated is None else found.estimated.more,
         rig_against_data=held_results(found.held) or None,
+        causes=found.causes,
         timing_s={stage: seconds.get(stage, 0.0) for stage in (*STAGES, "total")},
         provenance={
             "version": _version(DISTRIBUTION),

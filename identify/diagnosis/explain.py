@@ -1,0 +1,496 @@
+"""Why a fit misfits, or why an answer that fits is none to rely on: the most likely cause, with its number and remedy.
+
+The score test ranks all that the fit took as stated; what these data do not tell apart is one class. Of the two leading
+classes the first quantity is set free and fitted again, for its value, and to see whether it does explain the data:
+a cause is named only where it does. The other scores are a table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_io import Record
+from identify.base.errors import FitError, SceneError
+from identify.base.outcome import Status
+from identify.base.progress import Progress
+from identify.base.result import CauseResult
+from identify.diagnosis.findings import Findings
+from identify.diagnosis.fitted import Fitted, as_it_ended, described
+from identify.diagnosis.nested import fit_from_values, fit_model
+from identify.diagnosis.quantities import (
+    AVERAGE,
+    EFFECTS,
+    Suggestion,
+    held_quantities,
+    in_series,
+    suggestion,
+    unknowns_of,
+)
+from identify.diagnosis.score_test import ALIKE, Column, Score, ScoreTable, score_table
+from identify.estimation.agreement import largest_inflation, noise_of
+from identify.estimation.attempt import Attempt, solve_again, solve_from
+from identify.estimation.covariance import sizes
+from identify.estimation.known_early import wrong_unit
+from identify.estimation.search import SearchProblem, search
+from identify.estimation.status_words import EXCHANGE
+from identify.estimation.strategies import Strategy, as_one_trial, cut_short, may_run
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns, stated_rig
+from identify.model.model import RIG_PARAMETERS
+from identify.scene import Scene
+
+Array = NDArray[np.float64]
+
+MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)
+CLEAR = 25.0  # score that noise does not reach
+REMAINS = 0.1  # share of a misfit that may remain where its cause is named
+NEAR_SCORE = 0.9  # of the leading score: a second class as near as that is fitted again as well
+REACH = np.log(4.0)  # how far a ratio is moved
+MATTERS = 0.05  # of its size by which a parameter must move for an answer that fits to be refused
+TREATED = 0.8  # of the leading score: a treatment of the signal that explains as much is named first
+ROUNDS = 6  # solves with a quantity moved, each from the step of the one before
+SETTLED = 0.3  # standard errors: a step that is smaller is the last one
+FIRM = 8.0  # of the priors that hold a motion of the model near the values at which a search was lost
+OBEYS = 1e-6  # largest row of a motion of the model
+REMEMBERED = 2.0  # samples that count as one: noise that a treatment of the signal may have left
+LISTED = 12  # causes in the table
+
+
+@dataclass(frozen=True)
+class _Refit:
+    """A quantity set free and fitted again: how far it moved, the fit, and the search that this was of."""
+
+    score: Score
+    size: float
+    attempt: Attempt
+    unknowns: Unknowns
+
+
+@dataclass(frozen=True)
+class _Cause:
+    """A quantity that explains the data with how far it moved and the standard error of that, and what looks like it at
+    the answer with it."""
+
+    refit: _Refit
+    error: float
+    alike: tuple[tuple[Score, float], ...]
+
+
+def explain(
+    findings: Findings, scene: Scene, read: Sequence[Record], prepared: Sequence[Prepared], progress: Progress
+) -> tuple[Findings, Attempt | None]:
+    """What a fit found, with the most likely cause of a misfit as its first sentence, and refused where it only looks
+    right; and a better answer of the same model that was met on the way, None without one.
+
+    Args:
+        read: the records of the scene; prepared: the logs as they are followed.
+    """
+    attempt = findings.attempt
+    if findings.status in MISFITS:
+        if swapped := _swapped(prepared):
+            message = f"normal force and friction force look swapped in {swapped}; {EXCHANGE}"
+            return replace(findings, status=Status.MODEL_MISFIT, message=message), None
+        if attempt is None and (unit := wrong_unit(prepared, placed=False)):
+            return replace(findings, status=Status.MODEL_MISFIT, message=unit), None
+        if attempt is None or any(log.unlike for log in prepared):
+            return _unexplained(findings, prepared), None
+    elif attempt is None or findings.status not in (Status.CONVERGED, Status.AT_BOUND) or not _doubtful(findings):
+        return findings, None
+    progress("looking for what is wrong", 0.95)
+    return _looked_for(findings, scene, read, list(prepared), attempt)
+
+
+def _looked_for(
+    findings: Findings, scene: Scene, read: Sequence[Record], prepared: list[Prepared], attempt: Attempt
+) -> tuple[Findings, Attempt | None]:
+    """The findings with the cause that the score test names, where setting it free confirms it."""
+    unknowns = findings.unknowns
+    fits = described(as_it_ended(scene, unknowns, prepared, attempt))
+    motion = _motion(prepared, unknowns, attempt)
+    try:
+        table = score_table(motion.solved, held_quantities(motion, unknowns), _inflation(attempt))
+    except np.linalg.LinAlgError:
+        return _unexplained(findings, prepared), None
+    classes, causes = _leading(table), list[_Cause]()
+    for some in classes:
+        near = some[0].score > NEAR_SCORE * classes[0][0].score and classes[0][0].column.name != AVERAGE
+        if (causes and not near) or not may_run(Strategy.CAUSES):
+            break
+        with as_one_trial(Strategy.CAUSES, some[0].column.name):
+            tried = _refitted(scene, read, as_it_ended(scene, unknowns, prepared, motion), some[0])
+        if tried is None or not _explains(tried, attempt, fits=fits):
+            continue
+        cause = _with_alike(tried)
+        if (better := _as_stated(cause, prepared, unknowns, attempt)) is not None:
+            return findings, better
+        if not any(_is(cause.refit.score, one) for known in causes for one, _ in known.alike):
+            causes.append(cause)
+    rows = _rows(scene, motion, unknowns, table, causes)
+    if causes:
+        return _caused(replace(findings, causes=rows), scene, motion, causes, fits=fits), None
+    return replace(findings if fits else _unexplained(findings, prepared), causes=rows), None
+
+
+def _is(one: Score, other: Score) -> bool:
+    return (one.column.name, one.log) == (other.column.name, other.log)
+
+
+def _leading(table: ScoreTable) -> list[list[Score]]:
+    """The two leading classes of those that noise does not explain; what was done to the signal comes before what looks
+    like it."""
+    classes = [some for some in table.classes() if some[0].score > CLEAR]
+    treated = [some for some in classes if some[0].column.name == AVERAGE]
+    if treated and treated[0][0].score > TREATED * classes[0][0].score:
+        classes = [*treated, *(some for some in classes if some not in treated)]
+    return classes[:2]
+
+
+def _inflation(attempt: Attempt) -> float:
+    return largest_inflation(attempt, noise_of(attempt).colours)
+
+
+def _motion(prepared: list[Prepared], unknowns: Unknowns, attempt: Attempt) -> Attempt:
+    """The attempt, or where it ended in no motion of the model one near it, if there is one."""
+    if attempt.solved.solution.constraint_violation < OBEYS:
+        return attempt
+    near = replace(unknowns, start=np.clip(attempt.solved.theta, unknowns.lower, unknowns.upper))
+    return solve_from(prepared, list(attempt.log_numbers), near, FIRM) or attempt
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The first quantity of a class set free: a parameter of the model among the others, anything else by steps, each from
+# the score at the answer with the step before.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _refitted(scene: Scene, read: Sequence[Record], ended: Fitted, score: Score) -> _Refit | None:
+    """None where that leads to no answer of the same logs."""
+    name = score.column.name
+    if name in ended.unknowns.names:
+        found = _set_free(ended, score)
+    elif name in EFFECTS:
+        found = _with_effect(scene, read, ended, score)
+    else:
+        found = _moved(ended, score)
+    return found if found is not None and set(found.attempt.log_numbers) >= set(ended.logs) else None
+
+
+def _set_free(ended: Fitted, score: Score) -> _Refit | None:
+    """The fit with a parameter free: from the data, and where that does not do from the values of the misfit."""
+    attempt, unknowns, prepared = ended.attempt, ended.unknowns, list(ended.prepared)
+    assert attempt is not None
+    i = unknowns.names.index(score.column.name)
+    before = float(attempt.solved.theta[unknowns.source[i]])
+    freed = _without_restraint(unknowns, i, before)
+    freed.start[i] = np.clip(before + score.step, freed.lower[i], freed.upper[i])
+    found, _ = search(SearchProblem(prepared, freed, thorough=False))
+    if found is None or not _within_noise(found):
+        theta = attempt.solved.theta.copy()
+        theta[np.flatnonzero(unknowns.free)] += score.shift
+        theta[i] = freed.start[i]
+        at = replace(freed, start=np.clip(theta, freed.lower, freed.upper))
+        other = solve_from(prepared, list(attempt.log_numbers), at)
+        if other is not None and (found is None or other.excess < found.excess):
+            found = other
+    if found is None or not np.isfinite(found.excess):
+        return None
+    stated = float(unknowns.prior_mean[i]) if score.column.prior else before
+    return _Refit(score, float(found.solved.theta[i]) - stated, found, freed)
+
+
+def _with_effect(scene: Scene, read: Sequence[Record], ended: Fitted, score: Score) -> _Refit | None:
+    """The fit with the effect that brings a quantity."""
+    effect, name = EFFECTS[score.column.name]
+    more = scene.with_effects((*scene.effects, effect))
+    spec = more.parameters[name]
+    start = float(np.clip(score.step, spec.lower, spec.upper))
+    parameters = {**more.parameters, name: replace(spec, fixed=None, start=start)}
+    if effect == "load_dependence":
+        at = float(np.mean([log.data.mean_normal_force for log in ended.prepared]))
+        parameters["reference_force"] = replace(parameters["reference_force"], fixed=at)
+    more = replace(more, parameters=parameters)
+    try:
+        found = fit_from_values(ended, more, read)
+        if found.attempt is None or not _within_noise(found.attempt):
+            other = fit_model(more, read, thorough=False)
+            found = other if other.excess < found.excess else found
+    except (FitError, SceneError):
+        return None
+    if found.attempt is None or not np.isfinite(found.excess):
+        return None
+    size = float(found.attempt.solved.theta[found.unknowns.names.index(name)])
+    logarithmic = found.model.parameter(name).scale == "log"
+    return _Refit(score, float(np.exp(size)) if logarithmic else size, found.attempt, found.unknowns)
+
+
+def _without_restraint(unknowns: Unknowns, i: int, theta: float) -> Unknowns:
+    """The search in which parameter i is free, whatever the scene says of it, from theta."""
+    declared = unknowns.model.parameters[i]
+    logarithmic = declared.scale == "log"
+    low, high = unknowns.lower.copy(), unknowns.upper.copy()
+    if declared.name in RIG_PARAMETERS:
+        low[i], high[i] = theta - REACH, theta + REACH
+    else:
+        low[i] = (
+            np.log(declared.lower)
+            if logarithmic and declared.lower > 0.0
+            else -np.inf
+            if logarithmic
+            else declared.lower
+        )
+        high[i] = np.log(declared.upper) if logarithmic else declared.upper
+    free, sd, start, walls = (
+        unknowns.free.copy(),
+        unknowns.prior_sd.copy(),
+        unknowns.start.copy(),
+        unknowns.walls.copy(),
+    )
+    free[i], sd[i], start[i], walls[:, i] = True, np.inf, theta, False
+    about = np.where(np.arange(free.size) == i, -1, unknowns.prior_about)
+    ties = tuple(tie for tie in unknowns.ties if tie[0] != i)
+    return replace(
+        unknowns, free=free, prior_sd=sd, start=start, lower=low, upper=high, walls=walls, prior_about=about, ties=ties
+    )
+
+
+def _moved(ended: Fitted, score: Score) -> _Refit | None:
+    """The fit with a quantity that is none of the model moved, from step to step."""
+    best, unknowns, column = ended.attempt, ended.unknowns, score.column
+    assert best is not None and column.change is not None
+    size, known = _within_reach(column, score.step), np.inf
+    theta = best.solved.theta.copy()
+    theta[np.flatnonzero(unknowns.free)] += score.shift * size / score.step
+    at = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
+    for _ in range(ROUNDS):
+        logs, fitted = list(ended.prepared), list(best.fitted_logs)
+        for place, (number, curve) in enumerate(zip(best.log_numbers, best.solved.fitted, strict=True)):
+            if score.log in (None, place):
+                data = column.change(logs[number].data, curve, 0.0, size)
+                cut = best.fitted_logs[place].data
+                logs[number] = replace(logs[number], data=data)
+                fitted[place] = replace(fitted[place], data=replace(data, begin=cut.begin, end=cut.end))
+        found = solve_again(replace(best, fitted_logs=tuple(fitted)), at)
+        if not found.solved.solution.success:
+            other, _ = search(SearchProblem(logs, unknowns, thorough=False))
+            found = found if other is None or other.log_numbers != found.log_numbers else other
+        if not np.isfinite(found.excess):
+            return None
+        best, at = found, replace(at, start=found.solved.theta)
+        if column.whole:
+            if known - found.excess < 1.0:
+                break
+            known = found.excess
+            continue
+        again = _scores(best, [replace(column, at=size)])
+        step = next((one for one in again.scores if one.log == score.log), None) if again is not None else None
+        if step is None:
+            return None
+        if abs(step.step) < SETTLED * step.error:
+            break
+        size = _within_reach(column, size + step.step)
+    return _Refit(score, size, best, unknowns)
+
+
+def _scores(attempt: Attempt, columns: Sequence[Column], held: Sequence[int] = ()) -> ScoreTable | None:
+    """The scores at an attempt; None where its optimality conditions are singular."""
+    try:
+        return score_table(attempt.solved, columns, _inflation(attempt), held)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _within_reach(column: Column, size: float) -> float:
+    """A size that is not beyond what is looked for; ratios are moved by their logarithm."""
+    return size if column.whole or column.name == "load_zero" else float(np.clip(size, -REACH, REACH))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a refit says: the cause, with what looks like it, or another answer of the model as it is stated.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _explains(tried: _Refit, attempt: Attempt, *, fits: bool) -> bool:
+    """Whether little is left of the misfit; of an answer that fits already, whether it fits the better."""
+    if fits:
+        return bool(tried.attempt.excess < attempt.excess)
+    return _within_noise(tried.attempt) or bool(tried.attempt.excess < REMAINS * attempt.excess)
+
+
+def _within_noise(attempt: Attempt) -> bool:
+    return attempt.gate.status is Status.CONVERGED
+
+
+def _with_alike(tried: _Refit) -> _Cause:
+    """A refit with the standard error of its quantity, and what looks like that at its answer, where the model
+    describes the data."""
+    attempt, unknowns, name, size = tried.attempt, tried.unknowns, tried.score.column.name, tried.size
+    name, unit = EFFECTS.get(name, ("", name))[1], 1.0
+    held: tuple[int, ...] = ()
+    if name in unknowns.names:
+        i = unknowns.names.index(name)
+        held, free = unknowns_of(attempt, i), unknowns.free.copy()
+        free[i] = False
+        unknowns = replace(unknowns, free=free)
+        if tried.score.column.name in EFFECTS and unknowns.logarithmic[i]:
+            size, unit = 1.0, tried.size  # its column is of the logarithm, of which nothing is no value
+    table = _scores(attempt, held_quantities(attempt, unknowns), held)
+    of = [] if table is None else [(one.column.name, one.log) for one in table.scores]
+    if table is None or (name, tried.score.log) not in of:
+        return _Cause(tried, np.inf, ())
+    mine = of.index((name, tried.score.log))
+    ratio = table.information[mine] / np.diag(table.information)
+    near = np.flatnonzero(np.abs(table.correlation[mine]) > ALIKE).tolist()
+    alike = tuple((table.scores[j], float(size * ratio[j])) for j in near if j != mine)
+    return _Cause(tried, unit * table.scores[mine].error, alike)
+
+
+def _as_stated(cause: _Cause, prepared: list[Prepared], unknowns: Unknowns, attempt: Attempt) -> Attempt | None:
+    """The answer of the model as it is stated that lies beside a refit, where that is nearer to the data than the one
+    that was found: the misfit was the search's, and what was set free only led elsewhere."""
+    tried = cause.refit
+    beside = tried.attempt.excess + _inflation(tried.attempt) * (tried.size / cause.error) ** 2
+    if not beside < 0.5 * attempt.excess:
+        return None
+    theta = dict(zip(tried.unknowns.names, tried.attempt.solved.theta.tolist(), strict=True))
+    start = [
+        theta[name] if free else old
+        for name, free, old in zip(unknowns.names, unknowns.free, unknowns.start, strict=True)
+    ]
+    at = replace(unknowns, start=np.clip(np.array(start), unknowns.lower, unknowns.upper))
+    back = solve_from(prepared, list(attempt.log_numbers), at)
+    if back is None or not set(back.log_numbers) >= set(attempt.log_numbers):
+        return None
+    return back if attempt.excess - back.excess > max(CLEAR, REMAINS * attempt.excess) else None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How it is said.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _suggestions(scene: Scene, motion: Attempt, unknowns: Unknowns, cause: _Cause) -> list[Suggestion]:
+    """What the data suggest of a cause, and of each quantity that looks like it."""
+    out = [suggestion(scene, motion, unknowns, cause.refit.score, cause.refit.size, cause.error)]
+    out += [suggestion(scene, motion, unknowns, one, size, one.error) for one, size in cause.alike]
+    return out + [series for one in out if (series := in_series(scene, one)) is not None]
+
+
+def _caused(findings: Findings, scene: Scene, motion: Attempt, causes: Sequence[_Cause], *, fits: bool) -> Findings:
+    """The findings of a fit whose cause is known, that first."""
+    attempt, best = findings.attempt, causes[0].refit
+    assert attempt is not None
+    named = {each.words: each for cause in causes for each in _suggestions(scene, motion, findings.unknowns, cause)}
+    apart = ", which these data cannot tell apart" if len(named) > 1 else ""
+    words, remedies = ", or ".join(named), "; or ".join(dict.fromkeys(each.remedy for each in named.values()))
+    if not fits:
+        share = f"but for {100.0 * best.attempt.excess / attempt.excess:.2g} % of it"
+        left = "within the noise" if _within_noise(best.attempt) else share
+        message = (
+            f"{words}{apart and f'{apart},'} explains the misfit {left}: {remedies}; as stated the model does not "
+            f"describe these data (misfit {attempt.gate.chi2_per_sample:.3g} times the noise variance)"
+        )
+        return replace(findings, status=Status.MODEL_MISFIT, message=message)
+    moved, name = _farthest(findings, scene, best)
+    moves = f", and {name} moves by {100.0 * moved:.2g} %" if name else ""
+    fall = f"chi^2 falls by {(attempt.excess - best.attempt.excess) / _inflation(attempt):.3g}{moves}"
+    message = f"the data ask for {words}{apart}: {remedies} ({fall}); {findings.message}"
+    refused = moved > MATTERS and findings.status is Status.CONVERGED
+    return replace(findings, status=Status.MODEL_MISFIT if refused else findings.status, message=message)
+
+
+def _farthest(findings: Findings, scene: Scene, best: _Refit) -> tuple[float, str]:
+    """By how much of its size the parameter moves that moves most, of those the data tell, and its name."""
+    unknowns, attempt = findings.unknowns, findings.attempt
+    assert attempt is not None
+    here, there = (
+        dict(zip(u.names, u.values(a.solved.theta, u.base(stated_rig(scene))).tolist(), strict=True))
+        for u, a in ((unknowns, attempt), (best.unknowns, best.attempt))
+    )
+    told = {e.name for e in findings.estimates if e.verdict in ("identified", "weak")} - {best.score.column.name}
+    size = dict(zip(here, sizes(unknowns, np.array(list(here.values()))).tolist(), strict=True))
+    moves = [(abs(there[name] - here[name]) / max(size[name], 1e-300), name) for name in told]
+    return max(moves, default=(0.0, ""))
+
+
+def _rows(
+    scene: Scene, motion: Attempt, unknowns: Unknowns, table: ScoreTable, causes: Sequence[_Cause]
+) -> tuple[CauseResult, ...]:
+    """The scores that noise does not explain, as the result lists them; of causes the values are those of the refit."""
+    out = []
+    for number, some in enumerate(table.classes(), 1):
+        for one in (each for each in some if each.score > CLEAR):
+            size, error = one.step, one.error
+            for cause in causes:
+                if _is(cause.refit.score, one):
+                    size, error = cause.refit.size, cause.error
+            said = suggestion(scene, motion, unknowns, one, size, error)
+            values = said.stated, said.suggested, said.standard_error
+            out.append(CauseResult(said.quantity, said.log, number, one.score, *values))
+    return tuple(out[:LISTED])
+
+
+def _doubtful(findings: Findings) -> bool:
+    """Whether what fits is looked at again: the data contradict the rig as it was stated, noise has a memory, friction
+    rises with the sliding speed, which is rare and what a lagging sensor makes of friction that falls, or the scene
+    says something of a parameter."""
+    unknowns, attempt = findings.unknowns, findings.attempt
+    assert attempt is not None
+    change = next((e.value for e in findings.estimates if e.name == "delta_mu_k" and e.verdict != "fixed"), None)
+    friction = np.array([p.kind == "friction" for p in unknowns.model.parameters])
+    theta = attempt.solved.theta
+    near = 1e-6 * unknowns.spread
+    sits = (theta - unknowns.lower < near) & unknowns.walls[0] | (unknowns.upper - theta < near) & unknowns.walls[1]
+    stated = (~unknowns.free | np.isfinite(unknowns.prior_sd) | sits) & friction
+    colours = [] if findings.sure is None else findings.sure.colours
+    return bool(
+        any(held.contradicted for held in findings.held)
+        or (change is not None and change > 0.0)
+        or np.any(stated)
+        or any(colour.memory > REMEMBERED for colour in colours)
+    )
+
+
+# What spoils samples, or is no part of the model: codes of the quality gate.
+SPOILS = (
+    "friction_clipped",
+    "sensor_lag",
+    "spikes",
+    "dropouts",
+    "jitter",
+    "repeated_time",
+    "normal_clipped",
+    "unloaded_rows",
+    "load_ripple",
+    "friction_drift",
+    "stick_slope",
+)
+TOLD = 2  # of them
+
+
+def _unexplained(findings: Findings, prepared: Sequence[Prepared]) -> Findings:
+    """A misfit that nothing explains that was stated, with what the quality gate saw before the fit."""
+    seen: dict[str, str] = {}
+    for log in prepared:
+        for finding in log.judgement.findings if log.left_out is None else ():
+            if finding.code in SPOILS and finding.severity != "info":
+                seen.setdefault(finding.code, f"{log.entry.path.name}: {finding.message}")
+    told = [seen[code] for code in SPOILS if code in seen][:TOLD]
+    gate = None if findings.attempt is None else findings.attempt.gate
+    more = (
+        []
+        if gate is None or not gate.possible_causes or cut_short() or findings.status is Status.SOLVER_FAILED
+        else [gate.possible_causes]
+    )
+    more += [f"before the fit this was seen: {'; '.join(told)}"] if told else []
+    return replace(findings, message="; ".join([findings.message, *more]))
+
+
+def _swapped(prepared: Sequence[Prepared]) -> str:
+    """The names of the logs in which the forces look exchanged, where no other takes part; "" where one does."""
+    others = [log for log in prepared if log.left_out is None and not log.judgement.swapped]
+    names = dict.fromkeys(log.entry.path.name for log in prepared if log.judgement.swapped)
+    return "" if others else ", ".join(names)

@@ -1,0 +1,311 @@
+"""What a fit takes as stated, each as a column of the score test: what it changes in a log, and how it is said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from identify.base.wording import speed_scale, three_figures, told_apart
+from identify.diagnosis.score_test import Change, Column, Score
+from identify.estimation.attempt import Attempt
+from identify.logs.log_data import LogData
+from identify.logs.unknowns import Unknowns, stated_rig
+from identify.model.model import RIG_PARAMETERS
+from identify.prediction.wording import said
+from identify.scene import Scene
+
+Array = NDArray[np.float64]
+
+DIFFERENCE = 1e-5  # relative, of what is differentiable
+LAGS = (0.03, 0.1, 0.3)  # of sqrt(m/k): a lag is no small change of a curve with kinks
+AVERAGE = "moving_average"
+WIDTHS = (3, 5, 7, 9, 11, 15, 21)  # samples of a moving average
+SMOOTHED = 2.0  # times the roughness of noise that was averaged over so many samples: above, it was not
+EFFECTS = {
+    "sensor_lag": ("sensor_lag", "lag_time"),
+    "load_exponent": ("load_dependence", "load_exponent"),
+    "force_zero": ("force_sensor", "sensor_offset"),
+}  # the effect, and its parameter, that a quantity is
+VARIED = 0.02  # relative range of the normal force below which nothing can be told of what it does
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What is other in a log with a quantity moved from one value to another. Ratios are moved by their logarithm.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def parameter(index: int, *, logarithmic: bool) -> Change:
+    """A parameter of the model, in search units."""
+
+    def change(log: LogData, _curve: Array, before: float, after: float) -> LogData:
+        base = log.base.copy()
+        base[index] = base[index] * np.exp(after - before) if logarithmic else base[index] + after - before
+        return replace(log, base=base)
+
+    return change
+
+
+def drive_speed(log: LogData, _curve: Array, before: float, after: float) -> LogData:
+    """The speed of the drive over the stated one."""
+    times, programme = float(np.exp(after - before)), log.programme
+    if programme is not None:
+        programme = replace(programme, speeds=tuple(times * speed for speed in programme.speeds))
+    return replace(log, drive_speed=times * log.drive_speed, programme=programme)
+
+
+def _loaded(log: LogData, values: Array) -> LogData:
+    least = 1e-3 * log.mean_normal_force  # no column lifts the mass off
+    return replace(log, normal_force=replace(log.normal_force, values=tuple(np.maximum(values, least).tolist())))
+
+
+def load_gain(log: LogData, _curve: Array, before: float, after: float) -> LogData:
+    """The normal force over what is read of it."""
+    return _loaded(log, np.exp(after - before) * log.normal_force.knots[1])
+
+
+def load_zero(log: LogData, _curve: Array, before: float, after: float) -> LogData:
+    """What the normal force is where nothing is read [N]."""
+    return _loaded(log, after - before + log.normal_force.knots[1])
+
+
+def load_exponent(reference: float) -> Change:
+    """The exponent with which all friction falls as the normal force rises beyond a reference [N]."""
+
+    def change(log: LogData, _curve: Array, before: float, after: float) -> LogData:
+        values = log.normal_force.knots[1]
+        return _loaded(log, values * (values / reference) ** (before - after))
+
+    return change
+
+
+def _sensed(shown: Callable[[LogData, Array, float], Array]) -> Change:
+    """What a sensor shows of the curve (n,) [N] of a log: the measured force moves by what it does."""
+
+    def change(log: LogData, curve: Array, before: float, after: float) -> LogData:
+        good = np.isfinite(curve)
+        force = log.force.copy()
+        force[good] += shown(log, curve[good], before) - shown(log, curve[good], after)
+        return replace(log, force=force)
+
+    return change
+
+
+def _lagged(log: LogData, curve: Array, lag: float) -> Array:
+    """A first-order lag [s]; exact for a force that is linear between samples."""
+    if curve.size < 2 or not lag > 1e-3 * log.interval:
+        return curve
+    decay = np.exp(-log.interval / lag)
+    ramp = lag * (1.0 - decay) / log.interval
+    before = curve[0] - lag * (curve[1] - curve[0]) / log.interval  # settled on the slope that the record begins with
+    shown = lfilter(
+        [1.0 - ramp, ramp - decay], [1.0, -decay], curve[1:], zi=[decay * before + (ramp - decay) * curve[0]]
+    )
+    return np.concatenate([[before], shown[0]])
+
+
+def _averaged(_log: LogData, curve: Array, width: float) -> Array:
+    """An average over so many neighbouring samples, an odd number; none of 0."""
+    count = round(width)
+    if count < 2 or curve.size <= count:
+        return curve
+    padded = np.pad(curve, count // 2, mode="reflect", reflect_type="odd")
+    sums = np.cumsum(np.concatenate([[0.0], padded]))
+    return (sums[count:] - sums[:-count]) / count
+
+
+force_gain = _sensed(lambda _log, curve, size: np.exp(size) * curve)
+force_zero = _sensed(lambda _log, curve, size: curve + size)
+sensor_lag = _sensed(_lagged)
+moving_average = _sensed(_averaged)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Which of them a fit held.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def held_quantities(attempt: Attempt, unknowns: Unknowns) -> list[Column]:
+    """The columns of all that a fit took as stated.
+
+    Args:
+        unknowns: of the fit, without the weak priors of its solves.
+    """
+    logs = [log.data for log in attempt.fitted_logs]
+    loads = np.concatenate([log.normal_force.values for log in logs])
+    load = float(np.mean([log.mean_normal_force for log in logs]))
+    names, out = unknowns.names, list[Column]()
+    for i, declared in enumerate(unknowns.model.parameters):
+        if declared.kind != "given" and is_held(unknowns, attempt, i):
+            change = parameter(i, logarithmic=declared.scale == "log")
+            out.append(Column(declared.name, change, DIFFERENCE))
+        elif unknowns.free[i] and np.isfinite(unknowns.prior_sd[i]) and unknowns.prior_about[i] < 0:
+            out.append(Column(declared.name, None, 1.0, prior=unknowns_of(attempt, i)))
+    out.append(Column("drive_speed", drive_speed, DIFFERENCE, by_log=True))
+    out.append(Column("force_gain", force_gain, DIFFERENCE, by_log=True))
+    out.append(Column("load_gain", load_gain, DIFFERENCE, by_log=True))
+    if np.ptp(loads) > VARIED * load:
+        out.append(Column("load_zero", load_zero, DIFFERENCE * load))
+        out.append(Column("force_zero", force_zero, DIFFERENCE * load))
+        out.append(Column("load_exponent", load_exponent(load), DIFFERENCE))
+    mass, stiffness = (logs[0].base[names.index(name)] for name in ("mass", "stiffness"))
+    natural = float(np.sqrt(mass / stiffness))
+    out += [Column("sensor_lag", sensor_lag, share * natural, positive=True) for share in LAGS]
+    out = [c for c in out if c.name not in EFFECTS or EFFECTS[c.name][0] not in unknowns.model.effects]
+    smooth = max(_roughness(log, curve) for log, curve in zip(logs, attempt.solved.fitted, strict=True))
+    widths = [width for width in WIDTHS if smooth * width < SMOOTHED]
+    return out + [Column(AVERAGE, moving_average, float(width), whole=True) for width in widths]
+
+
+def _roughness(log: LogData, curve: Array) -> float:
+    """The variance of what a curve leaves of a log from one sample to the next, over that of white noise of its level:
+    1 over the width of a moving average, whatever slow misfit is left."""
+    left = np.where(log.weight > 0.0, log.force - curve, np.nan)
+    return float(np.nanmean(np.diff(left) ** 2)) / (2.0 * log.noise**2)
+
+
+def is_held(unknowns: Unknowns, attempt: Attempt, i: int) -> bool:
+    """Whether parameter i is held at a value other than none: fixed, tied, or at a bound that the scene gives."""
+    theta = attempt.solved.theta
+    if unknowns.logarithmic[i] and not np.exp(theta[i]) * attempt.fitted_logs[0].data.base[i] > 0.0:
+        return False
+    near = 1e-6 * unknowns.spread[i]
+    low, high = theta[i] - unknowns.lower[i] < near, unknowns.upper[i] - theta[i] < near
+    return bool(not unknowns.free[i] or low & unknowns.walls[0, i] or high & unknowns.walls[1, i])
+
+
+def unknowns_of(attempt: Attempt, i: int) -> tuple[int, ...]:
+    """The unknowns that parameter i is, of all logs or groups of them."""
+    layout = attempt.solved.problem.layout
+    shared = np.flatnonzero(layout.free == i).tolist()
+    own = [int(place.own[i]) for place in layout.places if place.own[i] >= 0]
+    return tuple(dict.fromkeys([*shared, *own]))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How they are said.
+# ----------------------------------------------------------------------------------------------------------------------
+
+REMEDIES = {
+    "mass": "weigh what moves",
+    "stiffness": "measure it against a rigid block",
+    "damping": "let the rig ring down without contact",
+    "drive_speed": "look at the position of the drive, or time it over a known way",
+    "force_gain": "hang a known weight on the friction sensor",
+    "load_gain": "check its load, and whether it is of the same specimen as the others",
+    "load_zero": "zero the sensor of the normal force, or take that off: normal_tare in [[logs]]",
+    "force_zero": "zero the sensor of the friction force, or take that off: tare in [[logs]]",
+    "load_exponent": "add load_dependence to effects",
+    "sensor_lag": "add sensor_lag to effects",
+    "skin_stiffness": "add skin_compliance to effects",
+    AVERAGE: "export the force as it was sampled, without smoothing",
+}
+UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N/m"}
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """A quantity (of one log, or of all: None) with what it is stated as and what the data suggest, in SI (of gains and
+    of the drive speed of all logs, as a ratio), and in words."""
+
+    quantity: str
+    log: str | None
+    stated: float
+    suggested: float
+    standard_error: float
+    words: str
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        unit = UNITS.get(self.quantity)
+        if unit is None:
+            return REMEDIES.get(self.quantity.partition(":")[0], f"correct {self.quantity} under [parameters]")
+        start = f'[parameters] {self.quantity} = {{ start = "{three_figures(self.suggested)} {unit}" }}'
+        return f"{REMEDIES[self.quantity]}, or let it be estimated: {start}"
+
+
+def suggestion(
+    scene: Scene, attempt: Attempt, unknowns: Unknowns, score: Score, size: float, error: float
+) -> Suggestion:
+    """What the data suggest of a scored quantity.
+
+    Args:
+        size: how far the data move it, in the units of its column; error: the standard error of that.
+    """
+    name, log = score.column.name, None if score.log is None else attempt.fitted_logs[score.log].name
+    of = "" if log is None else f" of {log}"
+    times = float(np.exp(size))
+    if name in unknowns.names:
+        return _of_parameter(scene, attempt, unknowns, score, size, error)
+    if name == "drive_speed" and score.log is not None:
+        speed = attempt.fitted_logs[score.log].data.drive_speed
+        unit, scale = speed_scale(speed)
+        values = f"{times * speed / scale:.3g} {unit} instead of {speed / scale:.3g} {unit}"
+        words = f"a drive speed{of} {times:.3g} times the stated one ({values})"
+        return Suggestion(name, log, speed, times * speed, error * times * speed, words)
+    if name in ("drive_speed", "force_gain", "load_gain"):
+        where = of or " in all logs"
+        words = {
+            "drive_speed": f"a drive speed {times:.3g} times the stated one in all logs",
+            "force_gain": f"a friction force{where} that reads {times:.3g} times what it is",
+            "load_gain": f"a normal force{where} {times:.3g} times what is read",
+        }[name]
+        return Suggestion(name, log, 1.0, times, error * times, words)
+    if name == AVERAGE:
+        words = f"a moving average of the force over {size:.0f} samples"
+        return Suggestion(name, log, 1.0, size, 0.0, words)
+    words = {
+        "load_zero": f"a normal force that reads {-1e3 * size:.3g} mN at zero",
+        "force_zero": f"a friction force that reads {1e3 * size:.3g} mN at zero",
+        "load_exponent": f"friction coefficients that change with the normal force (exponent {-size:.3g})",
+        "sensor_lag": f"a lag of the force sensor of {1e3 * size:.3g} ms",
+    }[name]
+    return Suggestion(name, log, 0.0, size, error, words)
+
+
+def _of_parameter(
+    scene: Scene, attempt: Attempt, unknowns: Unknowns, score: Score, size: float, error: float
+) -> Suggestion:
+    """What the data suggest of a parameter, and what of the scene speaks against it."""
+    name = score.column.name
+    i = unknowns.names.index(name)
+    declared, spec = unknowns.model.parameters[i], scene.parameters.get(name)
+    base, theta = unknowns.base(stated_rig(scene)), attempt.solved.theta.copy()
+    if score.column.prior:
+        theta[i] = unknowns.prior_mean[i]
+    stated = float(unknowns.values(theta, base)[i])
+    theta[unknowns.source[i]] += size
+    value = float(unknowns.values(theta, base)[i])
+    standard_error = error * abs(value) if declared.scale == "log" else error
+    if name in RIG_PARAMETERS and not score.column.prior:
+        found, before = told_apart(value, stated)
+        words = f"a {name} of {found} {UNITS[name]} instead of {before} {UNITS[name]}"
+        return Suggestion(name, None, stated, value, standard_error, words)
+    if spec is not None and spec.fixed is not None:
+        by = f"the value it is held at ({said(spec.fixed, declared.unit)})"
+    elif score.column.prior:
+        tolerance = float(unknowns.prior_sd[i]) * (stated if declared.scale == "log" else 1.0)
+        by = f"its prior ({said(stated, declared.unit)} ± {said(tolerance, declared.unit, stated)})"
+    elif spec is not None and spec.tie is not None:
+        by = f"its tie to {spec.tie.to}"
+    else:
+        by = (
+            "its bounds"
+            if spec is None
+            else f"its bounds ({said(spec.lower, declared.unit)} to {said(spec.upper, declared.unit)})"
+        )
+    words = f"{name} = {said(value, declared.unit)} (ruled out by {by})"
+    return Suggestion(name, None, stated, value, standard_error, words)
+
+
+def in_series(scene: Scene, softer: Suggestion) -> Suggestion | None:
+    """What gives in series with the rig, where that looks like a stiffness that is smaller than the stated one."""
+    if softer.quantity != "stiffness" or not softer.suggested < softer.stated or "skin_compliance" in scene.effects:
+        return None
+    give = 1.0 / (1.0 / softer.suggested - 1.0 / softer.stated)
+    error = softer.standard_error * (give / softer.suggested) ** 2
+    words = f"something of {three_figures(give)} N/m in series with the rig"
+    return Suggestion("skin_stiffness", None, np.inf, give, error, words)
