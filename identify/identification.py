@@ -316,7 +316,9 @@ def _estimated(task: Task, sources: Sources, progress: Progress) -> tuple[list[P
         findings, better = explain(findings, task.scene, task.records, prepared, progress)
         if better is not None:  # another optimum of the same model
             left_out = {i: why for i, why in left_out.items() if i not in better.log_numbers}
-            findings = _quantified(task, prepared, replace(better, found_by=(Strategy.CAUSES.title,)), left_out, progress)
+            findings = _quantified(
+                task, prepared, replace(better, found_by=(Strategy.CAUSES.title,)), left_out, progress
+            )
     return prepared, findings
 
 

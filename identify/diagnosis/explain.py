@@ -1,13 +1,13 @@
 """Why a fit misfits, or why an answer that fits is none to rely on: the most likely cause, with its number and remedy.
 
-The score test ranks all that the fit took as stated; what these data do not tell apart is one class. Of the two leading
-classes the first quantity is set free and fitted again, for its value, and to see whether it does explain the data:
-a cause is named only where it does. The other scores are a table.
+The score test ranks all that the fit took as stated. The first is set free and fitted again, for its value, and to see
+whether it does explain the data: a cause is named only where it does, together with what these data do not tell apart
+from it. Where it does not, or the next one is as likely, that is fitted again too. The other scores are a table.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from identify.base.errors import FitError, SceneError
 from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.base.result import CauseResult
+from identify.base.wording import START_VALUES
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.fitted import Fitted, as_it_ended, described
 from identify.diagnosis.nested import fit_from_values, fit_model
@@ -32,26 +33,30 @@ from identify.diagnosis.quantities import (
 )
 from identify.diagnosis.score_test import ALIKE, Column, Score, ScoreTable, score_table
 from identify.estimation.agreement import largest_inflation, noise_of
-from identify.estimation.attempt import Attempt, solve_again, solve_from
+from identify.estimation.attempt import Attempt, retested, solve_again, solve_from
 from identify.estimation.covariance import sizes
 from identify.estimation.known_early import wrong_unit
-from identify.estimation.search import SearchProblem, search
+from identify.estimation.search import SearchProblem, required_logs, search
 from identify.estimation.status_words import EXCHANGE
 from identify.estimation.strategies import Strategy, as_one_trial, cut_short, may_run
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
+from identify.prediction.wording import listed
 from identify.scene import Scene
 
 Array = NDArray[np.float64]
 
 MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)
-CLEAR = 25.0  # score that noise does not reach
+CLEAR = 16.0  # score that noise does not reach
 REMAINS = 0.1  # share of a misfit that may remain where its cause is named
+SMOOTHED_REMAINS = 0.5  # the same where the signal was smoothed
 NEAR_SCORE = 0.9  # of the leading score: a second class as near as that is fitted again as well
 REACH = np.log(4.0)  # how far a ratio is moved
 MATTERS = 0.05  # of its size by which a parameter must move for an answer that fits to be refused
 TREATED = 0.8  # of the leading score: a treatment of the signal that explains as much is named first
+NEAR = 3.0  # sum of squares per sample (in noise variances) up to which a motion is one to start from
+TRIES = 3  # quantities that are fitted again at most
 ROUNDS = 6  # solves with a quantity moved, each from the step of the one before
 SETTLED = 0.3  # standard errors: a step that is smaller is the last one
 FIRM = 8.0  # of the priors that hold a motion of the model near the values at which a search was lost
@@ -78,6 +83,11 @@ class _Cause:
     refit: _Refit
     error: float
     alike: tuple[tuple[Score, float], ...]
+
+    @property
+    def others(self) -> list[tuple[Score, float, float]]:
+        """What looks like it: the score, how far that would move, and the standard error."""
+        return [(score, size, score.error) for score, size in self.alike]
 
 
 def explain(
@@ -115,38 +125,58 @@ def _looked_for(
         table = score_table(motion.solved, held_quantities(motion, unknowns), _inflation(attempt))
     except np.linalg.LinAlgError:
         return _unexplained(findings, prepared), None
-    classes, causes = _leading(table), list[_Cause]()
-    for some in classes:
-        near = some[0].score > NEAR_SCORE * classes[0][0].score and classes[0][0].column.name != AVERAGE
-        if (causes and not near) or not may_run(Strategy.CAUSES):
+    causes, tries = list[_Cause](), 0
+    for score in _in_order(table):
+        if any(_is(score, one) for known in causes for one, _ in known.alike):
+            continue
+        settled = any(_within_noise(cause.refit.attempt) for cause in causes)
+        if tries == TRIES or (settled and score.score < NEAR_SCORE * table.scores[0].score):
             break
-        with as_one_trial(Strategy.CAUSES, some[0].column.name):
-            tried = _refitted(scene, read, as_it_ended(scene, unknowns, prepared, motion), some[0])
+        if not may_run(Strategy.CAUSES):
+            break
+        tries += 1
+        with as_one_trial(Strategy.CAUSES, score.column.name):
+            tried = _refitted(scene, read, as_it_ended(scene, unknowns, prepared, motion), score)
         if tried is None or not _explains(tried, attempt, fits=fits):
             continue
         cause = _with_alike(tried)
         if (better := _as_stated(cause, prepared, unknowns, attempt)) is not None:
             return findings, better
-        if not any(_is(cause.refit.score, one) for known in causes for one, _ in known.alike):
-            causes.append(cause)
+        causes.append(cause)
+        if score.column.name == AVERAGE:
+            break
+    causes.sort(key=lambda cause: cause.refit.attempt.excess)
+    causes = [each for each in causes if each.refit.attempt.excess < causes[0].refit.attempt.excess + CLEAR]
     rows = _rows(scene, motion, unknowns, table, causes)
     if causes:
         return _caused(replace(findings, causes=rows), scene, motion, causes, fits=fits), None
-    return replace(findings if fits else _unexplained(findings, prepared), causes=rows), None
+    refused = findings.status in MISFITS
+    return replace(_unexplained(findings, prepared) if refused else findings, causes=rows), None
 
 
 def _is(one: Score, other: Score) -> bool:
     return (one.column.name, one.log) == (other.column.name, other.log)
 
 
-def _leading(table: ScoreTable) -> list[list[Score]]:
-    """The two leading classes of those that noise does not explain; what was done to the signal comes before what looks
-    like it."""
-    classes = [some for some in table.classes() if some[0].score > CLEAR]
-    treated = [some for some in classes if some[0].column.name == AVERAGE]
-    if treated and treated[0][0].score > TREATED * classes[0][0].score:
-        classes = [*treated, *(some for some in classes if some not in treated)]
-    return classes[:2]
+def _in_order(table: ScoreTable) -> list[Score]:
+    """The quantities that noise does not explain, in the order in which they are fitted again.
+
+    Those that look like the leading one come by kind: what was done to the signal, what the scene says of a parameter,
+    what is a parameter of the model and takes one fit, then the others; far from the truth their scores differ by
+    little, and mean less.
+    """
+    clear = [one for one in table.scores if one.score > CLEAR]
+    leading = clear[0].score if clear else 0.0
+
+    def rank(one: Score) -> tuple[bool, int, float]:
+        near = one.score > ALIKE**2 * leading
+        name = one.column.name
+        kind = 1 if name not in RIG_PARAMETERS and one.column.parameter else 2 if name in RIG_PARAMETERS else 3
+        if name == AVERAGE:
+            near, kind = one.score > TREATED * leading, 0
+        return not near, kind if near else 0, -one.score
+
+    return sorted(clear, key=rank)
 
 
 def _inflation(attempt: Attempt) -> float:
@@ -180,22 +210,31 @@ def _refitted(scene: Scene, read: Sequence[Record], ended: Fitted, score: Score)
 
 
 def _set_free(ended: Fitted, score: Score) -> _Refit | None:
-    """The fit with a parameter free: from the data, and where that does not do from the values of the misfit."""
+    """The fit with a parameter free: from a motion that nearly fits, from the data, or from where the score points."""
     attempt, unknowns, prepared = ended.attempt, ended.unknowns, list(ended.prepared)
     assert attempt is not None
     i = unknowns.names.index(score.column.name)
     before = float(attempt.solved.theta[unknowns.source[i]])
     freed = _without_restraint(unknowns, i, before)
-    freed.start[i] = np.clip(before + score.step, freed.lower[i], freed.upper[i])
-    found, _ = search(SearchProblem(prepared, freed, thorough=False))
-    if found is None or not _within_noise(found):
-        theta = attempt.solved.theta.copy()
-        theta[np.flatnonzero(unknowns.free)] += score.shift
-        theta[i] = freed.start[i]
-        at = replace(freed, start=np.clip(theta, freed.lower, freed.upper))
-        other = solve_from(prepared, list(attempt.log_numbers), at)
+    theta = attempt.solved.theta.copy()
+    theta[np.flatnonzero(unknowns.free)] += score.shift
+    theta[i] = before + score.step
+    known, moved = (replace(freed, start=np.clip(at, freed.lower, freed.upper)) for at in (attempt.solved.theta, theta))
+    data = replace(freed, start=np.where(np.arange(theta.size) == i, moved.start, freed.start))
+    numbers = list(attempt.log_numbers)
+    ways: list[Callable[[], Attempt | None]] = [
+        lambda: search(SearchProblem(prepared, data, thorough=False))[0],
+        lambda: solve_from(prepared, numbers, moved),
+    ]
+    if attempt.excess < NEAR * ended.samples:  # its motion is nearly that of the data
+        ways.insert(0, lambda: solve_again(attempt, known))
+    found: Attempt | None = None
+    for way in ways:
+        other = way()
         if other is not None and (found is None or other.excess < found.excess):
             found = other
+        if found is not None and _within_noise(found):
+            break
     if found is None or not np.isfinite(found.excess):
         return None
     stated = float(unknowns.prior_mean[i]) if score.column.prior else before
@@ -317,7 +356,9 @@ def _explains(tried: _Refit, attempt: Attempt, *, fits: bool) -> bool:
     """Whether little is left of the misfit; of an answer that fits already, whether it fits the better."""
     if fits:
         return bool(tried.attempt.excess < attempt.excess)
-    return _within_noise(tried.attempt) or bool(tried.attempt.excess < REMAINS * attempt.excess)
+    # The noise of a smoothed log is measured wrongly as well: that the signal was smoothed its noise has shown already.
+    remains = SMOOTHED_REMAINS if tried.score.column.name == AVERAGE else REMAINS
+    return _within_noise(tried.attempt) or bool(tried.attempt.excess < remains * attempt.excess)
 
 
 def _within_noise(attempt: Attempt) -> bool:
@@ -419,14 +460,18 @@ def _farthest(findings: Findings, scene: Scene, best: _Refit) -> tuple[float, st
 def _rows(
     scene: Scene, motion: Attempt, unknowns: Unknowns, table: ScoreTable, causes: Sequence[_Cause]
 ) -> tuple[CauseResult, ...]:
-    """The scores that noise does not explain, as the result lists them; of causes the values are those of the refit."""
+    """The scores that noise does not explain, as the result lists them: causes first, with their refitted values."""
+    known = {}
+    for cause in causes:
+        for score, size, error in ((cause.refit.score, cause.refit.size, cause.error), *cause.others):
+            known[score.column.name, score.log] = size, error
+    named = {(cause.refit.score.column.name, cause.refit.score.log) for cause in causes}
+    classes = [[one for one in some if one.score > CLEAR] for some in table.classes()]
+    classes.sort(key=lambda some: not any((one.column.name, one.log) in named for one in some))
     out = []
-    for number, some in enumerate(table.classes(), 1):
-        for one in (each for each in some if each.score > CLEAR):
-            size, error = one.step, one.error
-            for cause in causes:
-                if _is(cause.refit.score, one):
-                    size, error = cause.refit.size, cause.error
+    for number, some in enumerate(classes, 1):
+        for one in sorted(some, key=lambda each: (each.column.name, each.log) not in named):
+            size, error = known.get((one.column.name, one.log), (one.step, one.error))
             said = suggestion(scene, motion, unknowns, one, size, error)
             values = said.stated, said.suggested, said.standard_error
             out.append(CauseResult(said.quantity, said.log, number, one.score, *values))
@@ -486,6 +531,18 @@ def _unexplained(findings: Findings, prepared: Sequence[Prepared]) -> Findings:
         else [gate.possible_causes]
     )
     more += [f"before the fit this was seen: {'; '.join(told)}"] if told else []
+    missing = (
+        []
+        if findings.attempt is None
+        else [i for i in required_logs(prepared) if i not in findings.attempt.log_numbers]
+    )
+    if missing and findings.attempt is not None and _within_noise(retested(findings.attempt)):
+        names = listed([prepared[i].name for i in missing])
+        message = (
+            f"no answer of all logs was found: that of the others does not stick-slip as {names} does, and nothing "
+            f"that was stated stands out in them: check what [[logs]] says of {names}, fit it alone, or {START_VALUES}"
+        )
+        return replace(findings, status=Status.SOLVER_FAILED, message="; ".join([message, *more]))
     return replace(findings, message="; ".join([findings.message, *more]))
 
 

@@ -23,13 +23,12 @@ Array = NDArray[np.float64]
 DIFFERENCE = 1e-5  # relative, of what is differentiable
 LAGS = (0.03, 0.1, 0.3)  # of sqrt(m/k): a lag is no small change of a curve with kinks
 AVERAGE = "moving_average"
-WIDTHS = (3, 5, 7, 9, 11, 15, 21)  # samples of a moving average
-SMOOTHED = 2.0  # times the roughness of noise that was averaged over so many samples: above, it was not
 EFFECTS = {
     "sensor_lag": ("sensor_lag", "lag_time"),
     "load_exponent": ("load_dependence", "load_exponent"),
     "force_zero": ("force_sensor", "sensor_offset"),
 }  # the effect, and its parameter, that a quantity is
+WIDEST = 60  # samples of an average that is looked for
 VARIED = 0.02  # relative range of the normal force below which nothing can be told of what it does
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -140,12 +139,12 @@ def held_quantities(attempt: Attempt, unknowns: Unknowns) -> list[Column]:
     for i, declared in enumerate(unknowns.model.parameters):
         if declared.kind != "given" and is_held(unknowns, attempt, i):
             change = parameter(i, logarithmic=declared.scale == "log")
-            out.append(Column(declared.name, change, DIFFERENCE))
+            out.append(Column(declared.name, change, DIFFERENCE, parameter=True))
         elif unknowns.free[i] and np.isfinite(unknowns.prior_sd[i]) and unknowns.prior_about[i] < 0:
-            out.append(Column(declared.name, None, 1.0, prior=unknowns_of(attempt, i)))
-    out.append(Column("drive_speed", drive_speed, DIFFERENCE, by_log=True))
-    out.append(Column("force_gain", force_gain, DIFFERENCE, by_log=True))
-    out.append(Column("load_gain", load_gain, DIFFERENCE, by_log=True))
+            out.append(Column(declared.name, None, 1.0, parameter=True, prior=unknowns_of(attempt, i)))
+    out.append(Column("drive_speed", drive_speed, DIFFERENCE, of="both"))
+    out.append(Column("force_gain", force_gain, DIFFERENCE, of="both"))
+    out.append(Column("load_gain", load_gain, DIFFERENCE, of="single"))
     if np.ptp(loads) > VARIED * load:
         out.append(Column("load_zero", load_zero, DIFFERENCE * load))
         out.append(Column("force_zero", force_zero, DIFFERENCE * load))
@@ -154,16 +153,20 @@ def held_quantities(attempt: Attempt, unknowns: Unknowns) -> list[Column]:
     natural = float(np.sqrt(mass / stiffness))
     out += [Column("sensor_lag", sensor_lag, share * natural, positive=True) for share in LAGS]
     out = [c for c in out if c.name not in EFFECTS or EFFECTS[c.name][0] not in unknowns.model.effects]
-    smooth = max(_roughness(log, curve) for log, curve in zip(logs, attempt.solved.fitted, strict=True))
-    widths = [width for width in WIDTHS if smooth * width < SMOOTHED]
-    return out + [Column(AVERAGE, moving_average, float(width), whole=True) for width in widths]
+    width = min(_width(log, curve) for log, curve in zip(logs, attempt.solved.fitted, strict=True))
+    return out + ([Column(AVERAGE, moving_average, float(width), whole=True)] if width > 1 else [])
 
 
-def _roughness(log: LogData, curve: Array) -> float:
-    """The variance of what a curve leaves of a log from one sample to the next, over that of white noise of its level:
-    1 over the width of a moving average, whatever slow misfit is left."""
+def _width(log: LogData, curve: Array) -> int:
+    """Over how many samples, an odd number, the noise of a log looks averaged; 1 where it does not.
+
+    The mean square of the difference of samples k apart grows in proportion to k up to the width of an average, and no
+    more from there; for white noise it does not grow at all, and for a slow misfit by little from one k to the next.
+    """
     left = np.where(log.weight > 0.0, log.force - curve, np.nan)
-    return float(np.nanmean(np.diff(left) ** 2)) / (2.0 * log.noise**2)
+    squares = [float(np.nanmean((left[k:] - left[:-k]) ** 2)) for k in range(1, min(WIDEST, left.size // 2))]
+    flat = [k for k in range(1, len(squares)) if squares[k] - squares[k - 1] < 0.5 * squares[0]]
+    return flat[0] | 1 if flat else 1
 
 
 def is_held(unknowns: Unknowns, attempt: Attempt, i: int) -> bool:
@@ -255,7 +258,7 @@ def suggestion(
         }[name]
         return Suggestion(name, log, 1.0, times, error * times, words)
     if name == AVERAGE:
-        words = f"a moving average of the force over {size:.0f} samples"
+        words = f"a smoothing of the force, like a moving average over {size:.0f} samples,"
         return Suggestion(name, log, 1.0, size, 0.0, words)
     words = {
         "load_zero": f"a normal force that reads {-1e3 * size:.3g} mN at zero",

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,17 +40,19 @@ class Column:
     """A held quantity as a column beside the unknowns.
 
     change: what its move does to a log; None for the mean of the prior of the unknowns `prior`. size: of the difference
-    that stands for the derivative, finite where the quantity is not differentiable at its value; by_log: single logs
-    may have it for themselves; positive: it can only grow; whole: it is there, with that size, or it is not.
+    that stands for the derivative, finite where the quantity is not differentiable at its value; of: all logs together,
+    single ones, or both; positive: it can only grow; whole: it is there, with that size, or it is not;
+    parameter: it is one of the model.
     """
 
     name: str
     change: Change | None
     size: float
-    by_log: bool = False
+    of: Literal["all", "single", "both"] = "all"
     positive: bool = False
     whole: bool = False
     at: float = 0.0
+    parameter: bool = False
     prior: tuple[int, ...] = ()
 
 
@@ -159,8 +162,8 @@ def _chosen(columns: Sequence[Column], logs: int) -> tuple[Array, list[tuple[Col
     """What is scored: every column of all logs, and those of single logs; and how it is mixed from the columns of each
     log (s, l k)."""
     k = len(columns)
-    of: list[tuple[int, int | None]] = [(c, None) for c in range(k)]
-    of += [(c, log) for c in range(k) if columns[c].by_log and logs > 1 for log in range(logs)]
+    of: list[tuple[int, int | None]] = [(c, None) for c in range(k) if columns[c].of != "single"]
+    of += [(c, log) for c in range(k) if columns[c].of != "all" and logs > 1 for log in range(logs)]
     mix = np.zeros((len(of), logs * k))
     for i, (c, log) in enumerate(of):
         mix[i, [c + k * one for one in (range(logs) if log is None else (log,))]] = 1.0

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,15 +12,8 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
-from identify.diagnosis import findings as held
-from identify.diagnosis import second_look
-from identify.diagnosis.diagnosis import Doubt, diagnose
-from identify.diagnosis.findings import Findings, against_data
-from identify.estimation.residual_autocorrelation import MORE
-from identify.estimation.search import SearchProblem, search
+from identify.diagnosis.findings import against_data
 from identify.identification import find
-from identify.logs.prepare import prepare
-from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.scene import Scene
 from identify.simulation.simulate import run
@@ -67,13 +59,13 @@ def _chi_squared(found):
 
 
 @pytest.mark.slow
-def test_a_wrong_rig_that_friction_absorbs_is_named(monkeypatch):
+def test_a_wrong_rig_that_friction_absorbs_is_named():
     """The misfit is noise; the slope of the cost along what was held tells. Truth from outside: a fit with it free."""
     name, factor = "mass", 1.05
     wrong = _scene(**{name: factor * RIG[name]})
     found = _found(wrong, _records(3))
     assert found.status is Status.MODEL_MISFIT
-    assert "the misfit is noise, and yet the data ask for" in found.message
+    assert found.message.startswith("the data ask for ") and "the misfit is noise" in found.message
     assert f"a {name} of " in found.message and "instead of" in found.message
     freed = Scene.from_document(wrong.as_document() | {"parameters": {name: {"start": factor * RIG[name]}}}, Path())
     free = _found(freed, _records(3))
@@ -81,11 +73,6 @@ def test_a_wrong_rig_that_friction_absorbs_is_named(monkeypatch):
     said = next(h for h in found.held if h.name == name)
     assert said.squared == pytest.approx(_chi_squared(found) - _chi_squared(free), rel=0.05)
     assert np.log(said.said / said.stated) == pytest.approx(np.log(_values(free)[name] / said.stated), rel=0.1)
-    monkeypatch.setattr(held, "CLEAR", np.inf)  # negative control: as it was
-    silent = _found(wrong, _records(3))
-    assert silent.status is Status.CONVERGED
-    off = {e.name: abs(e.value / DEMO[e.name] - 1.0) for e in silent.estimates if e.verdict == "identified"}
-    assert max(off.values()) > 0.15, "identified, and wrong"
 
 
 def test_a_small_error_of_the_rig_is_measured_to_first_order():
@@ -125,38 +112,9 @@ def test_a_tolerance_that_the_data_contradict_is_told():
     assert said == pytest.approx([RIG["mass"]] * 2, rel=0.02)
 
 
-@pytest.mark.slow
-def test_an_effect_the_scene_lacks_is_named():
-    """So small a misfit would pass as noise with a memory, but that the cycles have it in common."""
-    scene = _scene()
-    records = list(_records(3, ("direct_effect",), (("direct_strength", 0.02), ("direct_speed", 1e-4))))
-    unknowns = from_scene(scene)
-    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-    attempt, _ = search(SearchProblem(logs, unknowns, thorough=False))
-    assert 1.05 < attempt.gate.chi2_per_sample < 1.0 + MORE
-    assert attempt.gate.status is Status.MODEL_MISFIT
-    assert "direct_effect" in diagnose(scene, records, logs, unknowns, attempt).sentence
-
-
 def test_noise_with_a_memory_widens_what_is_said():
     found = _plain(0)
     theta = found.attempt.solved.theta
     white, memory = (against_data(found.information, theta, RIG, m, tolerances={}) for m in (1.0, 4.0))
     for plain, wide in zip(white, memory, strict=True):
         assert wide == replace(plain, error=2.0 * plain.error, squared=plain.squared / 4.0)
-
-
-def test_logs_that_contradict_each_other_are_asked_what_would_reconcile_them(monkeypatch):
-    refused = Findings(
-        Status.MODEL_MISFIT,
-        "log_3 contradicts the others",
-        None,
-        SimpleNamespace(gate=SimpleNamespace(possible_causes="")),
-    )
-    lag = Doubt("a lag of the force sensor of 5 ms", 326.0, 0.032, "D")
-    monkeypatch.setattr(second_look, "hum", lambda _attempt: "")
-    monkeypatch.setattr(second_look, "diagnose", lambda *_: None)
-    monkeypatch.setattr(second_look, "doubt", lambda *_, anew, **_more: lag if anew else None)
-    found, better = second_look.looked_into(refused, _scene(), [], [], lambda *_: None)
-    assert found.status is Status.MODEL_MISFIT and better is None
-    assert found.message.startswith("log_3 contradicts the others; the data ask for a lag of the force sensor of 5 ms")

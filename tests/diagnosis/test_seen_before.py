@@ -12,7 +12,7 @@ from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import Scene
 from identify.base.outcome import Status
 from identify.base.progress import to_nobody
-from identify.diagnosis import second_look
+from identify.diagnosis.explain import explain
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
 from identify.logs.judgement import suspicions
@@ -28,37 +28,34 @@ def good() -> Record:
     return simulated_case(DEMO, 5).records[PLACE]
 
 
-def refused(record: Record, monkeypatch: pytest.MonkeyPatch) -> str:
+def refused(record: Record) -> str:
     """The sentence of a misfit of this log that nothing explains."""
-    monkeypatch.setattr(second_look, "diagnose", lambda *_: None)
     logs = [{"path": "log.csv", "drive_speed": SPEEDS[PLACE][0]}]
     scene = Scene.from_document({"effects": list(MAIN), "rig": RIG, "logs": logs})
     unknowns = from_scene(scene)
     prepared = [prepare(scene, scene.logs[0], record, unknowns)]
     misfit: Any = Findings(Status.MODEL_MISFIT, "it misfits", unknowns)
-    found, better = second_look.looked_into(misfit, scene, [record], prepared, to_nobody)
+    found, better = explain(misfit, scene, [record], prepared, to_nobody)
     assert found.status is Status.MODEL_MISFIT and better is None
     return found.message
 
 
-def test_a_log_without_a_fault_adds_nothing(good: Record, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert "before the fit" not in refused(good, monkeypatch)
+def test_a_log_without_a_fault_adds_nothing(good: Record) -> None:
+    assert "before the fit" not in refused(good)
 
 
-def test_a_sensor_at_its_end_is_named_beside_the_misfit(good: Record, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sensor_at_its_end_is_named_beside_the_misfit(good: Record) -> None:
     top = np.quantile(good.friction_force, 0.97)
-    said = refused(Record(good.time, good.normal_force, np.minimum(good.friction_force, top)), monkeypatch)
+    said = refused(Record(good.time, good.normal_force, np.minimum(good.friction_force, top)))
     assert said.startswith("it misfits")
     assert "before the fit this was seen: log.csv: the friction force stays at its highest value" in said
 
 
-def test_exchanged_columns_are_named_whatever_else_a_fit_makes_of_them(
-    good: Record, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_exchanged_columns_are_named_whatever_else_a_fit_makes_of_them(good: Record) -> None:
     saw = (good.time % 0.5) / 0.5  # a load control that hunts by a hundredth, which looks as if it slipped
     load = good.normal_force + 0.02 * np.minimum(saw / 0.95, (1.0 - saw) / 0.05)
     load += 1e-3 * np.random.default_rng(1).standard_normal(load.size)
-    said = refused(Record(good.time, good.friction_force, load), monkeypatch)
+    said = refused(Record(good.time, good.friction_force, load))
     assert "normal force and friction force look swapped in log.csv" in said
     assert 'columns = { normal_force = "…", friction_force = "…" }' in said
 

@@ -72,7 +72,7 @@ def test_a_log_that_no_start_reproduces_is_not_said_to_stick_and_slip_where_it_s
     stated = ((0.0, 5e-2), (2.0, 1e-1), (5.0, 2e-1))
     log = Log(((0.0, 5e-2), (5.0, 1e-1), (8.0, 2e-1)), 12.0, 2000.0, begins=3.0, said=stated)
     monkeypatch.setattr(starts, "RANDOM", ())
-    with tracing((Strategy.FURTHER_STARTS, Strategy.HYPOTHESES)):  # the first start ends as all others do
+    with tracing((Strategy.FURTHER_STARTS, Strategy.CAUSES)):  # the first start ends as all others do
         result = fit(*Kind("fast", (log,), (), DEMO, TRUE_RIG).made(0)).result
     assert result["status"] == Status.MODEL_MISFIT.value and "stick-slip" not in result["message"]
     assert "take a window of one speed" in result["message"]
