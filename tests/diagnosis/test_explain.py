@@ -225,11 +225,11 @@ def test_an_answer_that_leaves_out_a_log_names_no_cause(records):
 
 
 def test_a_search_that_was_lost_is_not_blamed_on_what_is_stated():
-    """All is as stated, and the first start of the data leads nowhere: what is set free leads to the model as stated."""
+    """All is as stated, and the first start of the data leads nowhere."""
     made = simulated_case(DEMO, 17).records
     logs = [made[i] for i in LOGS]
     found, prepared = ended(scene(), logs)
-    assert found.status is Status.MODEL_MISFIT and found.attempt.gate.chi2_per_sample > 10.0
+    assert found.status is Status.MODEL_MISFIT and found.attempt.gate.chi2_per_sample > 1.2
     out, better = explain(found, scene(), logs, prepared, to_nobody)
     assert "explains the misfit" not in out.message
     if better is not None:
