@@ -9,7 +9,7 @@ import numpy as np
 from data_io.arrays import thinned
 from data_io.clock import StepClock, joined
 from data_io.contents import Contents, Part, check_request, chosen, of_run
-from data_io.convert import SiStep, Span, convert, origin, unused_spans, without_needless
+from data_io.convert import SiStep, Span, convert, origin, unused_spans, without_marks, without_needless
 from data_io.record import WINDOW_START, Record
 from data_io.source import Request, Source, sha256_unchanged
 from data_io.units import rescaled
@@ -29,8 +29,10 @@ def assemble(
     settled = contents.settled
     run = of_run(source, request, contents.parts)
     check_request(source, request, run[0].header)
+    cleaned = [without_marks(part) for part in run]
+    run = [part for part, _ in cleaned]
     picked = chosen(source, request, run)
-    notes = list(contents.findings)
+    notes = [*contents.findings, *(note for part, found in cleaned if part in picked for note in found)]
     pulls = not settled and request.normal_force is None and _pressed_negative(run)
     steps: list[SiStep] = []
     begin = contents.skipped if len(picked) == 1 else None

@@ -71,6 +71,48 @@ _FAR: Final = 5.0
 _FEWEST: Final = 50
 
 
+# Marks for no value: a display over range, or a logger without a reading, writes one number far from all others.
+
+_NO_VALUE: Final = (32767.0, 32768.0, 65535.0, 2147483647.0)
+_MARK_FAR: Final = 3.0
+"""Times the range of all other numbers, by which a mark lies outside it."""
+
+
+def without_marks(part: Part) -> tuple[Part, list[Finding]]:
+    """Return the part without the rows in which a force is a mark for no value, and what to say of it."""
+    notes, rows = [], np.zeros(part.rows, dtype=bool)
+    for role in COLUMN_ROLES[1:3]:
+        index = part.header.roles.get(role, -1)
+        values = part.columns.get(index)
+        if values is None or values.size < _FEWEST or (mark := _mark_of(values)) is None:
+            continue
+        marked = values == mark
+        rows |= marked
+        text = (
+            f"{np.count_nonzero(marked)} row(s) of {shown([part.header.names[index].raw])} hold {mark:g}, far from all "
+            "others and again and again: a mark for no value; they were left out"
+        )
+        notes.append(Finding("no_value_mark", "warning", text))
+    if not notes:
+        return part, notes
+    return replace(part, columns={index: values[~rows] for index, values in part.columns.items()}), notes
+
+
+def _mark_of(values: FloatArray) -> float | None:
+    """Return the mark for no value in a column (n,), None where it has none."""
+    for mark in (float(np.nanmax(values)), float(np.nanmin(values))) if np.isfinite(values).any() else ():
+        digits = f"{abs(mark):.10g}".replace(".", "").strip("0")
+        if not (abs(mark) in _NO_VALUE or (len(digits) > 2 and set(digits) == {"9"})):
+            continue
+        others = values[np.isfinite(values) & (values != mark)]
+        if others.size < values.size // 2 or np.count_nonzero(values == mark) < 2:
+            continue
+        low, high = float(np.min(others)), float(np.max(others))
+        if max(mark - high, low - mark) > _MARK_FAR * (high - low):
+            return mark
+    return None
+
+
 class _Look:
     """What a column of force looks like [N]: its ends but for few rows, median size, scatter, white noise in it."""
 

@@ -22,6 +22,8 @@ _CELLS: Final = 1 << 22
 _SPARSE: Final = 4
 """Times the cells of all rows that rows of equal width may have."""
 _LOOKED_AT: Final = 1000
+_TOP: Final = 50
+"""Rows that tell how the cells of a column are shown."""
 _OF_DAMAGE: Final = (
     OSError, zipfile.BadZipFile, zlib.error, ValueError, TypeError, LookupError, AttributeError, SyntaxError,
     RuntimeError, NotImplementedError, EOFError, ArithmeticError, AssertionError,
@@ -124,8 +126,26 @@ def _as_text(source: Source, sheet: Any, most: int) -> bytes:
     widths = np.sort([len(row) for row in rows])
     fitting = widths * widths.size <= max(_CELLS, _SPARSE * int(widths.sum()))
     width = int(widths[fitting][-1]) if fitting.any() else 0
+    for column in _percent_columns(sheet):
+        rows = [(*r[:column], _hundredfold(r[column]), *r[column + 1 :]) if column < len(r) else r for r in rows]
     lines = ("\t".join([*map(_cell, row), *[""] * (width - len(row))]) for row in rows)
     return "".join(line + "\n" for line in lines).encode()
+
+
+def _percent_columns(sheet: Any) -> list[int]:
+    """Return the columns whose name says % and whose cells are shown in percent: they hold a hundredth of that."""
+    named, shown_so = set[int](), set[int]()
+    for row in sheet.iter_rows(max_row=_TOP):
+        for column, cell in enumerate(row):
+            if isinstance(cell.value, str) and "%" in cell.value:
+                named.add(column)
+            elif isinstance(cell.value, float | int) and "%" in str(cell.number_format):
+                shown_so.add(column)
+    return sorted(named & shown_so)
+
+
+def _hundredfold(value: Any) -> Any:
+    return 100.0 * value if isinstance(value, float | int) else value
 
 
 def _cell(value: Any) -> str:

@@ -20,6 +20,8 @@ WIDE: Final = r" {2,}|\t+"
 COMMENT: Final = re.compile(r"^\s*(?:#|%|//)+\s*")
 DIGIT: Final = re.compile(r"\d")
 _LOOK_AHEAD: Final = 6
+_ROW_NAMES: Final = 20
+"""Rows whose first fields are looked at for the names of rows."""
 _LONGEST_HEADER: Final = 20000
 
 
@@ -69,6 +71,10 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
         if below.row is None:
             return Head(with_units(source, request, header, units), start, delimiter, 0)
         layout = row_layout(below.row, delimiter, len(_trimmed(fields)))
+        if layout is None and _has_row_names(text, below.start, delimiter, header):
+            fields = ["row", *fields]
+            header, units = match_header(fields, request.columns), []
+            layout = row_layout(below.row, delimiter, len(fields))
         if layout is not None and layout[0] == ";" != delimiter and ";" in line:
             continue  # words that were torn apart where the rows below are not
         between = below.between[:-1] if _ends_in_units(below, delimiter, fields, header) else below.between
@@ -88,6 +94,19 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
     if complaint:
         raise source.error(complaint)
     return None
+
+
+def _has_row_names(text: str, start: int, delimiter: str, header: Header) -> bool:
+    """Tell whether rows hold one field more than names, the numbers 1, 2, 3, … of the rows in front of a rising time,
+    as R's write.table writes them."""
+    if "time" not in header.roles:
+        return False
+    rows = [split(line, delimiter) for _, line in itertools.islice(lines_from(text, start), _ROW_NAMES)]
+    place = header.roles["time"] + 1
+    if len(rows) < 2 or any(len(row) != len(header.names) + 1 or not is_number(row[place]) for row in rows):
+        return False
+    times = [float(row[place]) for row in rows]
+    return [row[0].strip('"') for row in rows] == [str(i + 1) for i in range(len(rows))] and sorted(set(times)) == times
 
 
 def _named(fields: Sequence[str], request: Request) -> Mapping[str, int]:

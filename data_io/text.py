@@ -38,6 +38,9 @@ _EASTERN: Final = (
 )  # fmt: skip
 """Words by which a text in an encoding of China or Japan is told."""
 _BOMS: Final = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
+_GROUP_MARKS: Final = "\u202f\u00a0\u2009'\u2019"
+_BETWEEN_GROUPS: Final = re.compile(rf"(?<=\d)[{_GROUP_MARKS}](?=\d{{3}}(?!\d))")
+"""Narrow blanks and apostrophes between thousands."""
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
 
@@ -93,6 +96,8 @@ def decode(data: bytes, start: bool = True) -> str:
     else:
         text = data.rstrip(b"\0").decode("utf-8", errors="data_io.cp1252")
     text = text.replace("\u2212", "-") if "\u2212" in text else text
+    if any(mark in text for mark in _GROUP_MARKS):
+        text = _BETWEEN_GROUPS.sub("", text)
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
@@ -140,14 +145,16 @@ def to_number(token: str, decimal: str) -> float | None:
 
 # Times of the day and dates in a time column, as seconds: 09:59:58.010, 2024-03-05T09:59:58, 05.03.2024 9:59:58 PM.
 
-_TIME: Final = r"(?P<h>\d{1,3}):(?P<m>[0-5]?\d):(?P<s>[0-5]?\d(?:[.,:]\d{1,9})?)(?: ?(?P<half>[ap])\.?m\.?)?"
+_TIME: Final = (
+    r"(?:(?P<h>\d{1,3}):(?P<m>[0-5]?\d):(?P<s>[0-5]?\d(?:[.,:]\d{1,9})?)(?: ?(?P<half>[ap])\.?m\.?)?"
+    r"|(?P<mm>\d{1,3}):(?P<ss>[0-5]\d[.,]\d{1,9}))"
+)
 _DATE: Final = r"(?P<a>\d{1,4})(?P<mark>[-/.])(?P<b>\d{1,2})(?P=mark)(?P<c>\d{1,4})"
-_ZONE: Final = r"(?: ?(?:Z|UTC|GMT|[+-]\d{2}:?\d{2}))?"
+_ZONE: Final = r"(?: ?(?:Z|UTC|GMT|(?P<zone>[+-])(?P<zh>\d{2}):?(?P<zm>\d{2})))?"
 _STAMP: Final = re.compile(rf"(?:{_DATE}[T ,]{{1,2}})?{_TIME}{_ZONE}", re.IGNORECASE)
 _DAY_ALONE: Final = re.compile(_DATE)
+_HOUR: Final = 3600.0
 _DAY: Final = 86400.0
-_TURN: Final = 0.5 * _DAY
-"""By how much a clock of the day falls at midnight, at least."""
 
 
 def is_clock_time(token: str) -> bool:
@@ -175,13 +182,16 @@ def clock_times(tokens: Sequence[str]) -> tuple[FloatArray, FloatArray | None] |
             if text.lower() in MISSING:
                 continue
             return None
-        hour = float(match["h"])
+        hour = float(match["h"] or 0.0)
         if match["half"]:
             hour = hour % 12.0 + (12.0 if match["half"].lower() == "p" else 0.0)
-        fraction = match["s"].replace(",", ".").replace(":", ".")
-        seconds[i] = 3600.0 * hour + 60.0 * float(match["m"]) + float(fraction)
+        fraction = (match["s"] or match["ss"]).replace(",", ".").replace(":", ".")
+        seconds[i] = 3600.0 * hour + 60.0 * float(match["m"] or match["mm"]) + float(fraction)
         if match["a"] is not None:
             days[i] = (int(match["a"]), int(match["b"]), int(match["c"]))
+            if match["zone"]:  # summer time may begin or end within a log
+                offset = 3600.0 * float(match["zh"]) + 60.0 * float(match["zm"])
+                seconds[i] -= offset if match["zone"] == "+" else -offset
     if not any(days):
         return seconds, None
     known = np.array([day is not None for day in days])
@@ -207,14 +217,16 @@ def _days(dates: Sequence[tuple[int, int, int] | None], order: str) -> FloatArra
 
 
 def over_midnight(seconds: FloatArray, days: FloatArray) -> FloatArray:
-    """Return a clock of the day (n,) [s] that goes on over midnight: by the days (n,), else (NaN) where it falls."""
+    """Return a clock (n,) [s] that goes on over midnight, or over the hour where it has none: by the days (n,), else
+    (NaN) where it falls."""
     if np.isfinite(days).any():
         first = float(days[np.isfinite(days)][0])
         return seconds + _DAY * (days - first)
     known = np.flatnonzero(np.isfinite(seconds))
-    falls = np.diff(seconds[known]) < -_TURN
+    turn = _HOUR if known.size and float(np.max(seconds[known])) < _HOUR else _DAY  # minutes and seconds alone
+    falls = np.diff(seconds[known]) < -0.5 * turn
     if not falls.any():
         return seconds
     later = seconds.copy()
-    later[known[1:]] += _DAY * np.cumsum(falls)
+    later[known[1:]] += turn * np.cumsum(falls)
     return later

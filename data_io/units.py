@@ -107,11 +107,15 @@ def factor(unit: str, si_unit: str) -> float:
 def column_factor(unit: str, si_unit: str, file_unit: str | None = None) -> float:
     """Return the number that turns a column into `si_unit`; `unit` may be a scale, as "2.5 N/V" for a column in volts.
 
-    A scale is what one unit of the file means; where the file says none, the unit below the slash. Raises `UnitError`.
+    A scale is what one unit of the file means; where the file says none, the unit below the slash. A header may say how
+    much one count is: "0.01 s". Raises `UnitError`.
     """
     match = _QUANTITY.fullmatch(unit.strip())
     if match is None:
         return factor(unit, si_unit)
+    counts = file_unit is None or _QUANTITY.fullmatch(file_unit.strip()) is not None
+    if counts and match[2] and "/" not in match[2]:  # Time [0.01 s]: the unit of one count
+        return float(match[1]) * factor(match[2], si_unit)
     below = file_unit or (match[2].rpartition("/")[2] if "/" in match[2] else "")
     scale, own = _parsed(match[2] or "1"), _parsed(below or "1")
     whole = None if scale is None or own is None else scale * own
