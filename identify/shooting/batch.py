@@ -118,41 +118,66 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     """
     n, n_x, names = x.shape[0], len(model.states), model.parameter_names
     half = np.pi * np.sqrt(p[:, names.index("mass")] / p[:, names.index("stiffness")])
-    h = half / per_half_period
-    states, rates, longest = [x[None]], list[Array](), 0
-    active, now, worn = np.arange(n), u.copy(), np.zeros(n, bool)
-    current, last_rate = x.copy(), np.zeros((n, n_x))
-    arrests, wears = list[_Crossing](), list[_Crossing]()
+    h, now, active, blocks = half / per_half_period, u.copy(), np.arange(n), list[Array]()
+    last, over, worn = np.stack([x, np.zeros_like(x)]), np.full(n, -1), np.full(n, -1)  # steps in which that happens
+    free, free_worn, rests, clamped = np.empty_like(x), np.empty_like(x), np.zeros(n, bool), model.clamped
     for first in range(0, int(LONGEST * per_half_period), STRIDE):
-        every = active.size == n  # as a rule all rest at about the same step
-        given = (current, p, now, h) if every else (current[active], p[active], now[active], h[active])
-        made = _Stride.of(model, given)
-        if np.any(made.rests):
-            arrests.append(made.crossing(first, active, np.flatnonzero(made.rests), made.last[made.rests]))
-        reached = made.clamps(model) & ~worn[active][:, None]
-        if np.any(reached):
-            which = np.flatnonzero(np.any(reached, axis=1))
-            wears.append(made.crossing(first, active, which, np.argmax(reached[which], axis=1)))
-            worn[active[which]] = True
-        for so_far, end, new in ((states, current, made.after), (rates, last_rate, made.rate)):
-            part = np.repeat(end[None], STRIDE, axis=0)
-            part[:, active] = new.transpose(1, 0, 2)
-            so_far.append(part)
-            end[active] = new[:, -1]
-        longest = first + min(int(np.max(made.last, initial=0)) + 1, STRIDE)
-        active = active[made.last == STRIDE]
+        taken = _stride(model)([q[active] for q in (last[0], p, now, h)])
+        after, unbound, rate = (q.reshape(active.size, STRIDE, n_x).transpose(1, 0, 2) for q in taken)
+        steps = np.stack([after, rate])
+        ended = ~(after[..., SPEED] > 0.0)  # what is not finite is over, too
+        stops = np.any(ended, axis=0)
+        if clamped is not None:
+            before = np.concatenate([last[0, active, clamped][None], after[:-1, :, clamped]])
+            falls = (
+                (unbound[..., clamped] <= _lowest(model)) & (before > _lowest(model)) & (np.cumsum(ended, axis=0) == 0)
+            )
+            lanes = np.flatnonzero(np.any(falls, axis=0) & (worn[active] < 0))
+            at = np.argmax(falls[:, lanes], axis=0)
+            worn[active[lanes]], free_worn[active[lanes]] = first + at, unbound[at, lanes]
+        lanes = np.flatnonzero(stops)
+        which, at = active[lanes], np.argmax(ended[:, lanes], axis=0)
+        rests[which], over[which] = np.all(np.isfinite(after[at, lanes]), axis=1), first + at
+        free[which] = unbound[at, lanes]
+        lost = ~rests[which]
+        if np.any(lost):  # a lane that is lost stays where it was
+            i, gone = at[lost], lanes[lost]
+            steps[0, i, gone] = np.where((i > 0)[:, None], steps[0, i - 1, gone], last[0, which[lost]])
+            steps[1, i, gone] = 0.0
+        row, lane = np.nonzero(np.arange(STRIDE)[:, None] > at)
+        steps[:, row, lanes[lane]] = steps[:, at[lane], lanes[lane]]
+        block = np.repeat(last[:, None], STRIDE, axis=1)
+        block[:, :, active] = steps
+        blocks.append(block)
+        last, active = block[:, -1], active[~stops]
         now[:, TIME] += STRIDE * h
         if active.size == 0:
             break
-    none, nowhere = np.full(n, np.nan), np.full((n, n_x), np.nan)
-    course = np.concatenate(states)[: longest + 1]
-    slope = np.concatenate([*rates, last_rate[None]])[: longest + 1]
-    result = Slips(h, course, slope, none, none.copy(), nowhere, nowhere.copy())
-    if arrests:
-        _mark(model, result, arrests, SPEED, 0.0, result.arrest, result.at_arrest)
-    if wears and model.clamped is not None:
-        _mark(model, result, wears, model.clamped, _lowest(model), result.wear, result.at_wear)
-    return result
+    longest = STRIDE * len(blocks) if active.size else int(np.max(over, initial=0)) + 1
+    states = np.concatenate([x[None], *(block[0] for block in blocks)])[: longest + 1]
+    rates = np.concatenate([*(block[1] for block in blocks), last[1][None]])[: longest + 1]
+    slips = Slips(h, states, rates, *(np.full(shape, np.nan) for shape in (n, n, (n, n_x), (n, n_x))))
+    _mark(model, slips, SPEED, np.where(rests, over, -1), free, slips.arrest, slips.at_arrest)
+    if clamped is not None:
+        _mark(model, slips, clamped, worn, free_worn, slips.wear, slips.at_wear)
+    return slips
+
+
+def _mark(model: Model, out: Slips, component: int, step: Indices, free: Array, time: Array, state: Array) -> None:
+    """Record when a component comes to its level in a step (n,) of each lane (-1: never), time (n,) [s], and the states
+    there (n, n_x): on the parabola through both ends of the step, the last one `free` of bounds (n, n_x), with the rate
+    at its start."""
+    lanes, level = np.flatnonzero(step >= 0), 0.0 if component == SPEED else _lowest(model)
+    s = step[lanes]
+    old, slope = out.states[s, lanes], out.rates[s, lanes] * out.h[lanes, None]
+    bend = free[lanes] - old - slope
+    w = _first_root(old[:, component] - level, slope[:, component], bend[:, component])
+    time[lanes] = (s + w) * out.h[lanes]
+    at = old + slope * w[:, None] + bend * (w**2)[:, None]
+    at[:, component] = level
+    if model.clamped is not None:
+        at[:, model.clamped] = np.maximum(at[:, model.clamped], _lowest(model))
+    state[lanes] = at
 
 
 def _held(course: Array, steps: int) -> Array:
@@ -163,82 +188,6 @@ def _held(course: Array, steps: int) -> Array:
 def _lowest(model: Model) -> float:
     """The bound of the bounded state."""
     return 0.0 if model.clamped is None else model.states[model.clamped].lower or 0.0
-
-
-@dataclass(frozen=True)
-class _Crossing:
-    """Lanes (k,) in which a state comes to a level within a step (k,): their states before and after it (k, n_x)."""
-
-    step: Indices
-    lanes: Indices
-    before: Array
-    free: Array
-
-
-@dataclass(frozen=True)
-class _Stride:
-    """STRIDE steps of lanes (k,), each (k, STRIDE, n_x): states before and after every step, `free` those after it
-    without the bound, rates at its start; in the step `last` (k,) a lane comes to its end and stays there, STRIDE where
-    it goes on; `rests` (k,) whether it came to rest, not out of all numbers."""
-
-    before: Array
-    after: Array
-    free: Array
-    rate: Array
-    last: Indices
-    rests: Bools
-
-    @staticmethod
-    def of(model: Model, given: tuple[Array, ...]) -> _Stride:
-        """From states (k, n_x), parameters (k, n_p), inputs (k, 4) and step lengths (k,)."""
-        lanes, n_x = given[0].shape
-        after, free, rate = (out.reshape(lanes, STRIDE, n_x) for out in _stride(model)(given))
-        before = np.concatenate([given[0][:, None], after[:, :-1]], axis=1)
-        over = stopped = after[..., SPEED] <= 0.0
-        if not np.all(np.isfinite(after)):
-            lost = ~np.all(np.isfinite(after), axis=2)
-            over, stopped = stopped | lost, stopped & ~lost
-            after[lost], rate[lost] = before[lost], 0.0
-        last = np.where(np.any(over, axis=1), np.argmax(over, axis=1), STRIDE)
-        ended = np.flatnonzero(last < STRIDE)
-        rests = np.zeros(last.size, bool)
-        if ended.size:
-            end = last[ended]
-            rests[ended] = stopped[ended, end]
-            beyond = np.arange(STRIDE)[:, None] > end[:, None, None]
-            for course in (after, rate):
-                course[ended] = np.where(beyond, course[ended, end][:, None], course[ended])
-        return _Stride(before, after, free, rate, last, rests)
-
-    def clamps(self, model: Model) -> Bools:
-        """Whether the bounded state comes to its bound within each step (k, STRIDE), of those before the end."""
-        if model.clamped is None:
-            return np.zeros(self.after.shape[:2], bool)
-        low = _lowest(model)
-        falls = (self.free[..., model.clamped] <= low) & (self.before[..., model.clamped] > low)
-        return np.asarray(falls & (np.arange(STRIDE) < self.last[:, None]))
-
-    def crossing(self, first: int, active: Indices, which: Indices, step: Indices) -> _Crossing:
-        """What crosses in a step (c,) of some lanes (c,), which are lanes of all lanes by `active` (k,)."""
-        return _Crossing(first + step, active[which], self.before[which, step], self.free[which, step])
-
-
-def _mark(
-    model: Model, out: Slips, crossings: list[_Crossing], component: int, level: float, time: Array, state: Array
-) -> None:
-    """Record when a component comes to its level, time (n,), and the states there (n, n_x)."""
-    lanes = np.concatenate([c.lanes for c in crossings])
-    old, free = np.concatenate([c.before for c in crossings]), np.concatenate([c.free for c in crossings])
-    s = np.concatenate([c.step for c in crossings])
-    rate = out.rates[s, lanes] * out.h[lanes, None]
-    bend = free - old - rate  # the states within the step: old + rate w + bend w^2
-    w = _first_root(old[:, component] - level, rate[:, component], bend[:, component])
-    time[lanes] = (s + w) * out.h[lanes]
-    at = old + rate * w[:, None] + bend * (w**2)[:, None]
-    at[:, component] = level
-    if model.clamped is not None:
-        at[:, model.clamped] = np.maximum(at[:, model.clamped], _lowest(model))
-    state[lanes] = at
 
 
 def _first_root(y: Array, slope: Array, bend: Array) -> Array:

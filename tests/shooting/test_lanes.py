@@ -1,9 +1,8 @@
-"""Slips of many lanes at once: as the independent integrator has them, and the same however many steps a call takes."""
+"""Slips of many lanes at once: as the independent integrator has them, and none disturbs another."""
 
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from identify.shooting import batch as lanes
@@ -15,13 +14,6 @@ PER_HALF_PERIOD = 60
 MODEL = case.MODEL
 
 
-@pytest.fixture(autouse=True)
-def _functions_of_their_own():
-    sliding_lanes._stride.cache_clear()
-    yield
-    sliding_lanes._stride.cache_clear()
-
-
 def _given(n=60, seed=4):
     """Pairs far apart, at the onset of their slips: states (n, 3), parameters (n, 9), inputs (n, 4)."""
     random = np.random.default_rng(seed)
@@ -30,12 +22,6 @@ def _given(n=60, seed=4):
     u = np.column_stack([np.exp(random.uniform(-9, -4, n)), np.full(n, 1.0), np.ones(n), np.zeros(n)])
     time, at_onset = lanes.stick(MODEL, np.column_stack([np.zeros((n, 2)), np.full(n, 0.5)]), p, u)
     return at_onset[np.isfinite(time)], p[np.isfinite(time)], u[np.isfinite(time)]
-
-
-def _slips(x, p, u, stride, monkeypatch):
-    monkeypatch.setattr(sliding_lanes, "STRIDE", stride)
-    sliding_lanes._stride.cache_clear()
-    return sliding_lanes.slip(MODEL, x, p, u, PER_HALF_PERIOD)
 
 
 def test_slips_end_when_those_of_the_independent_integrator_do():
@@ -53,14 +39,16 @@ def test_slips_end_when_those_of_the_independent_integrator_do():
         np.testing.assert_allclose(slips.at_arrest[:, 0], truth.arrest_states[:n, 0], atol=2e-3 * size)
 
 
-@pytest.mark.parametrize("stride", [3, 8])
-def test_slips_are_the_same_however_many_steps_a_call_takes(stride, monkeypatch):
+def test_a_lane_slips_alone_as_among_others():
     x, p, u = _given()
-    one, many = (_slips(x, p, u, n, monkeypatch) for n in (1, stride))
-    assert np.ptp(one.arrest[one.rested] / one.h[one.rested]) > 2 * stride, "they end in different calls"
-    assert 0 < np.count_nonzero(np.isfinite(one.wear)) < x.shape[0]
-    for name in ("h", "states", "rates", "wear", "arrest", "at_wear", "at_arrest"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(many, name), err_msg=name)
+    many = sliding_lanes.slip(MODEL, x, p, u, PER_HALF_PERIOD)
+    assert np.ptp(many.arrest[many.rested] / many.h[many.rested]) > 20, "they end many steps apart"
+    assert 0 < np.count_nonzero(np.isfinite(many.wear)) < x.shape[0]
+    for i in range(0, x.shape[0], 7):
+        alone = sliding_lanes.slip(MODEL, x[i : i + 1], p[i : i + 1], u[i : i + 1], PER_HALF_PERIOD)
+        for name in ("wear", "arrest", "at_wear", "at_arrest"):
+            np.testing.assert_array_equal(getattr(alone, name)[0], getattr(many, name)[i], err_msg=name)
+        np.testing.assert_array_equal(alone.states[:, 0], many.states[: len(alone.states), i])
 
 
 def test_a_lane_at_rest_stays_where_it_is():
@@ -73,13 +61,12 @@ def test_a_lane_at_rest_stays_where_it_is():
         assert slips.states[-1, i, 1] <= 0.0
 
 
-@pytest.mark.parametrize("stride", [1, 8])
-def test_a_lane_that_is_lost_does_not_rest_and_disturbs_no_other(stride, monkeypatch):
+def test_a_lane_that_is_lost_does_not_rest_and_disturbs_no_other():
     x, p, u = _given()
-    whole = _slips(x, p, u, stride, monkeypatch)
+    whole = sliding_lanes.slip(MODEL, x, p, u, PER_HALF_PERIOD)
     lost = int(np.flatnonzero(whole.rested)[3])
     p[lost, MODEL.parameter_names.index("mu_k0")] = np.nan
-    slips = _slips(x, p, u, stride, monkeypatch)
+    slips = sliding_lanes.slip(MODEL, x, p, u, PER_HALF_PERIOD)
     others = np.arange(x.shape[0]) != lost
     assert not slips.rested[lost]
     np.testing.assert_array_equal(slips.states[:, lost], np.tile(x[lost], (len(slips.states), 1)))
