@@ -74,7 +74,6 @@ def _run(arguments: Namespace, terminal: Terminal) -> Answer:
     if arguments.jobs is not None and arguments.scheduler:
         raise CommandLineError("--jobs counts the fits on this machine; drop it, or drop --scheduler")
 
-    from identify.cli.batch_progress import BatchProgress
     from identify.cli.progress import Progress
     from identify.studies.planning import plan
     from identify.studies.running import check_place, run_batch
@@ -88,14 +87,14 @@ def _run(arguments: Namespace, terminal: Terminal) -> Answer:
     workers = _workers(arguments, out)
     ends_by_itself()
     try:
-        with BatchProgress(terminal.notes, terminal.progress) as teller:
+        with Progress(terminal.notes, terminal.progress) as progress:
             summary = run_batch(
                 planned,
                 out,
                 workers,
                 resume=arguments.resume,
                 limit=limit,
-                teller=teller,
+                progress=progress,
                 scheduler=arguments.scheduler,
             )
     except KeyboardInterrupt:

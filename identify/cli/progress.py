@@ -19,26 +19,16 @@ if TYPE_CHECKING:
     from identify.cli.common import HowToTell
 
 
-def draws(stream: TextIO) -> bool:
-    """Whether a bar can be drawn there: on a terminal that moves its cursor."""
-    return stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
-
-
-def progress_line(stage: str, share: float | None, seconds: float) -> str:
-    """One line of --progress json: the stage, the share of the whole that is done (null: unknown), seconds so far."""
-    return json.dumps({"stage": stage, "share": share, "seconds": round(seconds, 3)})
-
-
-class Shown:
-    """What is shown of long work on a stream; a context, which ends its bar."""
+class Progress:
+    """Called by the work as `progress(stage, share)`; share of the whole work done, 0 to 1 (None: unknown). A context,
+    which ends its bar."""
 
     def __init__(self, stream: TextIO, how: HowToTell = "shown") -> None:
         self._stream, self._how, self._began = stream, how, time.monotonic()
         self._bar: Bar | None = None
         self._task: TaskID | None = None
-
-    def __enter__(self) -> Self:
-        return self
+        self._share: float | None = None
+        self._stage = ""
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -46,19 +36,17 @@ class Shown:
         if self._bar is not None:
             self._bar.stop()
 
-
-class Progress(Shown):
-    """Called by the work as `progress(stage, share)`; share of the whole work done, 0 to 1 (None: unknown)."""
-
-    _stage = ""
-
     def __enter__(self) -> Self:
-        if draws(self._stream) and self._how == "shown":
+        moves = self._stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
+        if moves and self._how == "shown":
             from rich.console import Console
             from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
             from rich.progress import Progress as Bar
 
-            stage, left = TextColumn("{task.description:<34}"), TimeRemainingColumn(elapsed_when_finished=True)
+            stage, left = (
+                TextColumn("{task.description:<34}", markup=False),
+                TimeRemainingColumn(elapsed_when_finished=True),
+            )
             columns = (stage, BarColumn(bar_width=18), TimeElapsedColumn(), TextColumn("left about"), left)
             self._bar = Bar(*columns, console=Console(file=self._stream), transient=True)
             self._task = self._bar.add_task("starting", total=1.0)
@@ -72,9 +60,10 @@ class Progress(Shown):
             self._bar.console.print(wrapped(stage), highlight=False, markup=False)
         elif self._bar is not None and self._task is not None:
             self._bar.update(self._task, description=stage, completed=share)
-        elif self._how == "json":
-            print(progress_line(stage, share, time.monotonic() - self._began), file=self._stream, flush=True)
-        elif stage != self._stage:
+        elif self._how == "json" and (stage, share) != (self._stage, self._share):
+            line = {"stage": stage, "share": share, "seconds": round(time.monotonic() - self._began, 3)}
+            print(json.dumps(line), file=self._stream, flush=True)
+        elif self._how != "json" and stage != self._stage:
             since = f"{time.monotonic() - self._began:7.2f} s  " if self._how == "verbose" else ""
             print(wrapped(stage) if isinstance(stage, Notice) else f"{since}{stage}", file=self._stream, flush=True)
-        self._stage = stage
+        self._stage, self._share = stage, share

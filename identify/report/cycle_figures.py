@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from identify.base.outcome import LogCurves
@@ -27,6 +26,7 @@ from identify.report.style import (
     extremes,
     frame,
     headroom,
+    logarithmic,
 )
 
 FEWEST = 3  # cycles that a log must show
@@ -58,14 +58,14 @@ def draw_measured(logs: Sequence[LogCurves]) -> Drawing | None:
     for place, (log, _, cycles) in enumerate(seen):
         colour = COLOURS[place % len(COLOURS)]
         axes[3].plot(cycles[:, 2], cycles[:, 0], ".", color=colour, markersize=4, label=f"log {log}")
-    _logarithmic(axes[3])
+    logarithmic(axes[3])
     frame(axes[3], "hold time (s)", "", "strength (1)")
     axes[3].legend(fontsize=6.5, handletextpad=0.1, borderaxespad=0.1)
     speeds = np.array([abs(log.drive_speed) for _, log, _ in seen])
     means = np.array([_mean_coefficient(log) for _, log, _ in seen])
     axes[4].plot(1e3 * speeds, means, "o", color=SLIDING, markersize=4)
     if np.all(speeds > 0.0):
-        _logarithmic(axes[4])
+        logarithmic(axes[4])
     frame(axes[4], "drive speed (mm/s)", "", "mean coefficient (1)")
     return Drawing(
         name="measured",
@@ -105,14 +105,6 @@ def _mean_coefficient(log: LogCurves) -> float:
     """Friction over normal force, mean from the first onset to the last."""
     inside = log.used & (log.time >= log.measured[0, 0]) & (log.time <= log.measured[-1, 0])
     return float(np.nanmean(log.friction_force[inside] / log.normal_force[inside])) if inside.any() else np.nan
-
-
-def _logarithmic(axes: Axes) -> None:
-    """A logarithmic x axis with plain numbers: the style of the report takes no formulas."""
-    axes.set_xscale("log")
-    axes.xaxis.set_major_locator(LogLocator(numticks=5))
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _histogram(axes: Axes, values: Sequence[Array], unit: str, name: str) -> None:

@@ -11,6 +11,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -159,6 +160,14 @@ def frame(axes: Axes, x: str, y: str, title: str = "", gap: float = 0.46) -> Non
         axes.tick_params(labelbottom=False)
     if title:
         axes.set_title(title, y=1.0, pad=5)
+
+
+def logarithmic(axes: Axes) -> None:
+    """A logarithmic x axis with plain numbers: the style of the report takes no formulas."""
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(numticks=5))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def padded(axes: Axes, values: NDArray[np.float64], share: float = 0.08) -> None:

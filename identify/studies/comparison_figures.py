@@ -16,7 +16,7 @@ from identify.base.table import visible
 from identify.base.wording import quantity, scale_for
 from identify.report.report_figures import inline_svg
 from identify.report.report_wording import plain_symbol
-from identify.report.style import STYLE, extremes, printable
+from identify.report.style import STYLE, extremes, logarithmic, printable
 from identify.studies.compare import Comparison, PooledQuantity
 from identify.studies.fits import FitEntry
 from identify.studies.operating_points import Answers
@@ -85,7 +85,8 @@ def curves(answers: Answers, which: str) -> Markup:
     most = TALLEST * max(float(np.nanmax(np.abs(c.value))) for _, _, c in drawn)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(5.0, 3.2), layout="constrained")
-        axes = figure.add_subplot(xscale="log", xlabel="drive speed [mm/s]", ylabel=title)
+        axes = figure.add_subplot(xlabel="drive speed [mm/s]", ylabel=title)
+        logarithmic(axes)
         for k, group, c in drawn:
             colour, v = _colour(k), 1e3 * c.speed
             axes.fill_between(v, c.low, c.high, color=colour, alpha=0.18, linewidth=0)

@@ -7,9 +7,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from data_io.atomic import atomic_write
+from identify.base.progress import Progress, to_nobody
+from identify.base.table import visible
 from identify.studies.batch_store import (
     BATCH,
     INDEX,
@@ -29,12 +31,6 @@ from identify.studies.planning import BatchPlan
 from identify.studies.workers import Answer, Workers, WorkersLostError, answers
 
 
-def time_left(seconds: float, done: int, total: int) -> float | None:
-    """Expected seconds to the end: what is left goes as fast as what is done (both in bytes of logs) went in so many
-    seconds; None while nothing is done yet."""
-    return seconds * max(total - done, 0) / done if done else None
-
-
 def in_words(seconds: float) -> str:
     """ "40 s", "5 min", "3 h 20 min"."""
     minutes = round(seconds / 60)
@@ -44,19 +40,6 @@ def in_words(seconds: float) -> str:
 
 
 EVERY = 5.0  # s between two versions of index.csv
-
-
-class Teller(Protocol):
-    """Who is told how far a batch is."""
-
-    def begins(self, total: int, kept: int) -> None:
-        """So many groups in all, of which `kept` had ended before."""
-
-    def ended(self, group: str, end: Ended, done: int, total: int, remaining: float | None) -> None:
-        """A group has ended; `remaining` is the expected time to the end [s]."""
-
-    def tick(self) -> None:
-        """Some time has passed."""
 
 
 @dataclass(frozen=True)
@@ -81,13 +64,14 @@ def run_batch(
     *,
     resume: bool,
     limit: float,
-    teller: Teller,
+    progress: Progress = to_nobody,
     scheduler: str | None = None,
 ) -> Summary:
     """Fit every group of a plan that has not ended yet in `out`.
 
     Args:
-        resume: go on in a folder that holds a batch already. limit: seconds for one fit.
+        resume: go on in a folder that holds a batch already. limit: seconds for one fit. progress: called with what
+            has ended and the share of the groups, and in between with the same again.
 
     Raises:
         BatchError: the folder holds something else, or another batch runs there. OSError: it cannot be made.
@@ -99,7 +83,7 @@ def run_batch(
         check_place(out, resume)
         store = Store(out)
         _check_foreign(store, plan.jobs)
-        return _Run(plan, store, workers, teller, {"jobs": workers.count, "scheduler": scheduler}).go(limit)
+        return _Run(plan, store, workers, progress, {"jobs": workers.count, "scheduler": scheduler}).go(limit)
 
 
 def check_place(out: Path, resume: bool) -> None:
@@ -138,12 +122,15 @@ def _check_foreign(store: Store, jobs: Sequence[Job]) -> None:
 class _Run:
     """One run of a batch, while its folder is locked."""
 
-    def __init__(self, plan: BatchPlan, store: Store, workers: Workers, teller: Teller, about: dict[str, Any]) -> None:
-        self._plan, self._store, self._workers, self._teller = plan, store, workers, teller
+    def __init__(
+        self, plan: BatchPlan, store: Store, workers: Workers, progress: Progress, about: dict[str, Any]
+    ) -> None:
+        self._plan, self._store, self._workers, self._progress = plan, store, workers, progress
         self._about = about | {"started": utc()}
         self._began = time.monotonic()
         self._ended: dict[str, Ended] = {}
         self._written = -EVERY
+        self._stage = ""
 
     def go(self, limit: float) -> Summary:
         """Recover, fit, and leave the tables behind, whatever happens."""
@@ -151,7 +138,8 @@ class _Run:
         kept = len(self._ended)
         todo = [job for job in self._plan.jobs if job.group not in self._ended]
         self._tables("running", "the batch is running")
-        self._teller.begins(len(self._plan.jobs), kept)
+        done = f", {kept} of them done before" if kept else ""
+        self._tell(f"{len(self._plan.jobs)} groups{done}")
         try:
             with self._stopping():
                 self._fit(todo, limit)
@@ -160,6 +148,10 @@ class _Run:
         failures = [end for end in self._ended.values() if end.status != CONVERGED]
         message = f"{len(self._ended)} groups: {len(self._ended) - len(failures)} converged, {len(failures)} did not"
         return self._end("failures" if failures else "done", message, kept)
+
+    def _tell(self, stage: str) -> None:
+        self._stage = stage
+        self._progress(stage, len(self._ended) / max(len(self._plan.jobs), 1))
 
     def _gather(self) -> None:
         """What has ended for good, also what was written whole and not yet put; the rest of the unfinished goes."""
@@ -176,13 +168,17 @@ class _Run:
         with self._workers as workers:
             for arrived in answers(workers, todo, self._store.folder, limit):
                 if arrived is None:
-                    self._teller.tick()
+                    self._tell(self._stage)
                     continue
                 job, answer = arrived
                 end = self._ended[job.group] = self._put(job, answer)
                 size += job.size
-                left = time_left(time.monotonic() - began, size, total)
-                self._teller.ended(job.group, end, len(self._ended), len(self._plan.jobs), left)
+                # what is left goes as fast as what is done, both in bytes of logs
+                left = (time.monotonic() - began) * max(total - size, 0) / size if size else 0.0
+                took = "" if end.seconds is None else f" in {in_words(end.seconds)}"
+                words = f"{visible(job.group, 60)}: {end.status.replace('_', ' ')}{took}"
+                remaining = f"; about {in_words(left)} left" if left >= 1.0 else ""
+                self._tell(f"{len(self._ended)}/{len(self._plan.jobs)} {words}{remaining}")
                 if time.monotonic() - self._written > EVERY:
                     self._index()
 

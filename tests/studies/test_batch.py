@@ -29,7 +29,7 @@ def run(case, out, jobs=1, resume=False, limit=30.0, overrides=()):
     """Plan and run; the summary and what was heard."""
     teller = Silent()
     made = plan(*case, overrides)
-    summary = run_batch(made, out, LocalWorkers(jobs, STUB), resume=resume, limit=limit, teller=teller)
+    summary = run_batch(made, out, LocalWorkers(jobs, STUB), resume=resume, limit=limit, progress=teller)
     return summary, teller.heard
 
 
@@ -61,8 +61,8 @@ def test_every_group_gets_its_folder_and_its_own_numbers(tmp_path):
         found = json.loads((tmp_path / "out" / group / "result.json").read_text())["parameters"]
         assert {name: entry["value"] for name, entry in found.items()} == numbers(job)
         assert document["key"] == job.key and document["labels"] == {"material": "AB"[GROUPS.index(group) % 2]}
-    assert heard[0] == ("begins", 3, 0) and [h[2] for h in heard[1:]] == [1, 2, 3]
-    assert heard[1][4] > 0 and heard[3][4] == 0, "time left"
+    assert heard[0] == ("3 groups", 0.0) and [h[1] for h in heard[1:]] == [1 / 3, 2 / 3, 1.0]
+    assert [h[0].partition(" ")[0] for h in heard[1:]] == ["1/3", "2/3", "3/3"] and " left" not in heard[3][0]
 
 
 def test_the_number_of_workers_and_the_order_change_nothing(tmp_path):
@@ -103,7 +103,12 @@ def test_a_resumed_batch_redoes_what_is_missing_changed_or_was_not_decided(tmp_p
     (tmp_path / "in" / "log_1_0.csv").write_text("T,Fz,Fx\ns,N,N\n0,1,0.9\n1,1,0.4\n2,1,0.5\n")
     before = {group: (out / group).stat().st_ino for group in groups if (out / group).exists()}
     summary, heard = run(case, out, resume=True)
-    assert {h[0] for h in heard[1:]} == {"crash", "changed", "damaged", "gone"} and summary.kept == 2
+    assert {h[0].split()[1].rstrip(":") for h in heard[1:]} == {
+        "crash",
+        "changed",
+        "damaged",
+        "gone",
+    } and summary.kept == 2
     assert (out / "kept").stat().st_ino == before["kept"] and (out / "refuse").stat().st_ino == before["refuse"]
     fresh, _ = run(case, tmp_path / "fresh")
     assert fresh.status == "failures" and results(out) == results(tmp_path / "fresh")
@@ -161,7 +166,7 @@ def test_what_was_written_whole_but_not_put_is_taken_over(tmp_path):
     (out / f".{16 * 'c'}.part").mkdir()
     (out / f".{16 * 'd'}.part.csv").write_text("half")
     summary, heard = run(case, out, resume=True)
-    assert [h[0] for h in heard[1:]] == ["G2"] and summary.kept == 2
+    assert [h[0].split()[1] for h in heard[1:]] == ["G2:"] and summary.kept == 2
     assert folders(out) == GROUPS and hidden(out) == []
 
 

@@ -70,24 +70,17 @@ def results(out):
 
 def test_a_cluster_gives_the_results_of_one_machine_also_where_a_worker_is_killed(tmp_path):
     case = write_case(tmp_path / "in", [*GROUPS, "crash", "hang"])
-    teller, out = Silent(), tmp_path / "out"
+    out = tmp_path / "out"
     with cluster(tmp_path, seconds=0.2) as (address, processes):
         workers = joined(address, out)
-        killed = []
-
-        def ended(*told):
-            teller.heard.append(told)
-            if not killed:
-                killed.append(os.kill(processes[1].pid, signal.SIGKILL))
-
-        teller.ended = ended
-        summary = run_batch(plan(*case), out, workers, resume=False, limit=4.0, teller=teller, scheduler=address)
-        more = run_batch(plan(*case), out, joined(address, out, 1), resume=True, limit=4.0, teller=Silent())
+        teller = Silent(lambda: os.kill(processes[1].pid, signal.SIGKILL))
+        summary = run_batch(plan(*case), out, workers, resume=False, limit=4.0, progress=teller, scheduler=address)
+        more = run_batch(plan(*case), out, joined(address, out, 1), resume=True, limit=4.0, progress=Silent())
         assert more.kept == len(GROUPS) and more.ended["crash"].message == summary.ended["crash"].message, "once more"
-    assert killed and len(teller.heard) == 9
+    assert len(teller.heard) == 9
     ends = {group: end.status for group, end in summary.ended.items()}
     assert ends == {**dict.fromkeys(GROUPS, "converged"), "crash": "crashed", "hang": "timed_out"}
-    run_batch(plan(*case), tmp_path / "local", LocalWorkers(1, STUB), resume=False, limit=4.0, teller=Silent())
+    run_batch(plan(*case), tmp_path / "local", LocalWorkers(1, STUB), resume=False, limit=4.0, progress=Silent())
     assert results(out) == results(tmp_path / "local") and len(results(out)) == len(GROUPS)
     assert all(complete(out / group) for group in GROUPS)
     assert [item.name for item in out.iterdir() if item.name.startswith(".")] == [".lock"]
@@ -95,20 +88,20 @@ def test_a_cluster_gives_the_results_of_one_machine_also_where_a_worker_is_kille
 
 def test_a_batch_that_loses_its_scheduler_stops_and_can_go_on(tmp_path):
     case, out = write_case(tmp_path / "in", GROUPS), tmp_path / "out"
-    teller = Silent()
     with cluster(tmp_path, seconds=0.2, workers=1) as (address, processes):
         workers = joined(address, out, 1)
         lost = []
 
-        def ended(*_told):
+        def ended():
             os.kill(processes[0].pid, signal.SIGKILL)
             lost.append(time.monotonic())
 
-        teller.ended = ended
-        summary = run_batch(plan(*case), out, workers, resume=False, limit=9.0, teller=teller, scheduler=address)
+        summary = run_batch(
+            plan(*case), out, workers, resume=False, limit=9.0, progress=Silent(ended), scheduler=address
+        )
         assert time.monotonic() - lost[0] < 0.5 * WAIT, "whoever is gone is not asked to tidy up"
     assert summary.status == "stopped" and "scheduler was lost" in summary.message and 1 <= len(summary.ended) < 6
-    again = run_batch(plan(*case), out, LocalWorkers(1, STUB), resume=True, limit=9.0, teller=Silent())
+    again = run_batch(plan(*case), out, LocalWorkers(1, STUB), resume=True, limit=9.0, progress=Silent())
     assert again.status == "done" and again.kept == len(summary.ended)
 
 

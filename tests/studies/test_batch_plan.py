@@ -11,7 +11,7 @@ from identify.scene import Scene
 from identify.studies.batch_store import Ended, index_csv
 from identify.studies.job import LONGEST, BatchError, Job, content_key, folder_names, numerics
 from identify.studies.planning import BatchPlan, plan
-from identify.studies.running import in_words, time_left
+from identify.studies.running import in_words
 from tests.support.batch_case import SCENE, write_case
 
 
@@ -212,8 +212,5 @@ def test_the_key_knows_what_the_numbers_depend_on(case):
     )
 
 
-def test_the_time_left_follows_the_work():
-    assert time_left(10.0, 0, 100) is None
-    assert time_left(10.0, 25, 100) == pytest.approx(30.0)
-    assert time_left(10.0, 100, 100) == 0.0
+def test_a_time_in_words():
     assert [in_words(s) for s in (4.4, 300.0, 12_000.0)] == ["4 s", "5 min", "3 h 20 min"]

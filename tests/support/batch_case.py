@@ -22,16 +22,13 @@ __all__ = [
 
 
 class Silent:
-    """Hears how far a batch is and keeps it."""
+    """Hears how far a batch is: every stage once, with its share; `then` is called after the first group that ends."""
 
-    def __init__(self):
-        self.heard = []
+    def __init__(self, then=None):
+        self.heard, self.then = [], then
 
-    def begins(self, total, kept):
-        self.heard.append(("begins", total, kept))
-
-    def ended(self, group, end, done, total, remaining):
-        self.heard.append((group, end.status, done, total, remaining))
-
-    def tick(self):
-        pass
+    def __call__(self, stage, share):
+        if not self.heard or self.heard[-1][0] != stage:
+            self.heard.append((stage, share))
+            if self.then is not None and len(self.heard) == 2:
+                self.then()
