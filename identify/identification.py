@@ -35,7 +35,7 @@ from identify.estimation.certainty import certainty
 from identify.estimation.estimator import EstimationTask, Estimator
 from identify.estimation.hints import what_is_held
 from identify.estimation.known_early import prefit_warnings, wrong_unit
-from identify.estimation.other_optima import multistart_around
+from identify.estimation.multistart import multistart_around
 from identify.estimation.search import SearchProblem, alike, search
 from identify.estimation.starts import Sources
 from identify.estimation.status_words import at_bounds, ended, underivable, untried

@@ -297,6 +297,15 @@ class ProfileResult:
 
 
 @dataclass(frozen=True)
+class OptimumResult:
+    """A local optimum: sum of squares in noise variances, values by name [SI], and how many starts led to it."""
+
+    cost: float
+    starts: int
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class BootstrapInterval:
     """The interval of one parameter among replicates, and their spread over the standard error."""
 
@@ -508,6 +517,7 @@ class Result:
     combinations: CombinationsResult | None = field(default=None, metadata=OMITTED)
     noise: NoiseResult | None = field(default=None, metadata=OMITTED)
     profile: ProfileResult | None = field(default=None, metadata=OMITTED)
+    optima: tuple[OptimumResult, ...] | None = field(default=None, metadata=OMITTED)
     bootstrap: BootstrapResult | None = field(default=None, metadata=OMITTED)
     accuracy_table: tuple[AccuracyLevel, ...] | None = field(default=None, metadata=OMITTED)
     last_iterate: Mapping[str, LastValue] | None = field(default=None, metadata=OMITTED)

@@ -160,13 +160,13 @@ def _other_places(unknowns: Unknowns, kept: NDArray[np.int64], theta: Array, wal
     free = np.flatnonzero(unknowns.free)
     worst = kept[int(np.argmax(np.ptp(walked.likely[:, kept], axis=0) / unknowns.spread[free[kept]]))]
     reach = np.log(WEAK) if unknowns.logarithmic[free[worst]] else np.inf
-    agreed = walked.likely[(walked.objection <= CRITICAL) & (np.abs(walked.likely[:, worst]) <= reach)]
+    agreed = walked.likely[(walked.ratios <= 1.1 * CRITICAL) & (np.abs(walked.likely[:, worst]) <= reach)]
     agreed = agreed[np.argsort(agreed[:, worst])]
     out = []
     for away in (agreed[:1], agreed[-1:]):
         if away.size:
             at = theta.copy()
-            at[free] = walked.middle[free] + away[0]
+            at[free] = walked.best[free] + away[0]
             out.append(at)
     return out
 

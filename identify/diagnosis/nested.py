@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.diagnosis.fitted import Fitted, fits, taken_over, values_of
 from identify.estimation.attempt import Attempt, retested, solve_from, solve_with_weakening_priors, usable
-from identify.estimation.other_optima import multistart_around
+from identify.estimation.multistart import multistart_around
 from identify.estimation.search import SearchProblem, alike, join, search
 from identify.estimation.starts import Sources
 from identify.logs.prepare import Prepared

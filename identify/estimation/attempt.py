@@ -38,7 +38,6 @@ CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for 
 OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver stalled
 HORIZONS = (0.125, 0.25, 0.5, 1.0)  # shares of a course before it slides steadily, each solved from the one before
 BETTER = 2.0  # squares in noise variances by which another motion must fit better to be taken
-TIGHTNESSES = (3.0, 8.0)  # tried in turn: tightness of the priors that hold what the data do not tell
 PRIOR_SCHEDULE = (
     20.0,
     13.0,
@@ -245,15 +244,6 @@ def solve_by_continuation(
     return best
 
 
-def solve_or_continue(
-    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, cost_cutoff: float = np.inf
-) -> Attempt | None:
-    """Solve from a start; where its ridge has no end, hold what the data do not tell; cost_cutoff as in
-    `solve_from`."""
-    found = solve_from(prepared, chosen, unknowns, cost_cutoff=cost_cutoff)
-    return found if found is None or not stalled(found) else solve_by_continuation(prepared, chosen, unknowns) or found
-
-
 def solve_with_weakening_priors(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> Attempt | None:
     """Solve from a start that may be off: its priors let go in small steps until the answer fits or the solver fails;
     None where it fails at once."""
@@ -294,21 +284,6 @@ def solve_again(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: i
     logs, soft = attempt.fitted_logs, unknowns.with_weak_priors()
     solved = solve_in_passes([log.data for log in logs], attempt.solved.trajectories, soft, steps=steps, most=most)
     return replace(attempt, solved=solved, gate=gated(solved, logs))
-
-
-def solve_again_with_priors(
-    attempt: Attempt, unknowns: Unknowns, theta: Array, motion: list[ShootingTrajectory]
-) -> Attempt:
-    """Solve again from theta (n_p,) and the motion there; where the solver finds no end to a ridge, with priors around
-    theta that hold what the data do not tell, as loose as they can be."""
-    attempt = replace(attempt, solved=replace(attempt.solved, trajectories=motion))
-    moved = solve_again(attempt, replace(unknowns, start=theta))
-    for tightness in TIGHTNESSES:
-        if not stalled(moved):
-            break
-        tried = solve_again(attempt, replace(unknowns, start=theta).with_weak_priors(tightness))
-        moved = tried if tried.gate.status is Status.CONVERGED else moved
-    return moved
 
 
 def placed_anew(attempt: Attempt, unknowns: Unknowns, theta: Array) -> Attempt | None:

@@ -24,13 +24,12 @@ from identify.shooting.layout import kept_parameters
 from identify.shooting.shooting import Problem
 
 Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 ENOUGH = 1.5  # times the limit that a point's squared distance may have
 ROUNDS = 200
 ROUNDING = 1e-9
-MIXTURES = np.logspace(-8.0, 4.0, 49)  # of the way across a ridge and the way to a point, by the largest eigenvalue
 FARTHEST = 20.0  # a logarithm that is farther off than that is open
+MIXTURES = np.logspace(-8.0, 4.0, 49)  # of the way across a ridge and the way to a point, by the largest eigenvalue
 
 
 def widened(covariance: Array, away: Array, limits: Array) -> Array:
@@ -75,23 +74,6 @@ def _least_widening(covariance: Array, away: Array, limit: float) -> Array:
     best = int(np.nanargmin(factor * np.sum(ways**2, axis=1)))
     widest = axes @ ways[best] * sd
     return np.asarray(factor[best] * np.outer(widest, widest))
-
-
-def widened_on_both_scales(covariance: Array, away: Array, limits: Array, values: Array, logarithmic: Bools) -> Array:
-    """The covariance (f, f) of theta, widened until it holds the likely points both as theta has them and as values.
-
-    Standard errors and correlations of a result are a covariance of values, by which distances are measured: a ridge on
-    which the product of two parameters is told is a straight line in logarithms, and none in values.
-
-    Args:
-        away, limits: as `widened`; values: (f,) at the answer; logarithmic: (f,) which of theta are logarithms of them.
-    """
-    out = widened(covariance, away, limits)
-    if away.size == 0:
-        return out
-    scale = np.where(logarithmic, values, 1.0)
-    moved = np.where(logarithmic, values * np.expm1(np.minimum(away, FARTHEST)), away)
-    return widened(out * np.outer(scale, scale), moved, limits) / np.outer(scale, scale)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -1,55 +1,67 @@
-"""Profile likelihood: how far a parameter can be moved while all others follow, before the data object.
+"""Profile likelihood: the lowest cost with one parameter fixed, as a function of that parameter.
 
-There the log-likelihood need be no parabola, and a small standard error from its curvature at one point can be false.
-Every point is solved again, warm from its neighbour; a failed point shortens the step and is never counted; a better
-optimum is handed back. A bound that the scene gives ends an interval; a bound of the model leaves it open.
+An interval from the curvature at the answer is right where the cost is a paraboloid. A profile interval (Venzon and
+Moolgavkar, Appl. Stat. 37, 1988) ends where the cost rises by the quantile of the likelihood ratio, whatever its shape.
+Every point is solved again by Newton's method with the exact Hessian, from where tangents predict it; the slope of the
+profile, which is the multiplier of the fixed parameter, leads to the end of each side.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
+from identify.base.linear import Factors, optimality_matrix
 from identify.base.progress import Progress, to_nobody
 from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.covariance import WEAK
-from identify.estimation.profile_line import ProfileLine, ProfilePoint
-from identify.estimation.residual_autocorrelation import NoiseAutocorrelation
 from identify.estimation.strategies import no_time_for
+from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
-from identify.logs.vibration import rhythmic
-from identify.shooting.passes import Solved
-
-# ----------------------------------------------------------------------------------------------------------------------
-# One side of a profile: from the best point until the data object.
-# ----------------------------------------------------------------------------------------------------------------------
+from identify.shooting.grid import Grid
+from identify.shooting.layout import kept_parameters
+from identify.shooting.passes import SETTLED, Solved
+from identify.shooting.shooting import Problem, shooting_problem
+from identify.shooting.shooting_trajectory import ShootingTrajectory
+from identify.shooting.solve import solve
 
 Array = NDArray[np.float64]
 
-CRITICAL = chi_square(LEVEL, 1)  # of 2 (cost - smallest cost), one degree of freedom
-REACH = 1.15 * float(np.log(WEAK))  # of a logarithm: beyond a factor of three nothing more is asked
-REACH_LINEAR = 0.9  # of mu_s - mu_k0, for coefficients, and for those that are judged by themselves
-REACH_SHARE = 1.05 * (1.0 - 1.0 / WEAK)  # of their value, where that is more
-POINTS = 28  # of one side, those that fail included: a winding ridge is followed in short steps
-FAILURES = 4  # of the solver in a row, each with half the step, before a walk is given up
-LEAP = 3.0  # standard intervals: where an end is looked for past a stretch on which the solver fails
-LEAST = 0.002  # of what a step is measured by: the first one of what is known very well
-CLOSE = 1.25  # of the root of the loss that ends a side: near enough to interpolate from
-AIM = 1.03  # of a standard interval: where the first step goes
-BEYOND = 0.1  # of a side: farther past its end than the interpolation can be off
-BENT = 0.05  # of a side, by which it is longer or shorter than the covariance has it: its ridge bends
-PAST = 1.7  # of a side: where one more point shows how the ridge bends
+CRITICAL = chi_square(LEVEL, 1)  # of the likelihood ratio 2 (cost - smallest cost), one degree of freedom
+BETTER = 0.5  # by which 2 cost must be smaller for a point to count as lower than the answer
+REACH_LOG = 1.15 * float(np.log(WEAK))  # of a logarithm: farther off, a verdict asks for nothing more
+REACH_STEP, REACH_VALUE = 0.9, 1.05 * (1.0 - 1.0 / WEAK)  # of a coefficient: of mu_s - mu_k0, and of its own value
+CLOSE, FAR = (
+    0.05,
+    1.3,
+)  # of a side, by which an end is extrapolated; of the root of the ratio, from which one is interpolated
+FARTHER, SHORTER, LEAP, SHORTEST = 2.5, 0.3, 0.3, 0.05  # times the step before; and of that of the covariance
+POINTS, SOLVES = 20, 3  # of one side: at most, and of these by IPOPT, where Newton's method finds none
+BEYOND = 0.1  # of a side, by which a likely point lies past it
+SIGNS = (-1.0, 1.0)
+EXTENDED = 1.7  # of a side: to there its bend is extrapolated
+PREDICTED, REASSIGNED = (
+    2.0,
+    5.0,
+)  # standard errors of the first correction at most: of a prediction, where samples are assigned anew
+CONTRACTION = (0.2, 1.0)  # of Newton's steps: above, the matrix is factored again, and then the prediction given up
+NEWTON, CONVERGED, CLOSED = 8, 0.02, 1e-4  # steps, the last one in standard errors, and the largest row
+ITERATIONS, FOLLOWED = 25, 1e-6  # of IPOPT, and the largest row it may leave
+OBEYS = 1e-9  # largest row of an answer
+MOVED = 2.0  # samples by which an event may move before the samples are assigned to it again
+FREE = -1  # no parameter is fixed
 
 
 @dataclass(frozen=True)
 class Side:
-    """One end of a profile interval in theta; None: open (the data never object, or `failed` points); walled: it ends
-    at a bound that the scene gives, before the data object."""
+    """One end of an interval in theta; None: open, since the cost does not rise enough, or where the solver `failed`;
+    walled: it ends at a bound of the scene."""
 
     end: float | None
     failed: bool
@@ -57,317 +69,536 @@ class Side:
 
 
 @dataclass(frozen=True)
-class ProfileBranch:
-    """One side of a profile, and the last point before its end."""
-
-    side: Side
-    last: ProfilePoint
-
-
-def walk_one_way(
-    line: ProfileLine, index: int, sign: float, first: float, begin: ProfilePoint, wait: float, steps: int = 1
-) -> ProfileBranch:
-    """Walk one way from `begin` until the data object; the end by interpolation of the root of what they lose."""
-    centre = float(line.best.theta[index])
-    reach, walled = _room(line, index, sign)
-    here, failures, objects = begin, 0, np.inf
-    done = float(sign * (begin.theta[index] - centre))
-    done_root = line.loss_root(begin)
-    limit = float(np.sqrt(CRITICAL * wait))
-    length = float(np.clip(AIM * limit * first, LEAST * _scale(line, index), 0.3 * _scale(line, index)))
-    length = min(length, AIM * limit * first / steps) if first > 0 else length
-    longest = length if steps > 1 else np.inf
-    tight = 0.02 * length
-    if reach <= 0.0:
-        return ProfileBranch(Side(centre if walled else None, False, walled), here)
-    for _ in range(POINTS + steps):
-        target = min(done + length, reach)
-        point = line.point(here, index, centre + sign * target)
-        if point is None:
-            failures += 1
-            length *= 0.4
-            if failures > FAILURES:
-                break
-            continue
-        failures = 0
-        root = line.loss_root(point)
-        if root >= limit:
-            if root < CLOSE * limit or target - done < tight:
-                return ProfileBranch(Side(centre + sign * _crossing(done, done_root, target, root, limit), False), here)
-            length = (target - done) * max(0.3, (limit - done_root) / (root - done_root))
-            objects = min(objects, target)
-            continue
-        if target >= reach:
-            return ProfileBranch(Side(centre + sign * reach if walled else None, False, walled), point)
-        slope = (root - done_root) / (target - done)
-        length = float(np.clip(1.1 * (limit - root) / max(slope, 1e-9), 0.05 * length, min(2.5 * length, longest)))
-        done, done_root, here = target, root, point
-    # The solver failed on the way to an end: the far side of it is the cautious one.
-    if not np.isfinite(objects):
-        target = min(done + LEAP * limit * first, reach)
-        point = line.point(here, index, centre + sign * target)
-        objects = target if point is not None and line.loss_root(point) >= limit else objects
-    if np.isfinite(objects):
-        return ProfileBranch(Side(centre + sign * objects, False), here)
-    return ProfileBranch(Side(None, True), here)
-
-
-def mark_past(line: ProfileLine, index: int, sign: float, walk: ProfileBranch) -> None:
-    """One more point of the ridge, past the end of a side: where it bends, the covariance is to hold that too."""
-    if walk.side.end is not None and not walk.side.walled:
-        centre = float(line.best.theta[index])
-        far = min(PAST * abs(walk.side.end - centre), _room(line, index, sign)[0])
-        line.point(walk.last, index, centre + sign * far)
-
-
-def _room(line: ProfileLine, index: int, sign: float) -> tuple[float, bool]:
-    """How far a side can go from the answer, and whether a bound of the scene stops it there."""
-    unknowns, centre = line.unknowns, float(line.best.theta[index])
-    bound = unknowns.lower[index] if sign < 0 else unknowns.upper[index]
-    room, reach = max(float(sign * (bound - centre)), 0.0), _reach(line, index)
-    return (room, bool(unknowns.walls[0 if sign < 0 else 1, index])) if room < reach else (reach, False)
-
-
-def _reach(line: ProfileLine, index: int) -> float:
-    """How far from the answer a profile asks, in theta: as far as the verdict may need."""
-    unknowns, theta = line.unknowns, line.best.theta
-    own = REACH_SHARE * abs(float(theta[index])) if unknowns.names[index] in ("mu_s", "mu_k0") else 0.0
-    return max(_scale(line, index), own)
-
-
-def _scale(line: ProfileLine, index: int) -> float:
-    """What a step is measured by, in theta."""
-    return REACH if line.unknowns.logarithmic[index] else REACH_LINEAR * _step(line.unknowns, line.best.theta)
-
-
-def _step(unknowns: Unknowns, theta: Array) -> float:
-    """mu_s - mu_k0, the size coefficients are judged by."""
-    names = unknowns.names
-    return float(abs(theta[names.index("mu_s")] - theta[names.index("mu_k0")])) or 0.1
-
-
-def _crossing(done: float, done_root: float, target: float, root: float, limit: float) -> float:
-    """Where the root of the loss reaches its limit: it is straight where the likelihood is a parabola."""
-    if root < CLOSE * limit and done == 0.0:
-        return target * limit / root
-    return done + (target - done) * (limit - done_root) / max(root - done_root, 1e-12)
-
-
-BETTER = 0.5  # how much smaller 2 cost must become for another optimum to count
-FARTHEST = 4.0  # standard deviations: where the truth may lie, once in a while
-
-
-@dataclass(frozen=True)
 class Curve:
-    """The profile of one parameter: theta (k,), rising, and what the data object there (k,): 2 (cost - smallest), for
-    white noise."""
+    """Theta (k,), rising, and the likelihood ratio there (k,), for white noise."""
 
     theta: Array
     loss: Array
 
 
 @dataclass(frozen=True)
+class ProfilePoint:
+    """The lowest cost with one parameter fixed (FREE: none): theta (n_p,), the motion there, the cost of data and
+    user's priors."""
+
+    theta: Array
+    trajectories: list[ShootingTrajectory]
+    cost: float
+    fixed: int
+
+
+@dataclass(frozen=True)
 class Profiles:
-    """Interval ends and curves per parameter name, the point of a better optimum where one was met, the
-    likelihood-ratio statistic by which it is better, theta (n_p,) at the middle of the walks and the cost there, the
-    points met that the data hardly object to, from there (m, f), the squared distance (m,) at which each should lie,
-    and these points."""
+    """Profile intervals and curves by parameter, theta (n_p,) at the lowest cost, a point that lies lower than the
+    answer (None: there is none) and the likelihood ratio by which it does; likely (m, f): points on the profiles from
+    there, and the likelihood ratios (m,) at them, for white noise."""
 
     ends: dict[str, tuple[Side, Side]]
-    better: ProfilePoint | None
     curves: Mapping[str, Curve] = field(default_factory=dict)
+    best: Array = field(default_factory=lambda: np.empty(0))
+    lower: ProfilePoint | None = None
     gain: float = 0.0
-    middle: Array = field(default_factory=lambda: np.empty(0))
-    cost: float = np.inf
     likely: Array = field(default_factory=lambda: np.empty((0, 0)))
-    objection: Array = field(default_factory=lambda: np.empty(0))
-    met: tuple[ProfilePoint, ...] = ()
+    ratios: Array = field(default_factory=lambda: np.empty(0))
 
-    @property
-    def clear(self) -> float:
-        """What the memory of the noise leaves of the gain."""
-        return 0.0 if self.better is None else self.better.change.objection(self.gain)
-
-    def outside(self, unknowns: Unknowns, theta: Array) -> list[tuple[int, float]]:
-        """The sides of intervals beyond which a place (n_p,) lies: index of the parameter, -1 below or 1 above."""
+    def outside(self, unknowns: Unknowns, theta: Array) -> list[int]:
+        """The parameters whose intervals do not hold theta (n_p,)."""
         out = []
         for name, (low, high) in self.ends.items():
             index = unknowns.names.index(name)
-            out += [(index, -1.0)] if low.end is not None and theta[index] < low.end else []
-            out += [(index, 1.0)] if high.end is not None and theta[index] > high.end else []
+            below, above = (-np.inf if low.end is None else low.end), (np.inf if high.end is None else high.end)
+            out += [] if below <= theta[index] <= above else [index]
         return out
 
-    def joined(self, other: Profiles, unknowns: Unknowns) -> Profiles:
-        """With the walks from another optimum that the data do not rule out: intervals that hold both, or the lower
-        place that these walks met."""
-        lowest = min(other.met, key=lambda point: point.cost, default=None)
-        gain = 0.0 if lowest is None else 2.0 * (self.cost - lowest.cost)
-        if gain > BETTER:
-            return replace(self, better=lowest, gain=gain)
-        ends = {
-            name: (_farther(self.ends[name][0], low, min), _farther(self.ends[name][1], high, max))
-            for name, (low, high) in other.ends.items()
-        }
-        above = max(2.0 * (other.cost - self.cost), 0.0)
-        moved = (other.middle - self.middle)[unknowns.free]
-        return replace(
-            self,
-            ends=self.ends | ends,
-            likely=np.concatenate([self.likely, other.likely + moved]),
-            objection=np.concatenate([self.objection, other.objection + above]),
-            met=(*self.met, *other.met),
-        )
-
-    def seen_from(self, unknowns: Unknowns, answer: Array) -> Profiles:
-        """The same points seen from an answer (n_p,) that is not their middle: what they say where no walk comes to an
-        end. An interval that does not hold the answer is open on its side."""
-        if not self.middle.size:
-            return replace(self, better=None)
-        ends = {}
-        for name, (low, high) in self.ends.items():
-            at = answer[unknowns.names.index(name)]
-            below = low.end if low.end is not None and low.end <= at else None
-            above = high.end if high.end is not None and high.end >= at else None
-            ends[name] = (replace(low, end=below), replace(high, end=above))
-        moved = (answer - self.middle)[np.flatnonzero(unknowns.free)]
-        away = self.likely - moved if self.likely.size else self.likely
-        return replace(self, ends=ends, better=None, middle=answer, likely=away)
-
-
-@dataclass(frozen=True)
-class ProfileNoise:
-    """The noise that profiles allow for: covariance (f, f) of the free theta for white noise, for the first steps;
-    noise of all logs: with a memory it objects later; memory (f,): by how much that widens the variance of each; beside
-    (f,): by how much all else that is allowed for widens it. None: by nothing."""
-
-    covariance: Array
-    noise: NoiseAutocorrelation
-    memory: Array | None = None
-    beside: Array | None = None
-
-
-@dataclass(frozen=True)
-class ProfileOptions:
-    """Which profiles are taken, and how.
-
-    steps: of a side, at least: one finds the ends, more draw the curve. only: indices of parameters, where not all are
-    asked; sides: of these, where not both of each are: one that is not walked ends at the farthest point met. optima:
-    other places that count as points met, as far as the data do not object to them. before: points met by walks from
-    another answer of the same samples; their change of the curves is from there.
-    """
-
-    steps: int = 1
-    only: Sequence[int] | None = None
-    sides: Collection[tuple[int, float]] | None = None
-    optima: Sequence[Solved] = ()
-    before: Sequence[ProfilePoint] = ()
-
-
-EVERY_PROFILE = ProfileOptions()
+    def joined(self, other: Profiles) -> Profiles:
+        """With intervals that hold those about another optimum too."""
+        ends = dict(self.ends)
+        for name, sides in other.ends.items():
+            low, high = (
+                one if one.end is None or (two.end is None and one.failed) else two if two.end is None else one
+                for one, two in zip(ends[name], sides, strict=True)
+            )
+            if low.end is not None and sides[0].end is not None:
+                low = replace(low, end=min(low.end, sides[0].end))
+            if high.end is not None and sides[1].end is not None:
+                high = replace(high, end=max(high.end, sides[1].end))
+            ends[name] = low, high
+        return replace(self, ends=ends)
 
 
 def profile(
-    logs: tuple[Prepared, ...],
+    logs: Sequence[Prepared],
     solved: Solved,
     unknowns: Unknowns,
-    noise: ProfileNoise,
-    asked: ProfileOptions = EVERY_PROFILE,
+    sizes: Array,
+    inflation: Array,
+    *,
+    only: Sequence[int],
+    points: int = 1,
+    restart: bool = False,
     progress: Progress = to_nobody,
 ) -> Profiles:
-    """Profile every free parameter of a solution but for those of harmonics, whose curvature tells all."""
-    sizes = np.sqrt(np.diag(noise.covariance))
-    line = ProfileLine.at(logs, solved, unknowns, sizes, noise.noise)
-    line.seen.extend(asked.before)
-    for optimum in asked.optima:
-        line.settled(optimum.theta, optimum.trajectories)
-    beats, searched = rhythmic(unknowns), np.flatnonzero(unknowns.free)
-    free = [i for i in searched.tolist() if not beats[i] and (asked.only is None or i in asked.only)]
-    place = {index: number for number, index in enumerate(searched.tolist())}
-    wait = {i: 1.0 if noise.beside is None else float(noise.beside[place[i]]) for i in free}
-    wide = sizes if noise.memory is None else sizes * np.sqrt(noise.memory)
-    sides = [(i, sign) for i in free for sign in (-1.0, 1.0) if asked.sides is None or (i, sign) in asked.sides]
-    walks = _walks(line, sides, {i: float(wide[place[i]]) for i in free}, wait, asked.steps, progress)
-    for (index, sign), walk in walks.items():
-        straight = float(np.sqrt(CRITICAL * wait[index])) * float(wide[place[index]])
-        end = walk.side.end
-        if end is not None and abs(abs(end - line.best.theta[index]) / straight - 1.0) > BENT:
-            mark_past(line, index, sign, walk)
-    lowest = min(line.seen, key=lambda point: point.cost, default=line.best)
-    gain = max(0.0, 2 * (line.answer - lowest.cost))
-    better = lowest if gain > BETTER else None
-    ends, curves = {}, {}
-    for i in free:
-        if asked.sides is None and not ((i, -1.0) in walks and (i, 1.0) in walks):
-            continue  # no time: the covariance gives its interval
-        inside = [point.theta[i] for point in line.seen if line.loss_root(point) ** 2 < CRITICAL * wait[i]]
-        inside.append(line.best.theta[i])
-        here = ProfileBranch(Side(float(line.best.theta[i]), False), line.best)
-        ends[unknowns.names[i]] = (
-            _stretched(walks.get((i, -1.0), here).side, min(inside), min),
-            _stretched(walks.get((i, 1.0), here).side, max(inside), max),
-        )
-        curves[unknowns.names[i]] = _curve(line, i, wait[i])
-    slow = max(wait.values(), default=1.0)
-    likely = [point for point in line.seen if line.loss_root(point) < FARTHEST * np.sqrt(slow)]
-    away = np.array([point.theta[searched] for point in likely]).reshape(-1, searched.size) - line.best.theta[searched]
-    objection = np.array([max(line.loss_root(point) ** 2 / slow, CRITICAL) for point in likely])
-    return Profiles(ends, better, curves, gain, line.best.theta, line.best.cost, away, objection, tuple(likely))
+    """Profile intervals about an answer. Where the time is up, the parameters that are left have none.
 
-
-def _walks(
-    line: ProfileLine,
-    asked: Sequence[tuple[int, float]],
-    sizes: Mapping[int, float],
-    wait: Mapping[int, float],
-    steps: int,
-    progress: Progress,
-) -> dict[tuple[int, float], ProfileBranch]:
-    """The sides asked for, by parameter and sign, from the best point; on from a point beyond an end, where the data
-    object to neither: behind a rise of the likelihood lies another optimum, and the side ends behind that."""
-    walks: dict[tuple[int, float], ProfileBranch] = {}
-    for index, sign in asked:
-        progress(f"profile of {line.unknowns.names[index]}", None)
-        walk = walk_one_way(line, index, sign, sizes[index], line.best, wait[index], steps)
+    Args:
+        sizes: (f,) standard errors of the free theta for white noise; inflation: (f,) of each variance by all that is
+            allowed for beside white noise: the critical likelihood ratio is so much larger (Kent, Biometrika 69, 1982).
+        only: indices of the parameters; points: of each side at least: 1 finds its end, more draw the curve.
+        restart: end at the first point that lies lower than the answer.
+    """
+    work = _Workspace.about(logs, solved, unknowns, sizes)
+    best, answer = work.lowest(solved)
+    if best is None:
+        return Profiles({})
+    at = {index: number for number, index in enumerate(np.flatnonzero(unknowns.free).tolist())}
+    branches, seen = dict[tuple[int, float], _Branch](), [best.point]
+    lines = {i: _Line(i, CRITICAL * float(inflation[at[i]]), float(sizes[at[i]]), points) for i in only}
+    for index, line in lines.items():
+        progress(f"profile of {unknowns.names[index]}", None)
+        made = {(index, sign): _branch(work, best, best, line, sign) for sign in SIGNS}
         if time_is_up():
             no_time_for("profiles")
             break
-        walks[index, sign] = walk
-    for (index, sign), walk in walks.items():
-        beyond = _beyond(line, index, sign, walk.side, wait[index])
-        if beyond is not None:
-            walks[index, sign] = walk_one_way(line, index, sign, sizes[index], beyond, wait[index])
-    return walks
+        branches |= made
+        seen += [point for branch in made.values() for point in branch.points]
+        if restart and 2.0 * (answer - min(point.cost for point in seen)) > BETTER:
+            break
+    for (index, sign), branch in branches.items():
+        # Points of another profile may be likely beyond an end: behind a rise of the cost it goes on.
+        farthest = max((p for p in seen if _likely(p, best, lines[index])), key=lambda p: sign * float(p.theta[index]))
+        if branch.side.end is None or time_is_up():
+            continue
+        centre = float(best.point.theta[index])
+        if sign * (float(farthest.theta[index]) - centre) > (1.0 + BEYOND) * abs(branch.side.end - centre):
+            begin = work.solved(farthest.theta, farthest.trajectories, index)
+            farther = None if begin is None else _branch(work, best, begin, lines[index], sign)
+            branches[index, sign] = _Branch(Side(None, True), branch.points) if farther is None else farther
+            seen += [] if farther is None else farther.points
+    lowest = min(seen, key=lambda point: point.cost)
+    gain = max(0.0, 2.0 * (answer - lowest.cost))
+    ends, curves = {}, {}
+    for index in sorted({index for index, _ in branches}):
+        inside = [float(p.theta[index]) for p in seen if _likely(p, best, lines[index])]
+        low, high = branches[index, -1.0].side, branches[index, 1.0].side
+        ends[unknowns.names[index]] = _holding(low, inside, min), _holding(high, inside, max)
+        mine = [best.point, *(p for p in seen if p.fixed == index)]
+        curves[unknowns.names[index]] = _curve(mine, index, lines[index].critical / CRITICAL)
+    likely, ratios = _along(branches, best.point, unknowns.free)
+    return Profiles(ends, curves, best.point.theta, lowest if gain > BETTER else None, gain, likely, ratios)
 
 
-def _beyond(line: ProfileLine, index: int, sign: float, side: Side, wait: float) -> ProfilePoint | None:
-    """The farthest point met that the data do not object to, where it lies clearly past this end."""
-    if side.end is None or side.walled:
+def converged(solved: Solved, problem: Problem, sizes: Array) -> Solved | None:
+    """A solution on its own problem, or on one that is the same unknown by unknown, by Newton's method with the exact
+    Hessian from where it is; None where that does not converge or an event moves by half a sample.
+
+    Args:
+        sizes: (f,) standard errors of the free theta.
+    """
+    layout, n = problem.layout, problem.layout.size
+    around = _Neighbourhood.of(problem, solved.theta, solved.formed_from, sizes)
+    start = np.concatenate([solved.solution.z, solved.solution.multipliers])
+    both = around.corrected(start, FREE, largest=REASSIGNED, closed=OBEYS)
+    if both is None:
         return None
-    likely = [point for point in line.seen if line.loss_root(point) ** 2 < CRITICAL * wait]
-    farthest = max(likely, key=lambda point: sign * point.theta[index], default=line.best)
-    past = BEYOND * abs(side.end - line.best.theta[index])
-    return farthest if sign * (farthest.theta[index] - side.end) > past else None
+    x, point = both[:n] * layout.scale, problem.evaluate(both[:n], derivatives=False)
+    pairs = zip(layout.places, problem.logs, strict=True)
+    shift = max(float(np.max(np.abs(x[at.events]), initial=0.0)) / log.interval for at, log in pairs)
+    if shift >= SETTLED:
+        return None
+    theta = solved.theta.copy()
+    theta[layout.free] = x[: layout.free.size]
+    rows = float(np.max(np.abs(point.rows), initial=0.0))
+    solution = replace(
+        solved.solution, z=both[:n], x=x, cost=point.cost, multipliers=both[n:], constraint_violation=rows
+    )
+    moved = [place.read(old, x) for place, old in zip(layout.places, solved.formed_from, strict=True)]
+    out = replace(solved, problem=problem, solution=solution, trajectories=moved, theta=theta)
+    return replace(out, event_shift=shift)
 
 
-def _curve(line: ProfileLine, index: int, wait: float) -> Curve:
-    """The points at which this parameter was held, and the best one."""
-    mine = [line.best, *(point for point in line.seen if point.held == index)]
-    mine.sort(key=lambda point: (float(point.theta[index]), point.cost))
-    # Of a place reached twice the better point counts.
-    apart = 1e-6 * line.unknowns.spread[index]
-    first = np.append(True, np.diff([point.theta[index] for point in mine]) > apart)
-    mine = [point for point, counts in zip(mine, first.tolist(), strict=True) if counts]
-    theta = np.array([point.theta[index] for point in mine])
-    return Curve(theta, np.array([line.loss_root(point) ** 2 / wait for point in mine]))
+# ----------------------------------------------------------------------------------------------------------------------
+# One side of a profile.
+# ----------------------------------------------------------------------------------------------------------------------
 
 
-def _farther(one: Side, other: Side, farther: Callable[[float, float], float]) -> Side:
-    """The end of an interval that holds two; open where one of them is."""
-    if one.end is None or other.end is None:
-        return one if one.end is None else other
-    return one if farther(one.end, other.end) == one.end else other
+@dataclass(frozen=True)
+class _Line:
+    """The parameter that is fixed, the critical likelihood ratio, the standard error of theta, points of a side."""
+
+    index: int
+    critical: float
+    size: float
+    points: int
+
+    @property
+    def step(self) -> float:
+        """How far off the covariance has an end, in theta."""
+        return float(np.sqrt(self.critical)) * self.size
 
 
-def _stretched(side: Side, farthest: float, farther: Callable[[float, float], float]) -> Side:
-    """The end, stretched over every point of any walk that the data do not object to."""
-    return side if side.end is None else replace(side, end=float(farther(side.end, farthest)))
+@dataclass(frozen=True)
+class _Branch:
+    """One side, and its points from the answer outwards."""
+
+    side: Side
+    points: list[ProfilePoint]
+
+
+def _branch(work: _Workspace, best: _Solution, begin: _Solution, line: _Line, sign: float) -> _Branch:
+    """One side of a profile from a point until the likelihood ratio against the lowest one reaches its critical
+    value."""
+    index, limit, step = line.index, float(np.sqrt(line.critical)), line.step
+    centre = float(best.point.theta[index])
+    reach, walled = _reach(work.unknowns, best.point.theta, index, sign)
+    off = sign * (float(begin.point.theta[index]) - centre)
+    if off >= reach:
+        return _Branch(Side(centre + sign * reach if walled else None, False, walled), [])
+    path = [_Node(best, 0.0, 0.0, limit / step) if begin is best else _Node.at_point(begin, best, index, sign, off)]
+    longest = np.inf if line.points == 1 else step / line.points
+    made, length, solves = list[ProfilePoint](), min(step, longest), 0
+    for _ in range(POINTS + line.points):
+        here = path[-1]
+        target = min(here.off + length, reach)
+        found = work.followed([node.at for node in path], index, centre + sign * target)
+        if found is None and SHORTER * length > SHORTEST * step and not time_is_up():
+            length = SHORTER * length
+            continue
+        if found is None and solves < SOLVES and not time_is_up():
+            # The path bends, as where friction does not depend on speed and its rate may be any: IPOPT goes past that.
+            length, solves = min(LEAP * step, longest), solves + 1
+            target = min(here.off + length, reach)
+            found = work.solved_at(here.at, index, centre + sign * target)
+        if found is None:
+            break
+        node = _Node.at_point(found, best, index, sign, target)
+        end = node.crossing(here, limit)
+        if node.root > FAR * limit and target - here.off > LEAP * step and end is not None:
+            length = end - here.off
+            continue
+        made.append(found.point)
+        if end is not None and end <= reach and (node.root >= limit or end - target < CLOSE * target):
+            return _Branch(Side(centre + sign * end, False), made)
+        if target >= reach:
+            return _Branch(Side(centre + sign * reach if walled else None, False, walled), made)
+        wanted = np.inf if end is None else end - target
+        length = float(np.clip(wanted, SHORTEST * step, max(SHORTEST * step, min(FARTHER * length, longest))))
+        path = [here, node]
+    return _Branch(Side(None, True), made)
+
+
+def _likely(point: ProfilePoint, best: _Solution, line: _Line) -> bool:
+    """Whether the data do not object to a point."""
+    return 2.0 * (point.cost - best.point.cost) < line.critical
+
+
+@dataclass(frozen=True)
+class _Node:
+    """A point of one side: how far off the lowest one it is, the root of the likelihood ratio, and its slope."""
+
+    at: _Solution
+    off: float
+    root: float
+    slope: float
+
+    @classmethod
+    def at_point(cls, found: _Solution, best: _Solution, index: int, sign: float, off: float) -> _Node:
+        """Of a point where theta[index] is fixed."""
+        root = float(np.sqrt(max(2.0 * (found.point.cost - best.point.cost), 0.0)))
+        return cls(found, off, root, sign * found.slope(index) / root if root > 0.0 else 0.0)
+
+    def crossing(self, before: _Node, limit: float) -> float | None:
+        """Where the root reaches its limit: inside the step on the cubic through both nodes with their slopes, beyond
+        it on the tangent; None where it does not."""
+        if self.root < limit:
+            return self.off + (limit - self.root) / self.slope if self.slope > 0.0 else None
+        h = self.off - before.off
+        rise = self.root - before.root
+        c, d = 3.0 * rise - h * (2.0 * before.slope + self.slope), h * (before.slope + self.slope) - 2.0 * rise
+        roots = np.roots([d, c, h * before.slope, before.root - limit])
+        inside = [r.real for r in roots if abs(r.imag) < 1e-9 and -1e-9 <= r.real <= 1.0 + 1e-9]
+        return before.off + h * (min(inside) if inside else (limit - before.root) / rise)
+
+
+def _reach(unknowns: Unknowns, theta: Array, index: int, sign: float) -> tuple[float, bool]:
+    """How far a side goes from theta (n_p,) at most: as a verdict asks, or to a bound; whether this is of the scene."""
+    static, kinetic = (float(theta[unknowns.names.index(name)]) for name in ("mu_s", "mu_k0"))
+    own = REACH_VALUE * abs(float(theta[index])) if unknowns.names[index] in ("mu_s", "mu_k0") else 0.0
+    reach = REACH_LOG if unknowns.logarithmic[index] else max(REACH_STEP * (abs(static - kinetic) or 0.1), own)
+    bound = unknowns.lower[index] if sign < 0 else unknowns.upper[index]
+    room = max(float(sign * (bound - theta[index])), 0.0)
+    return (room, bool(unknowns.walls[0 if sign < 0 else 1, index])) if room < reach else (reach, False)
+
+
+def _holding(side: Side, inside: list[float], farther: Callable[[list[float]], float]) -> Side:
+    """A side that holds every likely point of any profile."""
+    return side if side.end is None else replace(side, end=float(farther([side.end, *inside])))
+
+
+def _curve(points: list[ProfilePoint], index: int, inflation: float) -> Curve:
+    """The curve through the points (k,), the lowest one first; of those at one place the lower one counts."""
+    lowest, costs = points[0].cost, dict[float, float]()
+    for point in points:
+        place = float(point.theta[index])
+        costs[place] = min(point.cost, costs.get(place, np.inf))
+    theta = np.array(sorted(costs))
+    loss = [max(2.0 * (costs[place] - lowest), 0.0) / inflation for place in theta.tolist()]
+    return Curve(theta, np.array(loss))
+
+
+def _along(
+    branches: Mapping[tuple[int, float], _Branch], best: ProfilePoint, free: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """The outermost points of the profiles from the lowest one (m, f), and the likelihood ratios there (m,); where all
+    sides are closed, each with one farther out on the parabola through the three, of a cost that is one as well."""
+    outermost = {key: branch.points[-1] if branch.points else best for key, branch in branches.items()}
+    moved = {key: point.theta - best.theta for key, point in outermost.items()}
+    ratio = {key: max(2.0 * (point.cost - best.cost), 0.0) for key, point in outermost.items()}
+    away, ratios = [row[free] for row in moved.values()], list(ratio.values())
+    if all(branch.side.end is not None and branch.points for branch in branches.values()):
+        for index in {index for index, _ in branches}:
+            (low, high), (down, up) = ((moved[index, s][index] for s in SIGNS), (moved[index, s] for s in SIGNS))
+            bend = (up / high - down / low) / (high - low)
+            slope = up / high - bend * high
+            for sign, end in zip(SIGNS, (low, high), strict=True):
+                away.append((slope * EXTENDED * end + bend * (EXTENDED * end) ** 2)[free])
+                ratios.append(EXTENDED**2 * ratio[index, sign])
+    return np.array(away).reshape(len(away), int(np.count_nonzero(free))), np.array(ratios)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The points of a profile: continuation of the optimality conditions in the fixed parameter.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Neighbourhood:
+    """The problem about a motion of theta (n_p,): its samples stay where they are assigned as long as no unknown (n,)
+    is farther from its start than limits; sizes (k,): standard errors of the kept parameters, scaled."""
+
+    theta: Array
+    trajectories: list[ShootingTrajectory]
+    problem: Problem
+    limits: Array
+    kept: NDArray[np.int64]
+    sizes: Array
+
+    @classmethod
+    def of(cls, problem: Problem, theta: Array, trajectories: list[ShootingTrajectory], sizes: Array) -> _Neighbourhood:
+        """About the motion from which a problem was formed; sizes (f,): standard errors of the free theta."""
+        layout, kept = problem.layout, kept_parameters(problem.layout)
+        own = np.full(kept.size - layout.free.size, float(np.max(sizes)))
+        limits = np.full(layout.size, np.inf)
+        for place, log in zip(layout.places, problem.logs, strict=True):
+            ends = np.minimum(-layout.lower[place.events], layout.upper[place.events])
+            limits[place.events] = np.minimum(MOVED * log.interval, ends)
+        scaled = np.concatenate([sizes, own]) / layout.scale[kept]
+        return cls(theta, trajectories, problem, limits, kept, scaled)
+
+    @property
+    def lower(self) -> Array:
+        """Bounds of the scaled unknowns (n,)."""
+        return self.problem.layout.lower / self.problem.layout.scale
+
+    @property
+    def upper(self) -> Array:
+        """Bounds of the scaled unknowns (n,)."""
+        return self.problem.layout.upper / self.problem.layout.scale
+
+    def factors(self, both: Array) -> Factors | None:
+        """Of the optimality conditions with the exact Hessian (n + m,); None where they are singular."""
+        n = self.problem.layout.size
+        point = self.problem.evaluate(both[:n], derivatives=True)
+        assert point.jacobian is not None
+        try:
+            return Factors(optimality_matrix(self.problem.exact_hessian(both[:n], 1.0, both[n:]), point.jacobian))
+        except RuntimeError:  # SuperLU's only word for it
+            return None
+
+    def tangent(self, factors: Factors, place: int) -> Array:
+        """Of unknowns and multipliers (n + m,) per unit of the unknown that is fixed."""
+        unit = np.zeros(self.problem.layout.size + self.problem.layout.rows)
+        unit[place] = 1.0
+        column = factors.solve(unit)
+        with np.errstate(all="ignore"):
+            return np.asarray(column / column[place])
+
+    def place(self, index: int) -> int:
+        """Of a parameter among the unknowns."""
+        return int(np.flatnonzero(self.problem.layout.free == index)[0])
+
+    def corrected(
+        self,
+        both: Array,
+        place: int,
+        factors: Factors | None = None,
+        tangent: Array | None = None,
+        largest: float = PREDICTED,
+        closed: float = CLOSED,
+    ) -> Array | None:
+        """Unknowns and multipliers (n + m,) that fulfil the conditions of optimality with the unknown at `place` fixed
+        (FREE: none), from a prediction; None where Newton's method does not contract at once.
+
+        Args:
+            factors, tangent: at a point nearby, kept as long as the steps contract.
+            largest: first step [standard errors]; closed: largest row at the end.
+        """
+        n, before = self.problem.layout.size, np.inf
+        for number in range(NEWTON):
+            point = self.problem.evaluate(both[:n], derivatives=True)
+            assert point.gradient is not None and point.jacobian is not None
+            with np.errstate(invalid="ignore"):
+                left = -np.concatenate([point.gradient + point.jacobian.T @ both[n:], point.rows])
+            if place != FREE:
+                left[place] = 0.0
+            if not np.all(np.isfinite(left)):
+                return None
+            if before < CONVERGED and np.max(np.abs(point.rows), initial=0.0) < closed:
+                at = both[self.kept]
+                inside = np.all(at >= self.lower[self.kept]) and np.all(at <= self.upper[self.kept])
+                return both if inside and np.isfinite(point.cost) else None
+            kept = factors is not None
+            while True:
+                if factors is None:
+                    factors, tangent = self.factors(both), None
+                    if factors is None:
+                        return None
+                step = factors.solve(left)
+                if place != FREE:
+                    tangent = self.tangent(factors, place) if tangent is None else tangent
+                    step = step - tangent * step[place]
+                length = float(np.max(np.abs(step[self.kept]) / self.sizes))
+                if not kept or length <= max(CONTRACTION[0] * before, CONVERGED):
+                    break
+                factors, kept = None, False
+            if not length <= (max(CONTRACTION[1] * before, CONVERGED) if number else largest):
+                return None
+            both, before = both + step, length
+        return None
+
+
+@dataclass(frozen=True)
+class _Solution:
+    """A point, its neighbourhood, and the scaled unknowns and multipliers (n + m,) there."""
+
+    point: ProfilePoint
+    around: _Neighbourhood
+    both: Array
+
+    @cached_property
+    def factors(self) -> Factors | None:
+        """Of the optimality conditions here."""
+        return self.around.factors(self.both)
+
+    def slope(self, index: int) -> float:
+        """Derivative of the lowest cost with respect to the theta that is fixed."""
+        problem, n = self.around.problem, self.around.problem.layout.size
+        point, place = problem.evaluate(self.both[:n], derivatives=True), self.around.place(index)
+        assert point.gradient is not None and point.jacobian is not None
+        slope = point.gradient + point.jacobian.T @ self.both[n:]
+        return float(slope[place] / problem.layout.scale[place])
+
+
+@dataclass(frozen=True)
+class _Workspace:
+    """What all points have in common: logs; grid; unknowns as the scene gives them; with weak priors that keep the
+    search in place, whose cost no point counts; sizes (f,)."""
+
+    logs: list[LogData]
+    grid: Grid
+    unknowns: Unknowns
+    weak: Unknowns
+    sizes: Array
+
+    @classmethod
+    def about(cls, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, sizes: Array) -> _Workspace:
+        """About an answer, with its steps."""
+        weak = unknowns.with_weak_priors()
+        mean = np.where(np.isfinite(unknowns.prior_sd), weak.prior_mean, solved.theta)
+        weak = replace(weak, prior_mean=mean, start=solved.theta)
+        return cls([log.data for log in logs], solved.grid, unknowns, weak, sizes)
+
+    def lowest(self, solved: Solved) -> tuple[_Solution | None, float]:
+        """The lowest point about the answer, None where it is not found, and the cost of the answer itself."""
+        around = self.neighbourhood(solved.theta, solved.formed_from)
+        both = np.concatenate([solved.solution.z, solved.solution.multipliers])
+        answer = self.solution(around, both, FREE).point.cost
+        lowest = around.corrected(both, FREE)
+        if lowest is not None:
+            return self.solution(around, lowest, FREE), answer
+        return self.solved(solved.theta, solved.trajectories, FREE), answer
+
+    def followed(self, path: Sequence[_Solution], index: int, value: float) -> _Solution | None:
+        """The point with theta[index] = value, predicted from the last one of a path, or two, with its tangent; None
+        where it is not found, or the time is up."""
+        here, around = path[-1], path[-1].around
+        place = around.place(index)
+        if time_is_up() or here.factors is None:
+            return None
+        tangent, step = (
+            around.tangent(here.factors, place),
+            value / around.problem.layout.scale[place] - here.both[place],
+        )
+        both = here.both + step * tangent
+        if len(path) > 1 and path[-2].around is around:
+            chord = here.both - path[-2].both
+            both += (tangent - chord / chord[place]) / chord[place] * step**2
+        corrected = around.corrected(both, place, here.factors, tangent)
+        if corrected is None:
+            return None
+        found = self.solution(around, corrected, index)
+        if np.all(np.abs(corrected[: around.limits.size] * around.problem.layout.scale) <= around.limits):
+            return found
+        return self.reassigned(found.point, corrected[around.limits.size :], index)
+
+    def reassigned(self, point: ProfilePoint, dual: Array, index: int) -> _Solution | None:
+        """A point with the samples assigned to its own events."""
+        around = self.neighbourhood(point.theta, point.trajectories)
+        if around.problem.layout.rows != dual.size:
+            return None
+        place = FREE if index == FREE else around.place(index)
+        both = around.corrected(np.concatenate([around.problem.start, dual]), place, largest=REASSIGNED)
+        return None if both is None else self.solution(around, both, index)
+
+    def solved_at(self, here: _Solution, index: int, value: float) -> _Solution | None:
+        """The point with theta[index] = value by IPOPT, from a point before it."""
+        theta = here.point.theta.copy()
+        theta[index] = value
+        return self.solved(theta, here.point.trajectories, index)
+
+    def solved(self, theta: Array, trajectories: list[ShootingTrajectory], index: int) -> _Solution | None:
+        """The point with theta[index] (FREE: none) as it is, by IPOPT from any motion; None where it fails."""
+        free = self.unknowns.free.copy()
+        if index != FREE:
+            free[index] = False
+        problem = shooting_problem(self.logs, trajectories, replace(self.weak, start=theta, free=free), self.grid)
+        solution = solve(problem, mu_init=1e-6, iterations=ITERATIONS, exact=True)
+        if not (solution.success and solution.constraint_violation < FOLLOWED and np.all(np.isfinite(solution.x))):
+            return None
+        point = self.point(problem, theta, trajectories, solution.z, solution.cost, index)
+        return self.reassigned(point, solution.multipliers, index)
+
+    def neighbourhood(self, theta: Array, trajectories: list[ShootingTrajectory]) -> _Neighbourhood:
+        """About a motion."""
+        problem = shooting_problem(self.logs, trajectories, replace(self.weak, start=theta), self.grid)
+        return _Neighbourhood.of(problem, theta, trajectories, self.sizes)
+
+    def solution(self, around: _Neighbourhood, both: Array, index: int) -> _Solution:
+        """The point of unknowns and multipliers (n + m,) in a neighbourhood."""
+        z = both[: around.problem.layout.size]
+        at = around.problem.evaluate(z, derivatives=True)
+        cost = at.cost + float(both[z.size :] @ at.rows)  # right to second order where rows are not quite closed
+        point = self.point(around.problem, around.theta, around.trajectories, z, cost, index)
+        return _Solution(point, around, both)
+
+    def point(
+        self, problem: Problem, start: Array, trajectories: list[ShootingTrajectory], z: Array, cost: float, index: int
+    ) -> ProfilePoint:
+        """Without the cost of the weak priors, and with that of the user's prior of what is fixed."""
+        layout, x = problem.layout, z * problem.layout.scale
+        theta = start.copy()
+        theta[layout.free] = x[: layout.free.size]
+        counted = layout.off_prior(x)[: layout.free.size]
+        stated = self.unknowns.off_prior(theta)[self.unknowns.free]
+        cost += 0.5 * float(stated @ stated - counted @ counted)
+        moved = [place.read(old, x) for place, old in zip(layout.places, trajectories, strict=True)]
+        return ProfilePoint(theta, moved, cost, index)

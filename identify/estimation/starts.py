@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.arrays import thinned
 from identify.base.stages import stage
 from identify.estimation.attempt import HORIZONS, place_on
 from identify.logs.prepare import Prepared, beginning
 from identify.logs.unknowns import Unknowns
-from identify.logs.vibration import quieted, rhythmic
+from identify.logs.vibration import quieted
 from identify.shooting.features import Features, extract, extract_one_by_one
 from identify.shooting.grid import COARSE_GRID
 from identify.shooting.shooting import shooting_problem
@@ -29,25 +28,7 @@ Array = NDArray[np.float64]
 MISSING = 1e6  # cost per residual of a log on which a start cannot be placed
 
 
-@dataclass(frozen=True)
-class PlacedStart(Start):
-    """A start and the motion that follows from it, before any solve.
-
-    seen: by the number of each log it can be placed on, what the load cell sees of that motion in standard deviations
-    of the noise (m,): of a long log a share of its samples, which stands for all of them.
-    """
-
-    seen: Mapping[int, Array]
-
-    def differs(self, other: PlacedStart) -> float:
-        """How far apart two motions are, a sum of squares as the data weigh them; infinite where they are not of the
-        same logs."""
-        if self.seen.keys() != other.seen.keys():
-            return np.inf
-        return float(sum(np.nansum((mine - other.seen[log]) ** 2) for log, mine in self.seen.items()))
-
-
-def ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Array]) -> list[PlacedStart]:
+def ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Array]) -> list[Start]:
     """Thetas (n_p,) by the cost per residual of the motions that follow from them, of courses by that of their first
     beginning; those that can be placed on fewer logs last, those that can on none left out."""
     prepared = [beginning(log, HORIZONS[0]) if log.fit_mode.name == "continuous" else log for log in prepared]
@@ -59,25 +40,8 @@ def ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Array])
             logs = [log.data for _, log, _ in placed]
             problem = shooting_problem(logs, [trajectory for _, _, trajectory in placed], at, COARSE_GRID)
             cost = problem.evaluate(problem.start, derivatives=False).cost / max(problem.samples, 1)
-            curves = zip(placed, problem.fitted(problem.start), strict=True)
-            seen = {number: _weighted(curve * np.sqrt(log.data.weight)) for (number, log, _), curve in curves}
-            out.append(PlacedStart(theta, float(cost) + MISSING * (len(prepared) - len(placed)), seen))
+            out.append(Start(theta, float(cost) + MISSING * (len(prepared) - len(placed))))
     return sorted(out, key=lambda start: start.cost)
-
-
-def _weighted(curve: Array) -> Array:
-    """Some of the values (n,) of a curve, so weighted that their squares add up to about those of all."""
-    some = thinned(curve)
-    return np.asarray(some * np.sqrt(curve.size / max(some.size, 1)))
-
-
-def distinguishable(starts: Iterable[PlacedStart], least: float) -> Iterator[PlacedStart]:
-    """Those of some starts whose motions the data tell from that of each one before: by more than `least` squares."""
-    before: list[PlacedStart] = []
-    for start in starts:
-        if all(start.differs(other) > least for other in before):
-            before.append(start)
-            yield start
 
 
 Sources = Literal["data", "user", "both"]
@@ -85,43 +49,11 @@ Sources = Literal["data", "user", "both"]
 RANDOM = (48, 96)  # random starts, where the data's own do not fit the features
 WORTH = 0.7  # of the cost before: what random starts must gain for more of them to be tried
 SAME = 0.02  # of the spread: starts closer than that are one
-HELD_AT = (-0.5, 0.5, -1.0, 1.0)  # spreads, of a coefficient half as much: where one is held beside a place
-STRANGE = 20.0  # cost per residual of a start with a wrong cycle
 
 
 def own_starts(prepared: list[Prepared], unknowns: Unknowns) -> Iterator[Array]:
     """Starts (n_p,) from the data alone, in the order in which they deserve a try; none drawn by lot."""
     return starts_of(prepared, unknowns, "data", 0, True, np.inf)
-
-
-def suggested_starts(prepared: Sequence[Prepared], unknowns: Unknowns) -> Array:
-    """What the levels of the data suggest (S, n_p), before any fit of a settled cycle rolls it into some optimum."""
-    features, bases = features_of(prepared)
-    return candidates(unknowns, features, bases) if features else np.empty((0, unknowns.start.size))
-
-
-def held_starts(prepared: Sequence[Prepared], unknowns: Unknowns, about: Array) -> list[Array]:
-    """Starts (n_p,) over what the settled cycles of the logs leave open about a place (n_p,): each parameter is held
-    at values below and above in turn, and the others are fitted to these cycles.
-
-    Starts drawn by lot in all parameters at once hardly meet a narrow valley, and a fit of all of them to the cycles
-    rolls out of it: of slips that hold few samples, one settled cycle tells less than the record does.
-    """
-    features, bases = features_of(prepared)
-    settled = quieted(unknowns)
-    out = []
-    for index in np.flatnonzero(settled.free & ~rhythmic(unknowns)).tolist() if features else []:
-        free = settled.free.copy()
-        free[index] = False
-        spread = unknowns.spread[index] * (1.0 if unknowns.logarithmic[index] else 0.5)
-        step = min(spread, unknowns.prior_deviation[index])
-        for side in HELD_AT:
-            held = np.where(settled.free, about, settled.start)
-            held[index] = np.clip(held[index] + side * step, unknowns.lower[index], unknowns.upper[index])
-            (start,) = fit_features(replace(settled, free=free, start=held), features, bases, held[None, :])
-            if start.cost < STRANGE:
-                out.append(np.where(settled.free, start.theta, about))
-    return out
 
 
 def starts_of(

@@ -21,6 +21,7 @@ from identify.base.result import (
     LevelCost,
     NaturalResult,
     NoiseResult,
+    OptimumResult,
     ProfileCurve,
     ProfileResult,
     Result,
@@ -52,6 +53,7 @@ def with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array)
         combinations=_combinations(sure),
         noise=NoiseResult(tuple(finite(float(c.memory)) for c in sure.colours), widening),
         profile=None if sure.profiles is None else _profile(sure, unknowns, base),
+        optima=_optima(sure, unknowns, base) if sure.optima else None,
         bootstrap=None if sure.bootstrap is None else _bootstrap(sure, unknowns, base),
         accuracy_table=None if sure.accuracy_table is None else _accuracy(sure, unknowns),
     )
@@ -116,6 +118,16 @@ def _combinations(sure: Certainty) -> CombinationsResult:
     )
     directions = (DirectionResult(d.size, dict(d.moves), d.text) for d in sure.directions)
     return CombinationsResult(tuple(natural), tuple(directions))
+
+
+def _optima(sure: Certainty, unknowns: Unknowns, base: Array) -> tuple[OptimumResult, ...]:
+    """The optima that starts about the answer led to, the reported one first."""
+    names = _names(unknowns)
+    out = []
+    for optimum in sure.optima:
+        values = unknowns.values(optimum.attempt.solved.theta, base).tolist()
+        out.append(OptimumResult(2.0 * optimum.cost, optimum.starts, {name: values[i] for i, name in names}))
+    return tuple(out)
 
 
 def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> ProfileResult:

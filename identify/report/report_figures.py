@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identify.base.quantiles import LEVEL, chi_square
 from identify.base.result import UnevenResult
 from identify.report.report_wording import plain_symbol, with_group
 
@@ -50,7 +51,7 @@ def _drawings(fit: Fit) -> Iterator[tuple[int | None, Drawing]]:
     from identify.report.draw_slip import draw_phase_plane, draw_slip
     from identify.report.force_figure import draw_force
     from identify.report.style import printable
-    from identify.report.uncertainty_figures import draw_correlation, draw_profile
+    from identify.report.uncertainty_figures import draw_correlation, draw_optima, draw_profile
 
     for position, curves in enumerate(fit.logs, start=1):
         if len(curves.time) > 1:
@@ -77,6 +78,8 @@ def _drawings(fit: Fit) -> Iterator[tuple[int | None, Drawing]]:
     drawn = draw_profile(result.profile, result.parameters) if result.profile else None
     if drawn is not None:
         yield None, drawn
+    if result.optima and sum(optimum.starts for optimum in result.optima) > 1:
+        yield None, draw_optima(result.optima, chi_square(LEVEL, len(result.optima[0].values)))
     if result.correlation is not None and len(result.correlation.names) > 1:
         names = [with_group(name, result.parameters[name].group) for name in result.correlation.names]
         matrix = np.array(result.correlation.matrix, dtype=np.float64)

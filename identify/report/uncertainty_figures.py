@@ -1,4 +1,4 @@
-"""How sure the parameters are, drawn: their correlation, and the profile of each beside its parabola."""
+"""How sure the parameters are, drawn: their correlation, the profile of each beside its parabola, and all optima."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from identify.base.result import ParameterResult, ProfileResult
+from identify.base.result import OptimumResult, ParameterResult, ProfileResult
 from identify.base.wording import DASH, decimals, scale_for
 from identify.report.report_wording import plain_symbol, with_group
 from identify.report.style import FITTED, HALF, MEASURED, QUIET, SHADE, WIDE, Columns, Drawing
@@ -126,4 +126,34 @@ def draw_profile(profile: ProfileResult, parameters: Mapping[str, ParameterResul
         ),
         wide=True,
         tables=tables,
+    )
+
+
+def draw_optima(optima: Sequence[OptimumResult], limit: float) -> Drawing:
+    """Waterfall: how far each optimum lies above the lowest one, in the order of the starts that led there.
+
+    limit: of the likelihood ratio, below which the data do not rule an optimum out.
+    """
+    ordered = sorted(optima, key=lambda optimum: optimum.cost)
+    starts = np.array([optimum.starts for optimum in ordered])
+    rise = np.repeat([optimum.cost - ordered[0].cost for optimum in ordered], starts)
+    figure = Figure(figsize=(HALF, 2.2))
+    axes = figure.add_axes((0.14, 0.2, 0.83, 0.7))
+    axes.plot(np.arange(1, rise.size + 1), rise, "o-", color=FITTED, markersize=4)
+    axes.axhline(limit, color=MEASURED, linewidth=0.7)
+    axes.set_yscale("symlog", linthresh=1.0)
+    axes.set_ylim(bottom=-0.2)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel("start, the best first")
+    axes.set_ylabel("χ² above the lowest")
+    return Drawing(
+        name="optima",
+        figure=figure,
+        alt=f"Waterfall of {rise.size} starts that led to {len(ordered)} optima.",
+        caption=(
+            "Optima that starts about the answer led to: χ² above the lowest one. Optima below the line are not ruled "
+            "out by the data and count in the intervals."
+        ),
+        wide=False,
+        tables={"optima": {"start": np.arange(1.0, rise.size + 1.0), "chi2_above_lowest": rise}},
     )

@@ -274,12 +274,14 @@ def random_starts(unknowns: Unknowns, around: Array, count: int, seed: int) -> A
     return _inside(unknowns, around + np.where(rig, 0.1, 1.0) * spread)
 
 
-def fit_features(unknowns: Unknowns, features: list[Features], bases: list[Array], starts: Array) -> list[Start]:
+def fit_features(
+    unknowns: Unknowns, features: list[Features], bases: list[Array], starts: Array, *, keep: int = KEPT
+) -> list[Start]:
     """Fit the features from every start at once; the results in order of cost.
 
     Args:
         bases: per feature, the base values of its log (n_p,).
-        starts: (S, n_p) theta.
+        starts: (S, n_p) theta; keep: of these that are followed to the end.
     """
     fold = _Fold(unknowns, features, bases)
     theta = _inside(unknowns, starts)
@@ -315,12 +317,12 @@ def fit_features(unknowns: Unknowns, features: list[Features], bases: list[Array
         )
         cost = point[0]
         damping = np.clip(np.where(better, damping * 0.2, damping * 5.0), 1e-8, 1e4)
-        right = int(np.count_nonzero(2 * cost < NOTHING_LEFT * fold.count)) >= KEPT
-        if (iteration >= 4 or right) and theta.shape[0] > KEPT:
-            keep = np.argsort(cost)[: KEPT if right else max(KEPT, theta.shape[0] // 3)]
-            theta, arrest, shift, cost, damping = (v[keep] for v in (theta, arrest, shift, cost, damping))
-            soft_mean, gain = soft_mean[keep], gain[keep]
-            point = (point[0][keep], point[1][keep], point[2][keep])
+        right = int(np.count_nonzero(2 * cost < NOTHING_LEFT * fold.count)) >= keep
+        if (iteration >= 4 or right) and theta.shape[0] > keep:
+            kept = np.argsort(cost)[: keep if right else max(keep, theta.shape[0] // 3)]
+            theta, arrest, shift, cost, damping = (v[kept] for v in (theta, arrest, shift, cost, damping))
+            soft_mean, gain = soft_mean[kept], gain[kept]
+            point = (point[0][kept], point[1][kept], point[2][kept])
         if (iteration > 5 or right) and np.all(gain < 1e-3 * cost):
             break
     order = np.argsort(cost)

@@ -15,7 +15,7 @@ from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation import attempt
 from identify.estimation.attempt import Attempt, place_on, solve_from
-from identify.estimation.examined import active_event_bound
+from identify.estimation.certainty import active_event_bound
 from identify.estimation.search import join
 from identify.logs.prepare import Prepared
 from identify.logs.segment import segment

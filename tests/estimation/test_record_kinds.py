@@ -27,9 +27,8 @@ from identify import Scene, fit
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation import search
-from identify.estimation.certainty import certainty
+from identify.estimation.certainty import _lower_start, certainty, information_at
 from identify.estimation.covariance import information
-from identify.estimation.examined import _another_start, information_at
 from identify.estimation.goodness_of_fit import Gate
 from identify.logs.parting import _unrecorded, gaps_apart, name_of, parts_of, strokes_apart
 from identify.logs.prepare import prepare
@@ -258,34 +257,23 @@ def test_a_missed_slip_is_a_wrong_event_count_that_names_its_cycle(two_speeds):
 
 
 @pytest.mark.parametrize(
-    ("gain", "clear", "settles", "status"),
-    [
-        (20.0, 20.0, False, Status.BETTER_START_FOUND),
-        (20.0, 20.0, True, Status.CONVERGED),
-        (9.0, 9.0, False, Status.CONVERGED),
-        (40.0, 9.0, False, Status.CONVERGED),
-    ],
+    ("gain", "settles", "status"),
+    [(20.0, False, Status.BETTER_START_FOUND), (20.0, True, Status.CONVERGED), (9.0, False, Status.CONVERGED)],
 )
-def test_a_better_place_is_tried_as_a_start_and_named_where_the_solver_settles_from_nowhere(
-    two_speeds, monkeypatch, gain, clear, settles, status
+def test_a_lower_point_is_tried_as_a_start_and_named_where_the_solver_converges_from_nowhere(
+    two_speeds, monkeypatch, gain, settles, status
 ):
-    # Within the joint region of six parameters (12.6) it is another point of the same ridge; noise with a memory may
-    # take chi^2 farther down.
-    import identify.estimation.examined as room
-    from identify.estimation.profile import Profiles
-    from identify.estimation.profile_line import FREE, ProfilePoint
-    from identify.estimation.residual_autocorrelation import CurveChange
+    # Within the joint region of six parameters (12.6) it is another point of the same ridge.
+    import identify.estimation.certainty as room
+    from identify.estimation.profile import FREE, ProfilePoint, Profiles
     from identify.shooting.accuracy import FitOptions
 
     prepared, unknowns, attempt = two_speeds
-    change = CurveChange(moved=gain, remembered=gain * gain / clear)
-    place = ProfilePoint(attempt.solved.theta + 0.01, attempt.solved.trajectories, 0.0, FREE, change)
-    walked = Profiles({}, place, gain=gain)
-    assert walked.clear == pytest.approx(clear)
-    monkeypatch.setattr(room, "profile", lambda *_, **__: walked)
-    monkeypatch.setattr(room, "lowest_optimum", lambda answer, *_: (answer, []))  # the walk is what is looked at
+    place = ProfilePoint(attempt.solved.theta + 0.01, attempt.solved.trajectories, 0.0, FREE)
+    found = iter([Profiles({}, lower=place, gain=gain)])
+    monkeypatch.setattr(room, "profile", lambda *_, **__: next(found, Profiles({}, best=attempt.solved.theta)))
     lost = replace(attempt, gate=replace(attempt.gate, status=Status.SOLVER_FAILED, solver="Restoration_Failed"))
-    monkeypatch.setattr(room, "solve_again_with_priors", lambda *_, **__: lost)
+    monkeypatch.setattr(room, "solve_again", lambda *_, **__: lost)
     tried = []
 
     def anew(_answer, _unknowns, theta):
@@ -294,15 +282,8 @@ def test_a_better_place_is_tried_as_a_start_and_named_where_the_solver_settles_f
 
     monkeypatch.setattr(room, "placed_anew", anew)
     base = prepared[0].data.base
-    sure = certainty(
-        attempt,
-        unknowns,
-        base,
-        FitOptions(profile=True),
-        speed_tolerance=0.0,
-        seed=0,
-        progress=lambda *_: None,
-    )
+    options = FitOptions(profile=True)
+    sure = certainty(attempt, unknowns, base, options, speed_tolerance=0.0, seed=0, progress=lambda *_: None)
     assert sure.attempt.gate.status is status
     np.testing.assert_array_equal(tried[0], place.theta)
     words, message = ("a better place was met", "t_cr = "), sure.attempt.gate.message
@@ -311,7 +292,7 @@ def test_a_better_place_is_tried_as_a_start_and_named_where_the_solver_settles_f
 
 
 @pytest.mark.parametrize("kinetic", [0.4, 0.7])
-def test_a_better_place_that_no_start_can_say_is_not_advised_as_one(kinetic):
+def test_a_lower_point_that_no_start_can_say_is_not_advised_as_one(kinetic):
     """The scene refuses a start of mu_k0 above mu_s."""
     scene = Scene.from_document({"effects": list(MAIN), "rig": dict(RIG), "logs": [{"path": "a.csv"}]}, Path())
     unknowns = from_scene(scene)
@@ -319,11 +300,11 @@ def test_a_better_place_that_no_start_can_say_is_not_advised_as_one(kinetic):
     values = unknowns.values(unknowns.start, base)
     for name, value in (("mu_s", 0.6), ("mu_k0", kinetic)):
         values[unknowns.names.index(name)] = value
-    better = SimpleNamespace(theta=unknowns.theta(values, base))
+    lower = SimpleNamespace(lower=SimpleNamespace(theta=unknowns.theta(values, base)), gain=40.0)
     one = np.ones(1)
     gate = Gate(1.0, one, one.astype(np.int64), one.astype(np.int64), "Failed", 0.0, Status.SOLVER_FAILED, "")
-    moved = SimpleNamespace(gate=gate)
-    message = _another_start(moved, unknowns, 40.0, better, base).message
+    question = SimpleNamespace(unknowns=unknowns, base=base)
+    message = _lower_start(SimpleNamespace(gate=gate), lower, question).message
     assert ("give it a prior" in message) == (kinetic < 0.6)
     assert "start values" not in message
     assert ("bound mu_k0" in message) == (kinetic > 0.6)

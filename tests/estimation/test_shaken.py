@@ -13,7 +13,7 @@ from experiments.study_problem import DEMO, scene_of, simulated_case
 from identify.base.outcome import Status
 from identify.diagnosis.fitted import Fitted
 from identify.diagnosis.nested import fit_model, fit_shaken
-from identify.estimation import other_optima as room
+from identify.estimation import multistart as room
 from identify.scene import Scene
 
 VIBRATING = 59  # record of that study whose first answer, from the data alone, is wrong

@@ -6,8 +6,8 @@ import pytest
 from experiments.study_problem import Case, recovery_case, scene_of
 from identify import fit
 from identify.base.quantiles import NORMAL
-from identify.estimation import examined as worth_a_walk
-from identify.estimation.covariance import ENOUGH, widened, widened_on_both_scales
+from identify.estimation import certainty as room
+from identify.estimation.covariance import ENOUGH, widened
 from identify.identification import find
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
@@ -79,24 +79,8 @@ def test_a_bent_ridge_of_ten_percent_is_followed(monkeypatch):
     # Standard error of a 11 %, truth 2.6 of them away: the others follow it on a bent path.
     case = recovery_case("usual", 126)
     assert joint_distance(case) < CLOSE
-    monkeypatch.setattr(worth_a_walk, "CURVED", np.inf)
+    monkeypatch.setattr(room, "widened", lambda covariance, *_: covariance)
     assert joint_distance(case) > FAR
-
-
-def test_likely_points_are_held_as_values_too():
-    # Of two logarithms their sum is told: a straight ridge, whose ends are off it by 20 % as values.
-    along = np.linspace(-0.8, 0.8, 9)
-    away, values, both = np.stack([along, -along], axis=1), np.array([300.0, 4e-5]), np.array([True, True])
-    covariance = np.array([[0.16, -0.16], [-0.16, 0.16]]) + 1e-6 * np.eye(2)
-    limits = np.full(len(away), LIMIT)
-    np.testing.assert_array_equal(widened(covariance, away, limits), covariance)
-    wider = widened_on_both_scales(covariance, away, limits, values, both)
-    moved = values * np.expm1(away)
-    assert np.max(_distances(covariance * np.outer(values, values), moved)) > 1e3 * LIMIT
-    assert np.max(_distances(wider * np.outer(values, values), moved)) <= ENOUGH * LIMIT * (1 + 1e-9)
-    assert np.max(_distances(wider, away)) <= ENOUGH * LIMIT * (1 + 1e-9)
-    straight = widened_on_both_scales(covariance, away, limits, values, ~both)
-    np.testing.assert_allclose(straight, covariance, rtol=1e-12)
 
 
 @pytest.mark.slow
@@ -115,6 +99,6 @@ def test_standard_errors_times_correlations_of_a_result_are_its_covariance(monke
     assert distance(told, errors) < CLOSE
     ends = np.array([told["parameters"][name]["interval"] for name in names])
     assert np.all(errors <= ENOUGH * (ends[:, 1] - ends[:, 0]) / (2.0 * NORMAL))  # profiles say the same
-    monkeypatch.setattr(worth_a_walk, "widened_on_both_scales", lambda covariance, *_: covariance)
+    monkeypatch.setattr(room, "widened", lambda covariance, *_: covariance)
     curved = fit(scene_of(case), case.records).result
     assert distance(curved, np.array(curved["correlation"]["standard_errors"])) > 2.0 * distance(told, errors)

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from identify.base.document import from_document
-from identify.base.result import ParameterResult, ProfileResult
+from identify.base.result import OptimumResult, ParameterResult, ProfileResult
 from identify.report.force_figure import draw_force
-from identify.report.uncertainty_figures import draw_profile
+from identify.report.uncertainty_figures import draw_optima, draw_profile
 from tests.support.fake_fit import fake_fit
 
 
@@ -46,6 +46,14 @@ def test_the_last_label_of_a_profile_is_not_cut():
     assert drawing is not None
     for axes in drawing.figure.axes:
         axes.set_xlim(-0.2 - half, -0.2 + half)
+    assert outside(drawing.figure) == []
+
+
+def test_a_waterfall_has_a_point_for_every_start_and_rises_from_the_lowest_optimum():
+    optima = [OptimumResult(105.0, 2, {"D": 1e-5}), OptimumResult(100.0, 3, {"D": 3e-5})]
+    drawing = draw_optima(optima, 3.84)
+    rise = drawing.tables["optima"]["chi2_above_lowest"]
+    np.testing.assert_allclose(rise, [0.0, 0.0, 0.0, 5.0, 5.0])
     assert outside(drawing.figure) == []
 
 

@@ -1,0 +1,205 @@
+"""Other optima of the same problem: starts about an answer, ranked by a fit to one cycle, the best of them solved.
+
+A misfit has several optima where few samples show a slip, and where the drive vibrates: a motion keeps the period of
+the vibration in which it was started. All optima that are found stand in the result, with how many starts led to each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.budget import time_is_up
+from identify.base.outcome import Status
+from identify.base.quantiles import LEVEL, chi_square
+from identify.estimation.attempt import Attempt, place_on, solve_again, solve_from
+from identify.estimation.profile import converged
+from identify.estimation.starts import apart, features_of
+from identify.estimation.strategies import Strategy, no_time_for, run_strategy
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import Unknowns
+from identify.logs.vibration import quieted, rhythmic
+from identify.shooting.grid import COARSE_GRID
+from identify.shooting.shooting import shooting_problem
+from identify.shooting.shooting_trajectory import ShootingTrajectory
+from identify.shooting.solve import Solution, solve
+from identify.shooting.starts import candidates, fit_features
+
+Array = NDArray[np.float64]
+
+DRAWN = 16  # quasi-random starts, a power of two
+REACH = 2.0  # of the spread of a logarithm (a factor of seven); of a coefficient, half as far
+DISTINCT = 0.15  # of that reach, between two starts that are both solved
+RANKED, STRANGE = 8, 20.0  # starts that a cycle is fitted from to the end, and cost per residual of a wrong cycle
+SOLVED, AGAIN = 5, 3  # starts that are solved at most; once so many led to the lowest optimum, no more are
+ONE_OPTIMUM = 3.0  # standard errors between two solutions of one optimum
+COST_CUTOFF = 200.0  # cost above that of the answer with which a start is not followed further
+LOWER = 0.1  # by which chi^2 must fall for another optimum to take the place of the answer
+NEAR = (0.5, 0.2, 0.1, 0.05) * 2  # spreads about an answer of a drive that vibrates: optima lie close by and far
+SAME = 1.0  # chi^2 between two solutions of one optimum there
+READ_OFF = ("mu_s",)  # the onsets show it
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A local optimum, and how many starts led to it."""
+
+    attempt: Attempt
+    starts: int
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of squares in noise variances."""
+        return self.attempt.solved.solution.cost
+
+
+def multistart(attempt: Attempt, unknowns: Unknowns, seed: int, covariance: Array) -> list[Optimum]:
+    """The optima that starts about an answer lead to, the one to report first; the answer is one of them.
+
+    All are of the very samples of the answer. A start is solved coarsely first, and left where that leads to a known
+    optimum, within some standard errors at about its cost, or far above it.
+
+    Args:
+        covariance: (f, f) of the free theta at the answer.
+    """
+    logs, known = list(attempt.fitted_logs), [Optimum(attempt, 1)]
+    reach = REACH * unknowns.spread * np.where(unknowns.logarithmic, 1.0, 0.5)
+    reach = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(reach, unknowns.prior_deviation), 0.0)
+    at_answer = replace(unknowns, start=attempt.solved.theta)
+    count, precision = len(covariance), np.linalg.pinv(covariance)
+    coarse = [_coarse(logs, attempt.solved.trajectories, at_answer)]  # where each known optimum has its coarse one
+
+    def nearest(thetas: list[Array], theta: Array) -> int | None:
+        squared = [float((theta - each) @ precision @ (theta - each)) for each in thetas]
+        best = int(np.argmin(squared))
+        return best if squared[best] < ONE_OPTIMUM**2 else None
+
+    for theta in _starts(logs, unknowns, attempt.solved.theta, reach, seed)[:SOLVED]:
+        if time_is_up():
+            no_time_for(Strategy.OTHER_OPTIMA.title)
+            break
+        start = replace(unknowns, start=theta)
+        placed = place_on(logs, list(range(len(logs))), start)
+        if len(placed) < len(logs):
+            continue
+        tried = _coarse([log for _, log, _ in placed], [motion for _, _, motion in placed], start)
+        if not tried.cost < coarse[0].cost + COST_CUTOFF:
+            continue
+        number = nearest([each.x[:count] for each in coarse], tried.x[:count])
+        if number is None or not 2.0 * abs(tried.cost - coarse[number].cost) < chi_square(LEVEL, count):
+            there = theta.copy()
+            there[unknowns.free] = tried.x[:count]
+            found = _solved(attempt, logs, replace(unknowns, start=there), np.sqrt(np.diag(covariance)))
+            if found is None:
+                continue
+            ends = [optimum.attempt.solved.theta[unknowns.free] for optimum in known]
+            number = nearest(ends, found.solved.theta[unknowns.free])
+            if number is None:
+                known, coarse = [*known, Optimum(found, 1)], [*coarse, tried]
+                continue
+        known[number] = replace(known[number], starts=known[number].starts + 1)
+        if min(known, key=lambda optimum: optimum.cost).starts > AGAIN:
+            break
+    preferred = _preferred(known, unknowns)
+    return sorted(known, key=lambda optimum: (optimum is not preferred, optimum.cost))
+
+
+def _preferred(known: list[Optimum], unknowns: Unknowns) -> Optimum:
+    """The optimum to report: the lowest, but the answer itself where none is clearly lower; of those that the data do
+    not tell from the lowest, one whose contact strengthens while it rests."""
+    answer, lowest = known[0], min(known, key=lambda optimum: optimum.cost)
+    lowest = answer if 2.0 * (answer.cost - lowest.cost) < LOWER else lowest
+    likely = 0.5 * chi_square(LEVEL, int(np.count_nonzero(unknowns.free)))
+    aged = [o for o in known if not weakens(unknowns, o.attempt.solved.theta) and o.cost < lowest.cost + likely]
+    weak = weakens(unknowns, lowest.attempt.solved.theta)
+    return min(aged, key=lambda optimum: optimum.cost) if weak and aged else lowest
+
+
+def weakens(unknowns: Unknowns, theta: Array) -> bool:
+    """Whether contacts weaken while they rest (n_p,): mu_k0 above mu_s, which no scene admits as a start."""
+    static, kinetic = (unknowns.names.index(name) for name in ("mu_s", "mu_k0"))
+    return bool(theta[static] < theta[kinetic])
+
+
+def _coarse(logs: Sequence[Prepared], motion: Sequence[ShootingTrajectory], unknowns: Unknowns) -> Solution:
+    """One coarse solve from a motion of theta unknowns.start."""
+    problem = shooting_problem([log.data for log in logs], list(motion), unknowns.with_weak_priors(), COARSE_GRID)
+    return solve(problem, tolerance=1e-3, mu_init=1e-4, iterations=20)
+
+
+def _solved(attempt: Attempt, logs: list[Prepared], unknowns: Unknowns, sizes: Array) -> Attempt | None:
+    """The optimum of all logs of an answer, of its very samples, from unknowns.start; None where there is none."""
+    cutoff = attempt.solved.solution.cost + COST_CUTOFF
+    found = run_strategy(
+        Strategy.OTHER_OPTIMA,
+        lambda: solve_from(logs, list(range(len(logs))), unknowns, cost_cutoff=cutoff),
+        attempt,
+        attempt.log_numbers,
+    )
+    if found is None or len(found.log_numbers) < len(logs) or found.gate.status is not Status.CONVERGED:
+        return None
+    if found.solved.problem.samples != attempt.solved.problem.samples:  # the end of a log was cut elsewhere
+        there = replace(attempt, solved=replace(attempt.solved, trajectories=found.solved.trajectories))
+        moved = solve_again(there, replace(unknowns, start=found.solved.theta))
+        found = replace(moved, found_by=found.found_by)
+    if found.gate.status is not Status.CONVERGED:
+        return None
+    found = replace(found, solved=converged(found.solved, found.solved.problem, sizes) or found.solved)
+    return replace(found, log_numbers=attempt.log_numbers, fitted_logs=attempt.fitted_logs)
+
+
+def _starts(logs: Sequence[Prepared], unknowns: Unknowns, centre: Array, reach: Array, seed: int) -> list[Array]:
+    """Starts (n_p,), the best first: a quasi-random sample of the box within reach (n_p,) of a centre, and what the
+    levels of the data say, each fitted to a cycle; as they are drawn where no log has settled cycles."""
+    from scipy.stats import qmc  # takes half a second to load, and few fits come here
+
+    drawn = reach > 0.0
+    sample = np.tile(centre, (DRAWN, 1))
+    sample[:, drawn] += reach[drawn] * (2.0 * qmc.Sobol(int(drawn.sum()), seed=seed).random(DRAWN) - 1.0)
+    sample = np.clip(sample, unknowns.lower, unknowns.upper)
+    features, bases = features_of(logs)
+    if features:
+        settled = quieted(unknowns)
+        sample = np.concatenate([sample, candidates(unknowns, features, bases)])
+        fitted = fit_features(settled, features, bases, sample, keep=RANKED)
+        found = [np.where(settled.free, start.theta, centre) for start in fitted if start.cost < STRANGE]
+        sample = np.array(found).reshape(-1, centre.size)
+    sample = np.where(unknowns.free, sample, centre)
+    return list(apart(sample, np.where(drawn, DISTINCT * reach, np.inf)))
+
+
+def multistart_around(
+    attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unknowns, seed: int = 0, around: Array | None = None
+) -> Attempt:
+    """The best answer that starts about one lead to where the drive vibrates; the attempt itself where none is better.
+
+    Args:
+        attempt: an answer, or where a search ended; prepared: all logs of the fit; unknowns: its search space.
+        around: theta (n_p,) to draw starts around as long as there is no answer; default where the attempt ended.
+    """
+    if not unknowns.model.vibrates or not np.all(np.isfinite(attempt.solved.theta[unknowns.free])):
+        return attempt
+    random, best, ends = np.random.default_rng(seed), attempt, [attempt.excess]
+    drawn = unknowns.free & ~rhythmic(unknowns) & ~np.isin(unknowns.names, READ_OFF)
+    spread = np.where(drawn, unknowns.spread, 0.0)
+    centre = attempt.solved.theta if around is None or np.isfinite(attempt.excess) else around
+    features = _starts([prepared[i] for i in attempt.log_numbers], unknowns, centre, REACH * spread, seed)
+    for theta, near in [*((theta, 0.0) for theta in features), *((None, near) for near in NEAR)]:
+        if time_is_up():
+            break
+        if theta is None:
+            centre = best.solved.theta if around is None or np.isfinite(best.excess) else around
+            theta = centre + near * spread * random.standard_normal(spread.size)
+        start = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
+        cutoff = best.solved.solution.cost + COST_CUTOFF
+        tried = solve_from(list(prepared), list(attempt.log_numbers), start, cost_cutoff=cutoff)
+        if tried is None or tried.log_numbers != attempt.log_numbers:
+            continue
+        ends.append(tried.excess)
+        best = min(best, tried, key=lambda each: (each.gate.status is not Status.CONVERGED, each.excess))
+        if sum(abs(excess - best.excess) < SAME for excess in ends) == AGAIN:
+            break
+    return best

@@ -1,0 +1,154 @@
+"""Profile intervals, against points that IPOPT finds with one parameter fixed, from the answer and by itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
+from identify import Scene
+from identify.base.outcome import Status
+from identify.base.quantiles import NORMAL
+from identify.effects import MAIN
+from identify.estimation.attempt import solve_again
+from identify.estimation.certainty import information_at
+from identify.estimation.profile import CRITICAL, converged, profile
+from identify.estimation.search import SearchProblem, search
+from identify.examples import FOLDER
+from identify.logs.prepare import prepare
+from identify.logs.scene_records import with_records
+from identify.logs.unknowns import from_scene
+from identify.shooting.shooting import shooting_problem
+from identify.shooting.solve import solve
+
+LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
+
+
+def answer_of(scene, records):
+    """An answer that IPOPT and Newton's method brought to its optimum, the unknowns and their standard errors."""
+    unknowns = from_scene(scene)
+    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
+    attempt, _ = search(SearchProblem(prepared, unknowns))
+    assert attempt is not None and attempt.gate.status is Status.CONVERGED
+    sizes = np.sqrt(np.diag(information_at(attempt, unknowns).covariance()))
+    solved = converged(attempt.solved, attempt.solved.problem, sizes)
+    assert solved is not None and solved.solution.cost <= attempt.solved.solution.cost + 1e-6
+    return replace(attempt, solved=solved), unknowns, sizes
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """Two logs with the mass known to 5 %."""
+    records = [simulated_case(DEMO, 17).records[i] for i in LOGS]
+    rig = RIG | {"mass": {"value": 0.21, "tolerance": 0.05}}
+    logs = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in LOGS]
+    return answer_of(Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": logs}), records)
+
+
+@pytest.fixture(scope="module")
+def banana():
+    """The shipped logs at 50 Hz, in which the parameters follow each other on a bent path."""
+    scene, records = with_records(Scene.from_toml(FOLDER / "pair_at_50_Hz.toml"), None)
+    return answer_of(scene, records)
+
+
+def ratio(attempt, unknowns, index, value, steps=4):
+    """The likelihood ratio of the answer with one parameter fixed, by IPOPT in steps from there; the user's prior of
+    what is fixed counts."""
+    solved, costs = attempt.solved, []
+    theta, motion = solved.theta, solved.trajectories
+    logs, soft = [log.data for log in attempt.fitted_logs], unknowns.with_weak_priors()
+    soft = replace(soft, prior_sd=np.where(np.isfinite(unknowns.prior_sd), soft.prior_sd, 30.0 * soft.prior_sd))
+    free = unknowns.free.copy()
+    free[index] = False
+    for place in np.linspace(solved.theta[index], value, steps):
+        start = theta.copy()
+        start[index] = place
+        problem = shooting_problem(logs, motion, replace(soft, start=start, free=free), solved.grid)
+        solution = solve(problem, mu_init=1e-6, iterations=60, exact=True)
+        assert solution.success
+        theta = start.copy()
+        theta[problem.layout.free] = solution.x[: problem.layout.free.size]
+        motion = [at.read(one, solution.x) for at, one in zip(problem.layout.places, motion, strict=True)]
+        prior = unknowns.off_prior(theta)[index] if np.isfinite(unknowns.prior_sd[index]) else 0.0
+        costs.append(solution.cost + 0.5 * prior**2)
+    return 2.0 * (costs[-1] - costs[0])
+
+
+def test_the_limit_is_that_of_one_parameter():
+    assert pytest.approx(chi2.ppf(0.95, 1)) == CRITICAL
+
+
+@pytest.mark.parametrize("name", ["mu_k0", "D", "a", "mass"])
+def test_at_both_ends_the_data_and_the_prior_object_as_they_should(pair, name):
+    attempt, unknowns, sizes = pair
+    index = unknowns.names.index(name)
+    found = profile(attempt.fitted_logs, attempt.solved, unknowns, sizes, np.ones(sizes.size), only=[index])
+    for side in found.ends[name]:
+        assert side.end is not None and not side.failed
+        assert ratio(attempt, unknowns, index, side.end) == pytest.approx(CRITICAL, rel=0.02)
+
+
+def test_what_is_allowed_for_beside_white_noise_moves_the_ends(pair):
+    attempt, unknowns, sizes = pair
+    index = unknowns.names.index("mu_k0")
+    lengths = []
+    for inflation in (1.0, 4.0):
+        wide = np.full(sizes.size, inflation)
+        low, high = profile(attempt.fitted_logs, attempt.solved, unknowns, sizes, wide, only=[index]).ends["mu_k0"]
+        lengths.append(high.end - low.end)
+    assert lengths[1] == pytest.approx(2.0 * lengths[0], rel=0.05)
+
+
+def test_on_a_bent_path_the_ends_are_where_the_data_object_and_those_of_the_covariance_are_not(banana):
+    """Negative control: of the curvature at the answer an end would be four times too near."""
+    attempt, unknowns, sizes = banana
+    index = unknowns.names.index("mu_s")
+    found = profile(attempt.fitted_logs, attempt.solved, unknowns, sizes, np.ones(sizes.size), only=[index])
+    size, off = NORMAL * sizes[np.flatnonzero(unknowns.free).tolist().index(index)], []
+    for side in found.ends["mu_s"]:
+        if side.end is not None:
+            assert ratio(attempt, unknowns, index, side.end) == pytest.approx(CRITICAL, rel=0.05)
+            off.append(abs(side.end - attempt.solved.theta[index]) / size - 1.0)
+    assert max(off) > 3.0 and min(off) < -0.2
+
+
+def test_a_bound_of_the_scene_ends_an_interval_and_says_so(pair):
+    attempt, unknowns, sizes = pair
+    index = unknowns.names.index("D")
+    size = sizes[np.flatnonzero(unknowns.free).tolist().index(index)]
+    upper, walls = unknowns.upper.copy(), unknowns.walls.copy()
+    upper[index], walls[1, index] = attempt.solved.theta[index] + size, True
+    bounded = replace(unknowns, upper=upper, walls=walls)
+    low, high = profile(attempt.fitted_logs, attempt.solved, bounded, sizes, np.ones(sizes.size), only=[index]).ends[
+        "D"
+    ]
+    assert high.walled and high.end == pytest.approx(upper[index]) and not low.walled
+
+
+def test_a_curve_has_as_many_points_as_are_asked_for_and_is_lowest_at_the_answer(pair):
+    attempt, unknowns, sizes = pair
+    index = unknowns.names.index("D")
+    found = profile(attempt.fitted_logs, attempt.solved, unknowns, sizes, np.ones(sizes.size), only=[index], points=4)
+    curve = found.curves["D"]
+    assert curve.theta.size >= 9 and np.all(np.diff(curve.theta) > 0)
+    size = sizes[np.flatnonzero(unknowns.free).tolist().index(index)]
+    assert curve.theta[np.argmin(curve.loss)] == pytest.approx(attempt.solved.theta[index], abs=0.1 * size)
+    assert max(curve.loss[0], curve.loss[-1]) > 0.8 * CRITICAL
+
+
+def test_a_lower_point_is_handed_back(pair):
+    """An answer that stopped too early: held five standard errors away."""
+    attempt, unknowns, sizes = pair
+    index = unknowns.names.index("mu_k0")
+    held, sd = attempt.solved.theta.copy(), unknowns.prior_sd.copy()
+    held[index] += 5.0 * sizes[np.flatnonzero(unknowns.free).tolist().index(index)]
+    sd[index] = 1e-6
+    mean = np.where(np.isfinite(sd), held, unknowns.prior_mean)
+    early = solve_again(attempt, replace(unknowns, start=held, prior_mean=mean, prior_sd=sd))
+    assert early.gate.status is Status.CONVERGED, "its curve fits"
+    gain = 2.0 * (early.solved.solution.cost - attempt.solved.solution.cost)
+    found = profile(early.fitted_logs, early.solved, unknowns, sizes, np.ones(sizes.size), only=[index], restart=True)
+    assert found.lower is not None and found.gain == pytest.approx(gain, rel=0.1)
+    np.testing.assert_allclose((found.lower.theta - attempt.solved.theta)[unknowns.free] / sizes, 0.0, atol=0.3)
