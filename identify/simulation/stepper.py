@@ -477,7 +477,7 @@ class Stepper:
         """Take the machine code of the bursts where it is there, and have it made where they are used much."""
         if self.native or self._count < self._look:
             return
-        key = _key(*self.kind)
+        key = native.key(self._function)
         code = None if key is None else native.find(key, self._function.name())
         if code is not None:
             self._bind(code)
@@ -547,25 +547,3 @@ def give_back(stepper: Stepper) -> None:
     """Let others use it."""
     stepper.hasten()
     _IDLE.setdefault(stepper.kind, []).append(stepper)
-
-
-@lru_cache(maxsize=64)
-def _key(model: Model, method: Method, stops: bool) -> str | None:
-    return native.key(burst(model, method, stops))
-
-
-def forget() -> None:
-    """Let go of the steppers nobody uses: new ones look again for machine code."""
-    _IDLE.clear()
-    _key.cache_clear()
-
-
-def hastened(model: Model, method: Method) -> bool:
-    """Wait until the bursts of a model and a method are machine code; False where there is no compiler."""
-    function, key = burst(model, method, True), _key(model, method, True)
-    if key is None:
-        return False
-    native.start([(function, key)])
-    native.wait()
-    _IDLE.pop((model, method, True), None)
-    return native.find(key, function.name()) is not None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +10,13 @@ import pytest
 from experiments.draws import draw
 from experiments.hard_scenes import PAIR
 from experiments.reference_methods import LOW
+from identify.base import native
 from identify.base.errors import SimulationError
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.simulation import stepper
-from identify.simulation.plan import Stepping
 from identify.simulation.resting import swing
 from identify.simulation.simulate import run
+from identify.simulation.stepper import Situated, Stepper, burst
 
 
 @pytest.mark.parametrize("names", [("excitation",), ("excitation", "finger_motion", "skin_compliance", "sensor_lag")])
@@ -53,25 +52,18 @@ def test_slips_that_are_no_time_at_all_are_refused_with_that_reason() -> None:
         run(scene.model, scene.values, scene.drive, scene.normal_force, scene.duration, start=scene.start)
 
 
-@pytest.fixture
-def burst_code(machine_code: Path) -> Iterator[None]:
-    """Bursts are compiled as well."""
-    stepper.forget()
-    yield
-    stepper.forget()
+def test_bursts_as_machine_code_give_the_same_numbers(machine_code: Path) -> None:
+    model, p = assemble(MAIN), np.array([PAIR[name] for name in assemble(MAIN).parameter_names])
+    stepper, function = Stepper(model, LOW, True), burst(model, LOW, True)
 
+    def nodes() -> np.ndarray:
+        stepper.tune(p, np.full(4, 1e-6), (np.inf, 1e-15, np.inf, True))
+        stepper.start("slip", [4.2e-4, 0.0, 1.0], Situated(p, 1e-3, 1.0, 1.0, 0.0), 1.0, 1e-5)
+        return np.array([stepper.go_on() for _ in range(200)])
 
-def test_bursts_as_machine_code_give_the_same_numbers(burst_code: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    model = assemble(MAIN)
-
-    def motion() -> np.ndarray:
-        return np.concatenate([p.x for p in run(model, PAIR, 1e-3, 1.0, 1.0, accuracy=Stepping(1e-6, LOW)).phases])
-
-    before = motion()
-    monkeypatch.setattr(stepper, "SOME", 0)
-    assert stepper.hastened(model, LOW)
-    motion()  # after it the code is looked for
-    used = stepper.borrowed(model, LOW)
-    assert used.native
-    stepper.give_back(used)
-    np.testing.assert_array_equal(motion(), before)
+    before = nodes()
+    native.start([(function, native.key(function))])
+    native.wait()
+    stepper.hasten()
+    assert stepper.native
+    np.testing.assert_array_equal(nodes(), before)
