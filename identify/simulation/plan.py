@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +13,7 @@ from identify.base.errors import SimulationError
 from identify.effects import ALL
 from identify.model.model import BASE_STATES, ELONGATION, SPEED, Model
 from identify.simulation.resting import swing
+from identify.simulation.sliding import linearised
 from identify.simulation.steppers import HIGH, STIFF, Method
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -112,23 +112,15 @@ def _scales(model: Model, parameters: bytes, normal_force: float) -> Scales:
     farthest = float(np.min(np.array(model.finest(p)))) if model.finest.numel_out(0) else np.inf
     # A slip that begins, its contact saturated: it grows from nothing. Then slow and fast sliding.
     begin = [s.start if s.upper is None else s.upper for s in model.states]
-    x = np.array([begin, *([[s.start for s in model.states]] * len(SPEEDS))]).T
-    x[ELONGATION], x[SPEED] = state[ELONGATION], state[SPEED] * np.array([0.0, *SPEEDS])
-    slopes = np.array(_jacobians(model)(x, p, np.array([0.0, normal_force, 1.0, 0.0])))
-    slopes = slopes.reshape(x.shape[0], 1 + len(SPEEDS), -1).transpose(1, 0, 2)
+    x = np.array([begin, *([[s.start for s in model.states]] * len(SPEEDS))])
+    x[:, ELONGATION], x[:, SPEED] = state[ELONGATION], state[SPEED] * np.array([0.0, *SPEEDS])
+    u = np.array([0.0, normal_force, 1.0, 0.0])
+    slopes = linearised(model, False, x, *(np.repeat(q[None], len(x), axis=0) for q in (p, u)))[1]
     slopes[~np.isfinite(slopes).all(axis=(1, 2))] = 0.0
     rates = np.linalg.eigvals(slopes).real
     growth, decay = float(np.max(rates[0])), -float(np.min(rates[1:]))
     first = BEGINNING / growth if growth > 0.0 else np.inf
     return Scales(time, state, swing(model, p)[0] / SHARE, farthest / SHARE, first, decay * time > STIFF_FROM)
-
-
-@lru_cache(maxsize=32)
-def _jacobians(model: Model) -> ca.Function:
-    """(states (n_x, 1 + len(SPEEDS)), p, u) -> d(dx/dt)/dx while sliding, of each state side by side."""
-    x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", 4)
-    one = ca.Function("jacobian", [x, p, u], [ca.densify(ca.jacobian(model.slip(x, p, u), x))])
-    return one.map(1 + len(SPEEDS), [False, True, True], [False])
 
 
 ACCURACY = 1e-10  # where nobody asks and no noise is known

@@ -59,8 +59,8 @@ def _linear(model: Model, worn: bool) -> Mapped:
     return Mapped(ca.Function("linear", [x, p, u], [ca.densify(rate), ca.densify(ca.vec(ca.jacobian(rate, x).T))]))
 
 
-def _linearised(model: Model, worn: bool, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
-    """dx/dt (n, n_x) and its Jacobian (n, n_x, n_x): x (n, n_x), p (n, n_p), u (n, 4)."""
+def linearised(model: Model, worn: bool, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
+    """dx/dt (n, n_x) while sliding, its Jacobian (n, n_x, n_x): x (n, n_x), p (n, n_p), u (n, 4)."""
     rate, slope = _linear(model, worn)([x, p, u])
     return rate, slope.reshape(len(x), x.shape[1], -1)
 
@@ -76,7 +76,7 @@ def _steady(model: Model, p: Array, u: Array, worn: bool) -> tuple[Array, Array]
         x[:, model.clamped] = model.states[model.clamped].lower or 0.0
     slope = np.empty(0)
     for _ in range(NEWTON_STEPS):  # one is enough where the rates are linear in the states
-        rate, slope = _linearised(model, worn, x, p, u)
+        rate, slope = linearised(model, worn, x, p, u)
         step = np.linalg.solve(slope[:, rates[:, None], unknown], rate[:, rates][..., None])[..., 0]
         x[:, unknown] -= step
         if np.all(np.abs(step) <= 1e-12 * np.abs(x[:, unknown]) + 1e-300):
@@ -135,7 +135,7 @@ def lasting(model: Model, p: Array, u: Array) -> Sliding | None:
 
 def rate_slopes(model: Model, x: Array, p: Array, u: Array) -> Array:
     """Derivatives (n_x, n_x) of the rates of a sliding mass by its states x (n_x,) [1/s per unit], no state held."""
-    return _linearised(model, False, x[None, :], p[None, :], u[None, :])[1][0]
+    return linearised(model, False, x[None, :], p[None, :], u[None, :])[1][0]
 
 
 def sliding(model: Model, p: Array, drive_speed: float, normal_force: float) -> Sliding:
