@@ -212,6 +212,31 @@ def quantity(text: str, unit: str, option: str) -> float:
         raise CommandLineError(f"{option}: {error}") from None
 
 
+def share(text: str, option: str, most: float = float("inf")) -> float:
+    """ "15 %" or 0.15 as 0.15.
+
+    Raises:
+        CommandLineError: no number from 0 to below `most`.
+    """
+    percent = text.strip().endswith("%")
+    value = quantity(text.strip().removesuffix("%").strip(), "", option) / (100.0 if percent else 1.0)
+    if not 0.0 <= value < most:
+        raise CommandLineError(f'{option} is {text!r}; expected a share from 0 to below {most:g}, such as "1 %"')
+    return value
+
+
+def positives(text: str | None, unit: str, option: str) -> tuple[float, ...]:
+    """Positive quantities in SI of a list with commas, "0.1 mm/s,1 mm/s"; none of None.
+
+    Raises:
+        CommandLineError: what cannot be read, or is not positive.
+    """
+    values = tuple(quantity(item.strip(), unit, option) for item in (text or "").split(",") if item.strip())
+    if any(not value > 0.0 for value in values):
+        raise CommandLineError(f"{option} has {text!r}; expected a number above zero: change it")
+    return values
+
+
 def standard_terminal(json_mode: bool, *, quiet: bool = False, progress: HowToTell = "shown") -> Terminal:
     """Standard output for words, or standard error while standard output is kept for the JSON document."""
     notes = open(os.devnull, "w", encoding="utf-8") if quiet else sys.stderr  # noqa: PTH123, SIM115 - until the end

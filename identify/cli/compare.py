@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from identify.cli.common import Answer, CommandLineError, Terminal, quantity
+from identify.cli.common import Answer, CommandLineError, Terminal, positives
 
 NAME = "compare"
 HELP = "comparison tables and plots over finished fits (fit or batch folders), by a label"
@@ -48,7 +48,8 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.studies.labels import ComparisonQuestion
     from identify.studies.operating_points import answered
 
-    speeds, load = _point(arguments)
+    speeds = positives(arguments.speeds, "m/s", "--speeds")
+    load = next(iter(positives(arguments.load, "N", "--load")), None)
     by = "".join(c if c.isalnum() or c in "-_" else "_" for c in arguments.by)[:40] or "label"
     out = Path(arguments.out or f"stickslip-by-{by}")
     for folder in map(Path, arguments.folders):
@@ -79,14 +80,3 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         terminal.say(f"  outlier? {visible(odd.name, 60)}: {odd.quantity} is off by {odd.z:+.1f} sd")
     terminal.say(f"page: {out / 'report.html'}")
     return Answer(document={**told, "out": str(out)})
-
-
-def _point(arguments: Namespace) -> tuple[tuple[float, ...], float | None]:
-    """The common drive speeds [m/s] and normal force [N] that are asked for."""
-    texts = [text.strip() for text in (arguments.speeds or "").split(",") if text.strip()]
-    speeds = tuple(quantity(text, "m/s", "--speeds") for text in texts)
-    load = None if arguments.load is None else quantity(arguments.load, "N", "--load")
-    for value, option in (*((v, "--speeds") for v in speeds), *(((load, "--load"),) if load is not None else ())):
-        if not value > 0.0:
-            raise CommandLineError(f"{option} has {value:g}; expected a number above zero: change it")
-    return speeds, load

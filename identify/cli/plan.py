@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identify.cli.common import NOT_SUCCEEDED, Answer, CommandLineError, Terminal, file_to_write, quantity
+from identify.cli.common import NOT_SUCCEEDED, Answer, CommandLineError, Terminal, file_to_write, positives, share
 
 if TYPE_CHECKING:
     from identify.bench.plan import Choices, RecordingPlan
@@ -82,7 +82,7 @@ def _people(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.bench.power import CHANCE, TwoMaterials, cycles_needed
 
     names = ("difference", "scatter", "between", "response")
-    difference, scatter, between, response = (_share(getattr(arguments, name), f"--{name}") for name in names)
+    difference, scatter, between, response = (share(getattr(arguments, name), f"--{name}") for name in names)
     cycles = cycles_needed(scatter, 0.1)
     paired, groups = (
         TwoMaterials(math.log1p(difference), scatter, between, response, cycles, way).volunteers()
@@ -103,12 +103,6 @@ def _people(arguments: Namespace, terminal: Terminal) -> Answer:
         )
     )
     return Answer(document={"status": "done", "cycles": cycles, "volunteers": {"paired": paired, "groups": groups}})
-
-
-def _share(text: str, option: str) -> float:
-    """ "15 %" or 0.15 as 0.15."""
-    percent = text.strip().endswith("%")
-    return quantity(text.strip().removesuffix("%"), "", option) / (100.0 if percent else 1.0)
 
 
 def _planned(arguments: Namespace, choices: Choices) -> RecordingPlan:
@@ -148,23 +142,17 @@ def _planned(arguments: Namespace, choices: Choices) -> RecordingPlan:
 def _choices(arguments: Namespace) -> Choices:
     from identify.bench.plan import Choices
 
-    def several(text: str | None, unit: str, option: str) -> tuple[float, ...]:
-        values = tuple(quantity(item.strip(), unit, option) for item in (text or "").split(",") if item.strip())
-        if any(not value > 0.0 for value in values):
-            raise CommandLineError(f"{option} is {text!r}; expected positive quantities: correct it")
-        return values
-
     def one(text: str | None, unit: str, option: str) -> float | None:
-        return next(iter(several(text, unit, option)), None)
+        return next(iter(positives(text, unit, option)), None)
 
     return Choices(
-        speeds=several(arguments.speed, "m/s", "--speed"),
-        holds=several(arguments.hold, "s", "--hold"),
-        loads=several(arguments.load, "N", "--load"),
-        stiffnesses=several(arguments.stiffness, "N/m", "--stiffness"),
+        speeds=positives(arguments.speed, "m/s", "--speed"),
+        holds=positives(arguments.hold, "s", "--hold"),
+        loads=positives(arguments.load, "N", "--load"),
+        stiffnesses=positives(arguments.stiffness, "N/m", "--stiffness"),
         fastest=one(arguments.fastest, "Hz", "--fastest") or float("inf"),
         noise=one(arguments.noise, "N", "--noise"),
-        load_error=None if arguments.load_error is None else _share(arguments.load_error, "--load-error"),
+        load_error=None if arguments.load_error is None else share(arguments.load_error, "--load-error"),
         asked=tuple(name.strip() for name in (arguments.asked or "").split(",") if name.strip()),
         budget=one(arguments.budget, "s", "--budget") or 0.0,
     )

@@ -17,6 +17,7 @@ from identify.cli.common import (
     log_options,
     new_file,
     quantity,
+    share,
 )
 
 if TYPE_CHECKING:
@@ -73,8 +74,8 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.bench.rig_file import NAMED, REMEDIES, disagreement, rig_toml, shown
 
     measured = [*_measured(arguments), *(_known(text) for text in arguments.known)]
-    tolerances = [_share(arguments.speed_tolerance, "--speed-tolerance")]
-    tolerances.append(_share(arguments.mass_tolerance, "--mass-tolerance"))
+    tolerances = [share(arguments.speed_tolerance, "--speed-tolerance", 1.0)]
+    tolerances.append(share(arguments.mass_tolerance, "--mass-tolerance", 1.0))
     rig = calibrated(measured, *tolerances)
     for words in dict.fromkeys(m.source for m in measured):
         terminal.say(wrapped(words))
@@ -168,18 +169,10 @@ def _known(text: str) -> Measured:
         raise CommandLineError(f'--known is {text!r}; expected mass or stiffness with its error: mass="180 g ± 2 g"')
     kind = name.strip()
     known = quantity(value.strip(), KNOWN[kind], "--known")
-    share = _share(error, "--known") if "%" in error else quantity(error.strip(), KNOWN[kind], "--known") / known
-    if not (known > 0.0 and share > 0.0):
+    relative = share(error, "--known", 1.0) if "%" in error else quantity(error.strip(), KNOWN[kind], "--known") / known
+    if not (known > 0.0 and relative > 0.0):
         raise CommandLineError(f"--known is {text!r}; expected a positive value and error: correct it")
-    return Measured(kind, known, share, f"{kind} known as {said.strip()}")
-
-
-def _share(text: str, option: str) -> float:
-    percent = text.strip().endswith("%")
-    value = quantity(text.strip().removesuffix("%").strip(), "", option) / (100.0 if percent else 1.0)
-    if not 0.0 <= value < 1.0:
-        raise CommandLineError(f'{option} is {text!r}; expected a share from 0 to below 1, such as "1 %"')
-    return value
+    return Measured(kind, known, relative, f"{kind} known as {said.strip()}")
 
 
 def _document(rig: RigCalibration, measured: Sequence[Measured]) -> dict[str, Any]:

@@ -180,7 +180,7 @@ def test_the_command_plans_and_says_what_is_wrong(tmp_path, monkeypatch, capsys)
     assert document["verdicts"] == {"mu_s": "identified", "t_cr": "identified"}
     assert document["now"]["t_cr"] is None and document["then"]["t_cr"] < 0.2
     assert (tmp_path / "steps.csv").read_text().startswith("log,step,drive_speed_mm_per_s")
-    for wrong, words in ((["--for", "a"], "a is not searched"), (["--speed", "-1 mm/s"], "positive")):
+    for wrong, words in ((["--for", "a"], "a is not searched"), (["--speed", "-1 mm/s"], "above zero")):
         assert cli.main(["plan", "pair.toml", *wrong]) == 2
         assert words in capsys.readouterr().err
 
