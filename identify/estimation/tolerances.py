@@ -33,6 +33,7 @@ TOLERANCE_WORDS = {
     "normal_force": "the gain of the normal force",
     "friction_zero": "the zero of the friction force",
     "normal_zero": "the zero of the normal force",
+    "specimen": "the likeness of the specimens of the logs",
 }
 LEVELS = ("mu_s", "mu_k0")  # a zero of the friction force is a level of both
 LENGTHS = {"m": 1.0, "m/s": 1.0, "s/m": -1.0, "N/m": -1.0}  # powers of a length; an area only makes a pressure

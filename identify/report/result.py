@@ -8,6 +8,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +31,8 @@ from identify.base.result import (
 )
 from identify.diagnosis.choice import Choice, as_listed, effects_result
 from identify.diagnosis.findings import Findings, held_results
+from identify.diagnosis.quantities import DIFFERENCE, load_gain, parameter
+from identify.diagnosis.score_test import Column, marginal_covariance
 from identify.estimation.agreement import largest_inflation
 from identify.estimation.covariance import FARTHEST, Estimate, sizes, verdict_of
 from identify.estimation.goodness_of_fit import stick_scatter
@@ -69,11 +72,17 @@ def notes_of(scene: Scene, prepared: list[Prepared], found: Findings) -> list[st
         shown = "; the table of rig errors shows what 1 % would do" if found.estimated is None else ""
         notes.append(f"Taken as exact: {named}{shown}.")
     if found.status is Status.CONVERGED and "force_sensor" not in scene.effects:
-        held = "" if found.sure is None else "; the interval with tolerances holds the gains"
+        held = "" if found.sure is None else "; the intervals hold both"
         notes.append(
             "Zero and gain of both force sensors are taken as they are: what is off there moves the coefficients by as "
             f"much (1 % of the force by 1 %), which a fit hardly sees{held}. Check them with a known weight, or let "
             "the effect force_sensor estimate zero and gain of the friction force within priors."
+        )
+    if found.status is Status.CONVERGED and each_speed_alone(found):
+        notes.append(
+            "Each drive speed stands in one log: a difference between specimens, days or loads would count as one of "
+            "speed, and the intervals hold a usual one. Repeat one speed, or state specimen = 0 under [tolerances] "
+            "where all logs are of one specimen."
         )
     doubts = [(log.entry.path.name, f.message) for log in prepared for f in log.record.findings if f.code == DISAGREES]
     notes += [f"{name}: {message}." for name, message in dict.fromkeys(doubts)]
@@ -137,6 +146,7 @@ DISTRIBUTION = "stick-slip-workbench"
 STAGES = ("read", "detect", "start", "place", "build", "solve", "intervals")
 PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py", "matplotlib")
 MOST_NAMED = 3  # records that a sentence names where all of each is meant
+SAME_SPEED = 1.05  # ratio below which two drive speeds are one
 RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 
 
@@ -364,8 +374,33 @@ def _tolerances(scene: Scene, found: Findings) -> dict[str, ToleranceResult]:
     return {
         name: ToleranceResult(share, "scene" if name in scene.tolerances else "usual")
         for name, share in {**USUAL_TOLERANCES, **scene.tolerances}.items()
-        if name not in settled and not (name == "damping" and "damping" not in found.unknowns.names)
+        if name not in settled
+        and not (name == "damping" and "damping" not in found.unknowns.names)
+        and not (name == "specimen" and not each_speed_alone(found))
     }
+
+
+def each_speed_alone(found: Findings) -> bool:
+    """Whether several logs took part and no two of them share a drive speed."""
+    logs = [] if found.attempt is None else [log.data for log in found.attempt.fitted_logs]
+    speeds = sorted(log.drive_speed for log in logs)
+    several = len(logs) > 1 and not any(log.programme is not None for log in logs)
+    return several and all(fast > SAME_SPEED * slow for slow, fast in pairwise(speeds))
+
+
+def _by_specimens(found: Findings, scatter: float, inflation: float) -> Array:
+    """Covariance (f, f) of the free theta that a relative scatter from log to log of all friction, and of its static
+    part by itself, adds."""
+    assert found.attempt is not None
+    unknowns, solved = found.unknowns, found.attempt.solved
+    free, static = int(np.count_nonzero(unknowns.free)), unknowns.names.index("mu_s")
+    columns = [Column("load_gain", load_gain, DIFFERENCE, "single")]
+    columns.append(Column("mu_s", parameter(static, logarithmic=False), DIFFERENCE, "single"))
+    sizes_of = {"load_gain": scatter, "mu_s": scatter * abs(float(solved.theta[static]))}
+    try:
+        return marginal_covariance(solved, columns, sizes_of, inflation)[:free, :free]
+    except np.linalg.LinAlgError:  # directions that no log determines: their verdicts say so
+        return np.zeros((free, free))
 
 
 def _published(result: Result, found: Findings, tolerances: Mapping[str, float]) -> Result:
@@ -376,9 +411,15 @@ def _published(result: Result, found: Findings, tolerances: Mapping[str, float])
     values = unknowns.values(solved.theta, found.attempt.fitted_logs[0].data.base)
     inflation = largest_inflation(found.attempt, found.sure.colours) if found.sure is not None else 1.0
 
+    scatter = tolerances.get("specimen", 0.0)
+    by_specimens = _by_specimens(found, scatter, inflation) if scatter else 0.0
+
+    def covariance_added(named: Mapping[str, float]) -> Array:
+        by_rig = added_by_tolerances(information, values, named, inflation)
+        return np.asarray(by_rig + by_specimens) if "specimen" in named else by_rig
+
     def added(named: Mapping[str, float]) -> dict[str, float]:
-        covariance = added_by_tolerances(information, values, named, inflation)
-        return dict(zip(free.tolist(), standard_deviations(covariance).tolist(), strict=True))
+        return dict(zip(free.tolist(), standard_deviations(covariance_added(named)).tolist(), strict=True))
 
     information, free = found.information, np.array(unknowns.names)[unknowns.free]
     size_of = dict(zip(unknowns.names, sizes(unknowns, values).tolist(), strict=True))
@@ -406,7 +447,7 @@ def _published(result: Result, found: Findings, tolerances: Mapping[str, float])
         out[name] = wider
     correlation = result.correlation
     if correlation is not None and found.covariance is not None:
-        correlation = _correlation(found, added_by_tolerances(information, values, tolerances, inflation))
+        correlation = _correlation(found, covariance_added(tolerances))
     return replace(result, parameters=out, correlation=correlation)
 
 

@@ -86,6 +86,18 @@ def test_a_zero_of_the_friction_force_shifts_both_coefficients_as_a_fit_of_shift
     assert max(shift[name] for name in ("D", "t_cr", "a")) < 1e-5
 
 
+def test_specimens_may_differ_where_each_speed_stands_in_one_log():
+    """A difference of specimens counts as one of speed: the interval holds a usual one, unless it is said to be none."""
+    logs = ["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
+    usual = fit(Scene.from_toml(examples.SCENE).choose(logs)).typed
+    one = fit(Scene.from_toml(examples.SCENE, ["tolerances.specimen=0"]).choose(logs)).typed
+    assert any("Each drive speed stands in one log" in note for note in usual.notes)
+    width = {n: [np.diff(r.parameters[n].ends)[0] for r in (usual, one)] for n in NAMES}
+    assert all(wide > 1.02 * narrow for wide, narrow in width.values())
+    mu_s = usual.parameters["mu_s"]
+    assert width["mu_s"][0] > 2 * 1.96 * 0.02 * mu_s.value / np.sqrt(2.0)  # two logs tell the mean of two specimens
+
+
 def test_the_verdict_is_of_the_interval_to_publish():
     """Strength is a difference: what both coefficients share is no error of it, and what only one gain tells is."""
     loose = Scene.from_toml(examples.SCENE, ["tolerances.friction_zero=0.08"])
