@@ -44,9 +44,8 @@ def design(seed: int) -> tuple[Scene, list[Record], dict[str, float], float]:
         own = {name: truth[name] * (gain if name in NAMES[:3] else 1.0) for name in NAMES}
         own["mu_s"] = own["mu_k0"] + (own["mu_s"] - own["mu_k0"]) * static
         duration = float(np.clip(8.0 * 0.2 / (RIG["stiffness"] * speed), 2.0, 40.0))
-        time = np.arange(round(duration * (1000.0 if speed > 5e-4 else 500.0)) + 1) / (
-            1000.0 if speed > 5e-4 else 500.0
-        )
+        rate = 1000.0 if speed > 5e-4 else 500.0  # Hz
+        time = np.arange(round(duration * rate) + 1) / rate
         force = run(assemble(MAIN), own | RIG, float(speed), 1.0, duration).sample(time)["force"]
         records.append(Record(time, np.ones(time.size), force + NOISE * random.standard_normal(time.size)))
         logs.append({"path": f"{1e3 * speed:g}_mm_per_s.csv", "drive_speed": float(speed)})

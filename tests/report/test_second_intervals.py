@@ -87,7 +87,7 @@ def test_a_zero_of_the_friction_force_shifts_both_coefficients_as_a_fit_of_shift
 
 
 def test_specimens_may_differ_where_each_speed_stands_in_one_log():
-    """A difference of specimens counts as one of speed: the interval holds a usual one, unless it is said to be none."""
+    """A difference of specimens counts as one of speed: intervals hold a usual one, unless there is said to be none."""
     logs = ["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
     usual = fit(Scene.from_toml(examples.SCENE).choose(logs)).typed
     one = fit(Scene.from_toml(examples.SCENE, ["tolerances.specimen=0"]).choose(logs)).typed
