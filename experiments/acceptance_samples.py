@@ -62,6 +62,16 @@ COVERAGE_SPEEDS = ((1e-4, 14.0, 250.0), (1e-3, 2.2, 1000.0), (5e-3, 0.7, 2000.0)
 MEMORY = 0.8  # correlation of the noise from sample to sample, in every second case of the coverage
 MEASURED = (*((name,) for name in FILES), *TOGETHER)
 UNEVEN_EACH = 15
+AUTO_SEED = 6360
+AUTO: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, tuple[float, float]], ...]]] = {
+    "full": (MAIN, ()),
+    "without weakening": (tuple(e for e in MAIN if e != "velocity_weakening"), ()),
+    "without damping": (tuple(e for e in MAIN if e != "hysteresis_damping"), ()),
+    "lag": ((*MAIN, "sensor_lag"), (("lag_time", (1e-3, 5e-3)),)),
+    "skin": ((*MAIN, "skin_compliance"), (("skin_stiffness", (2e3, 2e4)),)),
+    "load": ((*MAIN, "load_dependence"), (("load_exponent", (0.1, 0.4)),)),
+}
+"""Sets of effects that are left to the data, and the ranges of what the last of them adds."""
 INVENTED = re.compile(
     r"explains the misfit|not as stated|the sensor lags|a (mass|stiffness|damping) of \S+ (kg|g|N/m|kN/m) instead"
 )
@@ -209,6 +219,33 @@ def coverage(number: int) -> Line:
     return fitted(scene, records, DEMO)[0] | {"memory": memory}
 
 
+def chosen_effects(number: int) -> Line:
+    """Effects left to the data (`effects = "auto"`); right: those that the logs were made with, and no others."""
+    kind = tuple(AUTO)[number % len(AUTO)]
+    effects, more = AUTO[kind]
+    random = np.random.default_rng([AUTO_SEED, number])
+    model = assemble(effects)
+    while True:
+        case, _ = random_case(random, USUAL)
+        values = case.truth | case.rig | {name: float(np.exp(random.uniform(*np.log(ends)))) for name, ends in more}
+        values = {q.name: values.get(q.name, q.default) for q in model.parameters}
+        records, slips = [], []
+        for (speed, duration, rate), load in zip(SPEEDS[1:], (1.0, 1.4, 0.8), strict=True):
+            times = np.arange(round(duration * rate) + 1) / rate
+            motion = run(model, values, speed, load, duration)
+            force = motion.sample(times)["force"] + NOISE * random.standard_normal(times.size)
+            records.append(Record(times, np.full(times.size, load), force))
+            slips.append(motion.arrests.size)
+        if min(slips) >= 4:
+            break
+    logs = [{"path": f"log_{i}.csv", "drive_speed": log[0]} for i, log in enumerate(SPEEDS[1:], 1)]
+    scene = Scene.from_document({"effects": "auto", "rig": dict(case.rig), "logs": logs}, Path())
+    line, result = fitted(scene, records, {n: v for n, v in values.items() if n in FRICTION}, required=())
+    found = set(result.get("effects", {}).get("names", ())) - {"varying_normal_force"}
+    right = line["status"] == "converged" and found == set(effects)
+    return line | {"kind": kind, "right": right, "invented": bool(found - set(effects)), "found": sorted(found)}
+
+
 def regime(number: int) -> Line:
     """The regime of a record as `inspect` has it without and with the rig, and as the fit sees it."""
     from experiments.regimes import looked_at
@@ -326,6 +363,7 @@ SAMPLES: Mapping[str, Sample] = {
     "in_vivo": Sample(in_vivo, 9, 3, 6 / 9, first=480),
     "scatter": Sample(scattered, 60, 12, 0.9),
     "coverage": Sample(coverage, 200, 40, coverage=(0.93, 0.97)),
+    "auto": Sample(chosen_effects, 40, 6, 36 / 40),
     "regimes": Sample(regime, 400, 60, 396 / 400),
     "uneven": Sample(uneven, 60, 6),
     "strangers": Sample(strangers_pair, 60, 16, answered=57 / 60, coverage=(0.93, 1.0)),

@@ -34,12 +34,22 @@ class Series:
     noise: float
 
 
+def onsets(p: Mapping[str, float], log: Series, rtol: float) -> Array:
+    """Times at which slips begin before the last sample [s]."""
+    return _run(p, log, rtol)[1]
+
+
 def simulate(p: Mapping[str, float], log: Series) -> Array:
     """Force at the samples (n,) [N], from rest with an unloaded spring and a fresh contact.
 
     Args:
         p: the six friction parameters, mass, stiffness and damping by name, SI.
     """
+    return _run(p, log, RTOL)[0]
+
+
+def _run(p: Mapping[str, float], log: Series, rtol: float) -> tuple[Array, Array]:
+    begun: list[float] = []
     k, v0, load = p["stiffness"], log.drive_speed, log.normal_force
     c = p["damping"] * math.sqrt(p["mass"] / k)
     out = np.empty(log.time.size)
@@ -51,9 +61,10 @@ def simulate(p: Mapping[str, float], log: Series) -> Array:
         now, x, gamma = now + length, x + v0 * length, 1.0 - (1.0 - gamma) * math.exp(-length / p["t_cr"])
         if now > end:
             break
+        begun.append(now)
         start = (x, 0.0, gamma)
         for worn in (False, True):
-            start, length, motion = _slide(p, c, start, v0, load, worn, end - now + 1.0, broke_loose=not worn)
+            start, length, motion = _slide(p, c, start, v0, load, worn, (end - now + 1.0, rtol), broke_loose=not worn)
             first, last = np.searchsorted(log.time, [now, now + length])
             if last > first:
                 state = motion(log.time[first:last] - now)
@@ -65,7 +76,7 @@ def simulate(p: Mapping[str, float], log: Series) -> Array:
         if gamma == 0.0:  # what the contact regains in the last moment of a worn slip, to first order
             deceleration = (p["mu_k0"] * load - k * x - c * v0) / p["mass"]
             gamma = p["D"] / (2.0 * deceleration * p["t_cr"] ** 2)
-    return out
+    return out, np.array(begun)
 
 
 def _stick(p: Mapping[str, float], force: float, gamma: float, rate: float, load: float) -> float:
@@ -88,11 +99,14 @@ def _slide(
     v0: float,
     load: float,
     worn: bool,
-    room: float,
+    asked: tuple[float, float],
     *,
     broke_loose: bool,
 ) -> tuple[State, float, Callable[[Array], Array]]:
-    """Slide until the contact is clean or the mass rests: the state there, the duration [s], the dense output."""
+    """Slide until the contact is clean or the mass rests: the state there, the duration [s], the dense output.
+
+    asked: time at most [s], relative tolerance.
+    """
     mu_k0, step0, weakening, a = p["mu_k0"], p["mu_s"] - p["mu_k0"], p["delta_mu_k"], p["a"]
     k, m, per_length, per_time = p["stiffness"], p["mass"], 1.0 / p["D"], 1.0 / p["t_cr"]
 
@@ -116,7 +130,7 @@ def _slide(
     rests.terminal, rests.direction = True, -1.0  # type: ignore[attr-defined]
     clean.terminal, clean.direction = True, -1.0  # type: ignore[attr-defined]
     events = [rests] if worn else [rests, clean]
-    run = solve_ivp(rates, (0.0, room), start, "DOP853", rtol=RTOL, atol=ATOL, dense_output=True, events=events)
+    run = solve_ivp(rates, (0.0, asked[0]), start, "DOP853", rtol=asked[1], atol=ATOL, dense_output=True, events=events)
     x, v, g = run.y[:, -1].tolist()
     rested = run.t_events[0].size > 0
     return (x, 0.0 if rested else v, 0.0 if worn else max(g, 0.0)), float(run.t[-1]), run.sol

@@ -1,18 +1,16 @@
-"""How long text takes to read, beside the fastest plain `pandas.read_csv` that yields the same columns; and the memory.
+"""How long logs take to read, beside the fastest plain way of pandas and h5py, and a file larger than the memory.
 
-A table in CETR's layout is written once with nine columns, and once with the three of a log. Each reading runs in a
-process of its own for its peak memory, then several times by turns, in random order, with the others for its time: the
-ratio is the median over turns of ours to the way of pandas that is fastest by its median. pandas is told everything we
-have to find out: rows to skip, columns, types, that nothing is missing, that nothing is quoted. It gives numbers as
-they stand; ours are in SI, checked, with sign and clock. Both use the processors there are: pandas does from version
-3.1 on, where it is given a path and reads all columns. `taskset -c 0` in front compares them on one.
+A table in CETR's layout with nine columns, one with the three of a log, an archive as `convert` writes it and a plain
+HDF5 file. Readings take turns; the ratio is the median over turns of ours to the other. pandas is told everything we
+have to find out: rows to skip, columns, types, that nothing is missing; ours are in SI, checked, with sign and clock.
+Then a log whose columns are several times what a process may take: the whole is refused, a window of it is read.
 
     python experiments/run_reader_speed.py [rows [turns]]
 """
 
 from __future__ import annotations
 
-import csv
+import resource
 import subprocess
 import sys
 import tempfile
@@ -21,22 +19,23 @@ from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 
+import h5py
 import numpy as np
 import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from data_io import read_log
+from data_io import LogError, Record, read_log, write_hdf5
 from experiments.machine import describe
 
 NAMES = ("Fx", "Fz", "Z", "Y", "X", "V1", "T", "Ff", "COF")
 UNITS = ("g", "g", "mm", "mm", "mm", "mm/sec", "sec", "g", "")
-ROLES = [0, 1, 6]
-WANTED = 1.3
+ROLES = ("time", "normal_force", "friction_force")
 POOL = 20_000  # rows whose numbers are drawn; then only the time is new
+LIMIT = 1 << 27  # bytes that a process may take beyond what it has when it begins to read
 
 
-def write(path: Path, rows: int, columns: list[int]) -> None:
+def write_text(path: Path, rows: int, columns: list[int]) -> None:
     """Rows of these columns with six decimals."""
     draw = np.random.default_rng(1)
     middle, spread = (90, -200, 0, 0, 4, 0.1, 0, 90, 0.45), (9, 1, 1, 1, 1, 0.01, 0, 9, 0.05)
@@ -50,94 +49,96 @@ def write(path: Path, rows: int, columns: list[int]) -> None:
         file.writelines(f"{front[i % POOL]}{0.002 * i:.6f}{back[i % POOL]}" for i in range(rows))
 
 
-def plain(path: Path, use: list[int] | None, **more: object) -> pd.DataFrame:
-    """One plain call."""
-    return pd.read_csv(path, skiprows=2, header=None, usecols=use, **more)  # type: ignore[call-overload]
+def write_plain(path: Path, columns: dict[str, np.ndarray], **more: object) -> None:
+    """The columns in the project's layout."""
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"format": "stickslip-log", "format_version": 1})
+        for role, unit in zip(ROLES, ("s", "N", "N"), strict=True):
+            file.create_dataset(f"run_1/step_1/{role}", data=columns[role], **more).attrs["units"] = unit
 
 
-FAST = {"na_filter": False, "dtype": np.float64}
-PLAIN: dict[str, dict[str, object]] = {
-    "as it is": {},
-    "numbers only": FAST,
-    "nothing quoted": {**FAST, "quoting": csv.QUOTE_NONE},
-    "memory map": {**FAST, "memory_map": True},
-    "in one piece": {**FAST, "low_memory": False},
-}
-FILES = {"nine.csv": list(range(9)), "three.csv": [6, 0, 1]}
-CASES: dict[str, tuple[str, list[int] | None, Callable[[Path], object]]] = {
-    "3 of 9 columns": ("nine.csv", ROLES, lambda p: read_log(p, channels=())),
-    "9 of 9 columns": ("nine.csv", None, read_log),
-    "3 of 3 columns": ("three.csv", None, read_log),
-}
+def by_pandas(path: Path, use: list[int] | None) -> object:
+    """One plain call at its fastest."""
+    return pd.read_csv(path, skiprows=2, header=None, usecols=use, na_filter=False, dtype=np.float64)  # type: ignore[call-overload]
 
 
-def readings(case: str) -> dict[str, Callable[[Path], object]]:
-    """Every way to read the columns of a case; ours last."""
-    _, use, ours = CASES[case]
-    ways: dict[str, Callable[[Path], object]] = {
-        f"pandas, {name}": lambda path, more=more: plain(path, use, **more) for name, more in PLAIN.items()
-    }
-    return {**ways, "ours": ours}
+def by_h5py(path: Path) -> object:
+    """The columns as they stand."""
+    with h5py.File(path, "r") as file:
+        return [file[f"run_1/step_1/{role}"][()] for role in ROLES]
 
 
-def peak(case: str, way: str, path: Path) -> float:
-    """Peak memory [MiB] of one reading in a process of its own, without what the imports take; Linux only."""
-    code = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r}); "
-        "from experiments.run_reader_speed import highest, readings, Path; before = highest(); "
-        f"kept = readings({case!r})[{way!r}](Path({str(path)!r})); print(highest() - before)"
-    )
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return float(ran.stdout)
+def ratio(name: str, plain: Callable[[], object], ours: Callable[[], object], turns: int) -> float:
+    """Print seconds of both and the ratio; returns that of the processor time."""
+    ours()  # units are looked up once
+    spent: list[list[tuple[float, float]]] = [[], []]
+    for _ in range(turns):
+        for work, kept in zip((plain, ours), spent, strict=True):
+            wall, cpu = time.perf_counter(), time.process_time()
+            work()
+            kept.append((time.process_time() - cpu, time.perf_counter() - wall))
+    cells = [f"{median(row[k] for row in kept):.3f}" for k in (0, 1) for kept in spent]
+    ratios = [median(b[k] / a[k] for a, b in zip(*spent, strict=True)) for k in (0, 1)]
+    print(f"| {name} | {' | '.join(cells)} | {ratios[0]:.2f} | {ratios[1]:.2f} |", flush=True)
+    return ratios[0]
 
 
-def highest() -> float:
-    """The most memory [MiB] that this process has taken so far."""
-    told = Path("/proc/self/status")
-    return int(told.read_text(encoding="ascii").split("VmHWM:")[1].split()[0]) / 1024 if told.exists() else np.nan
+def under_limit(path: str) -> None:
+    """Read in a process that may hardly grow; run by `main` in a process of its own."""
+    taken = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (taken + LIMIT, taken + LIMIT))
+    try:
+        read_log(path)
+        print("the whole log was read: the file is not larger than memory")
+    except LogError as error:
+        print(f"the whole is refused: {str(error).partition(': ')[2]}")
+    record = read_log(path, window=(1000.0, 1050.0), channels=())
+    right = np.array_equal(record.friction_force, 0.4 + (np.arange(1_000_000, 1_000_000 + len(record)) % 400) * 5e-4)
+    print(f"a window of {len(record):,} rows, numbers as written: {right}")
 
 
 def main(fast: bool = False, rows: int | None = None, turns: int | None = None) -> dict[str, float]:
-    """Ratio of processor times by case, the median over turns; fast: 20,000 rows, else ten million."""
+    """Ratio of processor times by case; fast: 20,000 rows, else ten million."""
     rows = (20_000 if fast else 10_000_000) if rows is None else rows
-    turns = (2 if fast else 5) if turns is None else turns
-    print(f"{rows:,} rows, {turns} turns; pandas {pd.__version__}; {describe()}")
-    ratios = {}
-    with tempfile.TemporaryDirectory() as folder:
-        for name, columns in FILES.items():
-            write(Path(folder) / name, rows, columns)
-        for case, (name, _, _) in CASES.items():
-            ratios[case] = _case(case, Path(folder) / name, turns, memory=not fast)
-    return ratios
+    turns = (2 if fast else 7) if turns is None else turns
+    print(f"{rows:,} rows, {turns} turns; pandas {pd.__version__}; {describe()}\n")
+    print("| log | processor s, plain | ours | wall s, plain | ours | ratio of processor | of wall |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    draw, out = np.random.default_rng(1), {}
+    with tempfile.TemporaryDirectory() as place:
+        nine, three, archive, plain = (Path(place) / n for n in ("nine.csv", "three.csv", "archive.h5", "plain.h5"))
+        write_text(nine, rows, list(range(9)))
+        write_text(three, rows, [6, 0, 1])
+        forces = 1.0 + 1e-3 * draw.standard_normal((2, rows))
+        record = Record(np.arange(rows) / 1000.0, *forces)
+        write_hdf5(record, archive)
+        write_plain(plain, record.columns())
+        for name, use, ours in (
+            ("3 of 9 columns", [0, 1, 6], lambda: read_log(nine, channels=())),
+            ("9 of 9 columns", None, lambda: read_log(nine)),
+        ):
+            out[name] = ratio(name, lambda use=use: by_pandas(nine, use), ours, turns)  # type: ignore[misc]
+        out["3 of 3 columns"] = ratio("3 of 3 columns", lambda: by_pandas(three, None), lambda: read_log(three), turns)
+        for name, path in (("HDF5 as `convert` writes it", archive), ("HDF5, plain", plain)):
+            out[name] = ratio(name, lambda p=path: by_h5py(p), lambda p=path: read_log(p), turns)  # type: ignore[misc]
+        if not fast:
+            _larger_than_memory(Path(place) / "huge.h5")
+    return out
 
 
-def _case(case: str, path: Path, turns: int, *, memory: bool) -> float:
-    ways = readings(case)
-    memories = {way: peak(case, way, path) if memory else np.nan for way in ways}
-    spent: dict[str, list[tuple[float, float]]] = {way: [] for way in ways}
-    CASES[case][2](path)  # units are looked up once
-    order = np.random.default_rng(1)  # what ran before leaves its mark on the memory
-    for _ in range(turns):
-        for way in order.permutation(list(ways)).tolist():
-            reading = ways[way]
-            begun, begun_wall = time.process_time(), time.perf_counter()
-            reading(path)
-            spent[way].append((time.process_time() - begun, time.perf_counter() - begun_wall))
-    print(f"\n{case}, {path.stat().st_size / 2**20:.0f} MiB\n")
-    print("| reading | processor s | wall s | memory MiB |\n| --- | --- | --- | --- |")
-    for way, times in spent.items():
-        computed, wall = (median(values) for values in zip(*times, strict=True))
-        print(f"| {way} | {computed:.2f} | {wall:.2f} | {memories[way]:.0f} |")
-    print()
-    ratios = []
-    for k, what in enumerate(("processor", "wall")):
-        fastest = min((way for way in ways if way != "ours"), key=lambda way: median(t[k] for t in spent[way]))
-        turns_of = [spent["ours"][turn][k] / spent[fastest][turn][k] for turn in range(turns)]
-        ratios.append(median(turns_of))
-        shown = ", ".join(f"{ratio:.2f}" for ratio in turns_of)
-        verdict = "" if ratios[-1] <= WANTED else f", above {WANTED}"
-        print(f"{ratios[-1]:.2f} times the {what} time of {fastest}{verdict} (turns: {shown})")
-    return ratios[0]
+def _larger_than_memory(path: Path) -> None:
+    index = np.arange(20_000_000)
+    columns = {
+        "time": index / 1000.0,
+        "normal_force": np.ones(index.size),
+        "friction_force": 0.4 + (index % 400) * 5e-4,
+    }
+    write_plain(path, columns, chunks=(1 << 16,), shuffle=True, compression="gzip", compression_opts=1)
+    code = f"from experiments.run_reader_speed import under_limit; under_limit({str(path)!r})"
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False
+    )
+    print("\n" + (ran.stdout + ran.stderr[-2000:]).strip())
 
 
 if __name__ == "__main__":

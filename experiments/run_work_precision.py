@@ -1,83 +1,92 @@
-"""What accuracy costs in time: work-precision tables and diagrams of simulation and fit, as docs/accuracy.md has them.
+"""What accuracy costs: one table for a simulation, one for a fit, and the orders of the methods, as docs/accuracy.md.
 
-a. Orders: fixed steps, switches located and not, error against a reference with steps a hundred times finer.
-b. Simulation: every method over a ladder of tolerances on an easy, a linear, a stiff and a near-critical scene, with
-   scipy's event-driven and friction-smoothing programs beside them where they know the law.
-c. What `accuracy` delivers: error asked for, estimated, and found.
-d. Each effect: time of a simulation with it over that without.
-e. Fit: parameters on ever finer grids, in standard errors.
+Orders: fixed steps, switches located and not, error against a reference with steps a hundred times finer. Simulation:
+error asked for by `accuracy`, estimated and found, and processor time beside scipy's `solve_ivp` with events at a
+tolerance that leaves no larger error. Fit: of the example and of random usual pairs, what one fit at the default
+level says of the others, and what fits at these levels then take and leave.
 
-    python experiments/run_work_precision.py [--docs] [--fast]     --docs: write docs/accuracy.md and its pictures
+    python experiments/run_work_precision.py
 """
 
 from __future__ import annotations
 
-import os
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(variable, "1")  # before numpy: one core means one thread
-
-import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
+import numpy as np
+from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from experiments import accuracy_page, grid_refinement  # noqa: E402
-from experiments.machine import describe  # noqa: E402
-from experiments.reference_methods import LINEAR, LOW, MIDDLE, OUTSIDE  # noqa: E402
-from experiments.rivals import GivenUpError, Law, onsets_by_events, passages_by_smoothing  # noqa: E402
-from experiments.study_problem import DEMO, RIG  # noqa: E402
-from experiments.workprec import (  # noqa: E402
-    Point,
-    Scene,
-    fixed_steps,
-    ladder,
-    measured_order,
-    one_core,
-    point,
-    timed,
-)
-from identify.base.errors import SceneError, SimulationError  # noqa: E402
-from identify.effects import ALL as EFFECTS  # noqa: E402
-from identify.effects import MAIN  # noqa: E402
-from identify.effects.quantities import Effect  # noqa: E402
-from identify.simulation.steppers import (  # noqa: E402
-    HIGH,
-    STIFF,
-    Method,
-)
-from identify.simulation.trajectory import Trajectory, distance  # noqa: E402
+from data_io import Record
+from experiments.event_driven import Series, onsets
+from experiments.machine import describe
+from experiments.reference_methods import LOW, MIDDLE
+from experiments.study_problem import DEMO, RIG, coefficients_only, recovery_case, scene_of
+from identify import FitOptions, examples, fit
+from identify import Scene as FitScene
+from identify.effects import MAIN
+from identify.model.model import Model, assemble
+from identify.shooting.accuracy import LEVELS
+from identify.simulation.drive import Drive, NormalForce
+from identify.simulation.phases import Machine, Phase, phases
+from identify.simulation.plan import Plan, Stepping, scales
+from identify.simulation.simulate import run
+from identify.simulation.steppers import HIGH, STIFF, Method
+from identify.simulation.trajectory import Trajectory, distance
 
 Array = NDArray[np.float64]
 
 PAIR = DEMO | RIG
-GENTLE = ("inertia", "hysteresis_damping", "velocity_weakening")
-EASY = Scene("easy", "the test problem at 1 mm/s", MAIN, PAIR, 1e-3, 2.0)
-LINEAR_SCENE = Scene(
-    "linear", "friction linear in speed, no ageing", ("inertia", "hysteresis_damping", "linear_weakening"),
-    PAIR | {"slope": -2.0}, 1e-3, 2.0,
-)  # fmt: skip
-STIFF_SCENE = Scene(
-    "stiff", "a direct effect that sets in at 10 nm/s: decay rates up to 2.5e6/s", (*MAIN, "direct_effect"),
-    PAIR | {"direct_strength": 0.005, "direct_speed": 1e-8}, 1e-3, 2.0,
-)  # fmt: skip
-CRITICAL = Scene(
-    "near-critical", "21 mm/s, where stick-slip of the test problem is about to end", MAIN, PAIR, 2.1e-2, 1.0
-)
-SCENES = (EASY, LINEAR_SCENE, STIFF_SCENE, CRITICAL)
-WIDTHS = (1e-3, 1e-4, 1e-5)  # of the tanh [m/s]
-SMOOTHED_RTOL = 1e-7
-PASSED = 1e-2  # sliding speed whose passage marks a slip in smoothed friction [m/s]
 ORDER_STEPS: dict[Method, tuple[int, ...]] = {
     LOW: (40, 60, 80, 120, 160, 240),
     MIDDLE: (40, 56, 80, 112),
     HIGH: (8, 9, 10, 11, 12, 13),
     STIFF: (20, 28, 40, 56),
 }
+ASKED = (1e-3, 1e-5, 1e-7, 1e-9)
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)  # of solve_ivp
+PAIRS = range(19)  # of the recovery study, beside the example
+WITHIN = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A named simulation: effects, all parameters, drive speed [m/s] and duration [s] under 1 N."""
+
+    name: str
+    effects: tuple[str, ...]
+    values: dict[str, float]
+    drive_speed: float
+    duration: float
+
+    @property
+    def model(self) -> Model:
+        """The composed model."""
+        return assemble(self.effects)
+
+    def run(self, accuracy: float | Stepping) -> Trajectory:
+        """Simulate it to an accuracy, or with a relative tolerance of steps of one method."""
+        return run(self.model, self.values, self.drive_speed, 1.0, self.duration, accuracy=accuracy)
+
+
+SCENES = (
+    Scene("easy: 1 mm/s", MAIN, PAIR, 1e-3, 2.0),
+    Scene(
+        "linear: friction linear in speed, no ageing", ("inertia", "hysteresis_damping", "linear_weakening"),
+        PAIR | {"slope": -2.0}, 1e-3, 2.0,
+    ),
+    Scene(
+        "stiff: a direct effect that sets in at 10 nm/s", (*MAIN, "direct_effect"),
+        PAIR | {"direct_strength": 0.005, "direct_speed": 1e-8}, 1e-3, 2.0,
+    ),
+    Scene("near-critical: 21 mm/s, where stick-slip is about to end", MAIN, PAIR, 2.1e-2, 1.0),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -89,14 +98,25 @@ class Order:
     not_located: float
 
 
+def fixed_steps(scene: Scene, method: Method, h: float, *, locate: bool = True) -> tuple[Phase, ...]:
+    """The scene with steps of length h [s] and no error control; switches located or not."""
+    model = scene.model
+    p = np.array([scene.values[name] for name in model.parameter_names])
+    scale = replace(scales(model, p, 1.0), longest=h)
+    machine = Machine(model, p, scale, Plan(1e6, (method,)), locate=locate)
+    machine.first = dict.fromkeys(machine.first, h)
+    x = np.array([state.start for state in model.states], float)
+    return tuple(phases(machine, Drive.of(scene.drive_speed), NormalForce.of(1.0), scene.duration, x))
+
+
 def orders() -> list[Order]:
     """Slope of the error of the first arrest and the second onset over the step length, by equal steps.
 
     Every slip is half a step longer than a whole number of them, so that steps end at the same share of the last.
     """
-    names = GENTLE
-    scene = Scene("gentle", "", names, PAIR | {"a": 50.0}, 1e-3, 1.2)
-    truth = scene.run(rtol=1e-14, method=HIGH)
+    names = ("inertia", "hysteresis_damping", "velocity_weakening")
+    scene = Scene("gentle", names, PAIR | {"a": 50.0}, 1e-3, 1.2)
+    truth = scene.run(Stepping(1e-14, HIGH))
     slip = truth.phases[1].duration
 
     def slope(method: Method, locate: bool) -> float:
@@ -105,128 +125,90 @@ def orders() -> list[Order]:
         for h in lengths:
             found = Trajectory(scene.model, fixed_steps(scene, method, h, locate=locate), scene.duration)
             errors.append(abs(found.arrests[0] - truth.arrests[0]) + abs(found.onsets[1] - truth.onsets[1]))
-        return measured_order(lengths, errors)
+        return float(np.polyfit(np.log(lengths), np.log(errors), 1)[0])
 
     return [Order(method, slope(method, True), slope(method, False)) for method in ORDER_STEPS]
 
 
-def reference(scene: Scene) -> tuple[Trajectory, float]:
-    """The scene at 1e-13, and how far a second method at its tightest is from it (of a cycle)."""
-    closed = scene is LINEAR_SCENE
-    truth = scene.run(rtol=1e-13, method=LINEAR if closed else HIGH)
-    other = scene.run(rtol=1e-13, method=HIGH) if closed else scene.run(rtol=1e-11, method=STIFF)
-    return truth, distance(truth, other).switches
+def timed(work: Callable[[], Any], repeats: int) -> tuple[Any, float]:
+    """The result of the first, untimed call, and the median processor time [s] of more."""
+    result, seconds = work(), []
+    for _ in range(repeats):
+        since = time.process_time()
+        work()
+        seconds.append(time.process_time() - since)
+    return result, float(np.median(seconds))
 
 
-def work(scene: Scene, repeats: int, fast: bool) -> tuple[list[Point], float]:
-    """Points of all programs on one scene, and how well its reference is known."""
-    truth, known = reference(scene)
-    rtols = (1e-4, 1e-7) if fast else (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
-    out: list[Point] = []
-    for method in (LOW, MIDDLE, HIGH, STIFF, LINEAR):
-        few = tuple(r for r in rtols if r >= 1e-8) if method is LOW else rtols
-        out += ladder(scene, method, few if method is not LINEAR else rtols[:1], truth.onsets, repeats)
-    if not fast and scene is EASY:
-        out += ladder(scene, OUTSIDE, (1e-6, 1e-8), truth.onsets, 1)
-    if scene in (EASY, CRITICAL):
-        out += rivals(scene, truth, 1 if fast else 3, fast)
-    return out, known
-
-
-def rivals(scene: Scene, truth: Trajectory, repeats: int, fast: bool) -> list[Point]:
-    """scipy's programs: events, and tanh-smoothed friction of several widths."""
-    law, period = Law(scene.values, scene.drive_speed, 1.0), scene.duration / truth.onsets.size
-    out = []
-    for rtol in (1e-6,) if fast else (1e-4, 1e-6, 1e-8, 1e-10):
-        program = f"events, {'DOP853'}"
-        found = lambda rtol=rtol: onsets_by_events(law, scene.duration, rtol)  # noqa: E731
-        out.append(point(program, f"{rtol:.0e}", found, truth.onsets, period, repeats))
-    passed = max(PASSED, 2.0 * scene.drive_speed)
-    marks = passages(truth, passed)
-    for method in ("LSODA",) if fast else ("LSODA", "Radau"):
-        for width in WIDTHS[:1] if fast else WIDTHS:
-            try:
-                found = lambda m=method, w=width: smoothed(scene, law, w, m, passed)  # noqa: E731
-                out.append(point(f"tanh, {method}", f"width {width:.0e}", found, marks, period, 1))
-            except GivenUpError:
-                out.append(Point(f"tanh, {method}", f"width {width:.0e}", np.nan, np.nan, np.nan, np.nan))
-    return out
-
-
-def smoothed(scene: Scene, law: Law, width: float, method: str, passed: float) -> Array:
-    """Passages of the smoothed program at the tolerance of the table."""
-    return passages_by_smoothing(law, scene.duration, width, SMOOTHED_RTOL, method, passed)
-
-
-def passages(truth: Trajectory, speed: float) -> Array:
-    """Times at which the sliding speed rises through `speed`, from the dense output by bisection [s]."""
-    times = np.linspace(0.0, truth.duration, 200_001)
-    v = truth.sample(times)["sliding_speed"]
-    low = times[np.flatnonzero((v[:-1] < speed) & (v[1:] >= speed))]
-    high = low + times[1]
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        above = truth.sample(middle)["sliding_speed"] >= speed
-        low, high = np.where(above, low, middle), np.where(above, middle, high)
-    return high
-
-
-def delivered(fast: bool) -> list[tuple[str, float, float, float, str]]:
-    """Scene, accuracy asked for, estimated error, error found (switch times), methods."""
+def simulations(scenes: Sequence[Scene], asked: Sequence[float], repeats: int) -> list[str]:
+    """Rows: accuracy asked for, estimated, found (of switch times over the mean cycle), ms, times as fast as events."""
     rows = []
-    for scene in SCENES[:2] if fast else SCENES:
-        truth, _ = reference(scene)
-        for accuracy in (1e-4,) if fast else (1e-3, 1e-5, 1e-7, 1e-9):
-            found = scene.run(accuracy=accuracy)
-            estimate = found.achieved
-            assert estimate is not None
-            error = distance(found, truth).switches
-            rows.append((scene.name, accuracy, estimate.switches, error, ", ".join(found.methods)))
+    for scene in scenes:
+        truth = scene.run(Stepping(1e-13, HIGH if scene is not SCENES[2] else STIFF))
+        period = scene.duration / truth.onsets.size
+        usual = []
+        if scene.effects == MAIN:
+            log = Series(np.array([0.0, scene.duration]), np.zeros(2), scene.drive_speed, 1.0, 1.0)
+            for rtol in TOLERANCES:
+                times, seconds = timed(partial(onsets, scene.values, log, rtol), 1)
+                if times.size == truth.onsets.size:
+                    usual.append((float(np.max(np.abs(times - truth.onsets))) / period, seconds))
+        for accuracy in asked:
+            motion, seconds = timed(partial(scene.run, accuracy), repeats)
+            estimate, error = motion.achieved.switches, distance(motion, truth).switches
+            others = [spent for off, spent in usual if off <= max(error, 1e-10)]
+            faster = f"{min(others) / seconds:.0f}" if others else "–"
+            methods = ", ".join(motion.methods)
+            rows.append(
+                f"| {scene.name} | {accuracy:.0e} | {estimate:.1e} | {error:.1e} | {methods} | {1e3 * seconds:.1f} "
+                f"| {faster} |"
+            )
     return rows
 
 
-def cost_of_effects(repeats: int, effects: Sequence[Effect] = EFFECTS) -> list[tuple[str, float]]:
-    """Time of 2 s of the test problem with one more effect at its defaults over that without."""
-    motion, plain = timed(EASY.run, repeats)
-    per_slip = float(np.median(plain)) / motion.onsets.size
-    rows = []
-    for effect in effects:
-        if effect.name in MAIN:
-            names: tuple[str, ...] = tuple(n for n in MAIN if n != effect.name)
-        else:
-            rivals_ = {e.name for e in EFFECTS if effect.role and e.role == effect.role}
-            needed = (*MAIN, *effect.needs)
-            names = (*(n for n in needed if n not in rivals_), effect.name)
-        values = {q.name: q.default for e in EFFECTS for q in e.parameters} | PAIR
-        scene = Scene(effect.name, "", names, values, 1e-3, 2.0)
-        try:
-            found, seconds = timed(lambda scene=scene: scene.run(), repeats)  # type: ignore[misc]
-        except (SceneError, SimulationError):
-            continue  # without inertia nothing slips
-        share = float(np.median(seconds)) / max(found.onsets.size, 1) / per_slip
-        rows.append((f"without {effect.name}" if effect.name in MAIN else effect.name, share))
-    return rows
+def fits(cases: Sequence[tuple[str, FitScene, Sequence[Record] | None]]) -> tuple[list[str], int, int]:
+    """Rows of fits: level, seconds said and taken, error said and left [standard errors]; how many are within WITHIN,
+    of how many."""
+    rows, good, count = [], 0, 0
+    for name, scene, records in cases:
+        results = {}
+        for level in LEVELS:
+            fit(scene, records, asked=FitOptions(accuracy=level))  # functions are built once per process
+            results[level.name] = fit(scene, records, asked=FitOptions(accuracy=level)).result["accuracy"]["levels"]
+        said = {entry["accuracy"]: entry for entry in results["default"]}
+        for level in (level.name for level in LEVELS):
+            own = next(entry for entry in results[level] if entry["accuracy"] == level)
+            numbers = [said[level]["seconds"], own["seconds"]]
+            errors = [entry["error_in_standard_errors"] for entry in (said[level], own)]
+            good += all(abs(a / b - 1.0) <= WITHIN for a, b in (numbers, errors) if b)
+            count += 1
+            rows.append(
+                f"| {name} | {level} | {numbers[0]:.2f} | {numbers[1]:.2f} | {errors[0]:.1g} | {errors[1]:.1g} |"
+            )
+    return rows, good, count
 
 
-def main(fast: bool = False, docs: bool = False) -> list[Order]:
-    """Measure and print. fast: few points, one repetition, three small grids. docs: write the page and its pictures."""
-    repeats = 1 if fast else 7
-    with one_core():
-        found = orders()
-        works = {scene: work(scene, repeats, fast) for scene in (SCENES[:1] if fast else SCENES)}
-        asked = delivered(fast)
-        costs = cost_of_effects(*((1, EFFECTS[3:5]) if fast else (15,)))
-        grids = grid_refinement.table((1, 2) if fast else (1, 2, 4, 8, 12, 24), (2, 3) if fast else (0, 1, 2, 3))
-    page = accuracy_page.page(describe(), found, works, asked, costs, grids)
-    print(page)
-    if docs:
-        accuracy_page.write(page, works)
+def main(fast: bool = False) -> list[Order]:
+    """Measure and print; fast: one scene, one short fit."""
+    found = orders()
+    print(f"{describe()}\n\n| method | stated order | measured, switches located | measured, not located |")
+    print("| --- | --- | --- | --- |")
+    for o in found:
+        print(f"| {o.method.name} | {o.method.order} | {o.located:.2f} | {o.not_located:.2f} |")
+    print("\n| scene | asked for | estimated | found | methods | ms | times as fast as solve_ivp with events |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    print("\n".join(simulations(SCENES[:1], ASKED[:1], 1) if fast else simulations(SCENES, ASKED, 7)))
+    demo = FitScene.from_toml(examples.SCENE)
+    if fast:
+        demo = coefficients_only(demo.choose([str(log.path) for log in demo.logs[3:]]), DEMO)
+    cases = [(f"usual {n}", recovery_case("usual", n)) for n in (() if fast else PAIRS)]
+    rows, good, count = fits([("example", demo, None), *((name, scene_of(c), c.records) for name, c in cases)])
+    print("\n| fit | level | seconds, said | taken | error in standard errors, said | left |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    print("\n".join(rows))
+    print(f"\n{good} of {count} within {100 * WITHIN:.0f} %")
     return found
 
 
-def _given(words: Sequence[str]) -> None:
-    main(fast="--fast" in words, docs="--docs" in words)
-
-
 if __name__ == "__main__":
-    _given(sys.argv[1:])
+    main()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from data_io import Record, write_csv
-from experiments.run_rig_study import pulled, tapped
+from experiments.rig_records import pulled, tapped
 from identify import Scene, SceneError
 from identify.base.errors import IdentifyError
 from identify.bench.calibration import calibrated

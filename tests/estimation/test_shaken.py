@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from experiments.run_effect_selection import NOISE, RIG, draw
+from experiments.effect_draws import NOISE, RIG, draw
 from experiments.study_problem import DEMO, scene_of, simulated_case
 from identify.base.outcome import Status
 from identify.diagnosis.fitted import Fitted

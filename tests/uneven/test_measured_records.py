@@ -52,7 +52,7 @@ def test_halves_of_a_measured_record_agree():
 @measured
 @pytest.mark.slow
 def test_a_record_that_hides_the_weakening_still_tells_the_mass():
-    """Ringing of the same rig: 17 to 22.4 g (experiments/run_rig_study.py)."""
+    """Ringing of the same rig: 17 to 22.4 g."""
     sticks = sticks_in("k1002_v4300", RECORDS).part(np.arange(48))
     maximum = maximise([sticks])
     place = PARAMETERS.index("mass")
