@@ -169,57 +169,119 @@ def rtec(rows: Sequence[Row]) -> Made:
     return Made(made.data, tuple(time), made.normal, made.friction)
 
 
-def trb3(rows: Sequence[Row]) -> Made:
-    """Anton Paar TRB3: tabs, decimal comma, nominal load only, tabs at the ends of rows."""
-    names = ("Time [s]", "Distance [m]", "Laps", "Nominal Load [N]", "µ", "Angle [°]", "Friction Force [N]")
-    text, table = "\t".join(names) + "\t\r\n", []
-    for row in rows:
-        time, force = number(row.time, 4, ","), number(row.friction, 6, ",")
-        cells = (time, number(abs(row.idle[0]), 5, ","), "1", "5,000", number(row.idle[1], 4, ","), "12,5", force)
-        text += "\t".join(cells) + "\t\r\n"
-        table.append((time, "5,000", force))
-    return _truth(text.encode("utf-8-sig"), table, (1, 1, 1))
+@dataclass(frozen=True)
+class Table:
+    """A text of one table: what stands above the rows, how a row is written from its number and the texts of time,
+    normal and friction force, their digits behind the mark, units, mark and encoding; load: where the rows have none;
+    step: of the clock [0.1 ms], where it is not in the rows."""
+
+    head: str
+    line: Callable[[Row, int, str, str, str], str]
+    digits: tuple[int, int, int] = (4, 6, 6)
+    units: tuple[Any, Any, Any] = (1, 1, 1)
+    mark: str = "."
+    encoding: str = "utf-8"
+    load: str = ""
+    step: int = 0
+
+    def __call__(self, rows: Sequence[Row]) -> Made:
+        """The rows in this form."""
+        text, table = self.head, []
+        for i, row in enumerate(rows):
+            values = (self.step * i if self.step else row.time, row.normal, row.friction)
+            t, fz, fx = (number(value, d, self.mark) for value, d in zip(values, self.digits, strict=True))
+            text += self.line(row, i, t, fz, fx)
+            table.append((t, self.load or fz, fx))
+        return _truth(text.encode(self.encoding), table, self.units)
 
 
-def nano(rows: Sequence[Row]) -> Made:
-    """CSM Nano tribometer: tabs, millinewtons, points, cp1252."""
-    text = "Sample: Prüfling 7\r\nTime [s]\tDistance [m]\tLaps\tNormal force [mN]\tFriction force [mN]\tµ [-]\r\n"
-    table = []
-    for row in rows:
-        time, fz, fx = number(row.time, 4), number(row.normal, 3), number(row.friction, 3)
-        text += f"{time}\t{number(abs(row.idle[0]), 5)}\t1\t{fz}\t{fx}\t{row.friction / row.normal:.4f}\r\n"
-        table.append((time, fz, fx))
-    return _truth(text.encode("cp1252"), table, (1, Fraction(1, 1000), Fraction(1, 1000)))
+def _day(row: Row) -> str:
+    """Date and time of the day from 23:59:59 on."""
+    of_day = (863_990_000 + row.time) % 864_000_000
+    hours, rest = divmod(of_day, 36_000_000)
+    minutes, rest = divmod(rest, 600_000)
+    date = "2026-01-15" if hours == 23 else "2026-01-16"
+    return f"{date};{hours:02}:{minutes:02}:{rest // 10_000:02}.{rest % 10_000:04}"
 
 
-def bare_tab(rows: Sequence[Row]) -> Made:
-    """A .csv separated by tabs with decimal commas, no units and no load."""
-    text, table = "Time\tDistance\t Laps\t mu\tFrictionForce\n", []
-    for row in rows:
-        time, force = number(row.time, 4, ","), number(row.friction, 6, ",")
-        text += f"{time}\t{number(row.idle[0], 3, ',')}\t1\t0,31\t{force}\n"
-        table.append((time, "2,5", force))
-    return _truth(text.encode(), table, (1, 1, 1))
+def _logged(row: Row, i: int, fz: str, fx: str) -> str:
+    seconds, rest = divmod(row.time, 10_000)
+    return f"{i + 1},2026/01/15 10:{seconds // 60:02}:{seconds % 60:02},{number(rest, 1)},+{fx},+{fz},LLLL\n"
 
 
-def t11(rows: Sequence[Row]) -> Made:
-    """T11: semicolons, decimal comma, load and speed only in the file name."""
-    text, table = "Time [s];Friction force [N];Temperature [°C]\r\n", []
-    for row in rows:
-        time, force = number(row.time, 4, ","), number(row.friction, 6, ",")
-        text += f"{time};{force};{number(abs(row.idle[0]), 2, ',')}\r\n"
-        table.append((time, "10", force))
-    return _truth(text.encode("cp1252"), table, (1, 1, 1))
-
-
-def micronewton(rows: Sequence[Row]) -> Made:
-    """Forces in micronewtons, names with their units in brackets, tabs."""
-    text, table = "Time [s]\tNormal [uN]\tPosition [mm]\tFriction [uN]\n", []
-    for row in rows:
-        time, fz, fx = number(row.time, 4), str(row.normal), str(row.friction)
-        text += f"{time}\t{fz}\t{number(row.idle[0], 3)}\t{fx}\n"
-        table.append((time, fz, fx))
-    return _truth(text.encode(), table, (1, Fraction(1, 10**6), Fraction(1, 10**6)))
+MILLI, KGF, VOLTS = Fraction(1, 1000), 1000 * GRAM, (1, Fraction(4), Fraction(5, 2))
+TABLES: Mapping[str, Table] = {
+    "trb3": Table(  # Anton Paar TRB3: tabs, decimal comma, nominal load only, tabs at the ends of rows
+        "Time [s]\tDistance [m]\tLaps\tNominal Load [N]\tµ\tAngle [°]\tFriction Force [N]\t\r\n",
+        lambda r, _i, t, _z, x: f"{t}\t{number(abs(r.idle[0]), 5, ',')}\t1\t5,000\t{number(r.idle[1], 4, ',')}\t"
+        f"12,5\t{x}\t\r\n",
+        mark=",", encoding="utf-8-sig", load="5,000",
+    ),
+    "nano": Table(  # CSM Nano tribometer: tabs, millinewtons, points, cp1252
+        "Sample: Prüfling 7\r\nTime [s]\tDistance [m]\tLaps\tNormal force [mN]\tFriction force [mN]\tµ [-]\r\n",
+        lambda r, _i, t, z, x: f"{t}\t{number(abs(r.idle[0]), 5)}\t1\t{z}\t{x}\t{r.friction / r.normal:.4f}\r\n",
+        (4, 3, 3), (1, MILLI, MILLI), encoding="cp1252",
+    ),
+    "bare tab": Table(  # a .csv separated by tabs with decimal commas, no units and no load
+        "Time\tDistance\t Laps\t mu\tFrictionForce\n",
+        lambda r, _i, t, _z, x: f"{t}\t{number(r.idle[0], 3, ',')}\t1\t0,31\t{x}\n", mark=",", load="2,5",
+    ),
+    "t11": Table(  # T11: semicolons, decimal comma, load and speed only in the file name
+        "Time [s];Friction force [N];Temperature [°C]\r\n",
+        lambda r, _i, t, _z, x: f"{t};{x};{number(abs(r.idle[0]), 2, ',')}\r\n", mark=",", encoding="cp1252", load="10",
+    ),
+    "micronewton": Table(
+        "Time [s]\tNormal [uN]\tPosition [mm]\tFriction [uN]\n",
+        lambda r, _i, t, z, x: f"{t}\t{z}\t{number(r.idle[0], 3)}\t{x}\n",
+        (4, 0, 0), (1, Fraction(1, 10**6), Fraction(1, 10**6)),
+    ),
+    "volts": Table(  # NI export in volts with an interval instead of a time column
+        "Channels,2\nInterval,0.0005\n\nFx (V),Fz (V)\n", lambda _r, _i, _t, z, x: f"{x},{z}\n", units=VOLTS, step=5,
+    ),
+    "mtm": Table(  # PCS MTM: empty columns, a name twice, degree signs in latin-1
+        "Time (s),,Traction Force (N),Temp (°C),Temp (°C),,Load (N),,Friction (N),\r\n",
+        lambda r, _i, t, z, x: f"{t},,0.1,{number(abs(r.idle[0]), 2)},,,{z},,{x},\r\n", encoding="latin-1",
+    ),
+    "semicolons": Table(  # spreadsheet text: semicolons, decimal comma, a units row, mixed line ends
+        "Zeit;Reibkraft;Normalkraft;Weg\r\n[ms];[mN];[N];[mm]\n",
+        lambda r, i, t, z, x: f"{t};{x};{z};{number(r.idle[0], 3, ',')}" + ("\r\n", "\n", "\r")[i % 3],
+        (1, 6, 3), (MILLI, 1, MILLI), mark=",",
+    ),
+    "blanks": Table(
+        "# T (min)   Fx (kgf)   Fz (kgf)\n", lambda _r, _i, t, z, x: f"  {t}   {x}   {z}\n", units=(60, KGF, KGF)
+    ),
+    "ni pairs": Table(  # NI channels beside each other, each with a head of pairs and a time of its own
+        "Timestamp,2026-01-15 10:00:00,Timestamp,2026-01-15 10:00:00\nInterval,0.02,Interval,0.02\n"
+        'Channel name,"Fx",Channel name,"Fz"\nUnit,"V",Unit,"V"\n',
+        lambda _r, _i, t, z, x: f"{t},{x},{t},{z}\n", units=VOLTS, encoding="utf-8-sig",
+    ),
+    "day clock": Table("Date;Time;Fz [N];Fx [N]\n", lambda r, _i, _t, z, x: f"{_day(r)};{z};{x}\n"),
+    "iso": Table(  # dates and times of the ISO in quotes
+        "Timestamp,Normal force (N),Friction force (N),Humidity\n",
+        lambda r, _i, _t, z, x: f'"2026-01-15T10:{r.time // 600_000:02}:{r.time % 600_000 // 10_000:02}.'
+        f'{r.time % 10_000:04}Z",{z},{x},41.2\n',
+    ),
+    "quoted": Table(  # commas between the columns and in the numbers, which quotes protect
+        "Time [s],Fz [N],Fx [N]\n", lambda _r, _i, t, z, x: f'"{t}","{z}","{x}"\n', mark=",",
+    ),
+    "cells": Table(  # every cell with its unit
+        "Time\tNormal force\tFriction force\n", lambda _r, _i, t, z, x: f"{t} s\t{z} N\t{x} mN\n",
+        (4, 6, 3), (1, 1, MILLI),
+    ),
+    "settings": Table(  # a line of settings between tabs above semicolons without a header
+        "0.050\t0.001\t0.700\t10.000\n", lambda r, _i, t, z, x: f"{number(abs(r.idle[0]), 3)};{t};{x};{z}\n"
+    ),
+    "chinese": Table("时间(s),正压力(N),摩擦力(N)\n", lambda _r, _i, t, z, x: f"{t},{z},{x}\n", encoding="gb18030"),
+    "stamped": Table(  # the monitor of a serial line: each line with the time at which it came
+        "10:00:00.000 -> HX711 ready\n10:00:00.000 -> Fx_N,Fz_N\n",
+        lambda r, _i, _t, z, x: f"10:{r.time // 600_000:02}:{number(r.time % 600_000, 4).rjust(7, '0')} -> {x},{z}\n",
+    ),
+    "data logger": Table(  # Graphtec: settings in pairs, seconds and milliseconds apart, channels by number, alarms
+        "Vendor,GRAPHTEC Corporation\nModel,GL980\nSampling interval,20ms\nCH,Signal name,Input,Range\n"
+        "CH1,Friction,DC,1V\nCH2,Normal,DC,1V\nData\nNumber,Date&Time,ms,CH1,CH2,Alarm\nNO.,Time,ms,N,N,A1234\n",
+        lambda r, i, _t, z, x: _logged(r, i, z, x),
+    ),
+}  # fmt: skip
 
 
 def _lvm(rows: Sequence[Row], x_columns: str, decimal: str) -> Made:
@@ -249,98 +311,6 @@ def lvm_comma(rows: Sequence[Row]) -> Made:
     return _lvm(rows, "One", ",")
 
 
-def volts(rows: Sequence[Row]) -> Made:
-    """NI export in volts with an interval instead of a time column; 2.5 N/V and 4 N/V."""
-    text, table = "Channels,2\nInterval,0.0005\n\nFx (V),Fz (V)\n", []
-    for i, row in enumerate(rows):
-        fz, fx = number(row.normal, 6), number(row.friction, 6)
-        text += f"{fx},{fz}\n"
-        table.append((number(5 * i, 4), fz, fx))
-    return _truth(text.encode(), table, (1, Fraction(4), Fraction(5, 2)))
-
-
-def mtm(rows: Sequence[Row]) -> Made:
-    """PCS MTM: empty columns, a name twice, degree signs in latin-1."""
-    names = "Time (s),,Traction Force (N),Temp (°C),Temp (°C),,Load (N),,Friction (N),"
-    text, table = names + "\r\n", []
-    for row in rows:
-        time, fz, fx = number(row.time, 4), number(row.normal, 6), number(row.friction, 6)
-        text += f"{time},,0.1,{number(abs(row.idle[0]), 2)},,,{fz},,{fx},\r\n"
-        table.append((time, fz, fx))
-    return _truth(text.encode("latin-1"), table, (1, 1, 1))
-
-
-def semicolons(rows: Sequence[Row]) -> Made:
-    """Spreadsheet text: semicolons, decimal comma, a units row, mixed line ends."""
-    text, table = "Zeit;Reibkraft;Normalkraft;Weg\r\n[ms];[mN];[N];[mm]\n", []
-    for i, row in enumerate(rows):
-        time, fz, fx = number(row.time, 1, ","), number(row.normal, 6, ","), number(row.friction, 3, ",")
-        text += f"{time};{fx};{fz};{number(row.idle[0], 3, ',')}" + ("\r\n", "\n", "\r")[i % 3]
-        table.append((time, fz, fx))
-    return _truth(text.encode(), table, (Fraction(1, 1000), 1, Fraction(1, 1000)))
-
-
-def blanks(rows: Sequence[Row]) -> Made:
-    """Columns apart by blanks, a commented header, kilogram-force."""
-    text, table = "# T (min)   Fx (kgf)   Fz (kgf)\n", []
-    for row in rows:
-        time, fz, fx = number(row.time, 4), number(row.normal, 6), number(row.friction, 6)
-        text += f"  {time}   {fx}   {fz}\n"
-        table.append((time, fz, fx))
-    return _truth(text.encode(), table, (60, 1000 * GRAM, 1000 * GRAM))
-
-
-def ni_pairs(rows: Sequence[Row]) -> Made:
-    """NI channels beside each other, each with a head of pairs and a time of its own; the same clock for both."""
-    text, table = (
-        (
-            "Timestamp,2026-01-15 10:00:00,Timestamp,2026-01-15 10:00:00\nInterval,0.02,Interval,0.02\n"
-            'Channel name,"Fx",Channel name,"Fz"\nUnit,"V",Unit,"V"\n'
-        ),
-        [],
-    )
-    for row in rows:
-        time, fz, fx = number(row.time, 4), number(row.normal, 6), number(row.friction, 6)
-        text += f"{time},{fx},{time},{fz}\n"
-        table.append((time, fz, fx))
-    return _truth(text.encode("utf-8-sig"), table, (1, Fraction(4), Fraction(5, 2)))
-
-
-def day_clock(rows: Sequence[Row]) -> Made:
-    """A clock of the day that passes midnight, and a date that changes with it."""
-    text, table = "Date;Time;Fz [N];Fx [N]\n", []
-    for row in rows:
-        of_day = (863_990_000 + row.time) % 864_000_000  # 23:59:59, in 0.1 ms
-        hours, rest = divmod(of_day, 36_000_000)
-        minutes, rest = divmod(rest, 600_000)
-        day = "2026-01-15" if hours == 23 else "2026-01-16"
-        fz, fx = number(row.normal, 6), number(row.friction, 6)
-        text += f"{day};{hours:02}:{minutes:02}:{rest // 10_000:02}.{rest % 10_000:04};{fz};{fx}\n"
-        table.append((number(row.time, 4), fz, fx))
-    return _truth(text.encode(), table, (1, 1, 1))
-
-
-def iso(rows: Sequence[Row]) -> Made:
-    """Dates and times of the ISO in quotes."""
-    text, table = "Timestamp,Normal force (N),Friction force (N),Humidity\n", []
-    for row in rows:
-        minutes, rest = divmod(row.time, 600_000)
-        fz, fx = number(row.normal, 6), number(row.friction, 6)
-        text += f'"2026-01-15T10:{minutes:02}:{rest // 10_000:02}.{rest % 10_000:04}Z",{fz},{fx},41.2\n'
-        table.append((number(row.time, 4), fz, fx))
-    return _truth(text.encode(), table, (1, 1, 1))
-
-
-def quoted(rows: Sequence[Row]) -> Made:
-    """Commas between the columns and in the numbers, which quotes protect."""
-    text, table = "Time [s],Fz [N],Fx [N]\n", []
-    for row in rows:
-        cells = (number(row.time, 4, ","), number(row.normal, 6, ","), number(row.friction, 6, ","))
-        text += ",".join(f'"{cell}"' for cell in cells) + "\n"
-        table.append(cells)
-    return _truth(text.encode(), table, (1, 1, 1))
-
-
 def thousands(rows: Sequence[Row]) -> Made:
     """Instron Bluehill: every number quoted, commas between thousands, forces in millinewtons."""
     text, table = '"Time","Load","Friction force"\n"(s)","(mN)","(mN)"\n', []
@@ -349,36 +319,6 @@ def thousands(rows: Sequence[Row]) -> Made:
         text += ",".join(f'"{float(cell):,.4f}"' for cell in cells) + "\n"
         table.append(tuple(f"{float(cell):.4f}" for cell in cells))
     return _truth(text.encode(), table, (1, Fraction(1, 1000), Fraction(1, 1000)))
-
-
-def cells(rows: Sequence[Row]) -> Made:
-    """Every cell with its unit."""
-    text, table = "Time\tNormal force\tFriction force\n", []
-    for row in rows:
-        time, fz, fx = number(row.time, 4), number(row.normal, 6), number(row.friction, 3)
-        text += f"{time} s\t{fz} N\t{fx} mN\n"
-        table.append((time, fz, fx))
-    return _truth(text.encode(), table, (1, 1, Fraction(1, 1000)))
-
-
-def settings(rows: Sequence[Row]) -> Made:
-    """A line of settings between tabs above semicolons without a header."""
-    text, table = "0.050\t0.001\t0.700\t10.000\n", []
-    for row in rows:
-        time, fz, fx = number(row.time, 4), number(row.normal, 6), number(row.friction, 6)
-        text += f"{number(abs(row.idle[0]), 3)};{time};{fx};{fz}\n"
-        table.append((time, fz, fx))
-    return _truth(text.encode(), table, (1, 1, 1))
-
-
-def chinese(rows: Sequence[Row]) -> Made:
-    """Names in GB 18030."""
-    text, table = "时间(s),正压力(N),摩擦力(N)\n", []
-    for row in rows:
-        cells = (number(row.time, 4), number(row.normal, 6), number(row.friction, 6))
-        text += ",".join(cells) + "\n"
-        table.append(cells)
-    return _truth(text.encode("gb18030"), table, (1, 1, 1))
 
 
 def _comma(number: str) -> str:
@@ -446,33 +386,6 @@ def export(name: str, rows: Sequence[Row]) -> Made:
     cells = [(number(each.time, 4), "3.0", number(each.friction, 6)) for each in rows]
     text = head + "\n" + "".join(row(time, force) + "\n" for time, _, force in cells)
     return _truth(text.encode(), cells, (1, 1, 1))
-
-
-def stamped(rows: Sequence[Row]) -> Made:
-    """The monitor of a serial line: each line with the time at which it came, a greeting above the names."""
-    text, table = "10:00:00.000 -> HX711 ready\n10:00:00.000 -> Fx_N,Fz_N\n", []
-    for row in rows:
-        fz, fx = number(row.normal, 6), number(row.friction, 6)
-        text += f"10:{row.time // 600_000:02}:{number(row.time % 600_000, 4).rjust(7, '0')} -> {fx},{fz}\n"
-        table.append((number(row.time, 4), fz, fx))
-    return _truth(text.encode(), table, (1, 1, 1))
-
-
-def data_logger(rows: Sequence[Row]) -> Made:
-    """Graphtec: settings in pairs, whole seconds and milliseconds apart, channels by number, units below, alarms."""
-    text, table = (
-        (
-            "Vendor,GRAPHTEC Corporation\nModel,GL980\nSampling interval,20ms\nCH,Signal name,Input,Range\n"
-            "CH1,Friction,DC,1V\nCH2,Normal,DC,1V\nData\nNumber,Date&Time,ms,CH1,CH2,Alarm\nNO.,Time,ms,N,N,A1234\n"
-        ),
-        [],
-    )
-    for i, row in enumerate(rows, 1):
-        seconds, rest = divmod(row.time, 10_000)
-        fz, fx = number(row.normal, 6), number(row.friction, 6)
-        text += f"{i},2026/01/15 10:{seconds // 60:02}:{seconds % 60:02},{number(rest, 1)},+{fx},+{fz},LLLL\n"
-        table.append((number(row.time, 4), fz, fx))
-    return _truth(text.encode(), table, (1, 1, 1))
 
 
 def _floats(rows: Sequence[Row]) -> tuple[Made, np.ndarray, np.ndarray, np.ndarray]:
@@ -563,31 +476,31 @@ ALL: Mapping[str, LookAlike] = {
     "cetr reordered": LookAlike("cetr-text", "cetr_reordered.txt", cetr_reordered),
     "bruker": LookAlike("bruker-csv", "bruker.csv", bruker),
     "rtec": LookAlike("rtec-csv", "rtec.csv", rtec),
-    "trb3": LookAlike("anton-paar", "trb3.txt", trb3),
-    "nano": LookAlike("anton-paar", "nano.txt", nano),
-    "bare tab": LookAlike("delimited", "bare_tab.csv", bare_tab, BARE),
-    "t11": LookAlike("delimited", "T11_10N_0.1m-s.csv", t11),
-    "micronewton": LookAlike("delimited", "micronewton.txt", micronewton),
+    "trb3": LookAlike("anton-paar", "trb3.txt", TABLES["trb3"]),
+    "nano": LookAlike("anton-paar", "nano.txt", TABLES["nano"]),
+    "bare tab": LookAlike("delimited", "bare_tab.csv", TABLES["bare tab"], BARE),
+    "t11": LookAlike("delimited", "T11_10N_0.1m-s.csv", TABLES["t11"]),
+    "micronewton": LookAlike("delimited", "micronewton.txt", TABLES["micronewton"]),
     "lvm": LookAlike("labview-lvm", "pair.lvm", lvm),
     "lvm comma": LookAlike("labview-lvm", "pair_comma.lvm", lvm_comma),
-    "volts": LookAlike("interval-text", "volts.csv", volts, SCALES),
-    "mtm": LookAlike("delimited", "mtm.csv", mtm),
-    "semicolons": LookAlike("delimited", "semicolons.csv", semicolons),
-    "blanks": LookAlike("delimited", "blanks.dat", blanks),
-    "ni pairs": LookAlike("ni-channels", "ni_pairs.csv", ni_pairs, SCALES),
-    "day clock": LookAlike("delimited", "day_clock.csv", day_clock),
-    "iso": LookAlike("delimited", "iso.csv", iso),
-    "quoted": LookAlike("delimited", "quoted.csv", quoted),
+    "volts": LookAlike("interval-text", "volts.csv", TABLES["volts"], SCALES),
+    "mtm": LookAlike("delimited", "mtm.csv", TABLES["mtm"]),
+    "semicolons": LookAlike("delimited", "semicolons.csv", TABLES["semicolons"]),
+    "blanks": LookAlike("delimited", "blanks.dat", TABLES["blanks"]),
+    "ni pairs": LookAlike("ni-channels", "ni_pairs.csv", TABLES["ni pairs"], SCALES),
+    "day clock": LookAlike("delimited", "day_clock.csv", TABLES["day clock"]),
+    "iso": LookAlike("delimited", "iso.csv", TABLES["iso"]),
+    "quoted": LookAlike("delimited", "quoted.csv", TABLES["quoted"]),
     "thousands": LookAlike("delimited", "thousands.csv", thousands),
-    "cells": LookAlike("delimited", "cells.txt", cells),
-    "settings": LookAlike("delimited", "settings.txt", settings, NUMBERED),
-    "chinese": LookAlike("delimited", "chinese.csv", chinese),
+    "cells": LookAlike("delimited", "cells.txt", TABLES["cells"]),
+    "settings": LookAlike("delimited", "settings.txt", TABLES["settings"], NUMBERED),
+    "chinese": LookAlike("delimited", "chinese.csv", TABLES["chinese"]),
     **{
         name: LookAlike("delimited", f"export_{i}.txt", functools.partial(export, name), told[2])
         for i, (name, told) in enumerate(EXPORTS.items())
     },
-    "stamped": LookAlike("stamped-lines", "monitor.txt", stamped),
-    "data logger": LookAlike("delimited", "240305-1.csv", data_logger, CHANNELS),
+    "stamped": LookAlike("stamped-lines", "monitor.txt", TABLES["stamped"]),
+    "data logger": LookAlike("delimited", "240305-1.csv", TABLES["data logger"], CHANNELS),
     "hdf5": LookAlike("hdf5", "daq.h5", hdf5, NAMED),
     "tdms": LookAlike("tdms", "pair.tdms", tdms),
     "parquet": LookAlike("parquet", "pair.parquet", parquet),

@@ -63,11 +63,3 @@ def loading_as_printed(alpha: Array, n: int, highest: float = 1e6) -> Array:
         if turns.size:
             out[i] = loading[turns[0]]
     return out
-
-
-def smallest_residual(alpha: Array) -> Array:
-    """The least |xi_v(tau_oc)| of eq. (18) over all loadings, with the right tau_oc: never zero."""
-    loading = np.geomspace(1e-4, 1e6, 2000)
-    root = np.sqrt(1 - alpha[:, None] ** 2)
-    time = (np.arctan2(root * loading, alpha[:, None] * loading - 1) + np.pi) / root
-    return np.min(np.abs(velocity(alpha[:, None], loading - 2 * alpha[:, None], time)), axis=1)

@@ -1,7 +1,6 @@
-"""Which effects go together, what each costs in numbers counted, and the table of effects of docs/effects.md.
+"""What each effect costs in numbers counted, and the table of effects of docs/effects.md.
 
-Every pair of effects, in company of the main ones, is composed; where it composes it is simulated for a few cycles
-and compared with the independent integrator of the tests. Costs are counted on the composed model and on a fit of
+Costs are counted on the composed model and on a fit of
 two cycles, with the effect and without it.
 
 python experiments/run_effect_table.py [--docs]    --docs: write the tables of docs/effects.md
@@ -17,8 +16,7 @@ import casadi as ca
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from experiments import effect_cost, effect_pairs
-from experiments.effect_pairs import case
+from experiments import effect_cost
 from experiments.machine import describe
 from identify.effects import ALL
 from identify.effects.quantities import Effect, Parameter
@@ -92,40 +90,6 @@ def _change(before: int | None, after: int | None) -> str:
     return str(after) if before == after else f"{before} → {after}"
 
 
-def pair_report(step: int = 1) -> list[str]:
-    """The table of pairs: a markdown matrix, the refusals in words, the largest departure."""
-    found = {(p.first, p.second): p for p in effect_pairs.pairs(step)}
-    names = [e.name for e in ALL]
-    rows = ["| | " + " | ".join(str(i + 1) for i in range(len(names))) + " |", "| --- |" + " :-: |" * len(names)]
-    for i, a in enumerate(names):
-        cells = [_cell(found.get((names[min(i, j)], names[max(i, j)]))) for j in range(len(names))]
-        cells[i] = "–"
-        rows.append(f"| {i + 1} `{a}` | " + " | ".join(cells) + " |")
-    compared = [p for p in found.values() if p.departure is not None]
-    refused = [p for p in found.values() if p.refused]
-    apart = [p for p in compared if not p.agrees]
-    late = max(p.departure.times for p in compared if p.departure)
-    force = max(p.departure.force for p in compared if p.departure)
-    rows += [
-        "",
-        f"✓ simulated and equal to the independent integrator; ≠ not equal; × refused; blank: not tried in this run. "
-        f"{len(compared)} pairs compared, {len(compared) - len(apart)} equal (event times within {case.TIMES:g} s, "
-        f"forces within {case.FORCES:g} N), {len(refused)} refused. "
-        f"Largest departure {late:.1e} s and {force:.1e} N.",
-        "",
-        *(f"- × {p.first} with {p.second}: {p.refused}" for p in refused),
-        *(f"- ≠ {p.first} with {p.second}: {p.departure}" for p in apart),
-        *(f"- × {name} without inertia: {why}" for name, why in effect_pairs.without_inertia() if why),
-    ]
-    return rows
-
-
-def _cell(pair: effect_pairs.Pair | None) -> str:
-    if pair is None:
-        return " "
-    return "×" if pair.refused else "✓" if pair.agrees else "≠"
-
-
 def page_with(tables: dict[str, list[str]], text: str) -> str:
     """The page with these tables in their places."""
     for name, rows in tables.items():
@@ -144,10 +108,8 @@ def page_tables() -> dict[str, list[str]]:
 
 
 def main(fast: bool = False) -> None:
-    """Print all tables; fast: the costs of a few effects and a few pairs."""
-    print(f"# Effects: what goes together and what it costs\n\n{describe()}\n")
-    print("## Pairs\n")
-    print("\n".join(pair_report(34 if fast else 1)))
+    """Print the costs; fast: of a few effects."""
+    print(f"# Effects: what each costs\n\n{describe()}\n")
     print("\n## Costs, counted: without → with\n")
     print("\n".join(cost_table(ALL[3:5] if fast else ALL)))
     for name, why in {e.name: effect_cost.cost(effect_cost.pair(e)[0]).why for e in ([] if fast else ALL)}.items():
