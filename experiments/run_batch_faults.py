@@ -5,10 +5,9 @@ disturbed. Counted are groups that had ended and were gone or fitted again ("los
 times and host ("wrong"), and folders without all their files ("half"), looked for after every single kill.
 
 The kills at random instants hit batches with a stand-in for the fit (experiments/stub_fits.py: quick, writes slowly,
-numbers made from the contents of the logs): what is tried there is everything around the fit. A second, shorter
-series kills batches of real fits.
+numbers made from the contents of the logs): what is tried is everything around the fit.
 
-    python experiments/run_batch_faults.py [--fast] [stub] [real]
+    python experiments/run_batch_faults.py [--fast]
 """
 
 from __future__ import annotations
@@ -21,16 +20,14 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-import numpy as np
 
-from data_io import Record, write_csv
 from experiments.batch_trials import (
     alive,
     children,
@@ -43,10 +40,6 @@ from experiments.batch_trials import (
     write_case,
 )
 from experiments.machine import describe
-from experiments.study_problem import DEMO, RIG
-from identify.effects import MAIN
-from identify.model.model import assemble
-from identify.simulation.simulate import run as simulate
 
 WORK = 0.05  # s that a stand-in works, and as long again that it writes
 VICTIMS = ("batch", "batch", "batch", "batch", "batch, terminated", "one fit")  # who is killed; chosen evenly
@@ -105,30 +98,26 @@ def batch(case: tuple[Path, Path], out: Path, *more: object) -> list[object]:
     return [case[0], "--scene", case[1], "--out", out, "--resume", *more]
 
 
-def undisturbed(case: tuple[Path, Path], out: Path, stub: bool = True, codes: tuple[int, ...] = (0,)) -> float:
-    """Run a batch to its end; seconds."""
-    since = time.monotonic()
-    process = started(batch(case, out, "--jobs", 2, "--time-limit", "20 s" if stub else "10 min"), stub=stub)
+def undisturbed(case: tuple[Path, Path], out: Path) -> None:
+    """Run a batch to its end."""
+    process = started(batch(case, out, "--jobs", 2, "--time-limit", "20 s"))
     _, words = process.communicate()
-    if process.returncode not in codes:
+    if process.returncode != 0:
         raise RuntimeError(f"a batch ended with exit code {process.returncode}: {words.decode()}")
-    return time.monotonic() - since
 
 
-def killed_at_random(
-    name: str, case: tuple[Path, Path], reference: Path, home: Path, kills: int, stub: bool = True
-) -> Tally:
+def killed_at_random(name: str, case: tuple[Path, Path], reference: Path, home: Path, kills: int) -> Tally:
     """Kill, resume, kill ..., until the batch is done; then the next batch, until there were enough kills.
 
     Args:
         case: manifest and scene. reference: an undisturbed batch of it. home: where the batches go. kills: how many.
     """
     tally, pick = Tally(name), random.Random(kills)
-    span = WORK * len(put(reference)) if stub else 15.0  # seconds of work, about
+    span = WORK * len(put(reference))  # seconds of work, about
     while tally.kills < kills:
         out, before, failed, code = home / f"out_{tally.batches}", {}, frozenset[str](), None
         while code != 0:
-            process = started(batch(case, out, "--jobs", 2), seconds=WORK, stub=stub)
+            process = started(batch(case, out, "--jobs", 2), seconds=WORK)
             if tally.kills < kills:
                 _one_kill(process, out, tally, pick, span)
             process.communicate()
@@ -255,29 +244,14 @@ def full_disk(case: tuple[Path, Path], reference: Path, home: Path) -> Tally:
     return tally
 
 
-def real_case(folder: Path, groups: int) -> tuple[Path, Path]:
-    """Groups of two quick logs each, simulated, at two speeds."""
-    case = write_case(folder, [])
-    lines = ["path,group,drive_speed"]
-    for number, (speed, duration) in enumerate(((1e-3, 2.0), (5e-4, 3.0))):
-        times = np.arange(round(500 * duration) + 1) / 500
-        force = simulate(assemble(MAIN), DEMO | RIG, speed, 1.0, duration).sample(times)["force"]
-        for i in range(groups):
-            noise = 5e-3 * np.random.default_rng([i, number]).standard_normal(times.size)
-            write_csv(Record(times, np.ones(times.size), force + noise), folder / f"real_{i}_{number}.csv")
-            lines.append(f"real_{i}_{number}.csv,R{i},{1e3 * speed:g} mm/s")
-    case[0].write_text("\n".join(lines) + "\n")
-    return case
-
-
-def main(fast: bool = False, series: Sequence[str] = ("stub", "real")) -> list[Tally]:
-    """All trials, or one series of them. fast: a few kills, no real fits.
+def main(fast: bool = False) -> list[Tally]:
+    """All trials. fast: a few kills.
 
     Raises:
         RuntimeError: something was lost, wrong, half or left over.
     """
     print(describe())
-    kills, real, pairs, size = (2, 0, 1, 5) if fast else (110, 12, 10, 20)
+    kills, pairs, size = (2, 1, 5) if fast else (110, 10, 20)
     names = [f"G{i:02d}" for i in range(size)]
     tallies: list[Tally] = []
 
@@ -290,22 +264,16 @@ def main(fast: bool = False, series: Sequence[str] = ("stub", "real")) -> list[T
     print(HEADING)
     with tempfile.TemporaryDirectory() as folder:
         home = Path(folder)
-        if "stub" in series:
-            case, reference = write_case(home / "in", names), home / "reference"
-            undisturbed(case, reference)
-            counted(killed_at_random("killed, stand-in for the fit", case, reference, home, kills))
-            counted(full_disk(case, reference, home))
-            counted(twice(case, reference, home, pairs))
-            counted(gone_wrong(home / "in", reference, home, names))
-        if "real" in series and real:
-            case, reference = real_case(home / "real", 4), home / "real_reference"
-            undisturbed(case, reference, stub=False)
-            counted(killed_at_random("killed, real fits", case, reference, home / "real", real, stub=False))
+        case, reference = write_case(home / "in", names), home / "reference"
+        undisturbed(case, reference)
+        counted(killed_at_random("killed at random", case, reference, home, kills))
+        counted(full_disk(case, reference, home))
+        counted(twice(case, reference, home, pairs))
+        counted(gone_wrong(home / "in", reference, home, names))
     if any(tally.lost or tally.wrong or tally.half or tally.left for tally in tallies):
         raise RuntimeError("not everything survived; see the table")
     return tallies
 
 
 if __name__ == "__main__":
-    asked = [word for word in sys.argv[1:] if word in ("stub", "real")]
-    main("--fast" in sys.argv[1:], asked or ("stub", "real"))
+    main("--fast" in sys.argv[1:])

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from experiments.acceptance_samples import SAMPLES
+from experiments.hard_cases import CASES
 from experiments.judgement import judged
 
 FOLDER = Path(__file__).resolve().parent.parent / "experiments"
@@ -54,6 +56,13 @@ def test_the_house_is_measured_as_it_stands(tmp_path):
         "one_importer": 1,
         "doubled_classes": 1,
     }
+
+
+def test_every_hard_scene_is_in_the_acceptance_table_and_subsets_are_spread():
+    assert SAMPLES["hard"].numbers("whole") == list(range(len(CASES)))
+    for sample in SAMPLES.values():
+        third = sample.numbers("third")
+        assert len(set(third)) == sample.third and set(third) <= set(sample.numbers("whole"))
 
 
 def test_a_false_success_and_a_false_verdict_are_seen():
