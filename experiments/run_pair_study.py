@@ -18,18 +18,20 @@ from typing import Any
 
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
-import brute_force  # noqa: E402
-import machine  # noqa: E402
-from run_orbit_check import DEMO, EFFECTS, SPEEDS, random_pairs  # noqa: E402
+from experiments import brute_force, machine
+from experiments.study_problem import DEMO as FRICTION
+from experiments.study_problem import RIG
+from identify.base.document import to_dict
+from identify.effects import MAIN as EFFECTS
+from identify.model.model import assemble
+from identify.prediction.closed_forms import AGREES
+from identify.prediction.intervals import OperatingPoint
+from identify.prediction.predict import predictions
 
-from identify.base.document import to_dict  # noqa: E402
-from identify.model.model import assemble  # noqa: E402
-from identify.prediction.closed_forms import AGREES  # noqa: E402
-from identify.prediction.intervals import OperatingPoint  # noqa: E402
-from identify.prediction.predict import predictions  # noqa: E402
-
+DEMO = FRICTION | RIG
+SPEEDS = (0.1e-3 / 60, 0.1e-3, 1e-3, 5e-3)
 TARGET = 0.01
 COMPARED = {"drop": "drop", "period": "period", "peak_speed": "peak"}  # in answers, in `brute_force.Jump`
 OUTCOMES = {
@@ -39,6 +41,23 @@ OUTCOMES = {
     (False, False): "undecided",
 }
 EXTRA = (1e-4, 0.1)  # m/s, range of the random drive speeds
+
+
+def random_pairs(count: int, seed: int) -> tuple[list[dict[str, float]], int]:
+    """Pairs of the study ranges, and how many draws were rejected (kinetic friction lost, or reverse slip)."""
+    rng = np.random.default_rng(seed)
+    pairs: list[dict[str, float]] = []
+    rejected = 0
+    while len(pairs) < count:
+        mu_s, step = rng.uniform(0.4, 0.8), rng.uniform(0.1, 0.25)
+        pair = {"mu_s": mu_s, "mu_k0": mu_s - step, "delta_mu_k": rng.uniform(-0.15, -0.02)}
+        for name, low, high in (("a", 100, 1000), ("D", 15e-6, 60e-6), ("t_cr", 0.1, 2.0)):
+            pair[name] = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+        if pair["mu_k0"] + pair["delta_mu_k"] > 0.05 and mu_s <= 3 * pair["mu_k0"]:
+            pairs.append({**pair, **RIG})
+        else:
+            rejected += 1
+    return pairs, rejected
 
 
 @dataclass

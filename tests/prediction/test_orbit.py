@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import runpy
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from experiments import run_pair_study
 from identify import stability
 from identify.base.document import to_dict
 from identify.base.errors import SimulationError
@@ -47,8 +46,7 @@ def map_of(effects: tuple[str, ...] = ALL, /, **changes: float) -> CycleMap:
 
 
 def test_drop_period_and_end_agree_with_brute_force() -> None:
-    script = Path(__file__).parents[2] / "experiments" / "run_orbit_check.py"
-    assert runpy.run_path(str(script))["main"](fast=True) < 0.01
+    assert run_pair_study.main(fast=True) < 0.01
 
 
 def test_bistable_is_both() -> None:
