@@ -1,7 +1,6 @@
 """What each effect costs in numbers counted, and the table of effects of docs/effects.md.
 
-Costs are counted on the composed model and on a fit of
-two cycles, with the effect and without it.
+Costs are counted on the composed model, with the effect and without it.
 
 python experiments/run_effect_table.py [--docs]    --docs: write the tables of docs/effects.md
 """
@@ -72,21 +71,18 @@ def effects_table() -> list[str]:
 
 def cost_table(effects: tuple[Effect, ...] = ALL) -> list[str]:
     """Counts without and with each effect: the rows of a markdown table."""
-    heads = ("effect", "states", "parameters", *effect_cost.COUNTED, "searched", "unknowns", "rows")
+    heads = ("effect", "states", "parameters", *effect_cost.COUNTED)
     rows = ["| " + " | ".join(heads) + " |", "| --- |" + " ---: |" * (len(heads) - 1)]
     for e in effects:
         less, more = (effect_cost.cost(names) for names in effect_cost.pair(e))
         counts = [(getattr(less, name), getattr(more, name)) for name in ("states", "parameters")] + list(
             zip(less.instructions, more.instructions, strict=True)
         )
-        counts += [(getattr(less, name), getattr(more, name)) for name in ("searched", "unknowns", "rows")]
         rows.append(f"| `{e.name}` | " + " | ".join(_change(a, b) for a, b in counts) + " |")
     return rows
 
 
-def _change(before: int | None, after: int | None) -> str:
-    if before is None or after is None:
-        return "– → " + (str(after) if after is not None else "–")
+def _change(before: int, after: int) -> str:
     return str(after) if before == after else f"{before} → {after}"
 
 
@@ -112,9 +108,6 @@ def main(fast: bool = False) -> None:
     print(f"# Effects: what each costs\n\n{describe()}\n")
     print("\n## Costs, counted: without → with\n")
     print("\n".join(cost_table(ALL[3:5] if fast else ALL)))
-    for name, why in {e.name: effect_cost.cost(effect_cost.pair(e)[0]).why for e in ([] if fast else ALL)}.items():
-        if why:
-            print(f"\n- without {name}, no fit is laid out: {why}")
 
 
 if __name__ == "__main__":
