@@ -1,11 +1,18 @@
 """Files appear whole or not at all: written beside the target under another name, then moved."""
 
+from __future__ import annotations
+
 import os
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import h5py
+
+_BLOCK = 1 << 22  # bytes by which an HDF5 file grows in memory
 
 
 @contextmanager
@@ -46,3 +53,23 @@ def _flush_to_disk(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+@contextmanager
+def atomic_hdf5(path: str | Path, **options: Any) -> Iterator[h5py.File]:
+    """Yield a new HDF5 file that is built in memory and reaches `path` only whole.
+
+    The HDF5 library may end the process where a disk fills while it writes; plain bytes fail with an `OSError`.
+
+    Args:
+        path: a file of this name is replaced.
+        options: as of `h5py.File`.
+    """
+    import h5py
+
+    with h5py.File(Path(path).name, "w", driver="core", backing_store=False, block_size=_BLOCK, **options) as file:
+        yield file
+        file.flush()
+        image = file.id.get_file_image()
+    with atomic_write(path, "wb") as handle:
+        handle.write(image)

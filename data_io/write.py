@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from data_io.atomic import atomic_path, atomic_write
+from data_io.atomic import atomic_hdf5, atomic_path, atomic_write
 from data_io.hdf5_open import children, opened, signature_at
 from data_io.record import Record
 from data_io.source import load, no_progress
@@ -147,16 +147,17 @@ def changed_runs(path: str | Path) -> list[str]:
         return _changed(file)
 
 
-def _created(path: Path, dated: bool) -> h5py.File:
-    """Open a new file. Its structure is protected by checksums, which HDF5 writes from format 1.10 on."""
-    import h5py
-
-    file = h5py.File(path, "w", track_order=True, libver=("v110", "v110"))
-    file.attrs.update({"format": FORMAT, "format_version": FORMAT_VERSION})
-    file.attrs["created_by"] = f"{_DISTRIBUTION} {metadata.version(_DISTRIBUTION)}"
-    if dated:
-        file.attrs["created"] = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    return file
+@contextmanager
+def _created(path: str | Path, dated: bool) -> Iterator[h5py.File]:
+    """Yield a new file and check it; its structure is protected by checksums, which HDF5 writes from format 1.10 on."""
+    with _writing(path), atomic_path(path) as temporary:
+        with atomic_hdf5(temporary, track_order=True, libver=("v110", "v110")) as file:
+            file.attrs.update({"format": FORMAT, "format_version": FORMAT_VERSION})
+            file.attrs["created_by"] = f"{_DISTRIBUTION} {metadata.version(_DISTRIBUTION)}"
+            if dated:
+                file.attrs["created"] = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+            yield file
+        _check(temporary, path)
 
 
 def _put(
@@ -284,12 +285,10 @@ def write_hdf5(
     Compressed, with checksums; the file is read back and compared, and appears whole or not at all. progress: called
     with the share written. dated: the file tells when it was written. Raises `LogError` where it cannot be written.
     """
-    with _writing(path), atomic_path(path) as temporary:
-        with _created(temporary, dated) as file:
-            about = _put(file, file, record, None, progress)
-            for key in ("source_file", "source_sha256"):
-                file.attrs[key] = str(about["metadata"].get(key, ""))
-        _check(temporary, path)
+    with _created(path, dated) as file:
+        about = _put(file, file, record, None, progress)
+        for key in ("source_file", "source_sha256"):
+            file.attrs[key] = str(about["metadata"].get(key, ""))
 
 
 def write_archive(records: Iterable[Record], path: str | Path, *, dated: bool = True) -> tuple[Entry, ...]:
@@ -301,18 +300,16 @@ def write_archive(records: Iterable[Record], path: str | Path, *, dated: bool = 
     import h5py
 
     entries: list[Entry] = []
-    with _writing(path), atomic_path(path) as temporary:
-        with _created(temporary, dated) as file:
-            for number, record in enumerate(records, start=1):
-                group = file.create_group(f"run_{number}", track_order=True)
-                about = _put(file, group, record, number, no_progress)
-                entries.append(_entry(number, record, about, str(group.attrs[CONTENT])))
-            if not entries:
-                raise LogError(f"{path}: no log is left to write; one at least was expected; see why each was refused")
-            kinds: dict[Any, Any] = {"int": np.int64, "float": np.float64, "str": h5py.string_dtype()}
-            kind = np.dtype([(field.name, kinds[field.type]) for field in fields(Entry)])
-            file.create_dataset(INDEX, data=np.array([astuple(entry) for entry in entries], dtype=kind))
-        _check(temporary, path)
+    with _created(path, dated) as file:
+        for number, record in enumerate(records, start=1):
+            group = file.create_group(f"run_{number}", track_order=True)
+            about = _put(file, group, record, number, no_progress)
+            entries.append(_entry(number, record, about, str(group.attrs[CONTENT])))
+        if not entries:
+            raise LogError(f"{path}: no log is left to write; one at least was expected; see why each was refused")
+        kinds: dict[Any, Any] = {"int": np.int64, "float": np.float64, "str": h5py.string_dtype()}
+        kind = np.dtype([(field.name, kinds[field.type]) for field in fields(Entry)])
+        file.create_dataset(INDEX, data=np.array([astuple(entry) for entry in entries], dtype=kind))
     return tuple(entries)
 
 

@@ -66,8 +66,7 @@ def machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pa
     """Functions are compiled here, into a cache of its own."""
     monkeypatch.setenv("STICKSLIP_COMPILE", "1")
     monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(native, "_granted", [-1e6])  # seconds: no test waits until it has earned its compiler
-    known = (native.compiler, native.folder, native._translator)
+    known = (native.compiler, native.folder, native._toolchain)
     for function in known:
         function.cache_clear()
     if native.compiler() is None:
@@ -84,13 +83,10 @@ def shared_machine_code(tmp_path_factory: pytest.TempPathFactory) -> Iterator[No
     digit for digit the numbers are those of the virtual machine (tests/base/test_wide.py), in a fifth of the time."""
     base = tmp_path_factory.getbasetemp()
     place = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    known = (native.compiler, native.folder, native._translator, slip_functions)
+    known = (native.compiler, native.folder, native._toolchain, slip_functions)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STICKSLIP_COMPILE", "1")
         patch.setenv("STICKSLIP_CACHE", str(place / "machine_code"))
-        patch.setattr(
-            native, "SCRIPT", native.SCRIPT.replace("exec nice -n 10", "exec")
-        )  # beside busy workers it would come late
         patch.setattr(compiled, "_all", weakref.WeakSet())  # what is made here is nothing to compile for later tests
         for function in known:
             function.cache_clear()

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import casadi as ca
 
-WRITTEN = 1  # counts up when what is written changes: older machine code is not found again then
+VERSION = 1  # counts up when what is written changes: older machine code is not found again then
 _HEAD = """#include <math.h>
 typedef double V __attribute__((vector_size({bytes})));
 typedef long long M __attribute__((vector_size({bytes})));
@@ -60,13 +60,13 @@ _WORDS = {
 
 
 @cache
-def register() -> tuple[int, str]:
-    """How many lanes a register of this processor holds, and the compiler's flag for it."""
+def register() -> tuple[int, tuple[str, ...]]:
+    """How many lanes a register of this processor holds, and the compiler's options for it."""
     try:
         known = "avx2" in Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").split()
     except OSError:
         known = False
-    return (4, "-mavx2") if known and platform.machine() == "x86_64" else (2, "")
+    return (4, ("-mavx2",)) if known and platform.machine() == "x86_64" else (2, ())
 
 
 def code(function: ca.Function, lanes: int) -> str | None:
@@ -96,13 +96,6 @@ def code(function: ca.Function, lanes: int) -> str | None:
             return None
         lines.append(line)
     return "\n".join([*lines, "  return 0;", "}", ""])
-
-
-def lanes_of(found: ca.Function, function: ca.Function) -> int:
-    """For how many lanes of a function its machine code is."""
-    return next(
-        found.numel_out(i) // function.numel_out(i) for i in range(function.n_out()) if function.numel_out(i) > 0
-    )
 
 
 def _head(lanes: int) -> str:

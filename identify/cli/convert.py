@@ -70,7 +70,11 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         rows, steps = sum(entry.rows for entry in entries), sum(entry.steps for entry in entries)
         terminal.say(f"{out}: {len(entries)} logs, {rows} rows; read one with --run N")
     if key is not None:
-        _write_key(key, out, work.keys)
+        try:
+            _write_key(key, out, work.keys)
+        except OSError:
+            out.unlink()  # without its key it is of no use
+            raise
         terminal.say(f"{key}: the key; keep it apart from {out.name}")
     document: dict[str, Any] = {"out": str(out), "rows": rows, "steps": steps}
     if key is not None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.atomic import atomic_path, atomic_write
+from data_io.atomic import atomic_hdf5, atomic_write
 from identify.base.errors import SimulationError
 from identify.prediction.chart import Boundary, Chart, Range, chart, charted
 from identify.prediction.map_axes import Axis, Site
@@ -221,7 +221,7 @@ def _cell(value: object) -> Any:
 def _write_hdf5(path: Path, site: Site, columns: Columns, lines: Mapping[str, Sequence[Array]]) -> None:
     import h5py
 
-    with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
+    with atomic_hdf5(path) as file:
         file.attrs["format"], file.attrs["format_version"] = FORMAT, VERSION
         point = {**site.values, "drive_speed": site.drive_speed, "normal_force": site.normal_force}
         file.create_group("operating_point").attrs.update(point)

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.atomic import atomic_hdf5
 from identify.base.document import Json
 from identify.base.outcome import LogCurves
 from identify.report.stored_result import as_json, plain
@@ -38,12 +39,12 @@ SLIP_UNITS = {
 
 
 def write_result_h5(fit: Fit, path: Path) -> None:
-    """Write the fit to an HDF5 file (an existing one is replaced).
+    """Write the fit to an HDF5 file (an existing one is replaced), whole or not at all.
 
     `/document`: the text of result.json; `/result`: the same as groups and datasets (null is an empty
     dataset); `/curves/log_<n>`: time, forces and mask at every sample, `cycles/`, `slip/`, each with `units`.
     """
-    with h5py.File(path, "w") as file:
+    with atomic_hdf5(path) as file:
         file.attrs["format"] = "stickslip-result"
         file.attrs["format_version"] = FORMAT_VERSION
         file.create_dataset("document", data=as_json(fit.result), dtype=h5py.string_dtype())

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from data_io.atomic import atomic_path, atomic_write
+from data_io.atomic import atomic_write
 from identify.report.report_figures import pictures
 from identify.report.report_tables import classical_table, parameter_table
 from identify.report.stored_result import as_json
@@ -44,8 +44,7 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
     (folder / FIGURES).mkdir(parents=True, exist_ok=True)
     written = [_write(folder / FIGURES / name, content) for name, content in figures.items()]
     _remove_stale(folder / FIGURES, written)
-    with atomic_path(folder / "result.h5") as temporary:
-        write_result_h5(fit, temporary)
+    write_result_h5(fit, folder / "result.h5")
     written.append(folder / "result.h5")
     written.append(_write(folder / "classical.csv", table))
     written.append(_write(folder / "parameters.tex", latex))

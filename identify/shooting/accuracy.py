@@ -166,12 +166,14 @@ def accuracy_costs(solved: Solved, size: Array, taken: Accuracy, first: int, sol
 
 def effect_shares(model: Model) -> dict[str, float]:
     """By effect, the share of the time of a model's functions that it takes: of the instructions of a slip with its
-    derivatives, those that are not there without the effect. An effect that others need is left out."""
+    derivatives, those that are not there without the effect. An effect that others need is left out, and inertia:
+    without it there is no slip to integrate."""
     whole, shares = _instructions(model), {}
     for name in model.effects:
         with suppress(SceneError):
             less = assemble(tuple(other for other in model.effects if other != name))
-            shares[name] = max(1.0 - _instructions(less) / whole, 0.0)
+            if less.balance is None:
+                shares[name] = max(1.0 - _instructions(less) / whole, 0.0)
     return shares
 
 

@@ -5,15 +5,14 @@ import signal
 import subprocess
 import sys
 import time
-import weakref
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 
+from identify.base import compile_worker, native
 from identify.base import compiled as mapped
-from identify.base import native
 from identify.base.compiled import Mapped
 from identify.effects import MAIN
 from identify.model.model import assemble
@@ -52,7 +51,7 @@ def test_machine_code_is_found_by_the_next_who_asks_and_gives_the_same_numbers(m
     assert again.native and not plain.native
     for a, b in zip(before, after, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-14)
-    assert not list(machine_code.glob("*.lock")) and not list(machine_code.glob("build-*"))
+    assert not list(machine_code.glob("build-*"))
 
 
 def test_another_function_is_not_mistaken_for_it(machine_code):
@@ -68,7 +67,7 @@ def test_shooting_blocks_agree_to_ten_digits(machine_code, kind):
     slots, constants, _, _ = made_block.expressions
     random = np.random.default_rng(3)
     given = [0.1 + 0.1 * random.random((7, slots.numel())), 0.5 + random.random((7, constants.numel()))]
-    f = made_block.derivatives._function
+    f = made_block.derivatives.function
     before = Mapped(f, 4)(given)
     made(f)
     compiled = Mapped(f, 4)
@@ -76,60 +75,6 @@ def test_shooting_blocks_agree_to_ten_digits(machine_code, kind):
     assert compiled.native
     for a, b in zip(before, after, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-10 * np.max(np.abs(a)))
-
-
-def test_what_costs_much_is_compiled_while_it_runs_at_first_quickly_then_well(machine_code, monkeypatch):
-    monkeypatch.setattr(mapped, "WORTH", 0.0)
-    monkeypatch.setattr(mapped, "RETRY", 0.0)
-    run, levels = Mapped(function(5.0), 4), []
-    before = run(LANES)
-    for _ in range(3):
-        native.wait()
-        after = run(LANES)
-        levels.append(sorted(library.name.partition("-")[0] for library in machine_code.glob("*.so")))
-        for a, b in zip(before, after, strict=True):
-            np.testing.assert_array_equal(a, b)
-    assert run.native and not run.jobs
-    assert levels == [["plain"], ["plain", "wide"], ["plain", "wide"]]
-
-
-def test_what_is_kept_for_later_is_compiled_well_at_once(machine_code, monkeypatch):
-    monkeypatch.setattr(mapped, "USED", 0.0)
-    run = Mapped(function(9.0), 4)
-    run(LANES)
-    mapped.keep()
-    native.wait()
-    assert native.find(native.key(function(9.0), lanes=True), "sample") is not None
-    again = Mapped(function(9.0), 4)
-    again(LANES)
-    assert again.native and not again.jobs, "the best there is"
-
-
-def test_the_dearest_is_compiled_first_and_no_more_than_is_soon_done(machine_code, monkeypatch):
-    started = []
-    monkeypatch.setattr(mapped, "_all", weakref.WeakSet())
-    monkeypatch.setattr(mapped, "WORTH", 0.0)
-    monkeypatch.setattr(native, "start", started.append)
-    cheap, dear = Mapped(function(2.0), 4), Mapped(function(3.0), 4)
-    monkeypatch.setattr(mapped, "AT_ONCE", 0.0)
-    cheap(LANES), dear(LANES)
-    assert started == [[], []]
-    takes = native.seconds(*cheap.jobs[0])
-    for limit, expected in ((0.5 * takes, [dear]), (1.5 * takes, [dear, cheap])):
-        monkeypatch.setattr(mapped, "AT_ONCE", limit)
-        dear.spent, cheap.spent = 2.0, 1.0
-        started.clear()
-        mapped._compile()
-        assert started == [[one.jobs[0] for one in expected]]
-
-
-def test_the_larger_a_function_the_less_is_done_to_it(machine_code, monkeypatch):
-    size = function().n_instructions()
-    monkeypatch.setattr(native, "LEVELS", {"plain": ("-O0", 1.0, size), "improved": ("-O1", 2.0, size - 1)})
-    (only,) = native.keys(function())
-    assert only.startswith("plain-") and native.seconds(function(), only) == size
-    monkeypatch.setattr(native, "LEVELS", {"plain": ("-O0", 1.0, size - 1)})
-    assert native.keys(function()) == () and native.key(function(), lanes=True) is None
 
 
 @pytest.mark.parametrize("lanes", [1, 3, 31, 32, 33, 70])
@@ -182,7 +127,7 @@ def group_is_gone(group: int, within: float) -> bool:
 @pytest.mark.parametrize("end", ["closed", signal.SIGKILL])
 def test_what_is_compiled_ends_with_its_process_however_that_ends(machine_code, end):
     """And leaves nothing behind; a compiler that takes half a minute stands for a large function."""
-    script = f"import identify.base.native as n; n.LINGER = 0; n._granted.append(-1e3)\n{HEAVY}"
+    script = f"import identify.base.native as n; n.LINGER = 0\n{HEAVY}"
     cc = machine_code.parent / "bin" / "cc"
     cc.parent.mkdir()
     cc.write_text("#!/bin/sh\nsleep 30\n", encoding="ascii")
@@ -202,52 +147,19 @@ def test_what_is_compiled_ends_with_its_process_however_that_ends(machine_code, 
     assert [path.name for path in machine_code.iterdir()] == []
 
 
-def test_the_compiler_steps_back_and_is_told_to_stop(machine_code):
-    """Nice counts within a session only; an interrupt from the keyboard reaches the foreground's process group."""
-    f = large(5000)
-    native.start([(f, native.key(f))])
-    (compiling,) = native._running
-    assert os.getsid(compiling.pid) == os.getsid(0)
-    assert os.getpgid(compiling.pid) != os.getpgid(0)
-    assert "nice -n 10" in native.SCRIPT and "ulimit -t" in native.SCRIPT
-    time.sleep(0.5)  # it is at work
-    native.stop()
-    assert compiling.wait(5.0) == 0 and group_is_gone(compiling.pid, 2.0)
-    assert list(machine_code.iterdir()) == []
-
-
-def test_no_more_is_compiled_than_the_process_itself_has_taken(machine_code, monkeypatch):
-    needed = native.SLOWER * native.seconds(function(3.0), native.key(function(3.0), lanes=True))
-    for spent, expected in ((0.9, 0), (1.1, 1), (1.9, 1), (2.1, 2)):
-        monkeypatch.setattr(native, "_granted", [])
-        monkeypatch.setattr(native.time, "process_time", lambda spent=spent: spent * needed)
-        jobs = [(f, native.key(f, lanes=True)) for f in (function(2.0 + spent), function(20.0 + spent))]
-        native.start(jobs)
-        native.wait()
-        assert sum(native.find(key, "sample") is not None for _, key in jobs) == expected
-    assert not list(machine_code.glob("*.lock"))
-
-
-def test_a_compilation_that_takes_too_long_is_ended_and_marked(machine_code, monkeypatch):
-    monkeypatch.setattr(native, "LEVELS", {"plain": ("-O2", 0.0, 10**9)})  # promised in no time, granted 1 s
-    f = large(20_000)
-    began = time.monotonic()
-    native.start([(f, native.key(f))])
-    native.wait()
-    assert native.failed(native.key(f)) and time.monotonic() - began < 20.0
-    assert [path.suffix for path in machine_code.iterdir()] == [".failed"]
-
-
 def test_the_cache_keeps_to_its_limit_and_lets_go_of_the_oldest(machine_code, monkeypatch):
     base, day = native.folder(), 86_400.0
     for number in range(4):
-        path = base / f"plain-{number}.so"
+        path = base / f"plain-{number:040}.0123456789abcdef.so"
         path.write_bytes(bytes(400_000))
         os.utime(path, (time.time() - day * (4 - number),) * 2)
     (base / "mine.so").write_bytes(bytes(10))  # not of ours: stays
     monkeypatch.setenv("STICKSLIP_CACHE_MB", "1")
     native.make_room(base)
-    assert sorted(path.name for path in base.iterdir()) == ["mine.so", "plain-2.so", "plain-3.so"]
+    assert sorted(path.name for path in base.iterdir()) == [
+        "mine.so",
+        *(f"plain-{number:040}.0123456789abcdef.so" for number in (2, 3)),
+    ]
     monkeypatch.setenv("STICKSLIP_CACHE_MB", "nonsense")
     assert native.limit() == native.LIMIT
 
@@ -260,13 +172,63 @@ def test_what_is_used_again_is_not_the_oldest(machine_code):
     assert native._age(library) < 60.0
 
 
-def test_a_damaged_library_is_as_good_as_none(machine_code):
+def used_much(run: Mapped, times: int = 4) -> None:
+    """Calls as of a function that has cost much more than compiling it; every one gives the right numbers."""
+    expected = [function()(x, y)[0].full().ravel() for x, y in zip(*LANES, strict=True)]
+    for _ in range(times):
+        run.spent += 2.0 * run.cost + 1.0
+        np.testing.assert_array_equal(run(LANES)[0], expected)
+        native.wait()
+
+
+def test_what_has_cost_as_much_as_compiling_it_is_compiled_while_it_runs(machine_code):
+    run = Mapped(function(), 4)
+    run(LANES)
+    assert not native.busy() and not run.native, "it has not cost much yet"
+    used_much(run)
+    assert run.native and run.settled
+
+
+def test_what_was_used_is_compiled_for_later_processes(machine_code):
+    run = Mapped(function(9.0), 4)
+    run(LANES)
+    run.spent += 0.5 * run.cost
+    mapped.keep()
+    native.wait()
+    again = Mapped(function(9.0), 4)
+    again(LANES)
+    assert again.native and not run.native
+
+
+def test_thirty_damaged_libraries_are_thrown_away_and_made_again(machine_code):
+    """Cut to a fraction, or with flipped bits: none is ever loaded."""
     made(function())
     (library,) = machine_code.glob("*.so")
-    library.write_bytes(b"no library")
-    run = Mapped(function(), 4)
-    np.testing.assert_allclose(run(LANES)[0], 2 * LANES[0] * np.exp(LANES[1])[:, None], rtol=1e-15)
-    assert not run.native and not library.exists()
+    sound, random = library.read_bytes(), np.random.default_rng(5)
+    cuts = [sound[: int(share * len(sound))] for share in np.linspace(0.0, 0.99, 15)]
+    flips = []
+    for _ in range(15):
+        bits = np.unpackbits(np.frombuffer(sound, np.uint8))
+        bits[random.integers(0, bits.size, 16)] ^= 1
+        flips.append(np.packbits(bits).tobytes())
+    for data in (*cuts, *flips):
+        library.write_bytes(data)
+        run = Mapped(function(), 4)
+        np.testing.assert_allclose(run(LANES)[0], 2 * LANES[0] * np.exp(LANES[1])[:, None], rtol=1e-15)
+        assert not run.native and not library.exists() and not native.failed(run.key)
+    used_much(run)
+    assert run.native and library.read_bytes() == sound
+
+
+def test_a_library_appears_at_once_and_whole(machine_code, tmp_path):
+    """The worker makes it elsewhere and renames it; the name holds the checksum of its bytes."""
+    build = tmp_path / f"build-{'plain-' + 40 * 'a'}"
+    build.mkdir()
+    (build / "function.c").write_text("int one(void) { return 1; }", encoding="ascii")
+    compile_worker.compile_in(build, [native.compiler(), "-shared", "-fPIC"], tmp_path)
+    (library,) = tmp_path.glob("*.so")
+    assert library.name == compile_worker.library_name("plain-" + 40 * "a", library.read_bytes())
+    assert [path.name for path in build.iterdir()] == ["function.c"]
 
 
 @pytest.fixture
@@ -278,38 +240,21 @@ def failing(machine_code, tmp_path, monkeypatch):
     (tmp_path / "bin" / "cc").write_text(f"#!/bin/sh\necho once >> {noted}\nexit 1\n", encoding="ascii")
     (tmp_path / "bin" / "cc").chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}")
-    monkeypatch.setattr(mapped, "WORTH", 0.0)
-    monkeypatch.setattr(mapped, "RETRY", 0.0)
-    for known in (native.compiler, native._translator):
+    for known in (native.compiler, native._toolchain):
         known.cache_clear()
     return noted
 
 
-def used_much(run: Mapped) -> None:
-    expected = [function()(x, y)[0].full().ravel() for x, y in zip(*LANES, strict=True)]
-    for _ in range(6):
-        np.testing.assert_array_equal(run(LANES)[0], expected)
-        native.wait()
-
-
-def test_a_compiler_that_fails_is_not_asked_again(failing, machine_code):
-    levels = len(native.keys(function(), lanes=True))
-    for run in (Mapped(function(), 4), Mapped(function(), 4)):  # the second one as another process would ask
+def test_a_compiler_that_fails_is_not_asked_again_for_a_day(failing, machine_code):
+    for _ in range(2):  # the second one as another process would ask
+        run = Mapped(function(), 4)
         used_much(run)
-        mapped.keep()
-        native.wait()
-        assert not run.native and not run.jobs
-        assert len(failing.read_text(encoding="ascii").split()) == levels
-    assert not list(machine_code.glob("*.lock")) and not list(machine_code.glob("build-*"))
-
-
-def test_a_day_later_it_is(failing, machine_code):
+        assert not run.native and run.settled and failing.read_text(encoding="ascii") == "once\n"
+    assert not list(machine_code.glob("build-*"))
+    (mark,) = machine_code.glob("*.failed")
+    os.utime(mark, (time.time() - native.AGAIN - 1.0,) * 2)
     used_much(Mapped(function(), 4))
-    before = failing.stat().st_size
-    for mark in machine_code.glob("*.failed"):
-        os.utime(mark, (time.time() - native.AGAIN - 1.0,) * 2)
-    used_much(Mapped(function(), 4))
-    assert failing.stat().st_size == 2 * before > 0
+    assert failing.read_text(encoding="ascii") == "once\nonce\n"
 
 
 def test_what_cannot_be_written_gives_up_its_own_claim_only(machine_code, monkeypatch):
@@ -325,8 +270,45 @@ def test_what_cannot_be_written_gives_up_its_own_claim_only(machine_code, monkey
     native.start(jobs)
     native.wait()
     assert [native.find(key, "sample") is not None for _, key in jobs] == [True, False, True]
-    assert native.failed(jobs[1][1])
-    assert not list(machine_code.glob("*.lock")) and not list(machine_code.glob("build-*"))
+    assert native.failed(jobs[1][1]) and not list(machine_code.glob("build-*"))
+
+
+def test_what_dead_processes_left_is_removed_and_what_others_are_at_is_not(machine_code):
+    f, base = function(), native.folder()
+    identity = native.key(f, lanes=True)
+    other = base / f"build-{identity}"
+    other.mkdir()
+    made(f)
+    assert not list(base.glob("*.so")) and other.exists(), "another process is at it"
+    os.utime(other, (time.time() - native.STALE - 1.0,) * 2)
+    made(f)
+    assert list(base.glob("*.so")) and not other.exists()
+
+
+def test_code_that_cannot_be_loaded_is_not_made_again_and_again(machine_code, monkeypatch):
+    """A cache on a disk from which nothing may be run."""
+
+    def refused(*_):
+        raise RuntimeError("failed to map segment")
+
+    monkeypatch.setattr(native.ca, "external", refused)
+    run = Mapped(function(), 4)
+    used_much(run)
+    assert not run.native and run.settled and not list(machine_code.glob("*.so"))
+
+
+def test_compiling_is_ended_on_demand_and_leaves_nothing(machine_code):
+    """It has a process group of its own, which an interrupt from the keyboard does not reach, in the same session."""
+    f = large(5000)
+    native.start([(f, native.key(f))])
+    (compiling,) = native._running
+    assert os.getsid(compiling.pid) == os.getsid(0)
+    assert os.getpgid(compiling.pid) != os.getpgid(0)
+    time.sleep(0.5)  # it is at work
+    native.stop()
+    compiling.wait(5.0)
+    assert group_is_gone(compiling.pid, 2.0)
+    assert list(machine_code.iterdir()) == []
 
 
 def test_without_a_process_to_compile_in_nothing_stays_claimed(machine_code, monkeypatch):
@@ -335,48 +317,7 @@ def test_without_a_process_to_compile_in_nothing_stays_claimed(machine_code, mon
 
     monkeypatch.setattr(native.subprocess, "Popen", none)
     made(function())
-    assert not list(machine_code.glob("*.lock")) and not list(machine_code.glob("build-*"))
-
-
-def test_what_dead_processes_left_is_removed_and_what_others_are_at_is_not(machine_code):
-    f, base = function(), native.folder()
-    dead, alive = base / "build-dead", base / "build-alive"
-    lock = base / f"{native.key(f, lanes=True)}.lock"
-    for folder in (dead, alive):
-        folder.mkdir()
-        (folder / "name").write_text("plain-0", encoding="ascii")
-    lock.touch()
-    long_ago = (time.time() - native.STALE - 1.0,) * 2
-    os.utime(dead, long_ago)
-    made(f)
-    assert not list(base.glob("*.so")), "another process is at it"
-    os.utime(lock, long_ago)
-    made(f)
-    assert list(base.glob("*.so")) and not lock.exists()
-    assert alive.exists() and not dead.exists()
-
-
-def test_a_lock_that_goes_while_it_is_looked_at_is_no_failure(machine_code, monkeypatch):
-    """Between two looks at a lock another process may remove it: seen, then not there."""
-    exists = Path.exists
-    with monkeypatch.context() as then:
-        then.setattr(Path, "exists", lambda path, **more: path.suffix == ".lock" or exists(path, **more))
-        made(function())
-    assert list(machine_code.glob("*.so"))
-
-
-def test_code_that_cannot_be_loaded_is_not_made_again_and_again(machine_code, monkeypatch):
-    """A cache on a disk from which nothing may be run."""
-    monkeypatch.setattr(mapped, "WORTH", 0.0)
-    monkeypatch.setattr(mapped, "RETRY", 0.0)
-
-    def refused(*_):
-        raise RuntimeError("failed to map segment")
-
-    monkeypatch.setattr(native.ca, "external", refused)
-    run = Mapped(function(), 4)
-    used_much(run)
-    assert not run.native and not run.jobs and not list(machine_code.glob("*.so"))
+    assert not list(machine_code.glob("build-*"))
 
 
 def test_a_folder_that_others_can_write_to_is_not_trusted(machine_code):

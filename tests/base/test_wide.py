@@ -42,7 +42,7 @@ def test_every_operation_that_is_written_is_tried_here():
     assert set(wide._WORDS) - used(every_operation()) <= {ca.OP_ASSIGN}
 
 
-@pytest.mark.parametrize("register", [wide.register(), (2, ""), (4, "")])
+@pytest.mark.parametrize("register", [wide.register(), (2, ()), (4, ())])
 @pytest.mark.parametrize("lanes", [1, 7, 121])
 def test_lane_by_lane_the_numbers_are_those_of_the_virtual_machine(machine_code, monkeypatch, register, lanes):
     monkeypatch.setattr(wide, "register", lambda: register)
@@ -51,7 +51,7 @@ def test_lane_by_lane_the_numbers_are_those_of_the_virtual_machine(machine_code,
     before = [out.copy() for out in Mapped(f)([points])]
     run = compiled(f)
     after = run([points])
-    assert run.native and run._code.lanes == register[0]
+    assert run.native and run._runs[1] == register[0]
     for a, b in zip(before, after, strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -63,7 +63,7 @@ def test_what_cannot_be_written_for_several_lanes_is_compiled_for_one(machine_co
         assert wide.code(f, 4) is None
         run = compiled(f)
         np.testing.assert_array_equal(run([SAMPLES])[0], Mapped(f)([SAMPLES])[0])
-        assert run.native and run._code.lanes == 1
+        assert run.native and run._runs[1] == 1
 
 
 def test_a_small_rest_of_lanes_is_filled_up_to_a_register(machine_code, monkeypatch):
@@ -73,9 +73,9 @@ def test_a_small_rest_of_lanes_is_filled_up_to_a_register(machine_code, monkeypa
     asked = []
     really = mapped._Bench.of
 
-    def noted(code, chunk, room):
+    def noted(code, lanes, chunk, room):
         asked.append(chunk)
-        return really(code, chunk, room)
+        return really(code, lanes, chunk, room)
 
     monkeypatch.setattr(mapped._Bench, "of", noted)
     run([np.ones((1, 2))])
@@ -89,15 +89,15 @@ def test_the_processor_decides_how_many_lanes(monkeypatch):
         return wide.register()
 
     monkeypatch.setattr(wide.platform, "machine", lambda: "x86_64")
-    assert says("flags : sse2 avx avx2 fma") == (4, "-mavx2")
-    assert says("flags : sse2 avx") == (2, "")
+    assert says("flags : sse2 avx avx2 fma") == (4, ("-mavx2",))
+    assert says("flags : sse2 avx") == (2, ())
     monkeypatch.setattr(wide.platform, "machine", lambda: "aarch64")
-    assert says("avx2") == (2, "")
+    assert says("avx2") == (2, ())
 
     def missing(self, **_):
         raise FileNotFoundError
 
     wide.register.cache_clear()
     monkeypatch.setattr(wide.Path, "read_text", missing)
-    assert wide.register() == (2, "")
+    assert wide.register() == (2, ())
     wide.register.cache_clear()

@@ -9,8 +9,8 @@ from identify.cli import main as cli
 def test_what_is_kept_is_said_and_removed(machine_code, capsys):
     base = native.folder()
     assert base is not None
-    (base / "wide-1.so").write_bytes(bytes(2_500_000))
-    (base / "plain-2.failed").touch()
+    (base / f"wide-{1:040}.0123456789abcdef.so").write_bytes(bytes(2_500_000))
+    (base / f"plain-{2:040}.failed").touch()
     (base / "notes.txt").write_text("mine")
     assert cli.main(["cache"]) == 0
     assert f"{base}: 2 files, 2.5 MB of at most 64 MB" in capsys.readouterr().out
