@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from identify.scene.toml import is_rig
 from identify.studies.planning import NOT_LOGS
 
 OWN = ".stickslip-app"  # what the page keeps: jobs, drafts of scenes, what was seen in logs
+LONGEST_NAME = 240  # bytes: most file systems take 255, and temporary files have some more than their target
 DEEPEST = 3  # folders within each other that are listed
 MOST_FILES = 5_000
 OWN_TABLES = (".map.csv", ".map_boundaries.csv", ".manifest.csv", ".steps.csv")  # as the page names what it has written
@@ -45,10 +47,18 @@ class Folder:
 
     @staticmethod
     def at(path: str | Path) -> Folder:
-        """Raises PageError where it is no folder."""
-        root = Path(path).resolve()
+        """Raises PageError where it is no folder, or one that cannot be written to."""
+        root = Path(os.path.realpath(path))
         if not root.is_dir():
             raise PageError(f"{path} is no folder; give the folder that holds your logs")
+        try:
+            (root / OWN).mkdir(exist_ok=True)
+            tempfile.TemporaryFile(dir=root / OWN).close()
+        except OSError as error:
+            raise PageError(
+                f"{path}: nothing can be written there ({error.strerror}), and the page keeps scenes and results beside"
+                " the logs; copy the logs to a folder of your own"
+            ) from None
         return Folder(root)
 
     def path(self, text: object) -> Path:
@@ -60,10 +70,12 @@ class Folder:
         if not isinstance(text, str) or not text or "\0" in text or "\\" in text or len(text) > 1000:
             raise PageError("a path inside the folder was expected; choose a file from the list")
         parts = Path(text).parts
+        if any(len(part.encode("utf-8", "surrogatepass")) > LONGEST_NAME for part in parts):
+            raise PageError(f"a name of the path has more than {LONGEST_NAME} bytes; choose a shorter one")
         if Path(text).is_absolute() or any(part.startswith(".") for part in parts):
             raise PageError(f"{text!r} is no path inside the folder; choose a file from the list")
         path = self.root / text
-        if not path.resolve().is_relative_to(self.root):
+        if not Path(os.path.realpath(path)).is_relative_to(self.root):
             raise PageError(f"{text!r} leads out of the folder; copy the file into it")
         return path
 
@@ -95,13 +107,14 @@ class Folder:
 
     def _walked(self, folder: Path, deepest: int) -> Iterator[tuple[str, Path]]:
         with os.scandir(folder) as listed:
-            entries = [entry for entry in listed if not entry.name.startswith(".")]
+            entries = [entry for entry in listed if not entry.name.startswith(".") and entry.name.isprintable()]
         names = {entry.name for entry in entries}
         if "result.json" in names:
             yield "fits", folder
         if "batch.json" in names:
             yield "batches", folder
-        ours = bool(names & {"result.json", "comparison.json"})  # their tables are no logs
+        # The tables of results are no logs; in the folder of the logs everything is listed, whatever lies there.
+        ours = folder != self.root and bool(names & {"result.json", "comparison.json"})
         for entry in entries:
             if entry.is_dir(follow_symlinks=False):
                 if deepest and not ours:
@@ -112,7 +125,7 @@ class Folder:
                 yield "logs", Path(entry.path)
 
     def _may_be_a_log(self, path: Path) -> bool:
-        inside = path.resolve()
+        inside = Path(os.path.realpath(path))  # also of links that lead to each other
         named = not path.name.lower().endswith(NO_LOGS) and path.name != "index.csv"
         return named and inside.is_relative_to(self.root) and inside.is_file()
 
@@ -129,6 +142,6 @@ def read_json(path: Path) -> dict[str, Any] | None:
     """A JSON object that is whole; None where there is none, or it is half written."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return document if isinstance(document, dict) else None

@@ -88,7 +88,7 @@ class Page:
     def see_residuals(self, asked: Asked) -> NDArray[np.float64]:
         """Curves of a fit in a window."""
         begin, end = _number(asked, "begin", -np.inf), _number(asked, "end", np.inf)
-        return residuals(self.folder, _text(asked, "path"), int(_number(asked, "number", 1)), begin, end)
+        return residuals(self.folder, _text(asked, "path"), _whole(asked, "number", 1), begin, end)
 
     def put_examples(self, asked: Asked) -> dict[str, Any]:
         """Copy the example logs and their scene into the folder; what is there already stays."""
@@ -184,7 +184,7 @@ class Page:
         scene, number = self._scene(asked), self._log_number(asked)
         log = self._segmented(scene, number)
         values = {str(key): float(value) for key, value in (asked.get("values") or {}).items()}
-        stretch = TriedCycles(int(_number(asked, "first", 0)), int(_number(asked, "count", 8)))
+        stretch = TriedCycles(_whole(asked, "first", 0), _whole(asked, "count", 8))
         return tried(scene, scene.logs[number], log, values, stretch)
 
     def effect_costs(self, asked: Asked) -> dict[str, Any]:
@@ -209,7 +209,7 @@ class Page:
             scene = scene_of_result(result, path)
         else:
             scene = self._scene(asked)
-        site = site_of(scene, result, int(_number(asked, "number", 0)))
+        site = site_of(scene, result, self._log_number(asked))
         changes = {str(key): float(value) for key, value in (asked.get("changes") or {}).items()}
         return {"axes": axes_of(site), **answer_at(site, result, changes)}
 
@@ -220,7 +220,7 @@ class Page:
         return scene_of(self.scenes.text(name), self.folder.path(name))
 
     def _log_number(self, asked: Asked) -> int:
-        return int(_number(asked, "number", 0))
+        return _whole(asked, "number", 0)
 
     def _named(self, asked: Asked) -> tuple[str, dict[str, Any], LogEntry | None]:
         """Path, reading options and entry of a log: one of a scene by its number, or a file by its path."""
@@ -286,6 +286,13 @@ def _number(asked: Asked, key: str, otherwise: float) -> float:
         return float(asked.get(key, otherwise))
     except (TypeError, ValueError):
         raise PageError(f"{key} is no number; load the page again") from None
+
+
+def _whole(asked: Asked, key: str, otherwise: int) -> int:
+    number = _number(asked, key, otherwise)
+    if not abs(number) < 1e9:
+        raise PageError(f"{key} is no number of anything; load the page again")
+    return int(number)
 
 
 def _is_manifest(path: Any) -> bool:

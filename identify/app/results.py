@@ -69,18 +69,22 @@ def _uneven(result: Result) -> dict[str, Any]:
 
 def fit_row(folder: Folder, fit: str) -> dict[str, Any]:
     """One line of the list of fits."""
-    document = read_json(folder.path(fit) / "result.json") or {}
-    parameters = document.get("parameters") or {}
+    document = _table(read_json(folder.path(fit) / "result.json"))
     return {
         "path": fit,
         "status": str(document.get("status", "not whole")).replace("_", " "),
         "message": document.get("message", ""),
-        "finished": (document.get("provenance") or {}).get("finished", ""),
+        "finished": _table(document.get("provenance")).get("finished", ""),
         "parameters": {
-            key: {k: entry.get(k) for k in ("value", "unit", "interval", "verdict")}
-            for key, entry in parameters.items()
+            key: {k: _table(entry).get(k) for k in ("value", "unit", "interval", "verdict")}
+            for key, entry in _table(document.get("parameters")).items()
         },
     }
+
+
+def _table(value: object) -> Mapping[str, Any]:
+    """A part of a document that anybody may have written."""
+    return value if isinstance(value, Mapping) else {}
 
 
 def residuals(folder: Folder, name: str, number: int, begin: float, end: float) -> Array:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 import secrets
 import socket
+import tempfile
 import threading
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +29,9 @@ from identify.app.page import Asked, Page
 from identify.base.errors import IdentifyError
 
 HOST = "127.0.0.1"
+OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost):\d{1,5}")
+"""This machine, by any port: where a tunnel leads to the server it is another one than the server's. A page of somebody
+else has another host, or an origin with another port than the one it asks."""
 FILES = Path(__file__).parent / "static"
 LARGEST_QUESTION = 4_000_000  # bytes of what the page asks
 LARGEST_LOG = 8_000_000_000  # bytes of a file that is dropped in
@@ -43,9 +49,8 @@ SHOWN = {".html": "text/html", ".svg": "image/svg+xml", ".png": "image/png", ".j
 class Guard:
     """Lets through what names this server and its token, and comes from its own pages; the rest gets one sentence."""
 
-    def __init__(self, app: ASGIApp, token: str, port: int) -> None:
+    def __init__(self, app: ASGIApp, token: str) -> None:
         self._app, self._token = app, token
-        self._hosts = {f"{HOST}:{port}", f"localhost:{port}"}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
@@ -55,7 +60,7 @@ class Guard:
         host, origin = headers.get("host", ""), headers.get("origin")
         token, _, rest = scope["path"].removeprefix("/").partition("/")
         known = secrets.compare_digest(token.encode(), self._token.encode())
-        if host not in self._hosts or (origin is not None and origin != f"http://{host}") or not known:
+        if not OWN_HOST.fullmatch(host) or (origin is not None and origin != f"http://{host}") or not known:
             refusal = PlainTextResponse("Refused: open the address that stickslip app printed, with its token.", 403)
             await refusal(scope, receive, send)
             return
@@ -81,8 +86,8 @@ SAFE = {
 }
 
 
-def application(page: Page, token: str, port: int) -> ASGIApp:
-    """The application for one folder."""
+def application(page: Page, token: str, uploads: Path) -> ASGIApp:
+    """The application for one folder; uploads: where files that are dropped in lie until they are whole."""
     answers: Mapping[str, tuple[str, Callable[[Asked], Any]]] = {
         "folder": ("GET", page.list_folder),
         "jobs": ("GET", page.list_jobs),
@@ -108,11 +113,11 @@ def application(page: Page, token: str, port: int) -> ASGIApp:
     }
     routes = [Route(f"/api/{name}", _endpoint(work), methods=[method]) for name, (method, work) in answers.items()]
     routes += [
-        Route("/api/add", _adding(page.folder), methods=["POST"]),
+        Route("/api/add", _adding(page.folder, uploads), methods=["POST"]),
         Route("/files/{path:path}", _file(page.folder), methods=["GET"]),
         Route("/{name:path}", _own_file, methods=["GET"]),
     ]
-    return Guard(Starlette(routes=routes), token, port)
+    return Guard(Starlette(routes=routes, exception_handlers=dict.fromkeys(REFUSALS, _failed)), token)
 
 
 def _endpoint(work: Callable[[Asked], Any]) -> Callable[[Request], Awaitable[Response]]:
@@ -128,16 +133,9 @@ def _endpoint(work: Callable[[Asked], Any]) -> Callable[[Request], Awaitable[Res
                     return _refused("this is more than the page ever asks; load it again", 413)
             try:
                 asked |= json.loads(body or b"{}")
-            except (ValueError, TypeError):
+            except (ValueError, TypeError, RecursionError):
                 return _refused("the question is no JSON; load the page again")
-        try:
-            found = await run_in_threadpool(work, asked)
-        except (IdentifyError, LogError) as error:
-            return _refused(str(error))
-        except OSError as error:
-            return _refused(f"{error.strerror or error}; check the file and the space left")
-        except Exception as error:  # noqa: BLE001 - said, never shown as a traceback
-            return _refused(f"a defect of ours ({type(error).__name__}: {error}); report it", 500)
+        found = await run_in_threadpool(work, asked)
         if isinstance(found, np.ndarray):
             rows = str(found.shape[0])
             data = np.ascontiguousarray(found, "<f8").tobytes()
@@ -147,21 +145,35 @@ def _endpoint(work: Callable[[Asked], Any]) -> Callable[[Request], Awaitable[Res
     return answer
 
 
+REFUSALS = (IdentifyError, LogError, OSError, Exception)
+
+
+async def _failed(request: Request, error: Exception) -> Response:
+    """Every error as one sentence; a defect is said, never shown as a traceback."""
+    if isinstance(error, (IdentifyError, LogError)):
+        return _refused(str(error))
+    if isinstance(error, UnicodeError):
+        return _refused("a character of this text cannot be stored; write it without")
+    if isinstance(error, OSError):
+        return _refused(f"{error.strerror or error}; check the file and the space left")
+    return _refused(f"a defect of ours ({type(error).__name__}: {error}); report it", 500)
+
+
 def _refused(sentence: str, code: int = 400) -> Response:
     return JSONResponse({"error": sentence}, status_code=code)
 
 
-def _adding(folder: Folder) -> Callable[[Request], Awaitable[Response]]:
+def _adding(folder: Folder, uploads: Path) -> Callable[[Request], Awaitable[Response]]:
     """A file dropped into the page: added under its own name, never over another one."""
 
     async def add(request: Request) -> Response:
-        name, part = request.query_params.get("name", ""), folder.own("added", secrets.token_hex(8))
+        name, part = request.query_params.get("name", ""), uploads / secrets.token_hex(8)
         try:
             target = folder.path(name)
             if Path(name).name != name:
                 raise PageError(f"{name!r} is no name of a file; rename it")
             if target.exists():
-                raise PageError(f"{name} is there already; rename the file and drop it again")
+                raise FileExistsError
             size = 0
             with part.open("wb") as handle:
                 async for piece in request.stream():
@@ -169,9 +181,10 @@ def _adding(folder: Folder) -> Callable[[Request], Awaitable[Response]]:
                     if size > LARGEST_LOG:
                         raise PageError(f"{name} is larger than the page takes; copy it into the folder yourself")
                     await run_in_threadpool(handle.write, piece)
-            part.rename(target)
-        except PageError as error:
-            return _refused(str(error))
+            target.open("xb").close()  # of several of one name the first that is whole
+            part.replace(target)
+        except FileExistsError:
+            return _refused(f"{name} is there already; rename the file and drop it again")
         except OSError as error:
             return _refused(f"{name} cannot be added ({error.strerror}); copy it into the folder yourself")
         finally:
@@ -224,8 +237,9 @@ class Serving:
         self._socket.listen()
         self.port = int(self._socket.getsockname()[1])
         self.token = token or secrets.token_urlsafe(24)
+        self._uploads = tempfile.TemporaryDirectory(prefix="added-", dir=folder.own("x").parent)
         config = uvicorn.Config(
-            application(self.page, self.token, self.port),
+            application(self.page, self.token, Path(self._uploads.name)),
             log_level="critical",
             access_log=False,
             server_header=False,
@@ -238,6 +252,15 @@ class Serving:
     def address(self) -> str:
         """What to open."""
         return f"http://{HOST}:{self.port}/{self.token}/"
+
+    @cached_property
+    def door(self) -> Path:
+        """A file that leads a browser to the address; only this user can read it, while every user of the machine can
+        read the arguments of a program. Its name is not hidden: packaged browsers open no hidden file."""
+        path = self.page.folder.root / f"stickslip-app-{secrets.token_hex(4)}.html"
+        path.touch(mode=0o600, exist_ok=False)
+        path.write_text(f'<!doctype html><meta http-equiv="refresh" content="0; url={self.address}">', encoding="utf-8")
+        return path
 
     def start(self) -> None:
         """Serve, in a thread."""
@@ -254,3 +277,6 @@ class Serving:
         self.page.looks.close()
         self._thread.join(SECONDS + 1.0)
         self._socket.close()
+        self._uploads.cleanup()
+        if "door" in self.__dict__:
+            self.door.unlink(missing_ok=True)

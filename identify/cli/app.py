@@ -38,18 +38,19 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.app.server import Serving
 
     ends_by_itself()
+    folder = Folder.at(arguments.folder)
     try:
-        serving = Serving(Folder.at(arguments.folder), arguments.port)
+        serving = Serving(folder, arguments.port)
     except OSError as error:
         raise CommandLineError(f"--port {arguments.port}: {error.strerror}; choose another or leave it out") from None
     serving.start()
     terminal.say(f"{serving.address}\nThe address is a key: whoever has it can work in {serving.page.folder.root}.")
     terminal.note("Ctrl-C stops the page; jobs that run go on, and the page finds them again.")
-    if not arguments.no_browser:
-        import webbrowser
-
-        webbrowser.open(serving.address)
     try:
+        if not arguments.no_browser:
+            import webbrowser
+
+            webbrowser.open(serving.door.as_uri())
         while serving.wait(LOOKED_AFTER):
             pass
     finally:

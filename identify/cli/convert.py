@@ -64,17 +64,19 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
             record = work.read(arguments.logs[0])
             write_hdf5(record, out, told, dated=not arguments.anonymise)
         rows, steps = len(record), len(record.steps)
-        terminal.say(f"{out}: {rows} rows in {steps} step(s)")
+        words = f"{out}: {rows} rows in {steps} step(s)"
     else:
         entries = write_archive(work.records(), out, dated=not arguments.anonymise)
         rows, steps = sum(entry.rows for entry in entries), sum(entry.steps for entry in entries)
-        terminal.say(f"{out}: {len(entries)} logs, {rows} rows; read one with --run N")
+        words = f"{out}: {len(entries)} logs, {rows} rows; read one with --run N"
     if key is not None:
         try:
             _write_key(key, out, work.keys)
         except OSError:
             out.unlink()  # without its key it is of no use
             raise
+    terminal.say(words)
+    if key is not None:
         terminal.say(f"{key}: the key; keep it apart from {out.name}")
     document: dict[str, Any] = {"out": str(out), "rows": rows, "steps": steps}
     if key is not None:

@@ -20,7 +20,7 @@ WITH_ONE_MORE = tuple(
     for effect in ALL
     if effect.name not in {name for names in USUAL for name in names} | {"power_law"}  # it strengthens: no slips
 )
-FAST = {("inertia",), ("inertia", "contact_ageing", "velocity_weakening"), ("inertia", "hysteresis_damping")}
+FAST = {("inertia",), ("inertia", "contact_ageing", "velocity_weakening")}
 VALUES = {"D": 20e-6, "t_cr": 0.3, "delta_mu_k": -0.05, "slope": -0.5}
 
 
