@@ -144,7 +144,7 @@ def start(jobs: Sequence[tuple[ca.Function, str]]) -> None:
     builds = [build for function, identity in jobs if (build := _claimed(base, function, identity)) is not None]
     if not builds:
         return
-    command = [sys.executable, "-I", "-S", compile_worker.__file__, base, str(LINGER)]
+    command: list[str | Path] = [sys.executable, "-I", "-S", compile_worker.__file__, base, str(LINGER)]
     command += [cc, *OPTIONS, *wide.register()[1], "--", *builds]
     quiet = subprocess.DEVNULL
     try:  # in the session of this process: Linux shares processors among sessions first, and nice counts within one
