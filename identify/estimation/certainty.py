@@ -60,6 +60,7 @@ POORLY = 0.13  # standard error of a logarithm: an interval of a quarter each wa
 CURVED = 0.012  # standard error of a logarithm beyond which the others may follow it on a bent path
 NEARLY = 0.4  # of the longest side of a coefficient that is identified: a bent path may add what is missing
 CURVE_POINTS = 4  # of each side of a profile that is drawn
+AS_IT_WAS = 0.05  # standard errors by which an answer moves that leave its covariance as it was
 HELD = 4.0  # squared distance from which on an active event bound holds an answer: two standard errors
 
 
@@ -387,10 +388,12 @@ def fine_enough(
     known = information_at(attempt, unknowns)
     if attempt.gate.status is Status.CONVERGED and np.all(np.isfinite(known.total)):
         # The solver stops where going on along a sloppy direction gains next to nothing.
-        polished = converged(attempt.solved, attempt.solved.problem, np.sqrt(np.diag(known.covariance())))
-        if polished is not None and gated(polished, attempt.fitted_logs).status is Status.CONVERGED:
-            attempt = replace(attempt, solved=polished, gate=gated(polished, attempt.fitted_logs))
-            known = information_at(attempt, unknowns)
+        errors = np.sqrt(np.diag(known.covariance()))
+        solved = converged(attempt.solved, attempt.solved.problem, errors)
+        if solved is not None and (gate := gated(solved, attempt.fitted_logs)).status is Status.CONVERGED:
+            moved = np.abs(solved.theta - attempt.solved.theta)[unknowns.free] / errors
+            attempt = replace(attempt, solved=solved, gate=gate)
+            known = known if np.max(moved, initial=0.0) < AS_IT_WAS else information_at(attempt, unknowns)
     shares: dict[str, float] = {}
     for _ in range(1 + level.refinements):
         if attempt.gate.status is not Status.CONVERGED or not np.all(np.isfinite(known.total)):

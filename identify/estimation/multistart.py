@@ -30,7 +30,7 @@ from identify.shooting.starts import candidates, fit_features
 
 Array = NDArray[np.float64]
 
-DRAWN = 16  # quasi-random starts, a power of two
+DRAWN = 16  # quasi-random starts
 REACH = 2.0  # of the spread of a logarithm (a factor of seven); of a coefficient, half as far
 DISTINCT = 0.15  # of that reach, between two starts that are both solved
 RANKED, STRANGE = 8, 20.0  # starts that a cycle is fitted from to the end, and cost per residual of a wrong cycle
@@ -126,7 +126,10 @@ def weakens(unknowns: Unknowns, theta: Array) -> bool:
 
 def _coarse(logs: Sequence[Prepared], motion: Sequence[ShootingTrajectory], unknowns: Unknowns) -> Solution:
     """One coarse solve from a motion of theta unknowns.start."""
-    problem = shooting_problem([log.data for log in logs], list(motion), unknowns.with_weak_priors(), COARSE_GRID)
+    first, *others = motion  # what every log has for itself, the first log has in the shared theta
+    soft = replace(unknowns, start=first.theta(unknowns.start)).with_weak_priors()
+    motion = [replace(first, own=np.empty(0)), *others]
+    problem = shooting_problem([log.data for log in logs], motion, soft, COARSE_GRID)
     return solve(problem, tolerance=1e-3, mu_init=1e-4, iterations=20)
 
 
@@ -154,11 +157,9 @@ def _solved(attempt: Attempt, logs: list[Prepared], unknowns: Unknowns, sizes: A
 def _starts(logs: Sequence[Prepared], unknowns: Unknowns, centre: Array, reach: Array, seed: int) -> list[Array]:
     """Starts (n_p,), the best first: a quasi-random sample of the box within reach (n_p,) of a centre, and what the
     levels of the data say, each fitted to a cycle; as they are drawn where no log has settled cycles."""
-    from scipy.stats import qmc  # takes half a second to load, and few fits come here
-
     drawn = reach > 0.0
     sample = np.tile(centre, (DRAWN, 1))
-    sample[:, drawn] += reach[drawn] * (2.0 * qmc.Sobol(int(drawn.sum()), seed=seed).random(DRAWN) - 1.0)
+    sample[:, drawn] += reach[drawn] * (2.0 * _quasi_random(DRAWN, int(drawn.sum()), seed) - 1.0)
     sample = np.clip(sample, unknowns.lower, unknowns.upper)
     features, bases = features_of(logs)
     if features:
@@ -169,6 +170,17 @@ def _starts(logs: Sequence[Prepared], unknowns: Unknowns, centre: Array, reach: 
         sample = np.array(found).reshape(-1, centre.size)
     sample = np.where(unknowns.free, sample, centre)
     return list(apart(sample, np.where(drawn, DISTINCT * reach, np.inf)))
+
+
+def _quasi_random(count: int, dimensions: int, seed: int) -> Array:
+    """Points (count, dimensions) that fill the unit cube evenly: multiples of the powers of a generalised golden ratio,
+    modulo 1 (Kronecker's sequence), shifted at random. The module of scipy for this takes half a second to load."""
+    ratio = 2.0
+    for _ in range(50):  # x^(d + 1) = x + 1
+        ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1.0))
+    powers = ratio ** -np.arange(1.0, dimensions + 1.0)
+    shift = np.random.default_rng(seed).random(dimensions)
+    return np.asarray((shift + np.arange(count)[:, None] * powers) % 1.0)
 
 
 def multistart_around(

@@ -37,19 +37,14 @@ CRITICAL = chi_square(LEVEL, 1)  # of the likelihood ratio 2 (cost - smallest co
 BETTER = 0.5  # by which 2 cost must be smaller for a point to count as lower than the answer
 REACH_LOG = 1.15 * float(np.log(WEAK))  # of a logarithm: farther off, a verdict asks for nothing more
 REACH_STEP, REACH_VALUE = 0.9, 1.05 * (1.0 - 1.0 / WEAK)  # of a coefficient: of mu_s - mu_k0, and of its own value
-CLOSE, FAR = (
-    0.05,
-    1.3,
-)  # of a side, by which an end is extrapolated; of the root of the ratio, from which one is interpolated
+CLOSE = 0.05  # of a side, by which an end is extrapolated
+FAR = 1.3  # of the root of the critical ratio: from a point no farther, an end is interpolated
 FARTHER, SHORTER, LEAP, SHORTEST = 2.5, 0.3, 0.3, 0.05  # times the step before; and of that of the covariance
 POINTS, SOLVES = 20, 3  # of one side: at most, and of these by IPOPT, where Newton's method finds none
 BEYOND = 0.1  # of a side, by which a likely point lies past it
 SIGNS = (-1.0, 1.0)
 EXTENDED = 1.7  # of a side: to there its bend is extrapolated
-PREDICTED, REASSIGNED = (
-    2.0,
-    5.0,
-)  # standard errors of the first correction at most: of a prediction, where samples are assigned anew
+PREDICTED, REASSIGNED = 2.0, 5.0  # standard errors of the first correction at most; where samples are assigned again
 CONTRACTION = (0.2, 1.0)  # of Newton's steps: above, the matrix is factored again, and then the prediction given up
 NEWTON, CONVERGED, CLOSED = 8, 0.02, 1e-4  # steps, the last one in standard errors, and the largest row
 ITERATIONS, FOLLOWED = 25, 1e-6  # of IPOPT, and the largest row it may leave
@@ -394,15 +389,11 @@ class _Neighbourhood:
         scaled = np.concatenate([sizes, own]) / layout.scale[kept]
         return cls(theta, trajectories, problem, limits, kept, scaled)
 
-    @property
-    def lower(self) -> Array:
-        """Bounds of the scaled unknowns (n,)."""
-        return self.problem.layout.lower / self.problem.layout.scale
-
-    @property
-    def upper(self) -> Array:
-        """Bounds of the scaled unknowns (n,)."""
-        return self.problem.layout.upper / self.problem.layout.scale
+    def inside(self, both: Array) -> bool:
+        """Whether the parameters are within their bounds."""
+        layout = self.problem.layout
+        x = both[self.kept] * layout.scale[self.kept]
+        return bool(np.all(x >= layout.lower[self.kept]) and np.all(x <= layout.upper[self.kept]))
 
     def factors(self, both: Array) -> Factors | None:
         """Of the optimality conditions with the exact Hessian (n + m,); None where they are singular."""
@@ -453,9 +444,7 @@ class _Neighbourhood:
             if not np.all(np.isfinite(left)):
                 return None
             if before < CONVERGED and np.max(np.abs(point.rows), initial=0.0) < closed:
-                at = both[self.kept]
-                inside = np.all(at >= self.lower[self.kept]) and np.all(at <= self.upper[self.kept])
-                return both if inside and np.isfinite(point.cost) else None
+                return both if self.inside(both) and np.isfinite(point.cost) else None
             kept = factors is not None
             while True:
                 if factors is None:
@@ -534,10 +523,8 @@ class _Workspace:
         place = around.place(index)
         if time_is_up() or here.factors is None:
             return None
-        tangent, step = (
-            around.tangent(here.factors, place),
-            value / around.problem.layout.scale[place] - here.both[place],
-        )
+        tangent = around.tangent(here.factors, place)
+        step = value / around.problem.layout.scale[place] - here.both[place]
         both = here.both + step * tangent
         if len(path) > 1 and path[-2].around is around:
             chord = here.both - path[-2].both

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import chi2, qmc
 
 from experiments import in_vivo
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
 from identify.base.outcome import Status
 from identify.estimation.attempt import solve_again, solve_from
 from identify.estimation.certainty import certainty, information_at
-from identify.estimation.multistart import Optimum, multistart, weakens
+from identify.estimation.multistart import Optimum, _quasi_random, multistart, weakens
 from identify.estimation.search import SearchProblem, search
 from identify.estimation.starts import ranked
 from identify.logs.parting import parted
@@ -145,3 +145,11 @@ def test_contacts_that_weaken_at_rest_are_told_from_others(pair):
     static, kinetic = (unknowns.names.index(name) for name in ("mu_s", "mu_k0"))
     turned[[static, kinetic]] = turned[[kinetic, static]]
     assert weakens(unknowns, turned) and not weakens(unknowns, right.solved.theta)
+
+
+@pytest.mark.parametrize("dimensions", [1, 3, 7])
+def test_quasi_random_points_fill_the_cube_more_evenly_than_random_ones(dimensions):
+    points = _quasi_random(64, dimensions, 0)
+    assert points.shape == (64, dimensions) and 0.0 <= points.min() and points.max() < 1.0
+    random = np.random.default_rng(0).random((64, dimensions))
+    assert qmc.discrepancy(points) < 0.6 * qmc.discrepancy(random)
