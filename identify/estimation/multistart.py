@@ -26,14 +26,14 @@ from identify.shooting.grid import COARSE_GRID
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.solve import Solution, solve
-from identify.shooting.starts import candidates, fit_features
+from identify.shooting.starts import GOOD, candidates, fit_features
 
 Array = NDArray[np.float64]
 
 DRAWN = 16  # quasi-random starts
 REACH = 2.0  # of the spread of a logarithm (a factor of seven); of a coefficient, half as far
-DISTINCT = 0.15  # of that reach, between two starts that are both solved
-RANKED, STRANGE = 8, 20.0  # starts that a cycle is fitted from to the end, and cost per residual of a wrong cycle
+DISTINCT = 0.35  # of that reach, in one parameter at least, between two starts that are both solved
+WORSE = 2.0  # times the best fit to a cycle: what is no better is not solved
 SOLVED, AGAIN = 5, 3  # starts that are solved at most; once so many led to the lowest optimum, no more are
 ONE_OPTIMUM = 3.0  # standard errors between two solutions of one optimum
 COST_CUTOFF = 200.0  # cost above that of the answer with which a start is not followed further
@@ -155,8 +155,8 @@ def _solved(attempt: Attempt, logs: list[Prepared], unknowns: Unknowns, sizes: A
 
 
 def _starts(logs: Sequence[Prepared], unknowns: Unknowns, centre: Array, reach: Array, seed: int) -> list[Array]:
-    """Starts (n_p,), the best first: a quasi-random sample of the box within reach (n_p,) of a centre, and what the
-    levels of the data say, each fitted to a cycle; as they are drawn where no log has settled cycles."""
+    """Starts (n_p,) clearly apart, the best first: a quasi-random sample of the box within reach (n_p,) of a centre,
+    and what the levels of the data say, each fitted to a cycle; as they are drawn where no log has settled cycles."""
     drawn = reach > 0.0
     sample = np.tile(centre, (DRAWN, 1))
     sample[:, drawn] += reach[drawn] * (2.0 * _quasi_random(DRAWN, int(drawn.sum()), seed) - 1.0)
@@ -165,11 +165,11 @@ def _starts(logs: Sequence[Prepared], unknowns: Unknowns, centre: Array, reach: 
     if features:
         settled = quieted(unknowns)
         sample = np.concatenate([sample, candidates(unknowns, features, bases)])
-        fitted = fit_features(settled, features, bases, sample, keep=RANKED)
-        found = [np.where(settled.free, start.theta, centre) for start in fitted if start.cost < STRANGE]
+        fitted = fit_features(settled, features, bases, sample, keep=len(sample))
+        worst = max(GOOD, WORSE * fitted[0].cost)
+        found = [np.where(settled.free, start.theta, centre) for start in fitted if start.cost < worst]
         sample = np.array(found).reshape(-1, centre.size)
-    sample = np.where(unknowns.free, sample, centre)
-    return list(apart(sample, np.where(drawn, DISTINCT * reach, np.inf)))
+    return list(apart(np.where(unknowns.free, sample, centre), np.where(drawn, DISTINCT * reach, np.inf)))
 
 
 def _quasi_random(count: int, dimensions: int, seed: int) -> Array:
