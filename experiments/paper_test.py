@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from identify import Scene, fit
 from identify.examples import SCENE
-from identify.prediction.groups import QUANTITIES, formed, groups, slopes
+from identify.prediction.groups import QUANTITIES, formed, groups
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,29 @@ class Known:
     values: dict[str, float]
     names: tuple[str, ...]
     covariance: Array
+
+
+STEP, LEAST = 1e-5, 1e-8  # of a difference: relative, and absolute for what is zero
+NOTHING = 1e-13  # of a number: a difference that small is rounding
+
+
+def slopes(
+    formula: Callable[[dict[str, Any]], Mapping[str, Any]], values: Mapping[str, float], names: Sequence[str]
+) -> dict[str, NDArray[np.float64]]:
+    """Derivatives (f,) by `names` of every number that a formula makes of named values [SI], which it takes as arrays.
+
+    Central differences, good to nine digits; NaN where a number is lost on one side of the point.
+    """
+    steps = np.array([STEP * abs(values[name]) or LEAST for name in names])
+    moved = {name: np.full((2, len(names)), float(value)) for name, value in values.items()}
+    for i, name in enumerate(names):
+        moved[name][:, i] += [steps[i], -steps[i]]
+    with np.errstate(all="ignore"):
+        found = {name: np.broadcast_to(value, (2, len(names))) for name, value in formula(moved).items()}
+        return {
+            name: np.where(np.abs(above - below) <= NOTHING * np.abs(above), 0.0, (above - below) / (2.0 * steps))
+            for name, (above, below) in found.items()
+        }
 
 
 def fitted() -> Known:

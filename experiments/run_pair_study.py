@@ -27,7 +27,7 @@ from identify.base.document import to_dict
 from identify.effects import MAIN as EFFECTS
 from identify.model.model import assemble
 from identify.prediction.closed_forms import AGREES
-from identify.prediction.intervals import OperatingPoint
+from identify.prediction.draws import OperatingPoint
 from identify.prediction.predict import predictions
 
 DEMO = FRICTION | RIG

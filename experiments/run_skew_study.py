@@ -155,17 +155,15 @@ def main(fast: bool = False, count: int = 30, draws: int = 150, seed: int = 70) 
     for i, case in enumerate(scenes):
         words = []
         for name, column in values.items():
-            (entry, interval), told = case.interval(name), column[(place == i) & np.isfinite(column)]
+            (_, interval), told = case.interval(name), column[(place == i) & np.isfinite(column)]
             if interval is None or interval[0] is None or told.size < 0.3 * draws:
                 words.append(f"{name} open or rare")
                 continue
             inside = (told >= interval[0]) & (told <= interval[1])
             low, middle, high = np.quantile(told, (0.025, 0.5, 0.975))
-            way = "draws" if entry.get("interval_from") == "draws" else "line"
-            hits.setdefault(f"{name}, {way}", []).extend(inside.tolist())
             hits.setdefault(name, []).extend(inside.tolist())
             skew = np.log((high - middle) / (middle - low))
-            words.append(f"{name} {100 * np.mean(inside):.1f} % ({way}; log of sides {skew:+.2f})")
+            words.append(f"{name} {100 * np.mean(inside):.1f} % (log of sides {skew:+.2f})")
         print(f"  scene {i:2d}: {'; '.join(words)}")
     for name, row in sorted(hits.items()):
         print(f"{name:24s} {100 * np.mean(row):5.1f} % of {len(row)}")

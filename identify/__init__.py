@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from identify.estimation.estimator import Estimated, EstimationTask, Estimator
     from identify.identification import fit
     from identify.prediction import ageing, amplitude, stability
-    from identify.prediction.continuation import continue_over, stability_map
+    from identify.prediction.maps import stability_map
     from identify.report.finished import Fit
     from identify.scene import Scene
     from identify.shooting.accuracy import Asked, FitOptions
@@ -35,7 +35,6 @@ __all__ = [
     "__version__",
     "ageing",
     "amplitude",
-    "continue_over",
     "fit",
     "simulate",
     "stability",
@@ -55,10 +54,9 @@ _HOMES = {
     "Scene": "identify.scene",
     "SceneError": "identify.base.errors",
     "SimulationError": "identify.base.errors",
-    "continue_over": "identify.prediction.continuation",
     "fit": "identify.identification",
     "simulate": "identify.simulation.simulate",
-    "stability_map": "identify.prediction.continuation",
+    "stability_map": "identify.prediction.maps",
 }
 
 

@@ -9,7 +9,7 @@ from identify.app.folder import PageError
 from identify.app.tries import ONE_AT_A_TIME
 from identify.base.document import to_document
 from identify.base.result import LogResult, Result
-from identify.prediction.map_axes import Site, axis, known_axes, moved_values
+from identify.prediction.axes import Site, axis, known_axes, moved_values
 from identify.prediction.predict import predict
 from identify.prediction.sources import Tested, pair_of
 from identify.report.stored_result import plain

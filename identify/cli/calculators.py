@@ -85,7 +85,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
         const=400,
         type=int,
         metavar="N",
-        help="probability of stick-slip, and intervals from N draws of what is uncertain (default: 400)",
+        help="probability of stick-slip from N draws of what is uncertain (default: 400)",
     )
     parser.add_argument("--plot", metavar="FILE", help="draw it over drive speed, or the map (png, svg or pdf)")
     group = parser.add_argument_group("maps")

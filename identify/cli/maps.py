@@ -10,27 +10,26 @@ import numpy as np
 
 from identify.base.wording import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, picture, quantity
-from identify.prediction.chart import chart
-from identify.prediction.chart_bands import KnownCovariance
-from identify.prediction.continuation import (
+from identify.prediction.axes import Site, axis, known_axes
+from identify.prediction.draws import POINT, Draws
+from identify.prediction.maps import (
     AnswerChange,
-    Continuation,
+    Chart,
+    LineMap,
+    around,
+    chart,
     check_data_path,
-    continuation,
+    line_map,
     values_of,
     write_chart,
-    write_continuation,
+    write_line,
 )
-from identify.prediction.intervals import AnswerInterval, Spread
-from identify.prediction.map_axes import Site, axis, known_axes
-from identify.prediction.map_grid import around
 from identify.prediction.wording import said
 from identify.report.report_wording import OUTCOMES
 from identify.scene.tables import nearest
 
 if TYPE_CHECKING:
     from identify.cli.points import PairAtPoint
-    from identify.prediction.chart import Chart
     from identify.prediction.sources import Tested
 
 GRID, LINE = 60, 120  # nodes along each of two quantities, and along one
@@ -55,37 +54,35 @@ def map_answer(
     if len(names) > 2:
         raise CommandLineError(f"--map names {len(names)} quantities; expected one or two: leave some out")
     ranges = _ranges(arguments.range, names, points)
-    known = None if point.covariance is None else KnownCovariance.of(point.names, point.covariance)
-    document: dict[str, Any] = {"status": "done"}
+    drawn = None
+    if point.covariance is not None:
+        at = dict(zip(POINT, (site.drive_speed, site.normal_force), strict=True))
+        drawn = Draws.of(site.model, dict(site.values) | at, point.names, point.covariance)
     if len(names) == 1:
-        answer = continuation(site, names[0], ranges[0], LINE if arguments.points is None else arguments.points)
-        document["map"] = _line_document(answer, site, known)
-        terminal.say(wrapped(document["map"]["text"], "", ""))
+        answer = line_map(site, names[0], ranges[0], LINE if arguments.points is None else arguments.points, drawn)
+        document = _line_document(answer)
+        terminal.say(wrapped(document["text"], "", ""))
         if plot:
-            from identify.report.draw_map import draw_continuation
+            from identify.report.draw_map import draw_line
 
-            draw_continuation(answer, plot, part)
-        files = [] if data is None else write_continuation(answer, site, data)
+            draw_line(answer, plot, part)
+        files = [] if data is None else write_line(answer, site, data)
     else:
         n = GRID if arguments.points is None else arguments.points
-        made = chart(site, (names[0], names[1]), (ranges[0], ranges[1]), (n, n))
-        levels = [{"points": round(factor * n), "seconds": made.cost.seconds(factor)} for factor in (0.5, 1.0, 2.0)]
-        terminal.say(wrapped(f"{chart_text(made)} {_price_text(levels)}", "", ""))
+        made = chart(site, (names[0], names[1]), ranges, (n, n))
+        document = _chart_document(made)
+        terminal.say(wrapped(document["text"], "", ""))
         if plot:
             from identify.report.draw_map import Marks, draw_map
 
             others = [tuple(axis(p.site, name).value for name in names) for p in points[1:]]
-            draw_map(made, plot, part, Marks([(a, b) for a, b in others], known, tested, point.title))
+            draw_map(made, plot, part, Marks([(a, b) for a, b in others], drawn, tested, point.title))
         files = [] if data is None else write_chart(made, data)
-        document |= {
-            "map": _chart_document(made),
-            "price": {"points": n, "levels": levels, "text": _price_text(levels)},
-        }
     if plot:
         terminal.say(f"plot: {plot}")
     for file in files:
         terminal.say(f"data: {file}")
-    return Answer(document=document)
+    return Answer(document={"status": "done", "map": document})
 
 
 def _named(name: str, site: Site) -> str:
@@ -133,16 +130,6 @@ def chart_text(made: Chart) -> str:
     return f"Map of {' and '.join(spans)}, {plane.shape[1]} x {plane.shape[0]} points: {shares}."
 
 
-def _price_text(levels: Sequence[Mapping[str, float]]) -> str:
-    """What a map with half as many points along each quantity, as many, and twice as many costs, in words."""
-    coarse, taken, fine = (f"{level['seconds']:.2g} s" for level in levels)
-    return (
-        f"{taken} of processor time; with {levels[0]['points']} points along each about {coarse}, with "
-        f"{levels[2]['points']} about {fine}. Its boundaries are solved for whatever the points; what lies wholly "
-        "between points is not seen."
-    )
-
-
 def _chart_document(made: Chart) -> dict[str, Any]:
     plane = made.plane
     return {
@@ -156,10 +143,10 @@ def _chart_document(made: Chart) -> dict[str, Any]:
     }
 
 
-def _line_document(answer: Continuation, site: Site, known: KnownCovariance | None) -> dict[str, Any]:
+def _line_document(answer: LineMap) -> dict[str, Any]:
     """One quantity alone: where answers change."""
     changes = {
-        key: [_change(change, site, answer, known) for change in found]
+        key: [_change(change, answer.quantity.unit) for change in found]
         for key, found in (("end_of_stick_slip", answer.ends), ("loss_of_stability", answer.losses))
     }
     q = answer.quantity
@@ -172,29 +159,18 @@ def _line_document(answer: Continuation, site: Site, known: KnownCovariance | No
     }
 
 
-def _change(change: AnswerChange, site: Site, answer: Continuation, known: KnownCovariance | None) -> dict[str, Any]:
+def _change(change: AnswerChange, unit: str) -> dict[str, Any]:
     """A place where an answer changes, with its interval."""
-    entry: dict[str, Any] = {"value": change.value, "unit": answer.quantity.unit, "interval": None}
+    entry: dict[str, Any] = {"value": change.value, "unit": unit, "interval": None}
     entry["holds"] = "below" if change.below else "above"
-    names = () if known is None else tuple(n for n in known.names if n != answer.quantity.name)
-    if known is None or not names:
-        return entry
-    kept = [known.names.index(n) for n in names]
-    point = {"drive_speed": site.drive_speed, "normal_force": site.normal_force}
-    spread = Spread(site.model, site.setting[:-2], names, known.covariance[np.ix_(kept, kept)], point)
-    order = (*site.model.parameter_names, "normal_force", "drive_speed")
-    slopes = change.slopes[[order.index(n) for n in names]]
-    q = answer.quantity
-    interval: AnswerInterval = (
-        spread.positive(change.value, slopes) if q.logarithmic else spread.signed(change.value, slopes, abs(q.value))
-    )
-    entry["interval"] = [interval.low, interval.high]
-    if interval.reason:
-        entry["reason"] = f"interval open: {interval.reason}"
+    if change.interval is not None:
+        entry["interval"] = [change.interval.low, change.interval.high]
+        if change.interval.reason:
+            entry["reason"] = f"interval open: {change.interval.reason}"
     return entry
 
 
-def _line_text(answer: Continuation, changes: Mapping[str, list[dict[str, Any]]]) -> str:
+def _line_text(answer: LineMap, changes: Mapping[str, list[dict[str, Any]]]) -> str:
     q = answer.quantity
     low, high = (said(float(v), q.unit) for v in answer.values[[0, -1]])
     sentences = [f"Over {q.label} from {low} to {high}:"]

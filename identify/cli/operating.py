@@ -13,10 +13,10 @@ from identify.base.wording import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, picture, quantity
 from identify.cli.points import PairAtPoint, one_pair, operating_points, points_of, tested_range
 from identify.prediction.point_prediction import AmplitudeAnswer, NoAnswer, PointPrediction
-from identify.prediction.predict import predict, predictions
-from identify.prediction.probability import PredictionCertainty, prediction_certainty
-from identify.prediction.sources import Tested, groups_of
+from identify.prediction.predict import PredictionCertainty, predict, prediction_certainty, predictions
+from identify.prediction.sources import Tested, existing_result, groups_of
 from identify.prediction.stabilising import StabilisingAdvice, stabilising_changes
+from identify.prediction.wording import ranges_text
 from identify.report.finished import Fit
 from identify.scene import Scene
 
@@ -60,6 +60,11 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     """
     plot = picture(arguments.plot)
     points = operating_points(arguments)
+    origins = points[0].origins
+    terminal.say(wrapped(origins.text, "", ""))
+    offered = None if arguments.result else existing_result(Scene.from_toml(arguments.scene))
+    if offered is not None:
+        terminal.say(wrapped(f"A fit of this scene stands beside it: --result {offered} takes its parameters.", "", ""))
     if arguments.map:
         from identify.cli.maps import map_answer
 
@@ -76,9 +81,14 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
         texts = [prediction.text]  # alone: no answer
         if isinstance(prediction, PointPrediction):
             found = further(point, tested)
+            if origins.assumed and "sureness" not in found:
+                found["sureness"] = prediction_certainty(point.model, point.at, point.names, DRAWS)
             document |= {name: to_dict(answer) for name, answer in found.items()}
             own = prediction.stability.text if part == "stability" else prediction.amplitude.text
+            if origins.assumed:  # values that nobody measured make ranges, not one number
+                own = ranges_text(prediction, part)
             texts = [own, prediction.closed_forms.text, *(answer.text for answer in found.values())]
+            texts = [text for text in texts if text != prediction.closed_forms.text or not origins.assumed]
             where = {"drive_speed": point.drive_speed, "normal_force": point.normal_force}
             where["stiffness"] = point.values["stiffness"]
             if tested is not None and (beyond := tested.beyond(where)):
@@ -92,7 +102,8 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
 
         draw(shown[0], [p.drive_speed for p in shown], part, plot)
         terminal.say(f"plot: {plot}")
-    return Answer(document={"status": "done", "points": documents})
+    whole: dict[str, Json] = {"status": "done", "assumed": list(origins.assumed), "points": documents}
+    return Answer(document=whole if offered is None else whole | {"existing_result": str(offered)})
 
 
 def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnswer]:
@@ -119,7 +130,7 @@ def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnsw
 # What a finished fit says beyond its numbers: how sure its answers are, and what to change, at one of its logs.
 # ----------------------------------------------------------------------------------------------------------------------
 
-DRAWS = 100  # some milliseconds each
+DRAWS = 100
 
 
 def with_counsel(scene: Scene, fit: Fit) -> Fit:
@@ -136,7 +147,9 @@ def with_counsel(scene: Scene, fit: Fit) -> Fit:
     try:
         further = {
             "sureness": to_dict(prediction_certainty(point.model, point.at, point.names, DRAWS)),
-            "advice": to_dict(stabilising_changes(point.model, point.at, point.names, Tested.of_result(result))),
+            "advice": to_dict(
+                stabilising_changes(point.model, point.at, point.names, Tested.of_result(result), draws=DRAWS)
+            ),
         }
     except SimulationError:
         return fit  # the answers of the logs say why

@@ -12,9 +12,10 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from data_io.atomic import atomic_path
 from identify.cli.common import CommandLineError
+from identify.prediction.batch import CycleBatch
 from identify.prediction.cycle import CycleMap
-from identify.prediction.quantities import QUANTITIES, quantities
-from identify.prediction.solutions import SolutionSet, solution_set
+from identify.prediction.predict import SolutionSet, solution_set
+from identify.prediction.quantities import QUANTITIES
 from identify.simulation.sliding import sliding
 
 if TYPE_CHECKING:
@@ -63,8 +64,8 @@ def _stability(axes: Axes, map_: CycleMap, answer: SolutionSet, speeds: Sequence
         axes.plot(MM * grid[part], growth[part], color="C0", label=label)  # it jumps where the contact wears out
     axes.axhline(0.0, color="0.3", lw=0.8)
     for number, known in enumerate(windows.sticking):
-        low = grid[0] if known.low is None else known.low.speed
-        high = fastest if known.high is None else known.high.speed
+        low = grid[0] if known.low is None else known.low
+        high = fastest if known.high is None else known.high
         axes.axvspan(MM * low, MM * high, color="C1", alpha=0.15, label=None if number else "stick-slip exists")
     axes.set_xlim(MM * grid[0], MM * fastest)
     axes.set_ylabel("growth rate [1/s]; below 0: steady sliding is stable")
@@ -78,18 +79,18 @@ def _amplitude(axes: Axes, map_: CycleMap, answer: SolutionSet, speeds: Sequence
     slowest = 0.3 * min(*speeds, *(part.speeds[-1] for part in parts))
     names = list(QUANTITIES)
     for number, part in enumerate(parts):
-        known = {o.drive_speed: o for o in part.orbits if o is not None and o.stable and o.drive_speed >= slowest}
-        orbits = [known[v] for v in sorted(known)]
-        rows = np.array([quantities(map_, orbit.cycle, orbit.drive_speed) for orbit in orbits]).reshape(-1, len(names))
-        v = MM * np.array([orbit.drive_speed for orbit in orbits])
+        shown = part.periodic & (part.speeds >= slowest)
+        v = part.speeds[shown]
+        settings = np.stack([map_.setting(float(speed)) for speed in v]).reshape(v.size, -1)
+        rows = CycleBatch(map_.model, settings).figures(part.states[shown])[0]
         for name, label, style in (
             ("onset_force", "force at the onset of a jump", "C0-"),
             ("arrest_force", "force at its end (rest)", "C2-"),
             ("peak_to_valley", "peak to valley", "C1-"),
         ):
-            axes.plot(v, rows[:, names.index(name)], style, label=None if number else label)
+            axes.plot(MM * v, rows[:, names.index(name)], style, label=None if number else label)
         limits = [limit for limit in (part.low, part.high) if limit is not None]
         for n, limit in enumerate(limits):
-            axes.axvline(MM * limit.speed, color="C3", lw=1.0, label=None if number or n else "stick-slip ends")
+            axes.axvline(MM * limit, color="C3", lw=1.0, label=None if number or n else "stick-slip ends")
     axes.set_ylabel("force [N]")
     axes.set_ylim(bottom=0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 from identify.base.result import LogResult, Result
 from identify.cli.common import CommandLineError, quantity
 from identify.diagnosis.selection_numbers import choose_from_numbers
+from identify.prediction.axes import Site
 from identify.prediction.cycle import check_calculable
-from identify.prediction.intervals import OperatingPoint
-from identify.prediction.map_axes import Site
+from identify.prediction.draws import OperatingPoint
 from identify.prediction.sources import (
     Groups,
+    Origins,
     Pair,
     Tested,
+    assumed,
     groups_of,
     named,
     pair_of,
@@ -98,7 +100,7 @@ class PairAtPoint:
 
     covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where nothing is said of it; groups: of the log,
     by what the parameters of a fit differ by; untold: why the fit has no values for it, empty where it has; log: its
-    number in the scene (from 0).
+    number in the scene (from 0); origins: where the values come from.
     """
 
     name: str
@@ -113,6 +115,7 @@ class PairAtPoint:
     groups: Groups = ()
     untold: str = ""
     log: int = 0
+    origins: Origins = field(default_factory=Origins)
 
     @property
     def title(self) -> str:
@@ -275,9 +278,15 @@ def _points(scene: Scene, changes: Mapping[str, float], result: Result | None) -
         load = _normal_force(scene, entry, changes, log)
         for speed in _speeds(scene, entry, changes):
             check_ranges(scene.effects, scene.extrapolate, values, speed, [load])
+            guessed = assumed(scene, values, (*changes, *pair.values))
             if result is None:
-                known = stated(scene, values, speed)
-                names, covariance = with_tied(*known, ties_of(scene)) if known else ((), None)
+                known = stated(scene, values, speed) or ((), np.zeros((0, 0)))
+                variances = np.append(np.diag(known[1]), np.square(list(guessed.values())))
+                names, covariance = (*known[0], *guessed), np.diag(variances) if variances.size else None
+                if covariance is not None:
+                    names, covariance = with_tied(names, covariance, ties_of(scene))
+            measured = tuple(n for n in declared if n in names and result is not None and n not in changes)
+            told = tuple(n for n in declared if n not in measured and n not in guessed)
             kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT_UNITS)]
             points.append(
                 PairAtPoint(
@@ -293,6 +302,7 @@ def _points(scene: Scene, changes: Mapping[str, float], result: Result | None) -
                     groups=pair.groups,
                     untold=pair.untold,
                     log=number,
+                    origins=Origins(measured, told, tuple(guessed)),
                 )
             )
     return points

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from identify.effects import MAIN
 from identify.prediction import amplitude, stability
-from identify.prediction.groups import QUANTITIES, FrictionLike, Groups, RigLike, floated, formed, settings, slopes
+from identify.prediction.groups import QUANTITIES, FrictionLike, Groups, RigLike, floated, formed, settings
 
 # ----------------------------------------------------------------------------------------------------------------------
 # One cycle of the paper's closed forms in SI, for a rig and a friction law (eqs. 8-18).
@@ -207,14 +207,11 @@ def closed_forms(values: Mapping[str, float]) -> ClosedForms:
     )
 
 
-def form_slopes(values: Mapping[str, float], names: Sequence[str]) -> dict[str, Array]:
-    """Derivatives (f,) of the numbers of `closed_forms` and of the groups by `names` of the values."""
-
-    def formula(moved: dict[str, Any]) -> dict[str, Any]:
-        _, numbers, g = _evaluated(known_settings(moved))
-        return {**g, **numbers}
-
-    return slopes(formula, values, names)
+def forms_of_rows(values: Mapping[str, Any]) -> dict[str, Array]:
+    """Numbers (n,) of `closed_forms` and of the groups, of many named values [SI], arrays (n,)."""
+    _, numbers, g = _evaluated(known_settings(values))
+    shape = np.shape(values["drive_speed"])
+    return {name: np.broadcast_to(np.asarray(value, float), shape) for name, value in {**g, **numbers}.items()}
 
 
 def _evaluated(q: Mapping[str, Any]) -> tuple[Any, dict[str, Any], dict[str, Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,7 @@ from identify.model.model import ELONGATION, SPEED, Model, assemble
 from identify.model.modes import ModeName
 from identify.simulation.phases import Machine, Slide
 from identify.simulation.plan import Plan, scales
-from identify.simulation.resting import borrowed, give_back
+from identify.simulation.sliding import growth_rates
 from identify.simulation.steppers import HIGH
 from identify.simulation.tangents import node_slopes, situated_at, stepped
 
@@ -68,10 +68,10 @@ def _to_blame(model: Model, what: Callable[[Model], bool]) -> list[str]:
 ACCURATE = 1e-8  # relative tolerance of a step: a tenth of it, and less, is left in durations and jumps
 SLIDES_AFTER = 12.0  # half periods sqrt(m/k) pi without coming to rest: the mass slides
 CREEP = 1e-6  # of a half period: a slip this short is no slip, the contact creeps along with the drive
-RENEWED = 0.01  # of the saturation: of a contact that is almost renewed
-ALMOST = 1.0 - 1e-6  # of the elongation at which a contact breaks loose
 DOUBLINGS = 60  # of the longest stick that the spring alone allows for
 MOST_TURNS = 200  # of the direction of one slip; more is chatter
+GROWN = 25.0  # e-foldings after which a disturbance of steady sliding is taken to have come to rest
+LONGEST_PATIENCE = 100.0  # half periods
 
 
 @lru_cache(maxsize=16)
@@ -133,17 +133,6 @@ class Tangent:
     arrest_load: Array
 
 
-@dataclass(frozen=True)
-class Flow:
-    """A stick and the motion for a given time after it: rate (n_x,) and its tangent (n_x, m) at the end, at a fixed
-    time; as a cycle that would end there, and the tangent of that."""
-
-    rate: Array
-    fixed: Array
-    cycle: Cycle
-    tangent: Tangent
-
-
 class CycleMap:
     """The return map of one model under one normal force [N].
 
@@ -163,23 +152,6 @@ class CycleMap:
         """The map at a setting w (n_w,), of whatever drive speed."""
         return CycleMap(model, float(w[-2]), w[:-2])
 
-    @cached_property
-    def half_period(self) -> float:
-        """Half a natural period [s], of the mass on rig and series element together."""
-        return float(np.pi * self.time * _softened(self.model, self.p))
-
-    @cached_property
-    def _bounds(self) -> Array:
-        """Lowest and highest value of each state at rest, shape (2, n_y)."""
-        ends = [
-            (-np.inf if s.lower is None else s.lower, np.inf if s.upper is None else s.upper) for s in self.model.states
-        ]
-        return np.delete(np.array(ends), SPEED, 0).T
-
-    @cached_property
-    def _drag(self) -> float:
-        return _drag(self.model, self.p)
-
     def at(self, w: Array) -> CycleMap:
         """The map of the same model at another setting (n_w,); this one where only the drive speed differs."""
         if w[-2] == self.normal_force and np.array_equal(w[:-2], self.p):
@@ -188,56 +160,29 @@ class CycleMap:
 
     def rested(self) -> Array:
         """Where a test starts: spring unloaded, every state saturated (the strongest first kick)."""
-        states = [0.0, *(s.start if s.upper is None else s.upper for s in self.model.states[2:])]
-        return np.array(states)
-
-    def renewed(self, drive_speed: float) -> Array | None:
-        """Where a test of a contact that is almost renewed starts: spring about to break it loose at this speed [m/s];
-        None where nothing ages."""
-        if self.model.clamped is None:
-            return None
-        w, x, step = self.setting(drive_speed), np.insert(self.rested(), SPEED, 0.0), float(self.scale[ELONGATION])
-        x[self.model.clamped] = RENEWED
-        margin, slack = self._margin(x, w)
-        x[ELONGATION] = step
-        stretched = self._margin(x, w)[1]
-        x[ELONGATION] = ALMOST * step * margin / (stretched - slack)
-        return rest_state(x)
+        return rested(self.model)
 
     def setting(self, drive_speed: float) -> Array:
         """w (n_w,), as `names`: parameters, normal force [N], drive speed [m/s]."""
         return np.append(self.p, [self.normal_force, drive_speed])
 
-    def run(self, y: Array, drive_speed: float, patience: float = SLIDES_AFTER) -> Cycle | None:
-        """The cycle that starts at rest in y; None when the mass does not come to rest within `patience` half periods
-        (longer under heavy damping).
+    def run(self, y: Array, drive_speed: float, growth: float | None = None) -> Cycle | None:
+        """The cycle that starts at rest in y; None when the mass does not come to rest for long (`slide_limits`).
 
         Args:
             y: rest state (n_y,), of which a state beyond its bounds starts there. drive_speed: [m/s], positive.
+            growth: rate [1/s] of disturbances of steady sliding, where it is known.
         """
-        y = np.clip(y, *self._bounds)
-        cycle, rests = self._run(y, self.setting(drive_speed), patience * self.half_period * self._drag, stops=True)
-        return cycle if rests and cycle.slip >= CREEP * self.half_period else None
+        w = self.setting(drive_speed)
+        rates = growth_rates(self.model, w) if growth is None else np.array([growth])
+        return self.run_within(y, w, float(slide_limits(self.model, w[None], rates)[0]))
 
-    def flow(self, y: Array, w: Array, duration: float) -> Flow:
-        """The stick from rest state y and `duration` [s] of the slip after it, through an arrest if there is one.
-
-        Args:
-            w: setting (n_w,), which need not be that of the map: only tolerances are the map's own.
-        """
-        return self._linearised(self._run(y, w, duration, stops=False)[0])
-
-    def tangent(self, cycle: Cycle) -> Tangent:
-        """How a cycle moves with its start and its setting."""
-        return self._linearised(cycle).tangent
-
-    def _run(self, y: Array, w: Array, limit: float, *, stops: bool) -> tuple[Cycle, bool]:
-        """The stick from rest state y and at most `limit` [s] of the slip after it, and whether it comes to rest; where
-        it never stops the onset is a smooth function of y."""
-        machine = Machine(self.model, w[:-2], self._typical, Plan(self.rtol, (HIGH,)), stops=stops)
+    def run_within(self, y: Array, w: Array, limit: float) -> Cycle | None:
+        """The same at a setting (n_w,) where the mass is to come to rest within `limit` [s]."""
+        machine = Machine(self.model, w[:-2], self._typical, Plan(self.rtol, (HIGH,)))
         try:
-            start = np.insert(y, SPEED, 0.0)
-            stick, onset, force = _rested(machine, start, w, through_zero=not stops)
+            start = np.insert(np.clip(y, *bounds_at_rest(self.model)), SPEED, 0.0)
+            stick, onset, force = _rested(machine, start, w)
             slides, x, t, rests = list[Slide](), onset, 0.0, False
             mode: ModeName = "slip"
             for _ in range(MOST_TURNS):
@@ -253,11 +198,13 @@ class CycleMap:
                     rests = margin > 0.0
                     if rests:
                         break
-            return Cycle(start, onset, x, stick, t, w, tuple(slides)), rests
+            crept = t < CREEP * float(half_periods(self.model, w[None])[0])
+            return Cycle(start, onset, x, stick, t, w, tuple(slides)) if rests and not crept else None
         finally:
             machine.close()
 
-    def _linearised(self, cycle: Cycle) -> Flow:
+    def tangent(self, cycle: Cycle) -> Tangent:
+        """How a cycle moves with its start and its setting: exact derivatives of the steps that were taken."""
         w, last = cycle.setting, cycle.slides[-1]
         stick_slope, onset = self._stick_slopes(cycle)
         fixed = node_slopes(self.model, cycle.slides, onset)[-1][-1]
@@ -269,20 +216,7 @@ class CycleMap:
         distance[-1] += cycle.slip
         rows = self.loads(np.stack([cycle.onset, cycle.end]), w)
         shown = [_load_slope(row, slope) for row, slope in zip(rows, (onset, end), strict=True)]
-        tangent = Tangent(np.delete(end, SPEED, 0), stick_slope, slip_slope, distance, *shown)
-        return Flow(rate, fixed, cycle, tangent)
-
-    def holds(self, cycle: Cycle) -> bool:
-        """Whether the mass, at rest at the end of the cycle, stays there."""
-        return self._margin(cycle.end, cycle.setting)[0] > 0.0
-
-    def _margin(self, x: Array, w: Array) -> tuple[float, float]:
-        """By how much a mass at rest in x withstands the drive, and the force of the drive [N]."""
-        rests = borrowed(self.model)
-        try:
-            return rests.margin(x, situated_at(w))
-        finally:
-            give_back(rests)
+        return Tangent(np.delete(end, SPEED, 0), stick_slope, slip_slope, distance, *shown)
 
     def load(self, x: Array, w: Array) -> float:
         """Force the load cell sees in state x [N]."""
@@ -319,36 +253,58 @@ def _load_slope(row: Array, moved: Array) -> Array:
     return out
 
 
-def _rested(machine: Machine, start: Array, w: Array, *, through_zero: bool = False) -> tuple[float, Array, float]:
-    """How long a stick from state `start` lasts [s], the state at its end (n_x,), the force of the drive there [N];
-    through_zero as of `Resting.until`."""
+def _rested(machine: Machine, start: Array, w: Array) -> tuple[float, Array, float]:
+    """How long a stick from state `start` lasts [s], the state at its end (n_x,), the force of the drive there [N]."""
     k, load, speed = w[machine.model.parameter_names.index("stiffness")], w[-2], w[-1]
     # Longer than any stick: by then the spring alone pulls with more than a limit that is as strong as mu_s says.
     longest = 2.0 * (float(np.max(w[:2])) * load + k * abs(start[ELONGATION])) / (k * speed)
     for _ in range(DOUBLINGS):
-        onset, x, force = machine.rests.until(start, situated_at(w), longest, through_zero=through_zero)
+        onset, x, force = machine.rests.until(start, situated_at(w), longest)
         if onset is not None:
             return onset, x, force
         longest *= 2.0
     return longest, x, force
 
 
-def _softened(model: Model, p: Array) -> float:
-    """By how much a series element makes the natural period longer: root of the compliance over that of the rig."""
-    u = np.array([0.0, 1.0, 1.0, 0.0])
-    low, high = (np.array(model.at_force(force, p, u)).ravel() for force in (0.0, 1.0))
-    pull = float(model.driving_force(high, p, u)) - float(model.driving_force(low, p, u))
-    give = float(high[ELONGATION] - low[ELONGATION])
-    return float(np.sqrt(give * p[model.parameter_names.index("stiffness")] / pull))
+def rested(model: Model) -> Array:
+    """Rest state (n_y,) with the spring unloaded and every state saturated."""
+    return np.array([0.0, *(s.start if s.upper is None else s.upper for s in model.states[2:])])
 
 
-def _drag(model: Model, p: Array) -> float:
-    """How much longer than a few swings a slip takes under heavy damping: an overdamped mass creeps to rest."""
-    x = np.zeros(len(model.states))
-    pulls = [float(model.driving_force(x, p, np.array([speed, 1.0, 1.0, 0.0]))) for speed in (0.0, 1.0)]
-    values = dict(zip(model.parameter_names, p.tolist(), strict=True))
-    zeta = (pulls[1] - pulls[0]) / (2.0 * float(np.sqrt(values["mass"] * values["stiffness"])))
-    return 1.0 + zeta if zeta > 1.0 else 1.0
+def bounds_at_rest(model: Model) -> Array:
+    """Lowest and highest value of each state at rest, shape (2, n_y)."""
+    ends = [(-np.inf if s.lower is None else s.lower, np.inf if s.upper is None else s.upper) for s in model.states]
+    return np.delete(np.array(ends), SPEED, 0).T
+
+
+def half_periods(model: Model, settings: Array) -> Array:
+    """Half natural periods (n,) [s] at settings (n, n_w), of the mass on rig and series element together.
+
+    Softened by the root of the whole compliance over that of the rig.
+    """
+    p, one = settings[:, :-2].T, np.ones(len(settings))
+    u = np.stack([0.0 * one, one, one, 0.0 * one])
+    low, high = (np.array(model.at_force(force * one[None], p, u)) for force in (0.0, 1.0))
+    pull = np.array(model.driving_force(high, p, u) - model.driving_force(low, p, u)).ravel()
+    mass, stiffness = (p[model.parameter_names.index(name)] for name in ("mass", "stiffness"))
+    softened = np.sqrt((high - low)[ELONGATION] * stiffness / pull)
+    return np.asarray(np.pi * np.sqrt(mass / stiffness) * softened)
+
+
+def slide_limits(model: Model, settings: Array, growth: Array) -> Array:
+    """Durations (n,) [s] at settings (n, n_w) after which a mass that has not come to rest is taken to slide on.
+
+    Longer where a disturbance of steady sliding grows (`growth` (n,) [1/s]) but slowly, and under heavy damping, where
+    the mass creeps to rest.
+    """
+    half, p, one = half_periods(model, settings), settings[:, :-2].T, np.ones(len(settings))
+    x = np.zeros((len(model.states), one.size))
+    pulls = [np.array(model.driving_force(x, p, np.stack([v * one, one, one, 0.0 * one]))).ravel() for v in (0.0, 1.0)]
+    mass, stiffness = (p[model.parameter_names.index(name)] for name in ("mass", "stiffness"))
+    zeta = (pulls[1] - pulls[0]) / (2.0 * np.sqrt(mass * stiffness))
+    with np.errstate(all="ignore"):
+        waits = np.where(growth > 0.0, np.clip(GROWN / (growth * half), SLIDES_AFTER, LONGEST_PATIENCE), SLIDES_AFTER)
+    return np.asarray(waits * half * np.where(zeta > 1.0, 1.0 + zeta, 1.0))
 
 
 def rest_state(x: Array) -> Array:

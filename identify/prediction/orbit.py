@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.model.model import ELONGATION
-from identify.prediction.cycle import SLIDES_AFTER, Cycle, CycleMap, Tangent, rest_state
+from identify.prediction.cycle import Cycle, CycleMap, Tangent, rest_state
 from identify.simulation.sliding import growth_rates
 
 Array = NDArray[np.float64]
@@ -20,8 +20,6 @@ MAX_STEPS = 12
 SETTLING = 40  # plain cycles before a motion that has not settled is called irregular
 TRIES = (1, 9, 24)  # cycles after which the orbit is sought by Newton's method
 LONGEST, DRIFTING = 600, 10  # cycles: a motion that still drifts one way lingers, as just beyond an end
-GROWN = 25.0  # e-foldings after which a disturbance of steady sliding is taken to have come to rest
-LONGEST_PATIENCE = 100.0  # half periods
 SURE = 24  # cycles after which an orbit that is found but unstable is taken for what the motion hovers around
 
 
@@ -76,15 +74,15 @@ def orbit_of(map_: CycleMap, cycle: Cycle, tangent: Tangent | None = None) -> Or
     return Orbit(float(cycle.setting[-1]), cycle, tangent, slope, float(np.max(np.abs(residual))))
 
 
-def close(map_: CycleMap, y: Array, drive_speed: float, *, patience: float = SLIDES_AFTER) -> Orbit | None:
+def close(map_: CycleMap, y: Array, drive_speed: float, growth: float | None = None) -> Orbit | None:
     """The orbit near rest state y, by Newton's method; None when it is not found there.
 
     Args:
-        patience: see `CycleMap.run`.
+        growth: see `CycleMap.run`.
     """
     step: Array | None = None
     for _ in range(MAX_STEPS):
-        cycle = map_.run(y, drive_speed, patience=patience)
+        cycle = map_.run(y, drive_speed, growth)
         if cycle is None:
             # The mass slides from here: go back half the way.
             if step is None or np.max(np.abs(step)) < 1e-6:
@@ -102,6 +100,14 @@ def close(map_: CycleMap, y: Array, drive_speed: float, *, patience: float = SLI
     return None
 
 
+def along(scale: Array, tangent: Tangent, jacobian: Array) -> Array:
+    """How the rest state of an orbit, of typical size `scale`, moves with its setting while it stays an orbit:
+    shape (n_y, n_w)."""
+    n = scale.size
+    sizes = scale[:, None]
+    return np.asarray(np.linalg.lstsq(np.eye(n) - jacobian, tangent.end[:, n:] / sizes, rcond=None)[0] * sizes)
+
+
 @dataclass(frozen=True)
 class SettledMotion:
     """What becomes of a motion: it settles on `orbit`; without one it `sticks` irregularly, or slides. state: the rest
@@ -116,8 +122,7 @@ def settle(
     map_: CycleMap,
     drive_speed: float,
     y: Array | None = None,
-    *,
-    patience: float = SLIDES_AFTER,
+    growth: float | None = None,
     cycles: int = SETTLING,
 ) -> SettledMotion:
     """What the motion from rest state y (default: spring unloaded, contact saturated) settles on.
@@ -126,11 +131,12 @@ def settle(
     motion still drifts one way.
     """
     y = map_.rested() if y is None else y
+    growth = float(growth_rates(map_.model, map_.setting(drive_speed))[0]) if growth is None else growth
     drift, lasted = 0.0, 0
     for i in range(LONGEST):
         if i >= cycles and lasted < DRIFTING:
             break
-        cycle = map_.run(y, drive_speed, patience=patience)
+        cycle = map_.run(y, drive_speed, growth)
         if cycle is None:
             return SettledMotion(None, False, y)
         before, y = y, rest_state(cycle.end)
@@ -138,17 +144,7 @@ def settle(
         drift, lasted = now, lasted + 1 if now == drift else 0
         still = float(np.max(np.abs((y - before) / map_.scale))) < TOLERANCE
         if still or i in TRIES or i == cycles - 1 or (i >= cycles and i % cycles == 0):
-            orbit = close(map_, y, drive_speed, patience=patience)
+            orbit = close(map_, y, drive_speed, growth)
             if orbit is not None and (orbit.stable or i >= min(SURE, cycles - 1)):
                 return SettledMotion(orbit, True, orbit.y)
     return SettledMotion(None, True, y)
-
-
-def long_enough(growth: float) -> float:
-    """Half periods until a disturbance of steady sliding that grows by e^`growth` in each has come to rest."""
-    return float(np.clip(GROWN / growth, SLIDES_AFTER, LONGEST_PATIENCE)) if growth > 0 else SLIDES_AFTER
-
-
-def patience(map_: CycleMap, speed: float) -> float:
-    """Half periods after which a mass that has not come to rest at this drive speed [m/s] is taken to slide on."""
-    return long_enough(float(growth_rates(map_.model, map_.setting(speed))[0]) * map_.half_period)

@@ -10,7 +10,7 @@ import numpy as np
 
 from identify.base.document import FURTHER
 from identify.base.result import Number
-from identify.prediction.intervals import AnswerInterval
+from identify.prediction.draws import AnswerInterval
 
 FROM, TO = (MappingProxyType({"key": key}) for key in ("from", "to"))  # keys of documents that Python keeps for itself
 
@@ -106,5 +106,4 @@ def number(value: float | None, unit: str, validity: str, interval: AnswerInterv
     if interval is None:
         return Number(float(value), unit, None, validity)
     reason = f"interval open: {interval.reason}" if interval.reason else ""
-    drawn = "draws" if interval.drawn else ""
-    return Number(float(value), unit, (interval.low, interval.high), validity, reason, drawn)
+    return Number(float(value), unit, (interval.low, interval.high), validity, reason)

@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identify.base.errors import SimulationError
-from identify.base.result import Number
+from identify.base.quantiles import LEVEL, beta
+from identify.base.result import Interval, Number
 from identify.model.model import Model
-from identify.prediction.closed_forms import (
-    CYCLE,
-    ClosedForms,
-    beyond,
-    closed_forms,
-    form_slopes,
-    judged,
-)
+from identify.prediction.batch import CycleBatch, Motions
+from identify.prediction.closed_forms import CYCLE, ClosedForms, beyond, closed_forms, forms_of_rows, judged
 from identify.prediction.cycle import CycleMap, check_calculable
+from identify.prediction.draws import DRAWS, POINT, AnswerInterval, Draws, OperatingPoint
 from identify.prediction.groups import MEANING
-from identify.prediction.intervals import POINT, AnswerInterval, Drawn, OperatingPoint, Spread, Uncertain, maps, sampled
-from identify.prediction.orbit import patience
-from identify.prediction.path import moved_orbit
+from identify.prediction.orbit import Orbit, close
 from identify.prediction.point_prediction import (
     AmplitudeAnswer,
     ClosedFormsAnswer,
@@ -36,20 +30,134 @@ from identify.prediction.point_prediction import (
     StickSlipRange,
     number,
 )
-from identify.prediction.probability import answers_of_draws
-from identify.prediction.quantities import QUANTITIES, end_slopes, orbit_slopes, quantities, sliding_slopes
-from identify.prediction.solutions import SolutionSet, solution_sets
+from identify.prediction.quantities import QUANTITIES, quantities
+from identify.prediction.search import CLOSER, StickTest, locate
 from identify.prediction.stability import printed_form
-from identify.prediction.windows import Outcome, StickSlipLimit
-from identify.prediction.wording import amplitude_text, closed_form_text, said, stability_text
+from identify.prediction.windows import Outcome, SpeedRange, Windows, outcome_of, speed_windows
+from identify.prediction.wording import amplitude_text, certainty_text, closed_form_text, said, stability_text
+from identify.simulation.sliding import Sliding, slidings
 
 Array = NDArray[np.float64]
 
 MODEL = "nonlinear model, valid at any speed"
-EITHER_SIGN = ("alpha", "z", "overshoot", "loading")  # groups told by their value, not its logarithm
 PERIOD, SLIP, PEAK = (list(QUANTITIES).index(name) for name in ("period", "slip_duration", "peak_speed"))
-POSITIVE = [i for i, name in enumerate(QUANTITIES) if name not in ("onset_force", "arrest_force")]
 QUIET = 1e-3  # natural frequencies: a growth rate below this is told as if it were this large
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What happens at operating points: stick-slip, steady sliding, or both.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class SolutionSet:
+    """The answer of the nonlinear model at one drive speed [m/s].
+
+    orbit: periodic stick-slip there, None without one; y (n_y,): rest state of its stick-slip, where there is some;
+    steady: steady sliding there; windows: what happens at every other drive speed, the same whatever speed is asked.
+    """
+
+    outcome: Outcome
+    orbit: Orbit | None
+    y: Array | None
+    steady: Sliding
+    windows: Windows
+
+    @property
+    def end(self) -> float | None:
+        """Drive speed above which there is no stick-slip [m/s]; None without stick-slip, or where it goes on."""
+        return self.windows.end
+
+
+def solution_set(map_: CycleMap, drive_speed: float) -> SolutionSet:
+    """The answer at drive speed [m/s], positive, and at all others.
+
+    Raises:
+        SimulationError: the motion cannot be integrated, or there is no steady sliding.
+    """
+    w = map_.setting(drive_speed)
+    (steady,) = slidings(map_.model, w)
+    windows = speed_windows(map_.model, w)
+    low, high = windows.searched
+    batch = CycleBatch(map_.model, w[None])
+    found = _settled(batch, drive_speed, windows)
+    if bool(found.sticks[0]) != windows.sticks(drive_speed) or not low <= drive_speed <= high:
+        # A window narrower than the grid, or a speed at the very edge of one: this speed is a node then.
+        windows = speed_windows(map_.model, w, (drive_speed,))
+        found = _settled(batch, drive_speed, windows)
+    orbit = close(map_, found.y[0], drive_speed, steady.growth) if found.periodic[0] else None
+    periodic = orbit is not None and orbit.stable
+    outcome = outcome_of(periodic, bool(found.sticks[0]), steady.stable)
+    return SolutionSet(outcome, orbit if periodic else None, found.y[0] if found.sticks[0] else None, steady, windows)
+
+
+def _settled(batch: CycleBatch, speed: float, windows: Windows) -> Motions:
+    """What the motion settles on from a rested contact, else from the nearest stick-slip of the windows."""
+    found, near = batch.settle(batch.rested()), windows.near(speed)
+    return found if found.sticks[0] or near is None else batch.settle(near[None])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What draws of an operating point do.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+class DrawAnswers:
+    """What the rows of `Draws` do around an answer; each is worked out when it is first asked for."""
+
+    def __init__(self, draws: Draws, answer: SolutionSet) -> None:
+        self.draws, self._answer = draws, answer
+        self.batch = CycleBatch(draws.model, draws.settings)
+
+    @cached_property
+    def motions(self) -> Motions:
+        """From the stick-slip of the point itself, else from a rested contact."""
+        y = self._answer.y
+        start = self.batch.rested() if y is None else np.tile(y, (len(self.draws.settings), 1))
+        found = self.batch.settle(start)
+        left = np.flatnonzero(~found.sticks)
+        if y is not None and left.size:
+            part = self.batch.take(left)
+            found.update(left, part.settle(part.rested()))
+        return found
+
+    @cached_property
+    def figures(self) -> Array:
+        """QUANTITIES (rows, 9) of the orbits, NaN without one."""
+        out, settles = np.full((len(self.draws.settings), len(QUANTITIES)), np.nan), self.motions.periodic
+        if np.any(settles):
+            out[settles] = self.batch.take(settles).figures(self.motions.y[settles])[0]
+        return out
+
+    @cached_property
+    def sliding_force(self) -> Array:
+        """Force (rows,) [N] that the load cell sees in steady sliding."""
+        return np.array([state.force for state in slidings(self.draws.model, self.draws.settings)])
+
+    @cached_property
+    def forms(self) -> Mapping[str, Array]:
+        """Numbers (rows,) of the closed forms and groups."""
+        names = (*self.draws.model.parameter_names, "normal_force", "drive_speed")
+        return forms_of_rows(dict(zip(names, self.draws.settings.T, strict=True)))
+
+    def limit(self, part: SpeedRange, upper: bool) -> Array:
+        """The upper or lower end (rows,) [m/s] of a range with stick-slip, NaN where none is found."""
+        speed, model, settings = (part.high if upper else part.low), self.draws.model, self.draws.settings
+        assert speed is not None
+
+        def at(rows: NDArray[np.intp], places: Array) -> Array:
+            moved = settings[rows].copy()
+            moved[:, -1] = np.exp(places)
+            return moved
+
+        n, (start, scale) = len(settings), (part.states[-1 if upper else 0], self.batch.scale)
+        test = StickTest(model, at, np.tile(start, (n, 1)), scale, rested=True)
+        return np.exp(locate(test, np.full(n, np.log(speed)), 1.0 if upper else -1.0, CLOSER, self.draws.count))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Predictions.
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def predict(
@@ -59,32 +167,33 @@ def predict(
     normal_force: float,
     covariance: ArrayLike | None = None,
     names: Sequence[str] | None = None,
+    draws: int = DRAWS,
 ) -> PointPrediction:
     """What follows from a pair and a rig at one drive speed and normal force.
 
     Args:
         values, drive_speed, normal_force, covariance: as in `OperatingPoint`.
         names: what the covariance is of: parameters, "drive_speed", "normal_force".
+        draws: from the covariance, for intervals.
 
     Returns:
-        every number with unit, interval and validity, None where there is none, and plain words. Intervals are 95 %, by
-        linear propagation (of the logarithm where a quantity is positive), None without a covariance; of jumps and of
-        limits of stick-slip that are skew within what is known they are quantiles of draws ("interval_from"); where the
-        parameters are not known well enough for either, both ends are None and "reason" says which.
+        every number with unit, interval and validity, None where there is none, and plain words. Intervals hold 95 % of
+        the draws, None without a covariance; where the parameters are not known well enough, both ends are None and
+        "reason" says which.
 
     Raises:
         SimulationError: an operating point without meaning, or a motion that cannot be integrated.
     """
-    return _predictions(model, [OperatingPoint(values, drive_speed, normal_force, covariance)], names or (), True)[0]
+    point = OperatingPoint(values, drive_speed, normal_force, covariance)
+    return _predictions(model, [point], names or (), draws)[0]
 
 
 def predictions(
-    model: Model, points: Sequence[OperatingPoint], names: Sequence[str], *, draws: bool = True
+    model: Model, points: Sequence[OperatingPoint], names: Sequence[str], draws: int = DRAWS
 ) -> list[PointPrediction | NoAnswer]:
     """The predictions of several operating points, sharing what they have in common: see `predict`.
 
-    A point without an answer says why; the others are not held up by it. Without `draws` intervals are those
-    of straight lines, however skew the answers are: for many points of one curve.
+    A point without an answer says why; the others are not held up by it.
     """
     try:
         check_calculable(model)
@@ -95,26 +204,36 @@ def predictions(
     except SimulationError as error:
         if len(points) == 1:
             return [NoAnswer(f"no answer for this operating point: {error}")]
-        return [answer for point in points for answer in predictions(model, [point], names, draws=draws)]
+        return [answer for point in points for answer in predictions(model, [point], names, draws)]
+
+
+# Ends of draws over those of the estimate, and the normal force [N] they are of, by end, pair and covariance.
+Shared = dict[tuple[int, bool, bytes, bytes], tuple[float, Array]]
+ALIKE = 1.03  # ratio of normal forces up to which the same ratios serve both
 
 
 def _predictions(
-    model: Model, points: Sequence[OperatingPoint], names: Sequence[str], draws: bool
+    model: Model, points: Sequence[OperatingPoint], names: Sequence[str], draws: int
 ) -> list[PointPrediction]:
     check_calculable(model)
-    maps = [_map(model, point) for point in points]
-    speeds = [abs(float(point.drive_speed)) for point in points]
     unknown = [n for n in names if n not in model.parameter_names and n not in POINT]
     if unknown:
         raise SimulationError(f"the covariance names {unknown[0]!r}; the model has {', '.join(model.parameter_names)}")
-    shared: dict[tuple[int, bytes], Array | None] | None = {} if draws else None
-    return [
-        _prediction(map_, answer, _Intervals(map_, answer, point.covariance, tuple(names), shared))
-        for map_, point, answer in zip(maps, points, solution_sets(maps, speeds), strict=True)
-    ]
+    shared: Shared = {}
+    maps = [map_of(model, point) for point in points]
+    out = []
+    for map_, point in zip(maps, points, strict=True):
+        answer = solution_set(map_, abs(float(point.drive_speed)))
+        out.append(_prediction(map_, answer, _Intervals(map_, answer, point.covariance, tuple(names), draws, shared)))
+    return out
 
 
-def _map(model: Model, point: OperatingPoint) -> CycleMap:
+def map_of(model: Model, point: OperatingPoint) -> CycleMap:
+    """The return map at an operating point.
+
+    Raises:
+        SimulationError: a speed or a load without meaning.
+    """
     speed, load = abs(float(point.drive_speed)), float(point.normal_force)
     if not (0.0 < speed < np.inf and 0.0 < load < np.inf):
         raise SimulationError(
@@ -122,32 +241,6 @@ def _map(model: Model, point: OperatingPoint) -> CycleMap:
             "zero and a positive normal force: give both"
         )
     return CycleMap(model, load, np.array([float(point.values[name]) for name in model.parameter_names]))
-
-
-def _prediction(map_: CycleMap, answer: SolutionSet, spread: _Intervals) -> PointPrediction:
-    speed, forms = answer.steady.drive_speed, closed_forms(spread.values)
-    amplitude = _amplitude(map_, answer, spread)
-    made = PointPrediction(
-        operating_point={
-            "drive_speed": number(speed, "m/s", ""),
-            "normal_force": number(map_.normal_force, "N", ""),
-        },
-        stability=_stability(answer, spread),
-        amplitude=AmplitudeAnswer(amplitude),
-        groups={
-            name: number(value, MEANING[name][0], MEANING[name][1], spread.form(name, value))
-            for name, value in asdict(forms.groups).items()
-        },
-        closed_forms=_closed_forms(forms, answer, amplitude, spread, beyond(map_.model.effects)),
-    )
-    texts = stability_text(made), amplitude_text(made), closed_form_text(made)
-    return replace(
-        made,
-        stability=replace(made.stability, text=texts[0]),
-        amplitude=replace(made.amplitude, text=texts[1]),
-        closed_forms=replace(made.closed_forms, text=texts[2]),
-        text="\n".join(texts),
-    )
 
 
 class _Intervals:
@@ -159,130 +252,83 @@ class _Intervals:
         answer: SolutionSet,
         covariance: ArrayLike | None,
         names: tuple[str, ...],
-        shared: dict[tuple[int, bytes], Array | None] | None,
+        count: int,
+        shared: Shared,
     ) -> None:
-        """shared: draws of limits that several points have in common; None: straight lines only."""
-        self._map, self._answer, self._names = map_, answer, names
-        matrix = None if covariance is None or not names else np.asarray(covariance, float)
         point = dict(zip(POINT, (answer.steady.drive_speed, map_.normal_force), strict=True))
-        self._spread = None if matrix is None else Spread(map_.model, map_.p, names, matrix, point)
-        self._shared = shared
         self.values = dict(zip(map_.model.parameter_names, map_.p.tolist(), strict=True)) | point
-        self._uncertain = None if matrix is None else Uncertain(map_.model, self.values, names, matrix)
-        if self._spread is not None:
-            steady = answer.steady
-            self._growth, self._force = sliding_slopes(map_, steady.drive_speed, names)
-
-    @cached_property
-    def _slopes(self) -> Array:
-        """Derivatives of QUANTITIES of the orbit by the names (9, f); there must be an orbit."""
-        assert self._answer.orbit is not None
-        return orbit_slopes(self._map, self._answer.orbit, self._names)
-
-    @cached_property
-    def _drawn(self) -> tuple[Drawn, Array] | None:
-        """Draws of what is known, and the QUANTITIES (n, 9) of their orbits (NaN without one), where straight lines do
-        not hold; None where they do, or where there is nothing to draw from."""
-        orbit = self._answer.orbit
-        if self._uncertain is None or orbit is None or self._uncertain.unknown or self._shared is None:
-            return None
-
-        def answer(map_: CycleMap, speed: float) -> Array | None:
-            moved = moved_orbit(orbit, map_, speed, patience(map_, speed))
-            return None if moved is None else quantities(map_, moved.cycle, speed)[POSITIVE]
-
-        centre = quantities(self._map, orbit.cycle, orbit.drive_speed)[POSITIVE]
-        if not self._uncertain.is_skew(answer, centre, self._slopes[POSITIVE]):
-            return None
-        drawn = self._uncertain.draw()
-        return drawn, answers_of_draws(self._map.model, drawn, orbit).quantities
-
-    @cached_property
-    def _form_slopes(self) -> Mapping[str, Array]:
-        return form_slopes(self.values, self._names)
+        self._map, self._answer, self._shared = map_, answer, shared
+        self.of: DrawAnswers | None = None
+        if covariance is not None and names:
+            self.of = DrawAnswers(Draws.of(map_.model, self.values, names, covariance, count), answer)
+            self._key = np.asarray(covariance, float).tobytes()
 
     def form(self, name: str, value: float) -> AnswerInterval | None:
-        """Of a number of the closed forms or of a dimensionless group."""
-        if self._spread is None or not np.isfinite(value):
+        """Of a number of the closed forms or of a dimensionless group; None where nothing in it is uncertain."""
+        if self.of is None or not np.isfinite(value):
             return None
-        slopes = self._form_slopes[name]
-        if not np.any(slopes):
-            return None  # nothing in it is uncertain
-        if value > 0.0 and name not in EITHER_SIGN:
-            return self._spread.positive(value, slopes)
-        return self._spread.signed(value, slopes, abs(value))
+        rows = self.of.forms[name]
+        return None if np.all(rows == rows[0]) else self.of.draws.interval(rows, value)
 
-    def validity(self, a: float, peak: float) -> AnswerInterval | None:
-        """Of a V_max, from the orbit."""
-        orbit = self._answer.orbit
-        if self._spread is None or orbit is None or not a * peak > 0.0:
-            return None
-        if self._drawn is not None and "a" in self._map.model.parameter_names:
-            drawn, rows = self._drawn
-            return sampled(drawn.settings[:, self._map.names.index("a")] * rows[:, PEAK])
-        slopes = a * self._slopes[PEAK] + np.array([peak if name == "a" else 0.0 for name in self._names])
-        return self._spread.positive(a * peak, slopes)
-
-    def share(self, values: Array) -> AnswerInterval | None:
-        """Of the share of a period that is slip; values as of `sensitivity.quantities`."""
-        orbit = self._answer.orbit
-        if self._spread is None or orbit is None:
-            return None
-        if self._drawn is not None:
-            return sampled(self._drawn[1][:, SLIP] / self._drawn[1][:, PERIOD])
-        share = values[SLIP] / values[PERIOD]
-        slopes = (self._slopes[SLIP] - share * self._slopes[PERIOD]) / values[PERIOD]
-        return self._spread.positive(float(share), slopes)
+    def amplitude(self, values: Array) -> list[AnswerInterval | None]:
+        """Of QUANTITIES of the orbit, its frequency and its share of slip, and a V_max (where the model has an a)."""
+        if self.of is None:
+            return [None] * (values.size + 3)
+        rows = self.of.figures
+        a = self.of.draws.column("a") if "a" in self._map.names else np.zeros(len(rows))
+        columns = [*rows.T, 1.0 / rows[:, PERIOD], rows[:, SLIP] / rows[:, PERIOD], a * rows[:, PEAK]]
+        now = [1.0 / values[PERIOD], values[SLIP] / values[PERIOD], self.values.get("a", 0.0) * values[PEAK]]
+        centres = [*values, *now]
+        return [self.of.draws.interval(c, float(v)) for c, v in zip(columns, centres, strict=True)]
 
     def force(self) -> AnswerInterval | None:
         """Of the force in steady sliding."""
-        force = self._answer.steady.force
-        return None if self._spread is None else self._spread.signed(force, self._force, abs(force))
-
-    def orbit(self, values: Array) -> list[AnswerInterval | None]:
-        """Of QUANTITIES of the orbit: from draws where one of them is skew."""
-        orbit = self._answer.orbit
-        if self._spread is None or orbit is None:
-            return [None] * values.size
-        if self._drawn is not None:
-            return [sampled(column) for column in self._drawn[1].T]
-        return [
-            self._spread.positive(float(v), s) if i in POSITIVE else self._spread.signed(float(v), s, abs(float(v)))
-            for i, (v, s) in enumerate(zip(values, self._slopes, strict=True))
-        ]
-
-    def limit(self, limit: StickSlipLimit | None) -> AnswerInterval | None:
-        """Of a drive speed at which stick-slip ends: from draws where it is skew."""
-        if self._spread is None or self._uncertain is None or limit is None:
-            return None
-        slopes = end_slopes(self._map, limit, self._names)
-        line = self._spread.positive(limit.speed, slopes)
-        if limit.orbit is None or self._uncertain.unknown or self._shared is None:
-            return line
-        key = id(limit.orbit), np.asarray(self._uncertain.covariance).tobytes()
-        if key not in self._shared:
-            self._shared[key] = _limits_of_draws(limit, slopes, self._uncertain)
-        drawn = self._shared[key]
-        return line if drawn is None else sampled(limit.speed * drawn)
+        return None if self.of is None else self.of.draws.interval(self.of.sliding_force, self._answer.steady.force)
 
     def growth(self) -> AnswerInterval | None:
-        if self._spread is None:
+        """Of the growth rate of a disturbance of steady sliding."""
+        if self.of is None:
             return None
-        return self._spread.signed(self._answer.steady.growth, self._growth, QUIET / self._map.time)
+        return self.of.draws.interval(self.of.batch.growth, self._answer.steady.growth, QUIET / self._map.time)
+
+    def limit(self, part: SpeedRange, upper: bool) -> AnswerInterval | None:
+        """Of a drive speed at which stick-slip ends."""
+        speed = part.high if upper else part.low
+        if self.of is None or speed is None:
+            return None
+        windows, load = self._answer.windows, self._map.normal_force
+        key = windows.sticking.index(part), upper, self._map.p.tobytes(), self._key
+        known, shares = self._shared.get(key, (0.0, np.empty(0)))
+        if not 1 / ALIKE <= known / load <= ALIKE:
+            shares = self.of.limit(part, upper) / speed
+            self._shared[key] = load, shares
+        return self.of.draws.interval(speed * shares, speed)
 
 
-def _limits_of_draws(limit: StickSlipLimit, slopes: Array, uncertain: Uncertain) -> Array | None:
-    """A limit of stick-slip (n,) of every draw over that of the estimate, NaN where there is none; None where it
-    follows the parameters in a straight line."""
-
-    def answer(map_: CycleMap, _speed: float) -> Array | None:
-        speed = limit.of(map_)
-        return None if speed is None else np.array([speed])
-
-    if not uncertain.is_skew(answer, np.array([limit.speed]), slopes[None, :]):
-        return None
-    ends = [answer(*point) for point in maps(uncertain.model, uncertain.draw())]
-    return np.array([np.nan if end is None else float(end[0]) / limit.speed for end in ends])
+def _prediction(map_: CycleMap, answer: SolutionSet, spread: _Intervals) -> PointPrediction:
+    forms = closed_forms(spread.values)
+    amplitude, validity = _amplitude(map_, answer, spread)
+    made = PointPrediction(
+        operating_point={
+            "drive_speed": number(answer.steady.drive_speed, "m/s", ""),
+            "normal_force": number(map_.normal_force, "N", ""),
+        },
+        stability=_stability(answer, spread),
+        amplitude=AmplitudeAnswer(amplitude),
+        groups={
+            name: number(value, MEANING[name][0], MEANING[name][1], spread.form(name, value))
+            for name, value in asdict(forms.groups).items()
+        },
+        closed_forms=_closed_forms(forms, answer, amplitude, spread, beyond(map_.model.effects), validity),
+    )
+    texts = stability_text(made), amplitude_text(made), closed_form_text(made)
+    return replace(
+        made,
+        stability=replace(made.stability, text=texts[0]),
+        amplitude=replace(made.amplitude, text=texts[1]),
+        closed_forms=replace(made.closed_forms, text=texts[2]),
+        text="\n".join(texts),
+    )
 
 
 def _stability(answer: SolutionSet, spread: _Intervals) -> StabilityAnswer:
@@ -295,12 +341,15 @@ def _stability(answer: SolutionSet, spread: _Intervals) -> StabilityAnswer:
     else:
         why = MODEL
 
-    def limit(found: StickSlipLimit | None) -> Number | None:
-        return None if found is None else number(found.speed, "m/s", MODEL, spread.limit(found))
+    def limit(part: SpeedRange, upper: bool) -> Number | None:
+        speed = part.high if upper else part.low
+        return None if speed is None else number(speed, "m/s", MODEL, spread.limit(part, upper))
 
+    between = tuple(StickSlipRange(limit(part, False), limit(part, True)) for part in windows.sticking)
+    end = between[-1].high if between else None
     return StabilityAnswer(
         outcome=answer.outcome.value,
-        critical_speed=number(answer.end, "m/s", why, spread.limit(windows.end)),
+        critical_speed=number(None, "m/s", why) if end is None else end,
         sliding=SlidingAnswer(
             stable=steady.stable,
             growth_rate=number(steady.growth, "1/s", MODEL, spread.growth()),
@@ -310,29 +359,29 @@ def _stability(answer: SolutionSet, spread: _Intervals) -> StabilityAnswer:
         ),
         sliding_unstable_between=tuple(windows.unstable),
         searched_between=(low, high),
-        stick_slip_between=tuple(StickSlipRange(limit(part.low), limit(part.high)) for part in windows.sticking),
+        stick_slip_between=between,
         windows=tuple(SpeedWindow(window.low, window.high, window.outcome.value) for window in windows.listed()),
         multiplier=None if orbit is None else orbit.multiplier,
         multipliers=tuple((float(z.real), float(z.imag)) for z in orbit.multipliers) if orbit else None,
     )
 
 
-def _amplitude(map_: CycleMap, answer: SolutionSet, spread: _Intervals) -> dict[str, Number]:
+def _amplitude(map_: CycleMap, answer: SolutionSet, spread: _Intervals) -> tuple[dict[str, Number], Number]:
+    """The numbers of the jumps, and a V_max."""
+    needs = "the closed forms of a slip need this to be far below 1"
     if answer.orbit is None:
         why = (
             "it sticks and slips, but not periodically" if answer.outcome is Outcome.IRREGULAR else "no stick-slip here"
         )
-        return {name: number(None, unit, why) for name, unit in QUANTITIES.items()}
+        return {name: number(None, unit, why) for name, unit in QUANTITIES.items()}, number(None, "", needs)
     values = quantities(map_, answer.orbit.cycle, answer.orbit.drive_speed)
-    intervals = spread.orbit(values)
-    rows = zip(QUANTITIES.items(), values.tolist(), intervals, strict=True)
-    out = {name: number(value, unit, MODEL, interval) for (name, unit), value, interval in rows}
-    period = intervals[1]
-    if period is not None and period.low is not None and period.high is not None:
-        period = AnswerInterval(1 / period.high, 1 / period.low)
-    out["frequency"] = number(1 / values[1], "Hz", MODEL, period)
-    out["share_in_slip"] = number(values[3] / values[1], "", MODEL, spread.share(values))
-    return out
+    intervals = spread.amplitude(values)
+    told = [*values.tolist(), 1.0 / values[PERIOD], values[SLIP] / values[PERIOD]]
+    units = QUANTITIES | {"frequency": "Hz", "share_in_slip": ""}
+    rows = zip(units.items(), told, intervals[:-1], strict=True)
+    out = {name: number(float(value), unit, MODEL, interval) for (name, unit), value, interval in rows}
+    validity = spread.values.get("a", 0.0) * float(values[PEAK])
+    return out, number(validity, "", needs, intervals[-1] if validity > 0.0 else None)
 
 
 def _closed_forms(
@@ -341,11 +390,9 @@ def _closed_forms(
     nonlinear: Mapping[str, Number],
     spread: _Intervals,
     ignored: tuple[str, ...],
+    validity: Number,
 ) -> ClosedFormsAnswer:
     alpha, told = float(forms.groups.alpha), forms.numbers
-    peak, a = nonlinear["peak_speed"].value, float(forms.groups.v_a) / answer.steady.drive_speed
-    validity = (None, None) if peak is None else (a * peak, spread.validity(a, peak))
-
     unaware = f"not valid here: knows nothing of {' and '.join(ignored)}" if ignored else ""
 
     def beside(name: str, unit: str, other: float | None) -> Number:
@@ -358,7 +405,7 @@ def _closed_forms(
     local = unaware or "exact for small disturbances of steady sliding"
     printed = printed_form(float(forms.groups.zeta), float(forms.groups.tau_cr))
     return ClosedFormsAnswer(
-        a_V_max=number(validity[0], "", "the closed forms of a slip need this to be far below 1", validity[1]),
+        a_V_max=validity,
         slip=forms.status,
         ignores=ignored,
         numbers={
@@ -370,3 +417,91 @@ def _closed_forms(
             "Omega_c": alone("Omega_c", local, not forms.worn),
         },
     )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How sure an answer is: the share of the draws that stick and slip, and where their jumps lie.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Probability:
+    """Probability of an outcome as the interface gives it: share of the draws, with its 95 % interval."""
+
+    value: float
+    unit: str
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class DrawnNumber:
+    """A quantity of the jumps with its interval, among the draws that stick and slip."""
+
+    value: float | None
+    unit: str
+    interval: Interval
+    validity: str = "interval from draws"
+
+
+@dataclass(frozen=True)
+class PredictionCertainty:
+    """How sure the prediction at an operating point is, as the interface gives it: possible, that stick-slip exists
+    there; certain, that it starts by itself too (steady sliding is unstable); None where there is nothing to say; draws
+    that were asked, and refused as no pair can have them; open: what the data do not tell, so that nothing could be
+    drawn."""
+
+    possible: Probability | None
+    certain: Probability | None
+    quantities: Mapping[str, DrawnNumber]
+    draws: int
+    refused: int
+    open: tuple[str, ...]
+    text: str
+
+
+def prediction_certainty(
+    model: Model, point: OperatingPoint, names: Sequence[str], draws: int = DRAWS, seed: int = 0
+) -> PredictionCertainty:
+    """Probability of stick-slip at an operating point, and intervals of its jumps.
+
+    Args:
+        names: what the covariance of the point is of: parameters, "drive_speed", "normal_force".
+        draws: how many.
+
+    Raises:
+        SimulationError: a motion that cannot be integrated.
+    """
+    where = f"{said(abs(point.drive_speed), 'm/s')} and {said(point.normal_force, 'N')}"
+    if point.covariance is None or not names:
+        why = "nothing that it depends on has an error: give tolerances, priors, or the result of a fit that tells it"
+        return PredictionCertainty(None, None, {}, 0, 0, (), f"How sure this is at {where} cannot be said: {why}.")
+    map_ = map_of(model, point)
+    answer = solution_set(map_, abs(point.drive_speed))
+    values = dict(point.values) | dict(zip(POINT, (answer.steady.drive_speed, map_.normal_force), strict=True))
+    drawn = Draws.of(model, values, names, point.covariance, draws, seed)
+    if drawn.open:
+        unknown = tuple(dict.fromkeys(name for each in drawn.open for name in each))
+        text = f"Probability of stick-slip at {where}: open, as these data do not tell {', '.join(unknown)}."
+        return PredictionCertainty(None, None, {}, 0, 0, unknown, text)
+    found = DrawAnswers(drawn, answer)
+    sticks = found.motions.sticks
+    chances = [_probability(hits) for hits in (sticks, sticks & (found.batch.growth > 0.0))]
+    now = {}
+    if answer.orbit is not None:
+        row = quantities(map_, answer.orbit.cycle, answer.orbit.drive_speed)
+        now = dict(zip(QUANTITIES, row.tolist(), strict=True))
+    rows = {}
+    for (name, unit), column in zip(QUANTITIES.items(), found.figures.T, strict=True):
+        interval = drawn.interval(column, now.get(name, np.nan))
+        if interval.low is not None:
+            rows[name] = DrawnNumber(now.get(name), unit, (interval.low, interval.high))
+    certainty = PredictionCertainty(chances[0], chances[1], rows, drawn.count, drawn.refused, (), "")
+    return replace(certainty, text=certainty_text(where, certainty))
+
+
+def _probability(hits: NDArray[np.bool_]) -> Probability:
+    n, k = hits.size, int(np.sum(hits))
+    tail = (1 - LEVEL) / 2
+    low = beta(tail, k, n - k + 1) if k else 0.0
+    high = beta(1 - tail, k + 1, n - k) if k < n else 1.0
+    return Probability(k / n if n else float("nan"), "", (low, high))

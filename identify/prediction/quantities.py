@@ -14,11 +14,8 @@ from identify.base.compiled import Mapped
 from identify.model.model import SPEED, Model
 from identify.model.modes import ModeName
 from identify.prediction.cycle import Cycle, CycleMap, loads
-from identify.prediction.orbit import Orbit
-from identify.prediction.path import along
-from identify.prediction.windows import StickSlipLimit
+from identify.prediction.orbit import Orbit, along
 from identify.simulation.phases import Slide
-from identify.simulation.sliding import slidings
 from identify.simulation.steppers import Method
 from identify.simulation.tangents import StepExpressions, node_slopes, of_steps, onward, step_slopes, stepped
 
@@ -128,7 +125,7 @@ def _extreme_slopes(map_: CycleMap, cycle: Cycle) -> tuple[Array, Array]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How the orbit and steady sliding move with the parameters: implicit differentiation of the closed cycle.
+# How the orbit moves with the parameters: implicit differentiation of the closed cycle.
 # ----------------------------------------------------------------------------------------------------------------------
 
 QUANTITIES = {
@@ -142,8 +139,6 @@ QUANTITIES = {
     "arrest_force": "N",
     "peak_to_valley": "N",
 }  # what is said of an orbit, and its unit
-STEP = 1e-5  # relative, of a parameter
-LEAST = 1e-3  # a parameter that is zero is moved by STEP times this
 
 
 def quantities(map_: CycleMap, cycle: Cycle, drive_speed: float) -> Array:
@@ -182,23 +177,3 @@ def orbit_slopes(map_: CycleMap, orbit: Orbit, names: Sequence[str]) -> Array:
     )
     closing = along(map_.scale, t, orbit.jacobian)
     return np.asarray((rows[:, n:] + rows[:, :n] @ closing)[:, _columns(map_, names)])
-
-
-def end_slopes(map_: CycleMap, limit: StickSlipLimit, names: Sequence[str]) -> Array:
-    """Derivatives of a limit of stick-slip [m/s] by parameters: shape (len(names),), NaN where not to be had."""
-    return np.asarray(limit.slopes[_columns(map_, names)])
-
-
-def sliding_slopes(map_: CycleMap, drive_speed: float, names: Sequence[str]) -> tuple[Array, Array]:
-    """Derivatives of the growth rate [1/s] and of the force [N] of steady sliding, (len(names),) each, by parameters,
-    "drive_speed" or "normal_force"; by central differences."""
-    if not names:
-        return np.zeros(0), np.zeros(0)
-    columns, w = _columns(map_, names), map_.setting(drive_speed)
-    steps = STEP * np.where(w == 0.0, LEAST, np.abs(w))[columns]
-    moved = np.zeros((len(columns), w.size))
-    moved[np.arange(len(columns)), columns] = steps
-    found = slidings(map_.model, np.concatenate([w + moved, w - moved]))
-    table = np.array([[state.growth, state.force] for state in found])
-    slopes = (table[: len(columns)] - table[len(columns) :]) / (2.0 * steps[:, None])
-    return slopes[:, 0], slopes[:, 1]

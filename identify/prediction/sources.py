@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,50 @@ def stated(scene: Scene, values: Mapping[str, float], drive_speed: float) -> tup
             deviations[name] = spec.prior_sd
     known = {name: sd for name, sd in deviations.items() if sd > 0.0}
     return (tuple(known), np.diag(np.square(list(known.values())))) if known else None
+
+
+def assumed(scene: Scene, values: Mapping[str, float], given: Iterable[str] = ()) -> dict[str, float]:
+    """Standard deviations [SI] of the parameters that nobody measured or stated: the spread that is documented of each.
+
+    Args:
+        values: every parameter of the model, SI. given: names that were stated elsewhere.
+    """
+    out = {}
+    for p in scene.declared:
+        spec = scene.parameters.get(p.name)
+        told = p.kind == "rig" or p.name in given or (spec is not None and (spec.states_value or spec.tie is not None))
+        if not told and p.name in values:
+            out[p.name] = p.spread * (abs(values[p.name]) if p.scale == "log" else 1.0)
+    return out
+
+
+@dataclass(frozen=True)
+class Origins:
+    """Names of the parameters by where their values come from: logs, the scene or the command, the built-in values."""
+
+    measured: tuple[str, ...] = ()
+    stated: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """One line."""
+        kinds = (
+            ("Measured", self.measured, ""),
+            ("stated", self.stated, ""),
+            ("assumed", self.assumed, " (built-in values, over their usual ranges)"),
+        )
+        parts = [f"{kind}: {', '.join(names)}{more}" for kind, names, more in kinds if names]
+        line = "; ".join(parts)
+        return f"{line[:1].upper()}{line[1:]}."
+
+
+def existing_result(scene: Scene) -> Path | None:
+    """The result of a fit of a scene where `fit` leaves it, beside the scene; None where there is none."""
+    if scene.source is None:
+        return None
+    path = scene.source.parent / f"stickslip-{scene.name}" / "result.json"
+    return path if path.is_file() else None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -303,6 +348,11 @@ class Tested:
                 span = low if low == high else f"{low} to {high}"
                 out.append(f"a {name.replace('_', ' ')} of {said(abs(values[name]), UNITS[name])} ({span} tested)")
         return f"Extrapolated: the logs did not test {listed(out)}." if out else ""
+
+    def reach(self, name: str) -> tuple[float, float] | None:
+        """From where to where a quantity counts as tested [SI]; None for what no test is about, or was never known."""
+        low, high = self.ranges.get(name, (np.nan, np.nan))
+        return (low / SLACK, high * SLACK) if high > 0.0 else None
 
     def extrapolated(self, name: str, value: float) -> bool:
         """Whether a value [SI] lies outside the tested range by more than a tenth; False for what is no such name."""

@@ -1,8 +1,12 @@
-"""Stabilising changes: the nearest value of each rig quantity that makes sliding steady with a margin, or keeps it."""
+"""Stabilising changes: the nearest value of each rig quantity that makes sliding steady with a margin, or keeps it.
+
+Steady means that small disturbances of sliding die out and that no stick-slip is found, neither from a rested contact
+(the strongest kick a start can give), nor from one that is almost renewed, nor beside what other values have.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,104 +16,131 @@ from numpy.typing import NDArray
 from identify.base.errors import SimulationError
 from identify.base.result import Number
 from identify.model.model import Model
-from identify.prediction.cycle import CycleMap, check_calculable
-from identify.prediction.intervals import POINT, AnswerInterval, OperatingPoint, Spread
-from identify.prediction.map_axes import Site, axis, moved
-from identify.prediction.map_grid import row_at
-from identify.prediction.orbit import long_enough, settle
-from identify.prediction.orbit_search import OrbitSearch, losses_of_stability
-from identify.prediction.path import Crossing
+from identify.prediction.axes import Axis, Site, admissible, axis, moved
+from identify.prediction.batch import CycleBatch
+from identify.prediction.cycle import check_calculable
+from identify.prediction.draws import DRAWS, POINT, AnswerInterval, Draws, OperatingPoint
+from identify.prediction.maps import ends_of_draws
 from identify.prediction.point_prediction import number
+from identify.prediction.search import CLOSEST, StickTest, bisect, explore
 from identify.prediction.sources import Tested
-from identify.prediction.wording import said, with_interval
-from identify.simulation.sliding import growth_rates
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The nearest value of one rig quantity at which sliding turns steady, or stops being so: a map over that one quantity.
-#
-# Steady means that small disturbances of sliding die out and that no stick-slip is found, neither from a rested contact
-# (the strongest kick a start can give), nor from one that is almost renewed, nor on the branches of orbits that other
-# values have.
-# ----------------------------------------------------------------------------------------------------------------------
+from identify.prediction.windows import HALVINGS
+from identify.prediction.wording import advice_text, said
+from identify.simulation.sliding import clearances, growth_rates
 
 Array = NDArray[np.float64]
 
 Kind = Literal["end of stick-slip", "loss of stability", "wear of the contact"]
 STEP = 1.25  # factor between the values looked at
+MARGIN = 0.2
+BETWEEN = 3  # values between limit and advice at which it is made sure that nothing comes in between
+# What advice is given on: words, unit, how far either way it is looked for, the parameter without which there is none.
+CHANGED: Mapping[str, tuple[str, str, float, str]] = {
+    "drive_speed": ("drive speed", "m/s", 1e5, "stiffness"),
+    "stiffness": ("stiffness (damping h held)", "N/m", 100.0, "stiffness"),
+    "stiffness_at_zeta": ("stiffness (damping ratio ζ held)", "N/m", 100.0, "damping"),
+    "damping": ("damping h", "N/m", 100.0, "damping"),
+    "mass": ("mass", "kg", 100.0, "mass"),
+    "normal_force": ("normal force", "N", 100.0, "stiffness"),
+}
 
 
 @dataclass(frozen=True)
 class Turn:
-    """A value [SI] of a quantity at which the answer changes; rising: whether it is steady above; kind of limit;
-    slopes (n_w,) by parameters, normal force and drive speed, NaN where they are not to be had."""
+    """A coordinate of a quantity at which the answer changes; rising: whether it is steady above; kind of limit; start:
+    a rest state (n_y,) of stick-slip beside it with the typical one there, None where it is sliding that changes."""
 
-    value: float
+    place: float
     rising: bool
     kind: Kind
-    slopes: Array
+    start: tuple[Array, Array] | None
 
 
-def nearest_turn(site: Site, name: str, low: float, high: float) -> tuple[bool, Turn | None]:
-    """Whether sliding is steady at the point, and the nearest value of a quantity between low and high at which that
-    changes; None where it stays the same."""
-    q = axis(site, name)
+def nearest_turns(site: Site, names: Sequence[str]) -> dict[str, tuple[bool, Turn | None]]:
+    """Whether sliding is steady at the point, and the nearest value of each quantity at which that changes; None where
+    it stays the same as far as it is looked for."""
+    axes = [axis(site, name) for name in names]
+    grids = [_grid(site, q) for q in axes]
+    settings = [moved(site, {q.name: q.value_at(places)}) for q, (places, _) in zip(axes, grids, strict=True)]
+    ok = [admissible(site.model, each) for each in settings]
+    batch = CycleBatch(site.model, np.concatenate([each[good] for each, good in zip(settings, ok, strict=True)]))
+    first = np.cumsum([0, *(int(good.sum()) for good in ok)])
+    number_of, beside = np.arange(first[-1]), np.full((first[-1], 2), -1)
+    inner = ~np.isin(number_of, first)
+    beside[inner, 0] = number_of[inner] - 1
+    beside[np.flatnonzero(inner) - 1, 1] = number_of[inner]
+    found = explore(batch, beside)
+    steady = (batch.growth < 0.0) & ~found.sticks
+    here, edges = {}, {}
+    for k, (name, (places, own)) in enumerate(zip(names, grids, strict=True)):
+        rows = np.full(places.size, -1)
+        rows[ok[k]] = np.arange(first[k], first[k + 1])
+        here[name] = bool(steady[rows[own]])
+        other = np.flatnonzero((rows >= 0) & (steady[rows] != here[name]))
+        if other.size:
+            far = int(other[np.argmin(np.abs(other - own) - 0.25 * (other > own))])  # of two as near the one above
+            near = far - 1 if far > own else far + 1
+            edges[name] = (axes[k], places[near], places[far], rows[near], rows[far], (far > near) != here[name])
+    turns = _turns(site, edges, batch, found.sticks, found.y)
+    return {name: (here[name], turns.get(name)) for name in names}
+
+
+def _grid(site: Site, q: Axis) -> tuple[Array, int]:
+    """Coordinates (n,) looked at, and which of them is the point's own."""
+    low, high = _span(site, q.name)
     below, above = (max(int(abs(np.log(end / q.value)) / np.log(STEP) + 1e-9), 0) for end in (low, high))
-    places = q.place(q.value) + np.log(STEP) * np.arange(-below, above + 1)
-    grid = row_at(site, q, places)
-    growth = np.full(grid.shape, np.nan)
-    growth[grid.admitted] = growth_rates(site.model, grid.settings[grid.admitted])
-    found = OrbitSearch(grid, CycleMap.of(site.model, site.setting), growth).run()
-    sticks = found.sticks(grid.shape)
-    steady = ((growth < 0.0) & ~sticks)[0]
-    here = bool(steady[below])
-    other = np.flatnonzero((steady != here) & grid.admitted[0])
-    if not other.size:
-        return here, None
-    far = int(other[np.argmin(np.abs(other - below) - 0.25 * (other > below))])  # of two as near the one above
-    near = far - 1 if far > below else far + 1
-    edge, rising = ("x", 0, min(near, far)), (far > near) != here
-    quiet = near if here else far
-    changes: list[tuple[Kind, Crossing]] = []
-    if edge in found.ends and sticks[0, near] != sticks[0, far]:
-        changes.append(("end of stick-slip", found.ends[edge]))
-    if (loss := losses_of_stability(grid, growth).get(edge)) is not None:
-        changes.append(("wear of the contact" if loss.wear else "loss of stability", loss))
-    if not changes:
-        middle = Crossing(0.5 * float(places[near] + places[far]), np.full(site.setting.size, np.nan))
-        changes.append(("end of stick-slip", middle))
-    # Sliding is steady only beyond them all.
-    kind, change = min(changes, key=lambda each: abs(each[1].place - float(places[quiet])))
-    value = float(q.value_at(change.place))
-    return here, Turn(value, rising, kind, value * change.slopes)
+    return q.place(q.value) + np.log(STEP) * np.arange(-below, above + 1), below
+
+
+def _turns(
+    site: Site,
+    edges: Mapping[str, tuple[Axis, float, float, int, int, bool]],
+    batch: CycleBatch,
+    sticks: NDArray[np.bool_],
+    y: Array,
+) -> dict[str, Turn]:
+    """The places of the changes on edges of quantities, each between two rows of a batch."""
+    model, growth, changes = site.model, batch.growth, list[tuple[str, bool, int, float, float]]()
+    for name, (_, near, far, a, b, _rising) in edges.items():
+        for by_motion, holds in ((True, sticks), (False, growth >= 0.0)):
+            if holds[a] != holds[b]:
+                inside = (near, far) if holds[a] else (far, near)
+                changes.append((name, by_motion, a if holds[a] else b, *inside))
+
+    def settings(which: NDArray[np.intp], places: Array) -> Array:
+        given = [(edges[changes[i][0]][0], place) for i, place in zip(which, places, strict=True)]
+        return np.stack([moved(site, {q.name: q.value_at(place)}) for q, place in given])
+
+    out: dict[str, Turn] = {}
+    for by_motion in (True, False):
+        mine = np.array([i for i, change in enumerate(changes) if change[1] == by_motion], dtype=int)
+        if not mine.size:
+            continue
+        from_, start, stop = (np.array([changes[i][k] for i in mine]) for k in (2, 3, 4))
+
+        def at(rows: NDArray[np.intp], places: Array, mine: NDArray[np.intp] = mine) -> Array:
+            return settings(mine[rows], places)
+
+        def growing(rows: NDArray[np.intp], places: Array, mine: NDArray[np.intp] = mine) -> NDArray[np.bool_]:
+            return growth_rates(model, settings(mine[rows], places)) >= 0.0
+
+        test = StickTest(model, at, y[from_], batch.scale[from_])
+        inner, outer = bisect(test, start, stop, HALVINGS) if by_motion else bisect(growing, start, stop, CLOSEST)
+        worn = np.prod([np.sign(clearances(model, settings(mine, each))) for each in (inner, outer)], axis=0) < 0.0
+        for k, i in enumerate(mine.tolist()):
+            name, place = changes[i][0], float(0.5 * (inner[k] + outer[k]))
+            kind: Kind = "end of stick-slip" if by_motion else "wear of the contact" if worn[k] else "loss of stability"
+            near_state = (test.shares[k] * batch.scale[from_[k]], batch.scale[from_[k]]) if by_motion else None
+            turn = Turn(place, edges[name][5], kind, near_state)
+            # Sliding is steady only beyond both.
+            if name not in out or (out[name].place < place) == turn.rising:
+                out[name] = turn
+    return out
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Advice: the nearest change of each quantity of the rig that makes sliding steady with a margin, or keeps it so.
 # ----------------------------------------------------------------------------------------------------------------------
-
-MARGIN = 0.2
-FACTORS = {
-    "drive_speed": 1e5,
-    "stiffness": 100.0,
-    "stiffness_at_zeta": 100.0,
-    "damping": 100.0,
-    "mass": 100.0,
-    "normal_force": 100.0,
-}  # what advice is given on, and how far either way it is looked for
-WORDS = {
-    "drive_speed": ("drive speed", "m/s"),
-    "stiffness": ("stiffness (damping h held)", "N/m"),
-    "stiffness_at_zeta": ("stiffness (damping ratio ζ held)", "N/m"),
-    "damping": ("damping h", "N/m"),
-    "mass": ("mass", "kg"),
-    "normal_force": ("normal force", "N"),
-}
-NEEDS = {
-    "stiffness_at_zeta": "damping",
-    "damping": "damping",
-    "mass": "mass",
-}  # the parameter without which there is none
-BETWEEN = 3  # values between limit and advice at which it is made sure that nothing comes in between
 
 
 @dataclass(frozen=True)
@@ -145,13 +176,14 @@ def stabilising_changes(
     names: Sequence[str] = (),
     tested: Tested | None = None,
     margin: float = MARGIN,
+    draws: int = DRAWS,
 ) -> StabilisingAdvice:
     """What to change so that sliding is steady at an operating point.
 
     Args:
         names: what the covariance of the point is of: parameters, "drive_speed", "normal_force".
         tested: the range in which the pair was tested; what lies outside is marked extrapolated. None: not known.
-        margin: share by which the quantity is to stay away from its limit.
+        margin: share by which the quantity is to stay away from its limit. draws: for the intervals of the limits.
 
     Returns:
         one change per quantity, all but that one held; limits and advised values without a value where there is none.
@@ -166,111 +198,72 @@ def stabilising_changes(
             f"advice was asked at {speed:g} m/s and {load:g} N with a margin of {margin:g}; expected positive numbers"
         )
     site = Site(model, {name: float(point.values[name]) for name in model.parameter_names}, speed, load)
-    spread = None
+    drawn = None
     if point.covariance is not None and names:
-        at = dict(zip(POINT, (speed, load), strict=True))
-        spread = Spread(model, site.setting[:-2], names, np.asarray(point.covariance, float), at)
-    asked = [name for name in FACTORS if NEEDS.get(name, "stiffness") in model.parameter_names]
-    found = {n: nearest_turn(site, n, *_span(site, n)) for n in asked if axis(site, n).value > 0.0}
-    changes = [_change(site, n, here, turn, spread, tested, margin) for n, (here, turn) in found.items()]
-    return _advice(site, found["drive_speed"][0], changes, margin)
+        values = dict(site.values) | dict(zip(POINT, (speed, load), strict=True))
+        drawn = Draws.of(model, values, names, point.covariance, draws)
+    asked = [name for name, (*_, needs) in CHANGED.items() if needs in model.parameter_names]
+    found = nearest_turns(site, [name for name in asked if axis(site, name).value > 0.0])
+    changes = tuple(_change(site, n, here, turn, drawn, tested, margin) for n, (here, turn) in found.items())
+    steady = found["drive_speed"][0]
+    where = f"{said(speed, 'm/s')} and {said(load, 'N')}"
+    return StabilisingAdvice(steady, margin, changes, advice_text(where, steady, margin, changes))
 
 
 def _change(
-    site: Site, name: str, steady: bool, turn: Turn | None, spread: Spread | None, tested: Tested | None, margin: float
+    site: Site, name: str, steady: bool, turn: Turn | None, drawn: Draws | None, tested: Tested | None, margin: float
 ) -> ChangeAdvice:
-    now, (words, unit), reason = axis(site, name).value, WORDS[name], ""
+    q, (words, unit, *_), reason = axis(site, name), CHANGED[name], ""
+    now, own = q.value, name.removesuffix("_at_zeta")
 
     def outside(value: float) -> bool:
-        return tested is not None and tested.extrapolated(name.removesuffix("_at_zeta"), value)
+        return tested is not None and tested.extrapolated(own, value)
 
     if turn is None:
         low, high = _span(site, name)
         reason = f"{'it is steady' if steady else 'it is not steady'} from {said(low, unit)} to {said(high, unit)}"
         nothing = number(None, unit, ""), number(None, unit, reason)
         return ChangeAdvice(name, words, number(now, unit, ""), *nothing, None, None, None, outside(now), reason)
-    interval = None if spread is None else spread.positive(turn.value, _slopes(site, name, turn, spread.names))
-    advised = turn.value * (1 + margin) if turn.rising else turn.value / (1 + margin)
+    limit, interval = float(q.value_at(turn.place)), None
+    if drawn is not None:
+        ends = ends_of_draws(drawn, site, q, turn.place, turn.rising, turn.start)
+        # How far off the quantity is now, it will be at the limit: the value to be set is off by as much.
+        interval = drawn.interval(ends * now / drawn.column(own) if own in drawn.names else ends, limit)
+    advised = limit * (1 + margin) if turn.rising else limit / (1 + margin)
     scaled, reached = interval, True
     if steady and (now >= advised if turn.rising else now <= advised):
         advised, scaled = now, None
-    elif not _steady_up_to(site, name, turn.value, advised):
+    elif not _steady_up_to(site, name, limit, advised):
         reason, reached = "sliding is steady only just beyond this limit: the margin does not fit", False
     if scaled is not None:
-        ends = [None if end is None else end * advised / turn.value for end in (scaled.low, scaled.high)]
-        scaled = AnswerInterval(ends[0], ends[1], scaled.reason)
+        ratio = advised / limit
+        ends_now = [None if end is None else end * ratio for end in (scaled.low, scaled.high)]
+        scaled = AnswerInterval(ends_now[0], ends_now[1], scaled.reason)
     return ChangeAdvice(
         quantity=name,
         label=words,
         now=number(now, unit, ""),
-        limit=number(turn.value, unit, turn.kind, interval),
+        limit=number(limit, unit, turn.kind, interval),
         advised=number(advised if reached else None, unit, reason, scaled),
         zeta=advised / (2.0 * site.values["stiffness"]) if name == "damping" and reached else None,
         at="least" if turn.rising else "most",
         kind=turn.kind,
-        extrapolated=outside(advised if reached else turn.value),
+        extrapolated=outside(advised if reached else limit),
         reason=reason,
     )
 
 
 def _span(site: Site, name: str) -> tuple[float, float]:
     """How far a quantity is looked for [SI]."""
-    now = axis(site, name).value
-    low, high = now / FACTORS[name], now * FACTORS[name]
+    now, factor = axis(site, name).value, CHANGED[name][2]
     if name in POINT:
-        return low, high
+        return now / factor, now * factor
     declared = site.model.parameter(name.removesuffix("_at_zeta"))
-    return max(low, declared.lower), min(high, declared.upper)
-
-
-def _slopes(site: Site, name: str, turn: Turn, names: Sequence[str]) -> Array:
-    """How a limit moves with what is uncertain. What is known of the quantity itself only to some share now is so at
-    its limit too: there it is how far off the set value is."""
-    order = (*site.model.parameter_names, "normal_force", "drive_speed")
-    slopes = turn.slopes[[order.index(n) for n in names]].copy()
-    own = name.removesuffix("_at_zeta")
-    if own in names:
-        slopes[list(names).index(own)] = -turn.value / axis(site, name).value
-    return slopes
+    return max(now / factor, declared.lower), min(now * factor, declared.upper)
 
 
 def _steady_up_to(site: Site, name: str, limit: float, advised: float) -> bool:
     """Whether sliding is steady from a limit up to the value advised, looked at in BETWEEN places."""
-    for share in np.linspace(0.0, 1.0, BETWEEN + 1)[1:].tolist():
-        w = np.asarray(moved(site, {name: limit * (advised / limit) ** share}), float)
-        map_, growth = CycleMap.of(site.model, w), float(growth_rates(site.model, w)[0])
-        if growth >= 0.0 or settle(map_, float(w[-1]), patience=long_enough(growth * map_.half_period)).sticks:
-            return False
-    return True
-
-
-def _advice(site: Site, steady: bool, rows: Sequence[ChangeAdvice], margin: float) -> StabilisingAdvice:
-    where = f"{said(site.drive_speed, 'm/s')} and {said(site.normal_force, 'N')}"
-    share = f"a margin of {100 * margin:.3g} %"
-    head = (
-        f"Sliding is steady at {where}. To keep it so with {share}, all else held:"
-        if steady
-        else f"To make sliding steady at {where} with {share}, one of these, all else held:"
-    )
-    return StabilisingAdvice(steady, margin, tuple(rows), "\n".join([head, *(_sentence(row, steady) for row in rows)]))
-
-
-def _sentence(row: ChangeAdvice, steady: bool) -> str:
-    unit, limit, advised, now, least = row.now.unit, row.limit, row.advised.value, row.now.value, row.at == "least"
-    # each limit stands alone, so each says its own reason why its interval is open
-    reach = f"{said(limit.value, limit.unit)} ({limit.reason})" if limit.reason else with_interval(limit)
-    if limit.value is None:
-        return f"- {row.label}: {'any' if steady else 'cannot be reached'}; {row.reason}."
-    if advised is None:
-        return f"- {row.label}: {row.reason} ({reach})."
-    notes = [f"limit {reach}, {row.kind}"]
-    if row.extrapolated:
-        notes.append("extrapolated: outside the tested range")
-    beyond = limit.ends[1] if least else limit.ends[0]
-    if beyond is not None and (beyond > advised if least else beyond < advised):
-        notes.append("the interval of the limit reaches beyond the margin")
-    if advised == now:
-        return f"- {row.label}: as it is ({said(advised, unit)}); {'; '.join(notes)}."
-    ratio = f" (ζ = {row.zeta:.3g})" if row.zeta is not None else ""
-    word = "at least" if least else "at most"
-    return f"- {row.label} {word} {said(advised, unit)}{ratio}, now {said(now, unit)} ({'; '.join(notes)})."
+    shares = np.linspace(0.0, 1.0, BETWEEN + 1)[1:]
+    batch = CycleBatch(site.model, moved(site, {name: limit * (advised / limit) ** shares}))
+    return bool(np.all(batch.growth < 0.0)) and not np.any(batch.settle(batch.rested()).sticks)

@@ -12,6 +12,8 @@ from identify.base.wording import speed_scale
 
 if TYPE_CHECKING:
     from identify.prediction.point_prediction import PointPrediction, SpeedWindow, StickSlipRange
+    from identify.prediction.predict import PredictionCertainty, Probability
+    from identify.prediction.stabilising import ChangeAdvice
 
 OPEN = "interval open: "  # how a reason begins
 MOST_PLACES = 8
@@ -81,12 +83,6 @@ def _why_open(entries: Iterable[Number]) -> str:
     return f" Intervals are open where {'; or '.join(reasons)}." if reasons else ""
 
 
-def _how(entries: Iterable[Number]) -> str:
-    """One sentence where intervals are those of draws."""
-    drawn = any(entry.interval_from == "draws" for entry in entries)
-    return " Intervals are those of draws, as a straight line does not hold so far." if drawn else ""
-
-
 def _where(prediction: PointPrediction) -> str:
     point = prediction.operating_point
     return f"{said(point['drive_speed'].value, 'm/s')} and {said(point['normal_force'].value, 'N')}"
@@ -120,7 +116,7 @@ def stability_text(prediction: PointPrediction) -> str:
         lines.append(f"{validity[:1].upper()}{validity[1:]}.")
     lines += [_stretch(part, answer.searched_between[1]) for part in answer.stick_slip_between]
     lines.append(_windows(answer.windows))
-    return " ".join(lines) + _why_open(ends) + _how(ends)
+    return " ".join(lines) + _why_open(ends)
 
 
 def _stretch(part: StickSlipRange, fastest: float) -> str:
@@ -164,8 +160,26 @@ def amplitude_text(prediction: PointPrediction) -> str:
         f"the mass begins to slip at {plain['onset_force']}, before the peak, and rests again at "
         f"{plain['arrest_force']}, after the valley: a drop of {with_interval(part['drop'])} from onset to rest."
         + _why_open(part[name] for name in SHOWN)
-        + _how(part[name] for name in SHOWN)
     )
+
+
+def ranges_text(prediction: PointPrediction, part: str) -> str:
+    """The ranges of the answers ("stability" or "amplitude") where values were assumed, without one number."""
+
+    def ranged(entry: Number) -> str:
+        low, high = entry.ends
+        return "not known" if low is None or high is None else f"{said(low, entry.unit)} to {said(high, entry.unit)}"
+
+    where, numbers = _where(prediction), prediction.amplitude.numbers
+    if part == "stability":
+        end = prediction.stability.critical_speed
+        why = f"; {end.validity}" if end.value is None else ""
+        return f"Over the ranges of what is assumed stick-slip ends above a drive speed: {ranged(end)}{why}."
+    shown = [f"{words} {ranged(numbers[name])}" for name, words in RANGED]
+    return f"Over the ranges of what is assumed, at {where}: {', '.join(shown)}."
+
+
+RANGED = (("peak_to_valley", "the force falls by"), ("period", "period"), ("peak_speed", "highest speed"))
 
 
 def closed_form_text(prediction: PointPrediction) -> str:
@@ -190,3 +204,55 @@ def closed_form_text(prediction: PointPrediction) -> str:
 
 
 ROWS = (("drop", "drop"), ("period", "period"), ("end of stick-slip, of a saturated contact", "critical_speed"))
+
+
+def certainty_text(where: str, found: PredictionCertainty) -> str:
+    """How likely stick-slip is at an operating point."""
+    assert found.possible is not None and found.certain is not None
+    sentences = [
+        f"Probability of stick-slip at {where}: {_probability(found.possible, found.draws)}.",
+        f"That it starts by itself from steady sliding: {_probability(found.certain, found.draws)}.",
+    ]
+    if found.refused:
+        sentences.append(f"{found.refused} draws were left out: no pair has such friction.")
+    return " ".join(sentences)
+
+
+def _probability(probability: Probability, draws: int) -> str:
+    low, high = (100 * end for end in probability.interval)
+    share = 100 * probability.value
+    middle = f"above {low:.3g} %" if share == 100 else f"below {high:.2g} %" if share == 0 else f"{share:.3g} %"
+    ends = "" if share in (0, 100) else f", 95 %: {low:.3g} to {high:.3g} %"
+    return f"{middle} ({draws} draws{ends})"
+
+
+def advice_text(where: str, steady: bool, margin: float, rows: Sequence[ChangeAdvice]) -> str:
+    """What to change at an operating point, one line per quantity."""
+    share = f"a margin of {100 * margin:.3g} %"
+    head = (
+        f"Sliding is steady at {where}. To keep it so with {share}, all else held:"
+        if steady
+        else f"To make sliding steady at {where} with {share}, one of these, all else held:"
+    )
+    return "\n".join([head, *(_change_text(row, steady) for row in rows)])
+
+
+def _change_text(row: ChangeAdvice, steady: bool) -> str:
+    unit, limit, advised, now, least = row.now.unit, row.limit, row.advised.value, row.now.value, row.at == "least"
+    # each limit stands alone, so each says its own reason why its interval is open
+    reach = f"{said(limit.value, limit.unit)} ({limit.reason})" if limit.reason else with_interval(limit)
+    if limit.value is None:
+        return f"- {row.label}: {'any' if steady else 'cannot be reached'}; {row.reason}."
+    if advised is None:
+        return f"- {row.label}: {row.reason} ({reach})."
+    notes = [f"limit {reach}, {row.kind}"]
+    if row.extrapolated:
+        notes.append("extrapolated: outside the tested range")
+    beyond = limit.ends[1] if least else limit.ends[0]
+    if beyond is not None and (beyond > advised if least else beyond < advised):
+        notes.append("the interval of the limit reaches beyond the margin")
+    if advised == now:
+        return f"- {row.label}: as it is ({said(advised, unit)}); {'; '.join(notes)}."
+    ratio = f" (ζ = {row.zeta:.3g})" if row.zeta is not None else ""
+    word = "at least" if least else "at most"
+    return f"- {row.label} {word} {said(advised, unit)}{ratio}, now {said(now, unit)} ({'; '.join(notes)})."

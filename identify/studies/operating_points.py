@@ -19,7 +19,7 @@ from identify.base.errors import IdentifyError
 from identify.base.quantiles import LEVEL, NORMAL, student, student_below
 from identify.base.result import Number
 from identify.model.model import RIG_PARAMETERS
-from identify.prediction.intervals import OperatingPoint
+from identify.prediction.draws import DRAWS, OperatingPoint
 from identify.prediction.point_prediction import NoAnswer, PointPrediction
 from identify.prediction.predict import predictions
 from identify.scene import Scene
@@ -109,6 +109,7 @@ MOST_GROUPS = 12
 LEAST_DF = 1.0
 CURVE_POINTS = 41
 AMPLITUDE_POINTS = 15
+CURVE_DRAWS = 100  # for the bands of a curve
 STEP = 1e-5
 
 
@@ -257,8 +258,8 @@ def _answer(comparison: Comparison, ground: Common, group: str, names: Sequence[
     curve = np.geomspace(min(ground.speeds) / 3.0, max(ground.speeds) * 10.0, AMPLITUDE_POINTS).tolist()
     mean, people = (
         [
-            *_ask(ground, spreads, ground.speeds, covariance, draws=True),
-            *_ask(ground, spreads, curve, covariance, draws=False),
+            *_ask(ground, spreads, ground.speeds, covariance, DRAWS),
+            *_ask(ground, spreads, curve, covariance, CURVE_DRAWS),
         ]
         for covariance in (spreads.mean, spreads.people)
     )
@@ -276,10 +277,10 @@ def _answer(comparison: Comparison, ground: Common, group: str, names: Sequence[
 
 
 def _ask(
-    ground: Common, spreads: _Spreads, speeds: Sequence[float], covariance: Array, *, draws: bool
+    ground: Common, spreads: _Spreads, speeds: Sequence[float], covariance: Array, draws: int
 ) -> list[PointPrediction | NoAnswer]:
     points = [OperatingPoint(spreads.values, speed, ground.normal_force, covariance) for speed in speeds]
-    return predictions(ground.model, points, spreads.names, draws=draws)
+    return predictions(ground.model, points, spreads.names, draws)
 
 
 def _pair(entry: Number) -> tuple[float, float] | None:

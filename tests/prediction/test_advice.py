@@ -13,14 +13,10 @@ from identify.base.errors import SimulationError
 from identify.base.result import Result
 from identify.model.model import assemble
 from identify.prediction import sources as tested
-from identify.prediction.cycle import CycleMap
-from identify.prediction.intervals import AnswerInterval, OperatingPoint, Uncertain
-from identify.prediction.map_axes import Site, axis
-from identify.prediction.predict import predict
-from identify.prediction.probability import alike, stick_slip_probability
-from identify.prediction.solutions import solution_set
+from identify.prediction.draws import Draws, OperatingPoint
+from identify.prediction.predict import map_of, predict, prediction_certainty, solution_set
 from identify.prediction.sources import stated
-from identify.prediction.stabilising import nearest_turn, stabilising_changes
+from identify.prediction.stabilising import stabilising_changes
 from identify.report.report_tables import advice_table
 from tests.support import oracle
 
@@ -36,10 +32,6 @@ TESTED = tested.Tested({"drive_speed": (1e-6, 1.4e-2), "normal_force": (0.4, 1.0
 
 def covariance(share: float, names: tuple[str, ...] = NAMES) -> np.ndarray:
     return np.diag([(share * abs(ALL.get(name, SPEED))) ** 2 for name in names])
-
-
-def map_of(values: dict[str, float], load: float = LOAD) -> CycleMap:
-    return CycleMap(MODEL, load, np.array([values[name] for name in MODEL.parameter_names]))
 
 
 def sticks(values: dict[str, float], speed: float, load: float) -> bool:
@@ -59,7 +51,9 @@ def sticks(values: dict[str, float], speed: float, load: float) -> bool:
 
 @pytest.fixture(scope="module")
 def told() -> dict[str, dict[str, object]]:
-    found = to_dict(stabilising_changes(MODEL, OperatingPoint(ALL, SPEED, LOAD, covariance(0.01)), NAMES, TESTED))
+    found = to_dict(
+        stabilising_changes(MODEL, OperatingPoint(ALL, SPEED, LOAD, covariance(0.01)), NAMES, TESTED, draws=60)
+    )
     return {"all": found, **{row["quantity"]: row for row in found["changes"]}}
 
 
@@ -77,23 +71,29 @@ def test_a_limit_is_one_for_brute_force_too(told, quantity):
     assert answers == [True, False]
 
 
-@pytest.mark.parametrize(
-    ("quantity", "name"),
-    [("drive_speed", "a"), ("stiffness_at_zeta", "delta_mu_k"), ("mass", "delta_mu_k"), ("normal_force", "a")],
-)
-def test_a_limit_moves_as_it_says(quantity, name):
-    step = 0.004
-    turns = []
-    for factor in (1.0, 1 - step, 1 + step):
-        site = Site(MODEL, ALL | {name: ALL[name] * factor}, SPEED, LOAD)
-        now = axis(site, quantity).value
-        turns.append(nearest_turn(site, quantity, now / 8, now * 8)[1])
-    here, less, more = turns
-    assert here is not None and less is not None and more is not None
-    moved = (more.value - less.value) / (2 * step * ALL[name])
-    scale = here.value / abs(ALL[name])
-    slope = here.slopes[[*MODEL.parameter_names, "normal_force", "drive_speed"].index(name)]
-    assert slope == pytest.approx(moved, rel=0.03, abs=0.01 * scale)
+def test_the_interval_of_a_limit_is_how_far_it_moves():
+    """Limits of points whose a is 2 sd off, searched again, are the ends of the interval where a alone is uncertain."""
+    sd, names = 0.01 * ALL["a"], ("a",)
+    found = stabilising_changes(MODEL, OperatingPoint(ALL, SPEED, LOAD, np.array([[sd**2]])), names)
+    rows = {row.quantity: row.limit for row in found.changes}
+    outer = [
+        {
+            row.quantity: row.limit.value
+            for row in stabilising_changes(MODEL, OperatingPoint(moved, SPEED, LOAD)).changes
+        }
+        for moved in (ALL | {"a": ALL["a"] * np.exp(side * 1.959964 * 0.01)} for side in (-1.0, 1.0))
+    ]
+    for name in ("drive_speed", "damping", "mass", "normal_force"):
+        ends = sorted(each[name] for each in outer)
+        assert rows[name].interval == pytest.approx(ends, rel=2e-3), name
+        assert ends[1] / ends[0] > 1.005
+
+
+def test_a_quantity_that_is_set_wrong_now_is_so_at_its_limit():
+    """Stiffness known to 2 %, all else exact: the value to be set is off by as much as the one that is."""
+    found = stabilising_changes(MODEL, OperatingPoint(ALL, SPEED, LOAD, np.array([[29.4**2]])), ("stiffness",))
+    (limit,) = (row.limit for row in found.changes if row.quantity == "stiffness")
+    assert limit.interval == pytest.approx([limit.value / 1.04, limit.value * 1.04], rel=5e-3)
 
 
 def test_advice_keeps_the_margin_and_says_what_is_extrapolated(told):
@@ -121,34 +121,29 @@ def test_what_is_steady_stays_as_it_is_and_what_cannot_be_is_said():
         to_dict(stabilising_changes(MODEL, OperatingPoint(ALL, 0.0, LOAD)))
 
 
-def test_probability_and_sampled_intervals():
-    """Where lines hold, draws say the same; at the end of stick-slip the probability is a half."""
-    map_ = map_of(ALL)
-    answer = solution_set(map_, 5e-3)
-    sure = stick_slip_probability(map_, answer, NAMES, covariance(0.01), count=150)
-    assert sure.possible is not None and sure.possible.linear == 1.0 and sure.possible.value == 1.0
+def test_at_the_end_of_stick_slip_its_probability_is_a_half():
+    sure = prediction_certainty(MODEL, OperatingPoint(ALL, 5e-3, LOAD, covariance(0.01)), NAMES, 150)
+    assert sure.possible is not None and sure.possible.value == 1.0 and sure.possible.interval[1] == 1.0
     assert sure.certain is not None and sure.certain.value == 1.0 and sure.draws == 150
-    end = answer.end
+    end = solution_set(map_of(MODEL, OperatingPoint(ALL, 5e-3, LOAD)), 5e-3).end
     assert end is not None
-    edge = stick_slip_probability(map_, solution_set(map_, 0.9999 * end), NAMES, covariance(0.01), count=150)
-    assert edge.possible is not None and edge.possible.linear == pytest.approx(0.5, abs=0.02)
-    assert abs(edge.possible.value - 0.5) < 3 * np.sqrt(0.25 / 150)
+    edge = prediction_certainty(MODEL, OperatingPoint(ALL, 0.9999 * end, LOAD, covariance(0.01)), NAMES, 150)
+    assert edge.possible is not None and abs(edge.possible.value - 0.5) < 3 * np.sqrt(0.25 / 150)
     assert edge.possible.interval[0] < edge.possible.value < edge.possible.interval[1]
     assert edge.certain is not None and edge.certain.value == 0.0
-    assert alike(AnswerInterval(*sure.sampled["drop"]), sure.sampled["drop"], sure.draws) is True
-    assert sure.possible.interval[1] == 1.0
-    assert alike(AnswerInterval(0.2, 0.4), (0.2, 0.5), 400) is False
+    assert edge.text.startswith("Probability of stick-slip at 22 mm/s and 1 N: ")
 
 
-def test_what_is_open_is_not_drawn():
+def test_what_is_open_has_no_probability():
     wide = covariance(0.01)
     wide[NAMES.index("t_cr"), NAMES.index("t_cr")] = np.inf
-    values = ALL | {"drive_speed": 1e-3, "normal_force": 1.0}
-    assert Uncertain(MODEL, values, NAMES, wide).unknown == ("t_cr",)
-    found = stick_slip_probability(map_of(ALL), solution_set(map_of(ALL), 1e-3), NAMES, wide)
+    found = prediction_certainty(MODEL, OperatingPoint(ALL, 1e-3, LOAD, wide), NAMES)
     assert found.possible is None and found.open == ("t_cr",)
-    with pytest.raises(ValueError, match="t_cr"):
-        Uncertain(MODEL, values, NAMES, wide).draw(3)
+    values = ALL | {"drive_speed": 1e-3, "normal_force": 1.0}
+    drawn = Draws.of(MODEL, values, NAMES, wide, 50)
+    creep = drawn.column("t_cr")
+    assert drawn.open == (("t_cr",),) and len(creep) == 52
+    assert np.all(creep[:50] == ALL["t_cr"]) and creep[50] > ALL["t_cr"] > creep[51]
 
 
 def test_draws_have_the_covariance_and_are_possible():
@@ -156,7 +151,7 @@ def test_draws_have_the_covariance_and_are_possible():
     matrix = covariance(0.02, names)
     matrix[0, 1] = matrix[1, 0] = 0.8 * np.sqrt(matrix[0, 0] * matrix[1, 1])
     values = ALL | {"drive_speed": SPEED, "normal_force": 1.0}
-    drawn = Uncertain(MODEL, values, names, matrix).draw(20000, seed=1)
+    drawn = Draws.of(MODEL, values, names, matrix, 20000, 1)
     assert drawn.refused == 0 and np.all(drawn.settings[:, -2] == 1.0)
     columns = [*(drawn.settings[:, MODEL.parameter_names.index(n)] for n in NAMES), drawn.settings[:, -1]]
     np.testing.assert_allclose(
@@ -164,7 +159,7 @@ def test_draws_have_the_covariance_and_are_possible():
         matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix))),
         atol=0.04,
     )
-    broad = Uncertain(MODEL, values, ("mu_s", "mu_k0"), np.diag([0.2**2, 0.2**2])).draw(2000)
+    broad = Draws.of(MODEL, values, ("mu_s", "mu_k0"), np.diag([0.2**2, 0.2**2]), 2000)
     assert 100 < broad.refused < 1500
     static, kinetic = (broad.settings[:, MODEL.parameter_names.index(n)] for n in ("mu_s", "mu_k0"))
     assert np.all(static > kinetic) and np.all(kinetic > 0.13)
@@ -253,7 +248,7 @@ def test_every_number_of_an_answer_has_an_interval():
 
 
 def test_intervals_are_those_of_differences():
-    """Half widths against answers at moved parameters: the same covariance, no slope of ours."""
+    """Half widths against answers at moved parameters: the same covariance. Quantiles of 400 draws are good to 4 %."""
     values, names, speed = ALL | {"a": 3.0}, ("mass", "mu_s", "damping", "t_cr"), 2e-5
     sd = {name: 0.003 * values[name] for name in names}
 
@@ -266,7 +261,7 @@ def test_intervals_are_those_of_differences():
     for quantity in ("share_in_slip", "friction_force", "period", "critical_speed", "Pi_fc", "Omega_c"):
         moves = [(up[quantity]["value"] - down[quantity]["value"]) / 2 for up, down in moved]
         low, high = here[quantity]["interval"]
-        assert (high - low) / 2 == pytest.approx(1.959964 * np.linalg.norm(moves), rel=0.01), quantity
+        assert (high - low) / 2 == pytest.approx(1.959964 * np.linalg.norm(moves), rel=0.04), quantity
 
 
 def test_advice_in_the_report(told):
@@ -279,7 +274,9 @@ def test_advice_in_the_report(told):
 
 def test_an_open_interval_of_a_limit_says_why():
     names = ("mu_s", "t_cr")
-    told = to_dict(stabilising_changes(MODEL, OperatingPoint(ALL, SPEED, LOAD, np.diag([1e-6, np.inf])), names))
+    told = to_dict(
+        stabilising_changes(MODEL, OperatingPoint(ALL, SPEED, LOAD, np.diag([1e-6, np.inf])), names, draws=40)
+    )
     limit = told["changes"][0]["limit"]
     assert limit["interval"] == [None, None] and "these data do not tell t_cr" in limit["reason"]
     (line,) = (line for line in told["text"].splitlines() if line.startswith("- drive speed"))

@@ -18,8 +18,7 @@ from brute_force_lanes import Lanes, simulate
 from identify.base.document import to_dict
 from identify.cli.main import main
 from identify.model.model import assemble
-from identify.prediction.cycle import CycleMap
-from identify.prediction.intervals import OperatingPoint
+from identify.prediction.draws import OperatingPoint
 from identify.prediction.predict import predict, predictions
 from identify.prediction.windows import speed_windows
 from identify.scene import Scene
@@ -124,50 +123,26 @@ def test_without_stick_slip_the_range_that_was_searched_is_said():
 
 
 def test_windows_of_a_pair_are_searched_once_and_those_of_another_are_its_own():
-    model, values = assemble(study.EFFECTS), WINDOW | {"mu_s": WINDOW["mu_s"] * 1.01}
-    own, again, other = (
-        CycleMap(model, WINDOW["normal_force"], np.array([pair[name] for name in model.parameter_names]))
-        for pair in (WINDOW, WINDOW, values)
-    )
-    assert speed_windows(own) is speed_windows(again)
-    loaded, finer = (
-        CycleMap(model, force, own.p, rtol)
-        for force, rtol in ((own.normal_force * 1.01, own.rtol), (own.normal_force, 1e-10))
-    )
-    ends = {speed_windows(map_).end.speed for map_ in (own, other, loaded, finer)}
-    assert len(ends) == 4
-    assert speed_windows(own, (1e-3,)).searched != speed_windows(own, (1e3,)).searched
-
-
-def test_points_of_one_pair_share_their_windows_and_close_loads_carry_them():
-    model, force = assemble(study.EFFECTS), WINDOW["normal_force"]
-    points = [OperatingPoint(WINDOW, speed, force * share) for speed, share in ((3e-4, 1.0), (9e-4, 1.0), (9e-4, 1.02))]
-    first, second, third = [to_dict(answer) for answer in predictions(model, points, ())]
-    assert first["stability"]["windows"] == second["stability"]["windows"]
-    own = to_dict(predict(model, WINDOW, 9e-4, 1.02 * force))
-    (carried,), (exact,) = (document["stability"]["stick_slip_between"] for document in (third, own))
-    for side in ("from", "to"):
-        assert carried[side]["value"] == pytest.approx(exact[side]["value"], rel=5e-3)
-    assert abs(exact["to"]["value"] / first["stability"]["stick_slip_between"][0]["to"]["value"] - 1) > 5e-3
-
-
-def test_slopes_of_both_ends_are_those_of_windows_searched_again():
     model = assemble(study.EFFECTS)
 
-    def ends(**changes):
-        values = WINDOW | changes
-        map_ = CycleMap(model, values["normal_force"], np.array([values[name] for name in model.parameter_names]))
-        (part,) = speed_windows(map_).sticking
-        return part.low, part.high
+    def setting(pair):
+        return np.array([pair[name] for name in (*model.parameter_names, "normal_force")] + [1e-3])
 
-    step = 2e-3
-    for name in ("mu_s", "damping"):
-        up, down = ends(**{name: WINDOW[name] * (1 + step)}), ends(**{name: WINDOW[name] * (1 - step)})
-        place = model.parameter_names.index(name)
-        for limit, above, below in zip(ends(), up, down, strict=True):
-            assert limit.slopes[place] == pytest.approx(
-                (above.speed - below.speed) / (2 * step * WINDOW[name]), rel=0.1
-            )
+    own = setting(WINDOW)
+    assert speed_windows(model, own) is speed_windows(model, own * np.append(np.ones(own.size - 1), 2.0))
+    others = [WINDOW | {name: WINDOW[name] * 1.01} for name in ("mu_s", "normal_force")]
+    assert len({speed_windows(model, w).end for w in (own, *map(setting, others))}) == 3
+    assert speed_windows(model, own, (1e-3,)).searched != speed_windows(model, own, (1e3,)).searched
+
+
+def test_points_of_one_pair_share_their_windows_and_another_load_has_its_own():
+    model, force = assemble(study.EFFECTS), WINDOW["normal_force"]
+    points = [OperatingPoint(WINDOW, speed, force * share) for speed, share in ((3e-4, 1.0), (9e-4, 1.0), (9e-4, 1.02))]
+    first, second, third = [to_dict(answer)["stability"] for answer in predictions(model, points, ())]
+    assert first["windows"] == second["windows"]
+    alone = to_dict(predict(model, WINDOW, 9e-4, 1.02 * force))["stability"]
+    assert third["stick_slip_between"] == alone["stick_slip_between"]
+    assert abs(third["critical_speed"]["value"] / first["critical_speed"]["value"] - 1) > 5e-3
 
 
 def test_the_study_of_random_pairs_agrees_with_simulation(capsys):

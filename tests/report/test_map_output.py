@@ -13,9 +13,8 @@ import pytest
 from identify.base.errors import SimulationError
 from identify.cli.main import main
 from identify.prediction import sources as tested
-from identify.prediction.chart import chart
-from identify.prediction.chart_bands import KnownCovariance
-from identify.prediction.continuation import continuation, values_of, write_chart, write_continuation
+from identify.prediction.draws import Draws
+from identify.prediction.maps import chart, line_map, values_of, write_chart, write_line
 from identify.report.draw_map import Marks, draw_map
 from tests.support.maps_case import SITE, SPANS
 
@@ -44,8 +43,8 @@ def test_a_map_is_stored_whole(tmp_path, speed_and_stiffness):
         assert file["boundaries/end_of_stick-slip/piece_1"].shape[1] == 2
     with pytest.raises(SimulationError, match="no format"):
         write_chart(made, tmp_path / "map.txt")
-    answer = continuation(SITE, "mass", points=3)
-    (path,) = write_continuation(answer, SITE, tmp_path / "line.csv")
+    answer = line_map(SITE, "mass", points=3)
+    (path,) = write_line(answer, SITE, tmp_path / "line.csv")
     assert len(path.read_text(encoding="utf-8").splitlines()) == 4
 
 
@@ -53,7 +52,8 @@ def test_a_map_is_stored_whole(tmp_path, speed_and_stiffness):
 def test_a_picture_is_one_journal_column_wide(tmp_path, speed_and_stiffness, part):
     import matplotlib.image
 
-    known = KnownCovariance.of(("mu_s", "stiffness"), np.diag([1e-5, 900.0]))
+    values = dict(SITE.values) | {"drive_speed": 5e-3, "normal_force": 1.0}
+    known = Draws.of(SITE.model, values, ("mu_s", "stiffness"), np.diag([1e-5, 900.0]), 50)
     marks = Marks(
         [(1e-3, 1470.0), (5e-3, 1470.0)], known, tested.Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1e3, 2e3)})
     )
@@ -62,32 +62,7 @@ def test_a_picture_is_one_journal_column_wide(tmp_path, speed_and_stiffness, par
     assert shape[1] == pytest.approx(90 / 25.4 * 300, rel=0.01)
 
 
-def _labels_apart(axes):
-    """The numbers on contours, none of which stands where another one is."""
-    from identify.report.map_parts import ROOM
-
-    labels = [t for t in axes.texts if t.get_text().replace(".", "").isdigit()]
-    places = [axes.transAxes.inverted().transform(axes.transData.transform(t.get_position())) for t in labels]
-    for i, one in enumerate(places):
-        for other in places[:i]:
-            assert np.hypot(*((one - other) / ROOM)) > 0.95
-    return labels
-
-
-def test_contours_side_by_side_are_not_all_labelled(speed_and_stiffness):
-    """A step within one column of nodes: nine contours, and room for the numbers of few of them."""
-    from identify.report.draw_map import map_figure
-
-    made = speed_and_stiffness
-    step = (
-        np.where(np.arange(made.growth.shape[1]) < 3, 1.0, 1e3) + np.linspace(0.0, 1e-3, made.growth.shape[0])[:, None]
-    )
-    figure = map_figure(replace(made, figures={**made.figures, "period": step}), "amplitude")
-    figure.canvas.draw()
-    assert 1 <= len(_labels_apart(figure.axes[0])) <= 4
-
-
-def test_labels_stand_apart_and_the_star_says_whose_it_is(speed_and_stiffness):
+def test_contours_are_labelled_and_the_star_says_whose_it_is(speed_and_stiffness):
     from identify.report.draw_map import map_figure
 
     seen = tested.Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1470.0, 1470.0)})
@@ -97,7 +72,7 @@ def test_labels_stand_apart_and_the_star_says_whose_it_is(speed_and_stiffness):
     figure = map_figure(crowded, "amplitude", Marks(tested=seen, whose="log 2 (a very long name of a file.csv)"))
     axes = figure.axes[0]
     figure.canvas.draw()
-    assert len(_labels_apart(axes)) >= 3
+    assert sum(text.get_visible() and text.get_text().replace(".", "").isdigit() for text in axes.texts) >= 3
     words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert "operating point of\nlog 2 (a very long name o…" in words
     (legend,) = figure.legends
@@ -178,8 +153,6 @@ def test_scripts_map_a_scene_by_names(tmp_path):
     scene = identify.Scene.from_toml(path)
     made = identify.stability_map(scene, "drive_speed", "pressure", (2e-3, 5e-2), points=3)
     assert made.outcomes.shape == (3, 3) and made.plane.y.value == pytest.approx(1.0 / 0.8e-4)
-    (end,) = identify.continue_over(scene, "drive_speed", points=8).ends
-    assert end.value == pytest.approx(21.98e-3, rel=1e-3)
     with pytest.raises(SimulationError, match="normal force"):
         identify.stability_map(replace(scene, rig=replace(scene.rig, normal_force=None)), "mass", "D")
 
@@ -199,15 +172,3 @@ def test_an_operating_point_beyond_the_map_is_said_to_be(speed_and_stiffness, sp
     assert within is (speed == 1.0)
     assert legend[0].get_label() == ("operating point" if within else "operating point: beyond this map")
     assert any(line.get_marker() == "*" for line in axes.lines) is within
-
-
-def test_a_contour_that_crosses_no_cell_is_drawn_as_nothing():
-    """A pair without ageing has one fall of the force over much of a map, and levels that no cell crosses."""
-    from matplotlib.path import Path as Contour
-
-    from identify.report.map_parts import SCRAP, _without_scraps
-
-    assert len(_without_scraps(Contour(np.empty((0, 2)))).vertices) == 0
-    scrap, line = np.zeros((SCRAP, 2)), np.ones((SCRAP + 1, 2))
-    codes = [Contour.MOVETO, *[Contour.LINETO] * (SCRAP - 1), Contour.MOVETO, *[Contour.LINETO] * SCRAP]
-    assert np.array_equal(_without_scraps(Contour(np.concatenate([scrap, line]), codes)).vertices, line)

@@ -17,8 +17,6 @@ from experiments.pooling_draws import Plan, draw
 from identify.base.document import to_dict
 from identify.cli.folder import COMPARISON, check_replaceable
 from identify.cli.main import main
-from identify.prediction.point_prediction import NoAnswer
-from identify.studies import operating_points
 from identify.studies.compare import compare
 from identify.studies.comparison_page import write_batch_report, write_comparison
 from identify.studies.fits import read_fits
@@ -190,20 +188,6 @@ def test_the_nonlinear_model_answers_at_common_points(study):
     aged = np.maximum(1 - v * values["t_cr"] / values["D"], 0.0)  # eq. 2 at rest of gamma
     np.testing.assert_allclose(curve.value, kinetic + (values["mu_s"] - kinetic) * aged, rtol=0.02, atol=0.006)
     assert np.all(curve.low <= curve.value) and np.all(curve.people_low <= curve.low)
-
-
-def test_draws_answer_at_the_common_speeds_and_straight_lines_along_the_curve(study, monkeypatch):
-    asked = []
-
-    def told(model, points, names, *, draws):
-        asked.append((len(points), draws))
-        return [NoAnswer("no answer") for _ in points]
-
-    monkeypatch.setattr(operating_points, "predictions", told)
-    found = compare(read_fits([study[0]]), ComparisonQuestion("material"))
-    answers = group_answers(found, common(found, speeds=(1e-3, 1e-2), normal_force=1.0))
-    assert [answer.reason for answer in answers] == ["no answer"] * 3
-    assert asked == 6 * [(2, True), (operating_points.AMPLITUDE_POINTS, False)]
 
 
 def test_the_probability_of_stick_slip_is_students():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identify.model.model import assemble
-from identify.prediction.map_axes import Site
+from identify.prediction.axes import Site
 
 ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 DEMO = {

@@ -92,7 +92,7 @@ export async function mapView(host, asked, session) {
       } });
     showFiles();
     const shares = Object.entries(made.map.shares).map(([outcome, share]) => [swatch(outcome), `${(OUTCOMES[outcome] ?? [outcome])[0]} ${share < 0.005 ? "under 1" : Math.round(100 * share)} %; `]);
-    refill(legend, shares, `solid line: end of stick-slip; dashed: sliding loses its stability; hatched: tested by the logs. Drag the point, or move it with the arrow keys.${made.price?.text ? ` Cost: ${made.price.text}` : ""}`);
+    refill(legend, shares, `solid line: end of stick-slip; dashed: sliding loses its stability; hatched: tested by the logs. Drag the point, or move it with the arrow keys.`);
     host.dataset.mapped = "yes";
   };
   function tested(context, tox, toy, x, y) {

@@ -1,4 +1,4 @@
-"""Intervals where answers follow the parameters in a curve: those of an independent Monte Carlo, nothing else shown."""
+"""Intervals of predictions: those of an independent Monte Carlo, also where answers follow the parameters in curves."""
 
 from __future__ import annotations
 
@@ -14,15 +14,11 @@ sys.path.append(str(Path(__file__).parents[2] / "experiments"))
 import run_skew_study as study
 from brute_force_lanes import Lanes
 
-from identify.base.document import from_document, to_dict
+from identify.base.document import to_dict
 from identify.model.model import assemble
-from identify.prediction.cycle import CycleMap
-from identify.prediction.intervals import LEAST_DRAWS, OperatingPoint, sampled
-from identify.prediction.point_prediction import PointPrediction
-from identify.prediction.predict import predict, predictions
-from identify.prediction.probability import prediction_certainty
+from identify.prediction.draws import LEAST_DRAWS, Draws, OperatingPoint
+from identify.prediction.predict import DrawAnswers, map_of, predict, solution_set
 from identify.prediction.windows import speed_windows
-from identify.prediction.wording import amplitude_text
 
 MODEL = assemble(study.EFFECTS)
 PAIR = {
@@ -57,10 +53,6 @@ def just_below_the_end(pair):
     return 0.97 * to_dict(predict(MODEL, pair, 1e-3, pair["normal_force"]))["stability"]["critical_speed"]["value"]
 
 
-def point_of(scene):
-    return OperatingPoint(scene.pair, scene.speed, scene.pair["normal_force"], scene.covariance)
-
-
 PAIRS = {
     "demo": PAIR,
     "soft": PAIR | {"stiffness": 900.0, "damping": 120.0, "mu_k0": 0.46},
@@ -88,50 +80,36 @@ def test_skew_intervals_are_those_of_an_independent_monte_carlo(names):
     sticks, course = study.begun(Lanes.of([pair for each in pairs for pair in each], speeds), 12)
     for i, scene in enumerate(scenes):
         for name, values in (("drop", course.drop), ("period", course.period)):
-            entry, (low, high) = scene.interval(name)
-            assert entry["interval_from"] == "draws"
+            _, (low, high) = scene.interval(name)
             simulated = values[sticks & (place == i)]
             # 130 draws tell a share of 95 % to 2 %; the ends are quantiles of 200.
             assert 0.88 <= np.mean((simulated >= low) & (simulated <= high)) <= 0.998
-        # Negative control: the straight line has other ends.
-        (line,) = [to_dict(answer) for answer in predictions(MODEL, [point_of(scene)], study.NAMES, draws=False)]
-        assert line["amplitude"]["drop"]["interval"][1] > 1.15 * scene.interval("drop")[1][1]
+        # Negative control: a straight line has other ends, as the drop goes like the root of what is left to the end.
+        value = scene.document["amplitude"]["drop"]["value"]
+        low, high = scene.interval("drop")[1]
+        assert not 0.8 < (high / value - 1.0) / (1.0 - low / value) < 1.25
 
 
-def test_the_straight_line_is_not_shown_where_draws_are(skew):
-    assert "Intervals are those of draws" in amplitude_text(from_document(PointPrediction, skew.document))
-    found = to_dict(
-        prediction_certainty(MODEL, OperatingPoint(PAIR, skew.speed, 1.0, skew.covariance), study.NAMES, draws=120)
-    )
-    assert found["quantities"]["drop"]["alike"] is False and found["quantities"]["drop"]["linear"] is None
-    assert "95 % of the draws of the drop lie from" in found["text"] and "take the draws" not in found["text"]
-
-
-def test_what_is_known_well_keeps_its_line():
-    document = case(PAIR, 1e-3, 0.01).document
-    entries = [document["amplitude"]["drop"], document["amplitude"]["period"], document["stability"]["critical_speed"]]
-    assert all(entry["interval"][0] is not None and "interval_from" not in entry for entry in entries)
-    assert "draws" not in document["text"]
-
-
-def test_the_limit_of_another_pair_is_that_of_its_own_windows():
-    """By the fold of its branch, far from the estimate; a limit that only followed the straight line would be off."""
-    scene = study.Case(PAIR, 1e-3, known_to(PAIR, 0.2), {})
-    limit = speed_windows(CycleMap(MODEL, 1.0, np.array([PAIR[name] for name in MODEL.parameter_names]))).end
-    off = []
-    for pair in study.drawn(scene, 4, np.random.default_rng(3)):
-        map_ = CycleMap(MODEL, 1.0, np.array([pair[name] for name in MODEL.parameter_names]))
-        own = speed_windows(map_).end.speed
-        assert limit.of(map_) == pytest.approx(own, rel=2e-3)
-        moved = map_.setting(1.0) - limit.orbit.cycle.setting
-        off.append(abs(np.log(own / limit.speed) - limit.slopes[:-1] @ moved[:-1] / limit.speed))
-    assert max(off) > 0.05
+def test_ends_of_draws_are_those_of_their_own_windows():
+    """Of pairs far from the estimate, and of the outer draws, which are closed in on; orders of the rest are kept."""
+    names, covariance = study.NAMES, known_to(PAIR, 0.1)
+    model_map = map_of(MODEL, OperatingPoint(PAIR, 1e-3, 1.0))
+    answer = solution_set(model_map, 1e-3)
+    draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, names, covariance, 24)
+    (part,) = answer.windows.sticking
+    ends = DrawAnswers(draws, answer).limit(part, True)
+    own = np.array([speed_windows(MODEL, w).end for w in draws.settings])
+    assert np.ptp(np.log(own)) > 0.2
+    assert np.min(ends) == pytest.approx(np.min(own), rel=2e-3) and np.max(ends) == pytest.approx(np.max(own), rel=2e-3)
+    assert np.max(np.abs(np.log(ends / own))) < 0.1
 
 
 def test_too_few_draws_with_an_answer_leave_the_interval_open():
+    draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, ("mu_s",), np.array([[1e-6]]), 200)
     values = np.full(200, np.nan)
     values[: LEAST_DRAWS - 1] = 1.0
-    assert sampled(values).low is None and f"only {LEAST_DRAWS - 1} of 200 draws" in sampled(values).reason
+    found = draws.interval(values, 1.0)
+    assert found.low is None and f"only {LEAST_DRAWS - 1} of 200 draws" in found.reason
 
 
 def test_forces_of_either_sign_have_ends_in_order():

@@ -1,4 +1,4 @@
-"""What a map or a continuation can be drawn over: each quantity, and what of an operating point it moves.
+"""What a map can be drawn over: each quantity, and what of an operating point it moves.
 
 A quantity moves itself and what is tied to it, everything else stays: `mu_k0` takes mu_s with it (their difference
 stays), `mu_step` is mu_s - mu_k0 at constant mu_k0, `zeta` sets the damping h = 2 zeta k, `stiffness_at_zeta` takes h
@@ -18,11 +18,9 @@ from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
 from identify.model.model import Model
-from identify.prediction.path import SettingPath
 
 Array = NDArray[np.float64]
 
-TINY = 1e-30  # of a complex step
 AREA = ("contact_area", "area_force", "area_exponent")
 
 
@@ -121,17 +119,22 @@ def axis(site: Site, name: str) -> Axis:
 
 
 def _value(site: Site, name: str) -> float:
-    v = site.values
+    return float(quantity_of(site, name, site.setting))
+
+
+def quantity_of(site: Site, name: str, settings: Array) -> Array:
+    """The values of a quantity at settings (..., n_w) of a point's contact."""
+    v = dict(
+        zip((*site.model.parameter_names, "normal_force", "drive_speed"), np.moveaxis(settings, -1, 0), strict=True)
+    )
     if name == "mu_step":
-        return v["mu_s"] - v["mu_k0"]
-    if name == "stiffness_at_zeta":
-        return v["stiffness"]
+        return np.asarray(v["mu_s"] - v["mu_k0"])
     if name == "zeta":
-        return v["damping"] / (2.0 * v["stiffness"])
-    own = {"drive_speed": site.drive_speed, "normal_force": site.normal_force}
-    if site.area is not None:
-        own |= {"area": site.area, "pressure": site.normal_force / site.area}
-    return float(own[name] if name in own else v[name])
+        return np.asarray(v["damping"] / (2.0 * v["stiffness"]))
+    if name in ("area", "pressure"):
+        area = (site.area or np.nan) * (v["normal_force"] / site.normal_force) ** site.area_exponent
+        return np.asarray(area if name == "area" else v["normal_force"] / area)
+    return np.asarray(v[name.removesuffix("_at_zeta")])
 
 
 def check_axes(site: Site, names: tuple[str, ...]) -> None:
@@ -153,40 +156,39 @@ def check_axes(site: Site, names: tuple[str, ...]) -> None:
         )
 
 
-def moved(site: Site, changes: Mapping[str, object]) -> NDArray[Any]:
-    """The setting w (n_w,) of a point with some quantities moved; complex values give complex settings."""
-    return np.array(list(moved_values(site, changes).values()))
+def moved(site: Site, changes: Mapping[str, Any], settings: Array | None = None) -> Array:
+    """The settings (..., n_w) of a point, or of others of its contact (n, n_w), with some quantities moved; values may
+    be arrays of one shape."""
+    columns = np.broadcast_arrays(*moved_values(site, changes, settings).values())
+    return np.stack([np.asarray(column, float) for column in columns], axis=-1)
 
 
-def moved_values(site: Site, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """The same by name (parameters, "normal_force", "drive_speed"); values may be arrays of one shape."""
-    v: dict[str, Any] = dict(site.values)
-    for name, value in changes.items():
-        if name in v:
-            v[name] = value
+def moved_values(site: Site, changes: Mapping[str, Any], settings: Array | None = None) -> dict[str, Any]:
+    """The same by name (parameters, "normal_force", "drive_speed")."""
+    names = (*site.model.parameter_names, "normal_force", "drive_speed")
+    now: dict[str, Any] = dict(zip(names, site.setting if settings is None else settings.T, strict=True))
+    v = now | {name: value for name, value in changes.items() if name in now}
     if "mu_k0" in changes and "mu_s" not in changes:
-        v["mu_s"] = changes["mu_k0"] + (site.values["mu_s"] - site.values["mu_k0"])
+        v["mu_s"] = changes["mu_k0"] + (now["mu_s"] - now["mu_k0"])
     if "mu_step" in changes:
         v["mu_s"] = v["mu_k0"] + changes["mu_step"]
     if "stiffness_at_zeta" in changes:
         v["stiffness"] = changes["stiffness_at_zeta"]
-        v["damping"] = v["damping"] * (v["stiffness"] / site.values["stiffness"])
+        v["damping"] = v["damping"] * (v["stiffness"] / now["stiffness"])
     if "zeta" in changes:
         v["damping"] = 2.0 * changes["zeta"] * v["stiffness"]
-    load, area = _load_and_area(site, changes)
+    v["normal_force"], area = _load_and_area(site, now["normal_force"], changes)
     if "contact_area" in v and area is not None:
-        v["contact_area"] = area * (load / v["area_force"]) ** (-v["area_exponent"])
-    out = {name: v[name] for name in site.model.parameter_names}
-    return out | {"normal_force": load, "drive_speed": changes.get("drive_speed", site.drive_speed)}
+        v["contact_area"] = area * (v["normal_force"] / v["area_force"]) ** (-v["area_exponent"])
+    return v
 
 
-def _load_and_area(site: Site, changes: Mapping[str, object]) -> tuple[Any, Any]:
+def _load_and_area(site: Site, now: Any, changes: Mapping[str, Any]) -> tuple[Any, Any]:
     """Normal force, and the nominal area where it is no longer that of the law at the point."""
-    load: Any = changes.get("normal_force")
-    area: Any = changes.get("area")
-    pressure: Any = changes.get("pressure")
+    given: dict[str, Any] = {name: changes.get(name) for name in ("normal_force", "area", "pressure")}
+    load, area, pressure = given.values()
     if site.area is None or (area is None and pressure is None):
-        return (site.normal_force if load is None else load), None
+        return (now if load is None else load), None
     if load is not None:
         return load, (load / pressure if area is None else area)
     if area is None:  # along the area law A = A_0 (F_n/F_0)^e: p = p_0 (F_n/F_0)^(1 - e)
@@ -195,26 +197,6 @@ def _load_and_area(site: Site, changes: Mapping[str, object]) -> tuple[Any, Any]
         return load, load / pressure
     pressure = site.normal_force / site.area if pressure is None else pressure
     return pressure * area, area
-
-
-def slopes(site: Site, at: Mapping[str, float], name: str) -> Array:
-    """How the setting moves with one of the quantities: dw/dvalue (n_w,), exact (complex step)."""
-    step = TINY * max(abs(at[name]), 1e-12)
-    return np.asarray(moved(site, {**at, name: at[name] + 1j * step}).imag / step, float)
-
-
-def setting_path(site: Site, along: Axis, fixed: Mapping[str, float] | None = None) -> SettingPath:
-    """The way on which one quantity moves; others may be held elsewhere than at the point."""
-    held = dict(fixed or {})
-
-    def setting(place: float) -> Array:
-        return np.asarray(moved(site, {**held, along.name: float(along.value_at(place))}), float)
-
-    def slope(place: float) -> Array:
-        value = along.value_at(place + 1j * TINY)
-        return np.asarray(moved(site, {**held, along.name: value}).imag / TINY, float)
-
-    return SettingPath(setting, slope)
 
 
 def admissible(model: Model, settings: Array) -> Any:

@@ -1,0 +1,452 @@
+"""Many cycles at once: stick and slip of rows of settings, by the steps that one cycle alone is integrated with.
+
+A row is a setting w (n_w,) = parameters, normal force [N], drive speed [m/s], with a rest state y (n_y,). Every row has
+a step length of its own; rows whose end has to be decided apart are integrated alone (`CycleMap.run`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.compiled import Mapped
+from identify.base.errors import SimulationError
+from identify.model.model import ELONGATION, SPEED, Model
+from identify.model.modes import GUARDS, sliding_modes
+from identify.prediction.cycle import (
+    CREEP,
+    DOUBLINGS,
+    CycleMap,
+    bounds_at_rest,
+    rested,
+    slide_limits,
+)
+from identify.prediction.orbit import FARTHEST, RESOLVED
+from identify.simulation.phases import FIRST, FLOOR, ROUNDING
+from identify.simulation.sliding import growth_rates
+from identify.simulation.stepper import DIPS, MODES, N_GUARDS, SHORTEST, BurstState, Stop, event_functions, paced, rate
+from identify.simulation.steppers import HIGH
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+
+ACCURACY = 1e-6  # relative tolerance of a step: a hundredth of it, and less, is left in durations and drops
+TRIALS = 150  # steps tried in one slip before a row is integrated alone
+RENEWED = 0.01  # of the saturation: of a contact that is almost renewed
+ALMOST = 1.0 - 1e-6  # of the elongation at which a contact breaks loose
+NEWTON_STEPS = 60  # towards the end of a stick
+FREED = 1e-13  # of normal force / stiffness: frees a mass that only the rounding of the forces holds
+EARLIER = np.geomspace(1e-6, 1.0, 33)[:-1]  # of a stick: where the margin is looked at if it need not be concave
+PLAIN = (3, 1, 2, 4, 8, 16)  # cycles before each search for the orbit by Newton's method
+DRIFTING = 10  # cycles at the end of these: a motion that still drifts one way lingers, as just beyond an end
+NOT_YET, LOCATED, UNDECIDED = int(Stop.NOT_YET), int(Stop.LOCATED), (int(Stop.EVENT), int(Stop.STUCK))
+CLOSED = 1e-6  # of the closure of a cycle, in units of normal force / stiffness
+STEP = 1e-3  # of the jump, both in typical ones: differences of the return map
+DENSE = 0.3  # natural times sqrt(m/k): longest step where extremes are sought between its ends
+
+
+@lru_cache(maxsize=16)
+def _steps(model: Model) -> tuple[list[Mapped], list[Mapped]]:
+    """Trials by which of them comes (`BurstState.which`), and event functions by mode."""
+    modes = MODES[: len(sliding_modes(model.clamped is not None))]
+    trials = [Mapped(paced(model, HIGH, mode, locating, True)) for mode in modes for locating in (False, True)]
+    return trials, [Mapped(event_functions(model, mode)) for mode in modes]
+
+
+@lru_cache(maxsize=16)
+def _rests(model: Model) -> Mapped:
+    """Of a stick, by (x, w, t): breakaway margin [N], its slope, force of the drive [N], the state (n_x,)."""
+    x, w, t = (ca.SX.sym(name, n) for name, n in (("x", len(model.states)), ("w", len(model.parameters) + 2), ("t", 1)))
+    p, u = w[:-2], ca.vertcat(w[-1], w[-2], 1, 0)
+    state = model.rest(x, p, u, t)
+    force = model.driving_force(state, p, u)
+    margin = model.grip(state, p, u) - ca.fabs(force)
+    row = ca.vertcat(margin, ca.jacobian(margin, t), force, state)
+    return Mapped(ca.Function("rests", [x, w, t], [ca.cse(ca.densify(row))]))
+
+
+@lru_cache(maxsize=16)
+def _shown(model: Model) -> list[Mapped]:
+    """By sliding mode, of (x, constants): force that the load cell sees [N], its rate, the acceleration [m/s^2]."""
+    out = []
+    for mode in MODES[: len(sliding_modes(model.clamped is not None))]:
+        x, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("c", len(model.parameters) + 5)
+        moving = rate(model, mode)(x, c, 0)
+        load = model.load_cell(x, c[:-5], ca.vertcat(c[-5], c[-3], c[-4], 0))
+        row = ca.vertcat(load, ca.jtimes(load, x, moving), moving[SPEED])
+        out.append(Mapped(ca.Function("shown", [x, c], [ca.densify(row)])))
+    return out
+
+
+@dataclass(frozen=True)
+class Node:
+    """Where the slips of all rows stand after one more trial: states (n, n_x), times (n,) [s] since the onset, and
+    places in `MODES` (n,) and directions (n,) of that trial."""
+
+    x: Array
+    t: Array
+    mode: Array
+    direction: Array
+
+
+@dataclass(frozen=True)
+class CycleRows:
+    """One stick and slip per row, SI: states (n, n_x) at rest before it, at the onset of slip and after it; durations
+    (n,); whether the mass came to rest (n,), and which rows were integrated alone (n,) or could not be (n,); nodes of
+    the slips where they were kept."""
+
+    start: Array
+    onset: Array
+    end: Array
+    stick: Array
+    slip: Array
+    rests: Bools
+    alone: Bools
+    refused: Bools
+    nodes: tuple[Node, ...] = ()
+
+    @property
+    def y(self) -> Array:
+        """Rest states (n, n_y) after the cycles."""
+        return np.delete(self.end, SPEED, 1)
+
+    @property
+    def jump(self) -> Array:
+        """How far (n,) the spring relaxes in the slips [m]."""
+        return np.abs(self.onset - self.end)[:, ELONGATION]
+
+
+@dataclass(frozen=True)
+class Motions:
+    """What becomes of motions: which go on sticking (n,), which of them settle on an orbit (n,), rest states they came
+    to last (n, n_y), multipliers of the orbits (n, n_y), NaN without one; which could not be integrated (n,)."""
+
+    sticks: Bools
+    periodic: Bools
+    y: Array
+    multipliers: NDArray[np.complex128]
+    refused: Bools
+
+    def update(self, rows: Rows | Bools, other: Motions) -> None:
+        """Put those of some rows in place of what was known of them."""
+        for name in ("sticks", "periodic", "y", "multipliers", "refused"):
+            getattr(self, name)[rows] = getattr(other, name)
+
+
+@dataclass(frozen=True)
+class CycleBatch:
+    """Rows of settings (n, n_w) of one model, each with a drive speed above zero."""
+
+    model: Model
+    settings: Array
+
+    def take(self, rows: Rows | Bools) -> CycleBatch:
+        """Some of the rows."""
+        part = CycleBatch(self.model, self.settings[rows])
+        part.__dict__["limit"], part.__dict__["growth"] = self.limit[rows], self.growth[rows]
+        return part
+
+    @cached_property
+    def time(self) -> Array:
+        """Natural times sqrt(m/k) (n,) [s]."""
+        return np.sqrt(self._column("mass") / self._column("stiffness"))
+
+    @cached_property
+    def scale(self) -> Array:
+        """Typical rest states (n, n_y)."""
+        sizes = np.ones((len(self.settings), len(self.model.states) - 1))
+        sizes[:, ELONGATION] = self.settings[:, -2] / self._column("stiffness")
+        return sizes
+
+    @cached_property
+    def growth(self) -> Array:
+        """Growth rates (n,) [1/s] of disturbances of steady sliding."""
+        return growth_rates(self.model, self.settings) if len(self.settings) else np.zeros(0)
+
+    @cached_property
+    def limit(self) -> Array:
+        """Durations (n,) [s] after which a mass that has not come to rest is taken to slide on."""
+        return slide_limits(self.model, self.settings, self.growth)
+
+    def _column(self, name: str) -> Array:
+        return self.settings[:, self.model.parameter_names.index(name)]
+
+    def rested(self) -> Array:
+        """Rest states (n, n_y) with the spring unloaded and every state saturated: the strongest first kick."""
+        return np.tile(rested(self.model), (len(self.settings), 1))
+
+    def renewed(self) -> Array:
+        """Rest states (n, n_y) of contacts that are almost renewed, the spring about to break them loose; rested ones
+        where nothing ages."""
+        x, none = np.insert(self.rested(), SPEED, 0.0, axis=1), np.zeros(len(self.settings))
+        if self.model.clamped is not None and none.size:
+            x[:, self.model.clamped] = RENEWED
+            slack = _rests(self.model)([x, self.settings, none])[0]
+            x[:, ELONGATION] = self.scale[:, ELONGATION]
+            stretched = _rests(self.model)([x, self.settings, none])[0]
+            x[:, ELONGATION] *= ALMOST * slack[:, 0] / (stretched - slack)[:, 2]
+        return np.delete(x, SPEED, 1)
+
+    # ------------------------------------------------------------------------------------------------------------------
+    # One cycle.
+    # ------------------------------------------------------------------------------------------------------------------
+
+    def run(self, y: Array, *, nodes: bool = False) -> CycleRows:
+        """The cycles that start at rest in y (n, n_y); with `nodes` short steps are taken, and kept."""
+        n = len(self.settings)
+        start = np.insert(np.clip(y, *bounds_at_rest(self.model)), SPEED, 0.0, axis=1)
+        stick, onset, force = self._stick(start)
+        end, slip, rests, alone, kept = self._slip(onset, force, nodes)
+        refused = np.zeros(n, dtype=bool)
+        rests &= slip >= CREEP * np.pi * self.time
+        for i in np.flatnonzero(alone).tolist():
+            map_ = CycleMap.of(self.model, self.settings[i])
+            try:
+                cycle = map_.run_within(y[i], self.settings[i], float(self.limit[i]))
+            except SimulationError:
+                refused[i], rests[i] = True, False
+                continue
+            rests[i] = cycle is not None
+            if cycle is not None:
+                stick[i], slip[i], onset[i], end[i] = cycle.stick, cycle.slip, cycle.onset, cycle.end
+        return CycleRows(start, onset, end, stick, slip, rests, alone, refused, kept)
+
+    def _stick(self, start: Array) -> tuple[Array, Array, Array]:
+        """Durations (n,) of rests from states (n, n_x), the states at their ends, the force of the drive there [N].
+
+        Where the margin is concave in time, Newton's method from the far end meets its only zero; transients of a
+        series element may bring an earlier one.
+        """
+        w, look = self.settings, _rests(self.model)
+        strongest = np.max(w[:, :2], axis=1) * w[:, -2] + self._column("stiffness") * np.abs(start[:, ELONGATION])
+        t = 2.0 * strongest / (self._column("stiffness") * w[:, -1])
+        at_once = look([start, w, np.zeros_like(t)])[0][:, 0] <= 0.0
+        for _ in range(DOUBLINGS):
+            row = look([start, w, t])[0]
+            if not np.any(row[:, 0] > 0.0):
+                break
+            t = np.where(row[:, 0] > 0.0, 2.0 * t, t)
+        for _ in range(NEWTON_STEPS):
+            with np.errstate(all="ignore"):
+                step = np.where(row[:, 1] < 0.0, row[:, 0] / row[:, 1], 0.0)
+            t = np.where(at_once, 0.0, np.maximum(t - step, 0.0))
+            row = look([start, w, t])[0]
+            if np.all(np.abs(step) <= 1e-14 * t) or np.all(at_once):
+                break
+        if self.model.decays.numel_out(0):
+            t = self._first_zero(start, t)
+            row = look([start, w, t])[0]
+        return t, row[:, 3:], row[:, 2]
+
+    def _first_zero(self, start: Array, t: Array) -> Array:
+        """The first zero (n,) of margins that are zero at t (n,), by a scan and bisection of what is earlier."""
+        w, look, n = self.settings, _rests(self.model), t.size
+        times = EARLIER[:, None] * t
+        margins = np.array([look([start, w, row])[0][:, 0] for row in times])
+        early = np.any(margins < 0.0, axis=0) & (t > 0.0)
+        at = np.argmax(margins < 0.0, axis=0)
+        high = times[at, np.arange(n)]
+        low = np.where(at > 0, times[np.maximum(at - 1, 0), np.arange(n)], 0.0)
+        for _ in range(NEWTON_STEPS if np.any(early) else 0):
+            middle = 0.5 * (low + high)
+            below = look([start, w, middle])[0][:, 0] < 0.0
+            low, high = np.where(below, low, middle), np.where(below, middle, high)
+        return np.where(early, high, t)
+
+    def _slip(self, x: Array, force: Array, keep: bool) -> tuple[Array, Array, Bools, Bools, tuple[Node, ...]]:
+        """Slips from states x (n, n_x) under a force of the drive (n,) [N]: states at their ends, durations, whether
+        the mass rests, which rows have to be integrated alone, nodes."""
+        n, n_x = x.shape
+        at, (trials, events), clamped = BurstState(n_x), _steps(self.model), self.model.clamped
+        lowest = 0.0 if clamped is None else self.model.states[clamped].lower or 0.0
+        exits = [dict(mode.exits) for mode in sliding_modes(clamped is not None).values()]
+        floor = FLOOR * np.insert(self.scale, SPEED, self.settings[:, -2] * self.time / self._column("mass"), axis=1)
+        floor[:, SPEED] *= min(ROUNDING / ACCURACY, 1.0)
+        tolerances = ACCURACY * np.insert(floor, 0, 1.0, axis=1)
+        ones = np.ones(n)
+        longest = DENSE * self.time if keep else np.inf * ones
+        bounds = np.stack([self.limit, longest, SHORTEST * self.time, ones, np.inf * ones], axis=1)
+        situated = np.stack([self.settings[:, -1], ones, self.settings[:, -2], 0 * ones, 0 * ones], axis=1)
+        constants = np.concatenate([self.settings[:, :-2], situated], axis=1)
+        z, before, modes = np.zeros((n, at.size)), np.zeros(n), np.zeros(n, dtype=int)
+        rests, alone, nodes = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool), list[Node]()
+
+        def begin(rows: Rows, h: Array) -> None:
+            """Let rows slide on from where they are in their modes, with first steps h (k,) [s]."""
+            before[rows] += z[rows, at.t]
+            bounds[rows, 0] = np.maximum(self.limit[rows] - before[rows], SHORTEST * self.time[rows])
+            x = z[rows, :n_x]
+            z[rows] = 0.0
+            z[rows, :n_x], z[rows, at.h], z[rows, at.control.stop - 1] = x, h, DIPS
+            z[rows, at.which] = 2 * modes[rows]
+            for mode, function in enumerate(events):
+                mine = rows[modes[rows] == mode]
+                if mine.size:
+                    z[mine, at.ends] = function([z[mine, :n_x], constants[mine], np.zeros(mine.size)])[0]
+
+        def node() -> None:
+            if keep:
+                nodes.append(Node(z[:, :n_x].copy(), before + z[:, at.t], modes.copy(), constants[:, -4].copy()))
+
+        active = np.arange(n)
+        z[:, :n_x], constants[:, -4] = x, np.where(force < 0.0, -1.0, 1.0)
+        begin(active, FIRST * self.time)
+        held = active[z[:, at.ends.start + N_GUARDS] < 0.0]  # the speed falls: a last digit holds the mass back
+        if held.size:
+            z[held, ELONGATION] += constants[held, -4] * FREED * self.scale[held, ELONGATION]
+            begin(held, FIRST * self.time[held])
+        node()
+        for _ in range(TRIALS):
+            coming = z[active, at.which]
+            for which, trial in enumerate(trials):
+                rows = active[coming == which]
+                if rows.size:
+                    z[rows] = trial([z[rows], bounds[rows], constants[rows], tolerances[rows]])[0]
+            node()
+            why = z[active, at.stop]
+            if not np.any(why):
+                continue
+            alone[active[np.isin(why, UNDECIDED)]] = True
+            located, active = active[why == LOCATED], active[why == NOT_YET]
+            ends = z[located, at.ends]
+            with np.errstate(all="ignore"):
+                away = np.abs(ends[:, :N_GUARDS] / ends[:, N_GUARDS:])
+            for i, guard in enumerate(GUARDS):
+                out = np.array([guard not in exits[mode] for mode in modes[located]], dtype=bool)
+                away[out | ~np.isfinite(away[:, i]), i] = np.inf
+            met = np.argmin(away, axis=1)
+            stopped, other = located[met == 0], located[met != 0]
+            if other.size and clamped is not None:
+                z[other[modes[other] == 0], clamped] = lowest
+                modes[other] = 1 - modes[other]
+                begin(other, np.maximum(z[other, at.control.start + 2], FIRST * self.time[other]))
+            if stopped.size:
+                z[stopped, SPEED] = 0.0
+                row = _rests(self.model)([z[stopped, :n_x], self.settings[stopped], np.zeros(stopped.size)])[0]
+                rests[stopped] = row[:, 0] > 0.0
+                turned = stopped[~rests[stopped]]
+                modes[turned] = 0
+                constants[turned, -4] = np.where(row[~(row[:, 0] > 0.0), 2] < 0.0, -1.0, 1.0)
+                begin(turned, FIRST * self.time[turned])
+                other = np.append(other, turned)
+            active = np.append(active, other)
+            if not active.size:
+                break
+        alone[active] = True
+        return z[:, :n_x], before + z[:, at.t], rests, alone, tuple(nodes)
+
+    def settle(self, y: Array) -> Motions:
+        """What the motions from rest states y (n, n_y) settle on: plain cycles, and Newton's method now and then.
+
+        A motion that settles on nothing and still drifts one way at the end slides.
+        """
+        n, n_y = y.shape
+        none = np.zeros(n, dtype=bool)
+        found = Motions(~none, none, y.copy(), np.full((n, n_y), np.nan + 0j), none.copy())
+        left, drift, lasted, jump = np.arange(n), np.zeros(n), np.zeros(n, dtype=int), np.ones(n)
+        for plain in PLAIN:
+            for _ in range(plain):
+                if not left.size:
+                    return found
+                cycles = self.take(left).run(found.y[left])
+                found.refused[left] = cycles.refused
+                found.sticks[left] = cycles.rests
+                jump[left] = cycles.jump / self.scale[left, ELONGATION]
+                left, y = left[cycles.rests], cycles.y[cycles.rests]
+                now = np.sign(y[:, ELONGATION] - found.y[left, ELONGATION])
+                lasted[left] = np.where(now == drift[left], lasted[left] + 1, 0)
+                found.y[left], drift[left] = y, now
+            if left.size:
+                y_next, multipliers, closed = self.take(left)._newton(found.y[left], jump[left])
+                found.y[left], found.periodic[left] = y_next, closed
+                found.multipliers[left[closed]] = multipliers[closed]
+                left = left[~closed]
+        found.sticks[left[lasted[left] >= DRIFTING]] = False
+        return found
+
+    def _newton(self, y: Array, jump: Array) -> tuple[Array, NDArray[np.complex128], Bools]:
+        """Rest states (n, n_y) nearer to a stable orbit than y, which come to rest again; multipliers of the return map
+        (n, n_y); whether the orbit is reached (n,). Jumps (n,) of the last slips are in normal force / stiffness."""
+        n, n_y = y.shape
+        probes = np.repeat(y[None], n_y + 1, axis=0)
+        upper = bounds_at_rest(self.model)[1]
+        for i in range(n_y):
+            step = STEP * jump * self.scale[:, i]
+            probes[i + 1, :, i] += np.where(y[:, i] + step > upper[i], -step, step)
+        whole = self.take(np.tile(np.arange(n), n_y + 1)).run(probes.reshape(-1, n_y))
+        after, rests = whole.y.reshape(n_y + 1, n, n_y), whole.rests.reshape(n_y + 1, n).all(axis=0)
+        moved = np.stack([probes[i + 1, :, i] - y[:, i] for i in range(n_y)], axis=1)
+        jacobian = np.moveaxis(after[1:] - after[0], 0, 2) / moved[:, None, :]
+        jacobian *= self.scale[:, None, :] / self.scale[:, :, None]
+        jacobian[~rests] = 0.0
+        multipliers = np.linalg.eigvals(jacobian).astype(complex)
+        order = np.argsort(-np.abs(multipliers), axis=1, kind="stable")
+        multipliers = np.take_along_axis(multipliers, order, axis=1)
+        stable = rests & (np.abs(multipliers[:, 0]) < 1.0)
+        residual = (after[0] - y) / self.scale
+        safe = np.where(stable[:, None, None], np.eye(n_y) - jacobian, np.eye(n_y))
+        move = np.linalg.solve(safe, residual[..., None])[..., 0]
+        size = np.max(np.abs(move), axis=1, initial=0.0)
+        move *= np.minimum(1.0, FARTHEST / np.maximum(size, 1e-300))[:, None]
+        tried = self.run(y + move * self.scale)
+        closure = np.max(np.abs((tried.y - y) / self.scale - move), axis=1)
+        resolved = RESOLVED * tried.jump / self.scale[:, ELONGATION]
+        better = stable & tried.rests & (closure < 0.5 * np.max(np.abs(residual), axis=1) + resolved)
+        closed = better & (closure < np.minimum(CLOSED, resolved))
+        first = whole.rests[:n]
+        plain = np.where(first[:, None], after[0], y)
+        return np.where(better[:, None], tried.y, plain), multipliers, closed
+
+    def figures(self, y: Array) -> tuple[Array, CycleRows]:
+        """QUANTITIES (n, 9) of the cycles from y (n, n_y), NaN where the mass does not rest, and the cycles.
+
+        Extremes lie between nodes, on cubics through both ends of a step.
+        """
+        from identify.prediction.quantities import quantities
+
+        cycles = self.run(y, nodes=True)
+        n, speed = len(self.settings), self.settings[:, -1]
+        constants = np.concatenate([self.settings[:, :-2], np.zeros((n, 5))], axis=1)
+        constants[:, -5], constants[:, -4], constants[:, -3] = speed, 1.0, self.settings[:, -2]
+        highest, lowest, fastest = np.full(n, -np.inf), np.full(n, np.inf), np.full(n, -np.inf)
+        for a, b in zip(cycles.nodes[:-1], cycles.nodes[1:], strict=True):
+            for mode, shown in enumerate(_shown(self.model)):
+                rows = np.flatnonzero((b.t > a.t) & (b.mode == mode))
+                if not rows.size:
+                    continue
+                constants[rows, -4] = b.direction[rows]
+                first, last = (shown([node.x[rows], constants[rows]])[0] for node in (a, b))
+                h = b.t[rows] - a.t[rows]
+                top, bottom = _extremes(first[:, 0], last[:, 0], h * first[:, 1], h * last[:, 1])
+                peak, _ = _extremes(a.x[rows, SPEED], b.x[rows, SPEED], h * first[:, 2], h * last[:, 2])
+                highest[rows], lowest[rows] = np.maximum(highest[rows], top), np.minimum(lowest[rows], bottom)
+                fastest[rows] = np.maximum(fastest[rows], peak)
+        constants[:, -4] = 1.0
+        onset, arrest = (_shown(self.model)[0]([x, constants])[0][:, 0] for x in (cycles.onset, cycles.end))
+        distance = speed * cycles.slip - (cycles.end - cycles.onset)[:, ELONGATION]
+        jump = [onset - arrest, cycles.stick + cycles.slip, cycles.stick, cycles.slip, distance, fastest, onset, arrest]
+        out = np.stack([*jump, highest - lowest], axis=1)
+        for i in np.flatnonzero(cycles.alone & cycles.rests).tolist():
+            map_ = CycleMap.of(self.model, self.settings[i])
+            cycle = map_.run_within(y[i], self.settings[i], float(self.limit[i]))
+            if cycle is not None:
+                out[i] = quantities(map_, cycle, float(speed[i]))
+        out[~cycles.rests] = np.nan
+        return out, cycles
+
+
+def _extremes(v0: Array, v1: Array, d0: Array, d1: Array) -> tuple[Array, Array]:
+    """The largest and the smallest value of cubics on [0, 1] with ends v0, v1 and slopes d0, d1 there."""
+    a, b = 3.0 * (2.0 * (v0 - v1) + d0 + d1), 3.0 * (v1 - v0) - 2.0 * d0 - d1
+    with np.errstate(all="ignore"):
+        root = np.sqrt(np.maximum(b * b - a * d0, 0.0))
+        near = np.where(b >= 0.0, -b - root, -b + root)  # without cancellation
+        places = np.stack([np.zeros_like(v0), np.ones_like(v0), near / a, d0 / near])
+    s = np.clip(np.where(np.isfinite(places), places, 0.0), 0.0, 1.0)
+    values = v0 + s * (d0 + s * (b + s * a / 3.0))
+    return np.max(values, axis=0), np.min(values, axis=0)

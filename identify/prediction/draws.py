@@ -1,0 +1,153 @@
+"""What a covariance says of answers: draws of operating points, and intervals between the quantiles of their answers.
+
+Directions that the covariance leaves open are not drawn along. The point is moved along each of them instead, as far
+as it may well be off: what moves with it is open, and what does not keeps its interval.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri
+
+from identify.base.quantiles import LEVEL
+from identify.model.model import Model
+from identify.prediction.axes import admissible
+from identify.prediction.wording import listed
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+DRAWS = 400
+LEAST_DRAWS = 40  # that have an answer, for an interval
+WIDEST = 3.0  # standard deviation of a direction, in sizes of its parameters, beyond which it is open
+HALVINGS = 12  # of a move by that much along an open direction, until it is one that a pair can have
+NOTICED = 1e-2  # share of an answer that such a move may change without opening its interval
+NAMED = 0.3  # part in a direction, of the largest, from which a parameter is named
+POINT = ("drive_speed", "normal_force")  # what a covariance may name beside the parameters; positive
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Where a prediction is taken: every parameter of the model by name [SI], drive speed [m/s] (sign irrelevant, not
+    zero), normal force [N] (positive), covariance (f, f) of the fitted parameters in their own SI units (not of
+    logarithms; variances of what is not identifiable may be huge or infinite), None without one."""
+
+    values: Mapping[str, float]
+    drive_speed: float
+    normal_force: float
+    covariance: ArrayLike | None = None
+
+
+@dataclass(frozen=True)
+class AnswerInterval:
+    """Ends of a 95 % interval, both None where it is open, and then the reason."""
+
+    low: float | None
+    high: float | None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Draws of an operating point, and the point moved both ways along every open direction.
+
+    settings (n + 2 d, n_w): parameters in the model's order, normal force [N], drive speed [m/s]; the n draws first,
+    then for each of the d open directions the point moved forwards and back. refused: draws that no pair can have
+    (kinetic friction lost, or above the static). names: what is uncertain. open: parameters of each open direction.
+    """
+
+    model: Model
+    settings: Array
+    count: int
+    refused: int
+    names: tuple[str, ...]
+    open: tuple[tuple[str, ...], ...]
+
+    @staticmethod
+    def of(
+        model: Model,
+        values: Mapping[str, float],
+        names: Sequence[str],
+        covariance: ArrayLike,
+        count: int = DRAWS,
+        seed: int = 0,
+    ) -> Draws:
+        """Draws from a covariance (f, f) [SI] of `names` among the values [SI] of every parameter, "drive_speed" and
+        "normal_force".
+
+        What is searched by its logarithm (speed and load too) is drawn in it, the rest in its value.
+        """
+        centre = np.array([values[name] for name in names], dtype=float)
+        logs = [name in POINT or model.parameter(name).scale == "log" for name in names]
+        by_log = (centre > 0.0) & np.array(logs, dtype=bool)
+        spreads = [0.0 if log else model.parameter(name).spread for name, log in zip(names, logs, strict=True)]
+        sizes = np.where(by_log, np.abs(centre), np.maximum(np.abs(centre), spreads))
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        scaled = np.asarray(covariance, float) / np.outer(sizes, sizes)
+        known = np.isfinite(np.diag(scaled)) & (np.diag(scaled) >= 0.0)
+        inner = scaled[np.ix_(known, known)]
+        known[np.flatnonzero(known)[~np.all(np.isfinite(inner), axis=0)]] = False
+        scaled = np.where(np.outer(known, known), scaled, 0.0)
+        variances, directions = np.linalg.eigh(0.5 * (scaled + scaled.T))
+        sd = np.sqrt(np.maximum(variances, 0.0))
+        open_ = [*directions.T[sd >= WIDEST], *np.eye(len(names))[~known]]
+        root = directions * np.where(sd < WIDEST, sd, 0.0)
+        steps = _normal(count, len(names), seed) @ root.T
+        order = (*model.parameter_names, "normal_force", "drive_speed")
+
+        def settings_of(steps: Array) -> Array:
+            moved = np.where(by_log, centre * np.exp(np.where(by_log, steps, 0.0)), centre + sizes * steps)
+            columns = {name: np.full(len(steps), float(value)) for name, value in values.items()}
+            columns |= dict(zip(names, moved.T, strict=True))
+            return np.stack([columns[name] for name in order], axis=1)
+
+        drawn = settings_of(steps)
+        possible = admissible(model, drawn)
+        probes = WIDEST * np.array([sign * each for each in open_ for sign in (1.0, -1.0)]).reshape(-1, len(names))
+        for _ in range(HALVINGS):
+            probes = np.where(admissible(model, settings_of(probes))[:, None], probes, 0.5 * probes)
+        blamed = tuple(
+            tuple(n for n, part in zip(names, np.abs(each), strict=True) if part > NAMED * np.max(np.abs(each)))
+            for each in open_
+        )
+        settings, kept = np.concatenate([drawn[possible], settings_of(probes)]), int(possible.sum())
+        return Draws(model, settings, kept, count - kept, tuple(names), blamed)
+
+    def column(self, name: str) -> Array:
+        """Values (n + 2 d,) of a parameter, "normal_force" or "drive_speed"."""
+        return self.settings[:, (*self.model.parameter_names, "normal_force", "drive_speed").index(name)]
+
+    def interval(self, answers: Array, centre: float, size: float = 0.0) -> AnswerInterval:
+        """The interval between the outer quantiles of the answers (n + 2 d,), NaN where there is none.
+
+        Args:
+            centre: the answer at the point itself; size: what an answer near zero is measured by.
+        """
+        moved = np.abs(answers[self.count :].reshape(-1, 2) - centre) <= NOTICED * max(abs(centre), size)
+        guilty = [each for each, still in zip(self.open, moved, strict=True) if not np.all(still)]
+        named = dict.fromkeys(name for each in guilty for name in each)
+        if named:
+            return AnswerInterval(None, None, f"these data do not tell {listed([*named])}, on which it depends")
+        told = answers[: self.count]
+        told = told[np.isfinite(told)]
+        if told.size < min(LEAST_DRAWS, self.count + self.refused):
+            why = f"only {told.size} of {self.count + self.refused} draws of what is known have an answer"
+            return AnswerInterval(None, None, why)
+        low, high = np.quantile(told, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+        return AnswerInterval(float(low), float(high))
+
+
+def _normal(count: int, dimensions: int, seed: int) -> Array:
+    """Standard normal points (count, dimensions) of a shifted additive recurrence with the generalised golden ratio
+    (Roberts 2018): quantiles settle on far fewer of them than of independent ones."""
+    ratio = 1.5
+    for _ in range(60):
+        ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1))
+    steps = ratio ** -np.arange(1.0, dimensions + 1.0)
+    shift = np.random.default_rng(seed).uniform(size=dimensions)
+    uniform = (shift + np.arange(1.0, count + 1.0)[:, None] * steps) % 1.0
+    return np.asarray(ndtri(np.clip(uniform, 1e-12, 1.0 - 1e-12)))
