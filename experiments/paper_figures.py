@@ -13,9 +13,9 @@ from paper_test import MASSES, STAND_IN, STATED, Known, arguments, box, region
 
 from identify import amplitude, stability
 from identify.model.model import assemble
-from identify.prediction.cycle import CycleMap, loads
+from identify.prediction.batch import settle
 from identify.prediction.groups import groups
-from identify.prediction.orbit import settle
+from identify.prediction.orbit import CycleMap, loads
 from identify.simulation.trajectory import moments
 
 Array = NDArray[np.float64]

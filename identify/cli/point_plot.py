@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from data_io.atomic import atomic_path
 from identify.cli.common import CommandLineError
 from identify.prediction.batch import CycleBatch
-from identify.prediction.cycle import CycleMap
+from identify.prediction.orbit import CycleMap
 from identify.prediction.predict import SolutionSet, solution_set
 from identify.prediction.quantities import QUANTITIES
 from identify.simulation.sliding import sliding

@@ -15,8 +15,8 @@ from identify.base.result import LogResult, Result
 from identify.cli.common import CommandLineError, quantity
 from identify.diagnosis.selection_numbers import choose_from_numbers
 from identify.prediction.axes import Site
-from identify.prediction.cycle import check_calculable
 from identify.prediction.draws import OperatingPoint
+from identify.prediction.orbit import check_calculable
 from identify.prediction.sources import (
     Groups,
     Origins,

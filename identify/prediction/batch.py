@@ -17,15 +17,18 @@ from identify.base.compiled import Mapped
 from identify.base.errors import SimulationError
 from identify.model.model import ELONGATION, SPEED, Model
 from identify.model.modes import GUARDS, sliding_modes
-from identify.prediction.cycle import (
+from identify.prediction.orbit import (
     CREEP,
     DOUBLINGS,
+    FARTHEST,
+    RESOLVED,
     CycleMap,
+    Orbit,
     bounds_at_rest,
+    close,
     rested,
     slide_limits,
 )
-from identify.prediction.orbit import FARTHEST, RESOLVED
 from identify.simulation.phases import FIRST, FLOOR, ROUNDING
 from identify.simulation.sliding import growth_rates
 from identify.simulation.stepper import DIPS, MODES, N_GUARDS, SHORTEST, BurstState, Stop, event_functions, paced, rate
@@ -450,3 +453,19 @@ def _extremes(v0: Array, v1: Array, d0: Array, d1: Array) -> tuple[Array, Array]
     s = np.clip(np.where(np.isfinite(places), places, 0.0), 0.0, 1.0)
     values = v0 + s * (d0 + s * (b + s * a / 3.0))
     return np.max(values, axis=0), np.min(values, axis=0)
+
+
+@dataclass(frozen=True)
+class SettledMotion:
+    """What becomes of a motion: it settles on `orbit`; without one it `sticks` irregularly, or slides."""
+
+    orbit: Orbit | None
+    sticks: bool
+
+
+def settle(map_: CycleMap, drive_speed: float) -> SettledMotion:
+    """What the motion from a rested contact settles on at a drive speed [m/s], its orbit closed by Newton's method."""
+    batch = CycleBatch(map_.model, map_.setting(drive_speed)[None])
+    found = batch.settle(batch.rested())
+    orbit = close(map_, found.y[0], drive_speed, float(batch.growth[0])) if found.periodic[0] else None
+    return SettledMotion(orbit, bool(found.sticks[0]))

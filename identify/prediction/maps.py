@@ -21,9 +21,9 @@ from identify.base.errors import SimulationError
 from identify.prediction.axes import Axis, Site, admissible, axis, check_axes, moved, moved_values
 from identify.prediction.batch import CycleBatch, Motions
 from identify.prediction.closed_forms import beyond, known_settings
-from identify.prediction.cycle import check_calculable
 from identify.prediction.draws import AnswerInterval, Draws
 from identify.prediction.groups import formed
+from identify.prediction.orbit import check_calculable
 from identify.prediction.quantities import QUANTITIES
 from identify.prediction.search import CLOSER, CLOSEST, StickTest, bisect, explore, locate
 from identify.prediction.stability import critical_friction, log_critical_loading

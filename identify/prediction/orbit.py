@@ -1,26 +1,326 @@
-"""The periodic stick-slip orbit of the composed model: fixed point of the map from arrest to arrest."""
+"""The stick-slip cycle of the composed model, from one arrest to the next, and the periodic orbit: where it closes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.model.model import ELONGATION
-from identify.prediction.cycle import Cycle, CycleMap, Tangent, rest_state
+from identify.base.compiled import Mapped
+from identify.base.errors import SimulationError
+from identify.effects import ALL
+from identify.model.model import ELONGATION, SPEED, Model, assemble
+from identify.model.modes import ModeName
+from identify.simulation.phases import Machine, Slide
+from identify.simulation.plan import Plan, scales
 from identify.simulation.sliding import growth_rates
+from identify.simulation.steppers import HIGH
+from identify.simulation.tangents import node_slopes, situated_at, stepped
 
 Array = NDArray[np.float64]
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Which models repeat themselves: only they have a cycle, a steady sliding and a critical speed to be asked for.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def check_calculable(model: Model) -> None:
+    """Refuse a model of which no cycle is like the one before.
+
+    Raises:
+        SimulationError: the effects that are to blame, and what to do.
+    """
+    if model.balance is not None:
+        raise SimulationError(
+            "the effect inertia is off: stability and amplitude of stick-slip are those of a moving mass; "
+            "add inertia to effects and give the mass under [rig]"
+        )
+    for what, why in (
+        (lambda m: m.clocked, "changes with time as such, so that no cycle is like the one before"),
+        (lambda m: m.jumps, "deals every stick its own friction, so that no cycle is like the one before"),
+    ):
+        if what(model):
+            names = _to_blame(model, what)
+            effects, it = f"effect {names[0]}" if len(names) == 1 else f"effects {' and '.join(names)}", names[0]
+            raise SimulationError(
+                f"the {effects} {why}; leave {it if len(names) == 1 else 'them'} out for stability and amplitude "
+                f"({' '.join(f'--without {name}' for name in names)}), or look at a simulation"
+            )
+
+
+def _to_blame(model: Model, what: Callable[[Model], bool]) -> list[str]:
+    """The effects that bring it by themselves; all of them where it takes several."""
+    own = [e for e in ALL if e.name in model.effects and e.name != "inertia"]
+    alone = [e.name for e in own if what(assemble(tuple(dict.fromkeys(("inertia", *e.needs, e.name)))))]
+    return alone or list(model.effects)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The return map: a stick and a slip of the simulator, and how they move with start, parameters and rig.
+#
+# The setting w (n_w,) = parameters, normal force [N], drive speed [m/s] holds during a stick and its slip.
+# ----------------------------------------------------------------------------------------------------------------------
+
+ACCURATE = 1e-8  # relative tolerance of a step: a tenth of it, and less, is left in durations and jumps
+SLIDES_AFTER = 12.0  # half periods sqrt(m/k) pi without coming to rest: the mass slides
+CREEP = 1e-6  # of a half period: a slip this short is no slip, the contact creeps along with the drive
+DOUBLINGS = 60  # of the longest stick that the spring alone allows for
+MOST_TURNS = 200  # of the direction of one slip; more is chatter
+GROWN = 25.0  # e-foldings after which a disturbance of steady sliding is taken to have come to rest
+LONGEST_PATIENCE = 100.0  # half periods
+
+
+@lru_cache(maxsize=16)
+def _rest_slopes(model: Model) -> Mapped:
+    """Of a stick, by (x, w, t): derivatives of its breakaway margin and its state by (x, w, t), one column per row."""
+    x, w, t = (ca.SX.sym(name, n) for name, n in (("x", len(model.states)), ("w", len(model.parameters) + 2), ("t", 1)))
+    p, u = w[:-2], ca.vertcat(w[-1], w[-2], 1, 0)
+    rested = model.rest(x, p, u, t)
+    margin = model.grip(rested, p, u) - model.driving_force(rested, p, u)
+    slope = ca.jacobian(ca.vertcat(margin, rested), ca.vertcat(x, w, t)).T
+    return Mapped(ca.Function("rest_slopes", [x, w, t], [ca.densify(slope)]))
+
+
+@lru_cache(maxsize=16)
+def _load(model: Model) -> Mapped:
+    """The force that the load cell sees, by (x, w), and its derivatives by these."""
+    x, w = ca.SX.sym("x", len(model.states)), ca.SX.sym("w", len(model.parameters) + 2)
+    load = model.load_cell(x, w[:-2], ca.vertcat(w[-1], w[-2], 1, 0))
+    row = ca.horzcat(load, ca.jacobian(load, ca.vertcat(x, w)))
+    return Mapped(ca.Function("load", [x, w], [ca.densify(row)]))
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A stick and the slip that follows it, SI.
+
+    start, onset, end: states (n_x,) at rest at the arrest before, at the onset of slip, at the arrest after; stick and
+    slip are durations [s]. setting (n_w,): parameters, normal force and drive speed; slides: the slip by modes and
+    directions, their starts counted from the onset.
+    """
+
+    start: Array
+    onset: Array
+    end: Array
+    stick: float
+    slip: float
+    setting: Array = field(repr=False)
+    slides: tuple[Slide, ...] = field(repr=False)
+
+    @property
+    def turns(self) -> bool:
+        """Whether the mass slid backwards on the way."""
+        return any(part.situated.direction < 0.0 for part in self.slides)
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """Derivatives of a cycle by the rest state before it and by its setting, m = n_y + n_w columns in this order.
+
+    end (n_y, m): rest state after it; stick, slip (m,) durations; distance (m,) slid; onset_load, arrest_load (m,):
+    force the load cell sees.
+    """
+
+    end: Array
+    stick: Array
+    slip: Array
+    distance: Array
+    onset_load: Array
+    arrest_load: Array
+
+
+class CycleMap:
+    """The return map of one model under one normal force [N].
+
+    A rest state is written y (n_y,): the states of the model without the sliding speed.
+    """
+
+    def __init__(self, model: Model, normal_force: float, p: Array, rtol: float = ACCURATE) -> None:
+        self.model, self.normal_force, self.p = model, float(normal_force), np.asarray(p, float)
+        self.rtol = rtol
+        self.names = (*model.parameter_names, "normal_force", "drive_speed")
+        self._typical = scales(model, self.p, normal_force)
+        self.time, self.speed = self._typical.time, float(self._typical.state[SPEED])
+        self.scale = np.delete(self._typical.state, SPEED)  # typical size of y
+
+    @staticmethod
+    def of(model: Model, w: Array) -> CycleMap:
+        """The map at a setting w (n_w,), of whatever drive speed."""
+        return CycleMap(model, float(w[-2]), w[:-2])
+
+    def at(self, w: Array) -> CycleMap:
+        """The map of the same model at another setting (n_w,); this one where only the drive speed differs."""
+        if w[-2] == self.normal_force and np.array_equal(w[:-2], self.p):
+            return self
+        return CycleMap(self.model, float(w[-2]), w[:-2], self.rtol)
+
+    def setting(self, drive_speed: float) -> Array:
+        """w (n_w,), as `names`: parameters, normal force [N], drive speed [m/s]."""
+        return np.append(self.p, [self.normal_force, drive_speed])
+
+    def run(self, y: Array, drive_speed: float, growth: float | None = None) -> Cycle | None:
+        """The cycle that starts at rest in y; None when the mass does not come to rest for long (`slide_limits`).
+
+        Args:
+            y: rest state (n_y,), of which a state beyond its bounds starts there. drive_speed: [m/s], positive.
+            growth: rate [1/s] of disturbances of steady sliding, where it is known.
+        """
+        w = self.setting(drive_speed)
+        rates = growth_rates(self.model, w) if growth is None else np.array([growth])
+        return self.run_within(y, w, float(slide_limits(self.model, w[None], rates)[0]))
+
+    def run_within(self, y: Array, w: Array, limit: float) -> Cycle | None:
+        """The same at a setting (n_w,) where the mass is to come to rest within `limit` [s]."""
+        machine = Machine(self.model, w[:-2], self._typical, Plan(self.rtol, (HIGH,)))
+        try:
+            start = np.insert(np.clip(y, *bounds_at_rest(self.model)), SPEED, 0.0)
+            stick, onset, force = _rested(machine, start, w)
+            slides, x, t, rests = list[Slide](), onset, 0.0, False
+            mode: ModeName = "slip"
+            for _ in range(MOST_TURNS):
+                part = machine.slide(mode, x, situated_at(w, -1.0 if force < 0.0 else 1.0, t), limit - t)
+                slides.append(part)
+                x, t = part.end, part.start + part.duration
+                if part.ended_by is None:
+                    break
+                mode = machine.following[mode][part.ended_by]
+                if mode == "stick":
+                    mode = "slip"
+                    margin, force = machine.rests.margin(x, situated_at(w))
+                    rests = margin > 0.0
+                    if rests:
+                        break
+            crept = t < CREEP * float(half_periods(self.model, w[None])[0])
+            return Cycle(start, onset, x, stick, t, w, tuple(slides)) if rests and not crept else None
+        finally:
+            machine.close()
+
+    def tangent(self, cycle: Cycle) -> Tangent:
+        """How a cycle moves with its start and its setting: exact derivatives of the steps that were taken."""
+        w, last = cycle.setting, cycle.slides[-1]
+        stick_slope, onset = self._stick_slopes(cycle)
+        fixed = node_slopes(self.model, cycle.slides, onset)[-1][-1]
+        rate = stepped(self.model, last, last.x[-1:], np.zeros(1))[1][0]
+        slip_slope = -fixed[SPEED] / rate[SPEED]
+        end = fixed + np.outer(rate, slip_slope)
+        end[SPEED] = 0.0
+        distance = w[-1] * slip_slope - (end[ELONGATION] - onset[ELONGATION])
+        distance[-1] += cycle.slip
+        rows = self.loads(np.stack([cycle.onset, cycle.end]), w)
+        shown = [_load_slope(row, slope) for row, slope in zip(rows, (onset, end), strict=True)]
+        return Tangent(np.delete(end, SPEED, 0), stick_slope, slip_slope, distance, *shown)
+
+    def load(self, x: Array, w: Array) -> float:
+        """Force the load cell sees in state x [N]."""
+        return float(self.loads(x[None, :], w)[0, 0])
+
+    def loads(self, x: Array, w: Array) -> Array:
+        """Force the load cell sees in states x (n, n_x) [N], and its derivatives by state and setting:
+        (n, 1 + n_x + n_w)."""
+        return _load(self.model)([x, np.repeat(w[None], x.shape[0], 0)])[0]
+
+    def load_slope(self, x: Array, w: Array, moved: Array) -> Array:
+        """Derivatives (m,) of the force in a state whose derivatives are `moved` (n_x, m), the setting last."""
+        return _load_slope(self.loads(x[None, :], w)[0], moved)
+
+    def onset_slopes(self, cycle: Cycle) -> Array:
+        """How the state at the onset (n_x,) moves with the rest state and the setting: (n_x, m)."""
+        return self._stick_slopes(cycle)[1]
+
+    def _stick_slopes(self, cycle: Cycle) -> tuple[Array, Array]:
+        """Derivatives of the stick's duration (m,) and of the onset state (n_x, m) by rest state and setting."""
+        n, w = cycle.start.size, cycle.setting
+        given = [cycle.start[None, :], w[None, :], np.array([cycle.stick])]
+        slope = _rest_slopes(self.model)(given)[0].reshape(n + 1, n + w.size + 1)
+        free = np.delete(slope[:, :-1], SPEED, 1)
+        stick_slope = -free[0] / slope[0, -1] if cycle.stick else np.zeros(free.shape[1])
+        return stick_slope, free[1:] + np.outer(slope[1:, -1], stick_slope)
+
+
+def _load_slope(row: Array, moved: Array) -> Array:
+    """Derivatives (m,) of the force of one row of `loads`, in a state whose derivatives are `moved` (n_x, m)."""
+    n = moved.shape[0]
+    out: Array = row[1 : n + 1] @ moved
+    out[n + 1 - row.size :] += row[n + 1 :]
+    return out
+
+
+def _rested(machine: Machine, start: Array, w: Array) -> tuple[float, Array, float]:
+    """How long a stick from state `start` lasts [s], the state at its end (n_x,), the force of the drive there [N]."""
+    k, load, speed = w[machine.model.parameter_names.index("stiffness")], w[-2], w[-1]
+    # Longer than any stick: by then the spring alone pulls with more than a limit that is as strong as mu_s says.
+    longest = 2.0 * (float(np.max(w[:2])) * load + k * abs(start[ELONGATION])) / (k * speed)
+    for _ in range(DOUBLINGS):
+        onset, x, force = machine.rests.until(start, situated_at(w), longest)
+        if onset is not None:
+            return onset, x, force
+        longest *= 2.0
+    return longest, x, force
+
+
+def rested(model: Model) -> Array:
+    """Rest state (n_y,) with the spring unloaded and every state saturated."""
+    return np.array([0.0, *(s.start if s.upper is None else s.upper for s in model.states[2:])])
+
+
+def bounds_at_rest(model: Model) -> Array:
+    """Lowest and highest value of each state at rest, shape (2, n_y)."""
+    ends = [(-np.inf if s.lower is None else s.lower, np.inf if s.upper is None else s.upper) for s in model.states]
+    return np.delete(np.array(ends), SPEED, 0).T
+
+
+def half_periods(model: Model, settings: Array) -> Array:
+    """Half natural periods (n,) [s] at settings (n, n_w), of the mass on rig and series element together.
+
+    Softened by the root of the whole compliance over that of the rig.
+    """
+    p, one = settings[:, :-2].T, np.ones(len(settings))
+    u = np.stack([0.0 * one, one, one, 0.0 * one])
+    low, high = (np.array(model.at_force(force * one[None], p, u)) for force in (0.0, 1.0))
+    pull = np.array(model.driving_force(high, p, u) - model.driving_force(low, p, u)).ravel()
+    mass, stiffness = (p[model.parameter_names.index(name)] for name in ("mass", "stiffness"))
+    softened = np.sqrt((high - low)[ELONGATION] * stiffness / pull)
+    return np.asarray(np.pi * np.sqrt(mass / stiffness) * softened)
+
+
+def slide_limits(model: Model, settings: Array, growth: Array) -> Array:
+    """Durations (n,) [s] at settings (n, n_w) after which a mass that has not come to rest is taken to slide on.
+
+    Longer where a disturbance of steady sliding grows (`growth` (n,) [1/s]) but slowly, and under heavy damping, where
+    the mass creeps to rest.
+    """
+    half, p, one = half_periods(model, settings), settings[:, :-2].T, np.ones(len(settings))
+    x = np.zeros((len(model.states), one.size))
+    pulls = [np.array(model.driving_force(x, p, np.stack([v * one, one, one, 0.0 * one]))).ravel() for v in (0.0, 1.0)]
+    mass, stiffness = (p[model.parameter_names.index(name)] for name in ("mass", "stiffness"))
+    zeta = (pulls[1] - pulls[0]) / (2.0 * np.sqrt(mass * stiffness))
+    with np.errstate(all="ignore"):
+        waits = np.where(growth > 0.0, np.clip(GROWN / (growth * half), SLIDES_AFTER, LONGEST_PATIENCE), SLIDES_AFTER)
+    return np.asarray(waits * half * np.where(zeta > 1.0, 1.0 + zeta, 1.0))
+
+
+def rest_state(x: Array) -> Array:
+    """y of a state at rest."""
+    return np.delete(x, SPEED)
+
+
+def loads(map_: CycleMap, cycle: Cycle) -> tuple[float, float]:
+    """Force the load cell sees at the onset of slip and at the arrest [N]."""
+    return map_.load(cycle.onset, cycle.setting), map_.load(cycle.end, cycle.setting)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The periodic orbit: the fixed point of the map from arrest to arrest.
+# ----------------------------------------------------------------------------------------------------------------------
 
 TOLERANCE = 1e-7  # of the closure of a cycle, in units of normal force / stiffness
 RESOLVED = 1e-2  # share of the jump to which a cycle has to close: jumps that fade away look closed before they are
 FARTHEST = 0.3  # of one step towards closure, in the same units
 MAX_STEPS = 12
-SETTLING = 40  # plain cycles before a motion that has not settled is called irregular
-TRIES = (1, 9, 24)  # cycles after which the orbit is sought by Newton's method
-LONGEST, DRIFTING = 600, 10  # cycles: a motion that still drifts one way lingers, as just beyond an end
-SURE = 24  # cycles after which an orbit that is found but unstable is taken for what the motion hovers around
 
 
 @dataclass(frozen=True)
@@ -106,45 +406,3 @@ def along(scale: Array, tangent: Tangent, jacobian: Array) -> Array:
     n = scale.size
     sizes = scale[:, None]
     return np.asarray(np.linalg.lstsq(np.eye(n) - jacobian, tangent.end[:, n:] / sizes, rcond=None)[0] * sizes)
-
-
-@dataclass(frozen=True)
-class SettledMotion:
-    """What becomes of a motion: it settles on `orbit`; without one it `sticks` irregularly, or slides. state: the rest
-    state (n_y,) it came to last."""
-
-    orbit: Orbit | None
-    sticks: bool
-    state: Array
-
-
-def settle(
-    map_: CycleMap,
-    drive_speed: float,
-    y: Array | None = None,
-    growth: float | None = None,
-    cycles: int = SETTLING,
-) -> SettledMotion:
-    """What the motion from rest state y (default: spring unloaded, contact saturated) settles on.
-
-    Plain cycles, with `close` tried now and then, until it succeeds or that many `cycles` are over; more where the
-    motion still drifts one way.
-    """
-    y = map_.rested() if y is None else y
-    growth = float(growth_rates(map_.model, map_.setting(drive_speed))[0]) if growth is None else growth
-    drift, lasted = 0.0, 0
-    for i in range(LONGEST):
-        if i >= cycles and lasted < DRIFTING:
-            break
-        cycle = map_.run(y, drive_speed, growth)
-        if cycle is None:
-            return SettledMotion(None, False, y)
-        before, y = y, rest_state(cycle.end)
-        now = float(np.sign(y[ELONGATION] - before[ELONGATION]))
-        drift, lasted = now, lasted + 1 if now == drift else 0
-        still = float(np.max(np.abs((y - before) / map_.scale))) < TOLERANCE
-        if still or i in TRIES or i == cycles - 1 or (i >= cycles and i % cycles == 0):
-            orbit = close(map_, y, drive_speed, growth)
-            if orbit is not None and (orbit.stable or i >= min(SURE, cycles - 1)):
-                return SettledMotion(orbit, True, orbit.y)
-    return SettledMotion(None, True, y)

@@ -15,10 +15,9 @@ from identify.base.result import Interval, Number
 from identify.model.model import Model
 from identify.prediction.batch import CycleBatch, Motions
 from identify.prediction.closed_forms import CYCLE, ClosedForms, beyond, closed_forms, forms_of_rows, judged
-from identify.prediction.cycle import CycleMap, check_calculable
 from identify.prediction.draws import DRAWS, POINT, AnswerInterval, Draws, OperatingPoint
 from identify.prediction.groups import MEANING
-from identify.prediction.orbit import Orbit, close
+from identify.prediction.orbit import CycleMap, Orbit, check_calculable, close
 from identify.prediction.point_prediction import (
     AmplitudeAnswer,
     ClosedFormsAnswer,

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from identify.base.compiled import Mapped
 from identify.model.model import SPEED, Model
 from identify.model.modes import ModeName
-from identify.prediction.cycle import Cycle, CycleMap, loads
-from identify.prediction.orbit import Orbit, along
+from identify.prediction.orbit import Cycle, CycleMap, Orbit, along, loads
 from identify.simulation.phases import Slide
 from identify.simulation.steppers import Method
 from identify.simulation.tangents import StepExpressions, node_slopes, of_steps, onward, step_slopes, stepped

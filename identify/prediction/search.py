@@ -102,9 +102,11 @@ def locate(holds: Holds, expected: Array, ahead: float, rounds: int, draws: int)
         middle = 0.5 * (inside + outside)
         if not np.any(np.isfinite(middle[:draws])):
             break
-        ends = np.nanquantile(middle[:draws], [(1 - LEVEL) / 2, (1 + LEVEL) / 2], method="nearest")
-        near = [(np.minimum(inside, outside) <= end) & (end <= np.maximum(inside, outside)) for end in ends]
-        wanted = near[0] | near[1]
+        shares = [(1 - LEVEL) / 2, (1 + LEVEL) / 2]
+        # A quantile lies between two of them: both are closed in on.
+        ends = [np.nanquantile(middle[:draws], shares, method=side) for side in ("lower", "higher")]
+        low, high = np.minimum(inside, outside), np.maximum(inside, outside)
+        wanted = np.any([(low <= end) & (end <= high) for end in np.ravel(ends)], axis=0)
         wanted[draws:] = np.isfinite(middle[draws:])
         rows = np.flatnonzero(wanted)
         if not rows.size:

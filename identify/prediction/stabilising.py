@@ -18,9 +18,9 @@ from identify.base.result import Number
 from identify.model.model import Model
 from identify.prediction.axes import Axis, Site, admissible, axis, moved
 from identify.prediction.batch import CycleBatch
-from identify.prediction.cycle import check_calculable
 from identify.prediction.draws import DRAWS, POINT, AnswerInterval, Draws, OperatingPoint
 from identify.prediction.maps import ends_of_draws
+from identify.prediction.orbit import check_calculable
 from identify.prediction.point_prediction import number
 from identify.prediction.search import CLOSEST, StickTest, bisect, explore
 from identify.prediction.sources import Tested

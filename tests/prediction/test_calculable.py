@@ -8,9 +8,8 @@ from identify.base.errors import SimulationError
 from identify.effects import ALL, MAIN
 from identify.model.model import assemble
 from identify.prediction.closed_forms import beyond, known_settings
-from identify.prediction.cycle import CycleMap, rest_state
 from identify.prediction.draws import OperatingPoint
-from identify.prediction.orbit import close
+from identify.prediction.orbit import CycleMap, close, rest_state
 from identify.prediction.predict import predict, predictions, solution_set
 from identify.prediction.quantities import orbit_slopes, quantities
 from identify.simulation.simulate import run

@@ -11,8 +11,8 @@ import pytest
 from identify import Scene, examples
 from identify.base.result import Result
 from identify.cli.main import main
-from identify.prediction.cycle import CycleMap, loads
-from identify.prediction.orbit import settle
+from identify.prediction.batch import settle
+from identify.prediction.orbit import CycleMap, loads
 from identify.prediction.sources import pair_of
 
 OFFSET = -0.19  # of mu_k0 from mu_s

@@ -11,10 +11,10 @@ import pytest
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction.axes import Site, admissible, axis, check_axes, moved, quantity_of
-from identify.prediction.cycle import CycleMap
+from identify.prediction.batch import settle
 from identify.prediction.draws import Draws
 from identify.prediction.maps import chart, closed_plane, line_map, outline, plane
-from identify.prediction.orbit import settle
+from identify.prediction.orbit import CycleMap
 from identify.prediction.predict import solution_set
 from identify.prediction.quantities import quantities
 from tests.support.maps_case import ALL, DEMO, SITE, SPANS

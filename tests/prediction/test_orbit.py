@@ -14,10 +14,10 @@ from identify import stability
 from identify.base.document import to_dict
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
+from identify.prediction.batch import settle
 from identify.prediction.closed_forms import closed_forms
-from identify.prediction.cycle import CycleMap
 from identify.prediction.draws import Draws, OperatingPoint
-from identify.prediction.orbit import settle
+from identify.prediction.orbit import CycleMap
 from identify.prediction.predict import predict, predictions, solution_set
 from identify.prediction.quantities import QUANTITIES, orbit_slopes, quantities
 from identify.prediction.windows import Outcome, unstable_speeds

@@ -7,7 +7,7 @@ import pytest
 
 from identify.base.document import to_dict
 from identify.model.model import assemble
-from identify.prediction.orbit import settle
+from identify.prediction.batch import settle
 from identify.prediction.predict import predict
 from identify.prediction.quantities import QUANTITIES, extremes, orbit_slopes, peak_to_valley, quantities
 from tests.prediction.test_orbit import ALL, DEMO, map_of
