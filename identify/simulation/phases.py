@@ -6,7 +6,7 @@ Time is local to the phase: after 800 s of sticking a slip of microseconds loses
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -131,7 +131,7 @@ class Machine:
         self, model: Model, p: Array, scale: Scales, plan: Plan, *, locate: bool = True, stops: bool = True
     ) -> None:
         self.model, self.locate, self.scale, self.p, self.stops = model, locate, scale, p, stops
-        self.moment, self._steps = scale.time, MAX_STEPS
+        self.moment, self._steps, self._pace = scale.time, MAX_STEPS, 0.0  # the last: of a motion that goes on [s]
         self.tolerances = np.concatenate([[plan.rtol], plan.rtol * self._floor(plan.rtol)])
         self._left, self._borrowed = list(plan.methods), list[Stepper]()
         self.stepper = self._next()
@@ -188,10 +188,12 @@ class Machine:
         """
         begin = self._begin(mode, x, situated, limit)
         times, states = [0.0], [(x if begin is None else begin).tolist()]
-        method = self.stepper.method
-        slide = Slide(mode, situated.time, situated, times, states, "speed", method, self.tolerances)
+
+        def ended(by: GuardName | None) -> Slide:
+            return Slide(mode, situated.time, situated, times, states, by, self.stepper.method, self.tolerances)
+
         if begin is None:
-            return slide
+            return ended("speed")
         at, tried, creeps = self.stepper.places, 0, self._creeps(situated, x)
         while tried < self._steps:
             rows = self.stepper.go_on()
@@ -205,20 +207,21 @@ class Machine:
                 if row[at.stop]:
                     break
             stop = row[at.stop]
-            if creeps and self._crept(slide, times, states):
-                return slide
+            if creeps and self._crept(mode, situated, times, states):
+                return ended("speed")
             if stop == Stop.NOT_YET and not self._held_back(tried, times[-1]):
                 continue
             if stop in (Stop.NOT_YET, Stop.STUCK):
                 break
             ended_by = None if stop == Stop.TIME_IS_UP else self._end(mode, row, times, states)
+            self._pace = self.stepper.pace if ended_by in ("clearance", "release") else 0.0
             self._steps = min(MAX_STEPS, self._steps - len(times) + STEPS_PER_PHASE)
-            return replace(slide, ended_by=ended_by)
-        return self._unfinished(slide, x, limit)
+            return ended(ended_by)
+        return self._unfinished(ended(None), x, limit)
 
     def _begin(self, mode: ModeName, x: Array, situated: Situated, limit: float) -> Array | None:
         """The state from which a slide goes on, None where it does not."""
-        self.stepper.start(mode, x, situated, limit, self.first[mode])
+        self.stepper.start(mode, x, situated, limit, max(self.first[mode], self._pace))
         if x[SPEED] != 0.0 or self.stepper.speeding >= 0.0:
             return x
         for doublings in range(FREEING):  # the last digits of the forces may hold back a slip that begins
@@ -285,7 +288,7 @@ class Machine:
         still[SPEED] = 0.0
         return float(self.model.slip(still, self.p, situated.at(0.0))[ELONGATION]) == 0.0
 
-    def _crept(self, slide: Slide, times: list[float], states: list[list[float]]) -> bool:
+    def _crept(self, mode: ModeName, situated: Situated, times: list[float], states: list[list[float]]) -> bool:
         """Whether the mass has crept to where its speed has no digits left; then the nodes end where it fell so low.
 
         Under a drive at rest a damped mass only nears its rest, faster than any power of time, and rounding would
@@ -300,12 +303,12 @@ class Machine:
         x, t, whole = states[fast], times[fast], times[fast + 1] - times[fast]
 
         def above(length: float) -> float:
-            return slide.situated.direction * self.stepper.trial(slide.mode, x, t, length)[SPEED] - limit
+            return situated.direction * self.stepper.trial(mode, x, t, length)[SPEED] - limit
 
         length = low = 1e-12 * whole
         if above(low) > 0.0:
             length = brentq(above, low, whole, xtol=1e-15 * whole, rtol=1e-14)
-        after = self.stepper.trial(slide.mode, x, t, length)[: len(x)]
+        after = self.stepper.trial(mode, x, t, length)[: len(x)]
         after[SPEED] = 0.0
         times[fast + 1 :], states[fast + 1 :] = [t + length], [after]
         return True
@@ -319,6 +322,8 @@ class Machine:
         speeds = [abs(state[SPEED]) for state in slide.states]
         fastest = max(speeds)
         i = speeds.index(fastest)
+        if i == len(speeds) - 1 and slide.ended_by not in (None, "speed"):
+            return  # it gets faster in the next mode
         coefficient = self.stepper.coefficient(slide.mode, slide.states[i], slide.times[i])
         if coefficient < -LEAST:
             raise SimulationError(

@@ -509,6 +509,11 @@ class Stepper:
         """How fast the speed along the direction of slip rises at the last node [m/s^2]."""
         return self.ends[N_GUARDS + GUARDS.index("speed")]
 
+    @property
+    def pace(self) -> float:
+        """Length of the last step that was taken whole [s]."""
+        return float(self._z[self.places.control][2])
+
     def go_on(self) -> list[list[float]]:
         """Several trials from where the last call stopped: rows of state, time, stop and h as in `BurstState`; those
         after a stop repeat it."""
