@@ -66,8 +66,7 @@ class EffectReason:
 
     sentence: in lab words; group, value: the dimensionless group that tells, and its value ("" and None without one);
     error: relative error of the force or the period that leaving it out would make; cost: what it costs, in words;
-    statistic: likelihood-ratio statistic that it gains on the data; held_out: by which factor the error on cycles kept
-    back grows without it. None: not known.
+    statistic: likelihood-ratio statistic that it gains on the data. None: not known.
     """
 
     effect: str
@@ -78,7 +77,6 @@ class EffectReason:
     error: float | None = None
     cost: str = ""
     statistic: float | None = None
-    held_out: float | None = None
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import Model
 from identify.scene import Scene
-from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 MISFIT = 3.0  # standard deviations of the sum of squares that are still noise
@@ -62,28 +61,6 @@ def as_it_ended(scene: Scene, unknowns: Unknowns, prepared: Sequence[Prepared], 
     """A fit as it ended, whether the solver succeeded or not."""
     excess = np.inf if attempt is None else 2.0 * attempt.solved.solution.cost - attempt.solved.problem.samples
     return Fitted(scene, unknowns, tuple(prepared), attempt, float(excess))
-
-
-def foretold(fitted: Fitted, hidden: Sequence[NDArray[np.bool_]]) -> tuple[float, int]:
-    """How well a second solve foretells samples that it does not see: the sum of squares of their residuals, in noise
-    variances, and how many they are; infinite where it does not succeed.
-
-    Args:
-        hidden: (n,) per log of the answer.
-    """
-    assert fitted.attempt is not None
-    logs, solved = [log.data for log in fitted.attempt.fitted_logs], fitted.attempt.solved
-    shown = [replace(log, weight=np.where(mask, 0.0, log.weight)) for log, mask in zip(logs, hidden, strict=True)]
-    soft = replace(fitted.unknowns, start=solved.theta).with_weak_priors()
-    again = solve_in_passes(shown, solved.trajectories, soft)
-    if not again.solution.success:
-        return np.inf, 1
-    total, count = 0.0, 0
-    for log, mask, force in zip(logs, hidden, again.fitted, strict=True):
-        inside = mask & np.isfinite(force) & (log.weight > 0)
-        total += float(np.sum(log.weight[inside] * (log.force[inside] - force[inside]) ** 2))
-        count += int(np.count_nonzero(inside))
-    return total, count
 
 
 def fits(fitted: Fitted) -> bool:

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.diagnosis.fitted import Fitted, fits, taken_over, values_of
-from identify.estimation.attempt import Attempt, retested, solve_from, solve_with_weakening_priors, usable
-from identify.estimation.multistart import multistart_around
-from identify.estimation.search import SearchProblem, alike, join, search
+from identify.estimation.attempt import Attempt, solve_from, usable
+from identify.estimation.search import SearchProblem, alike, search
 from identify.estimation.starts import Sources
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
@@ -61,26 +60,6 @@ def fit_larger(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
     if smaller.attempt is None or fits(smaller) or fits(best):
         return best
     return _better(best, _placed_anew(smaller, scene, prepared, unknowns), smaller)
-
-
-def fit_joined(fitted: Fitted) -> Fitted:
-    """The same model with the logs that took no part so far, where they can join at its answer."""
-    attempt, able = fitted.attempt, usable(list(fitted.prepared))
-    if attempt is None or fitted.complete:
-        return fitted
-    late = [i for i in able if i not in attempt.log_numbers]
-    joined = join(attempt, list(fitted.prepared), late, fitted.unknowns)
-    return fitted if joined is attempt else replace(fitted, attempt=joined, excess=_excess(joined))
-
-
-def fit_shaken(fitted: Fitted, around: Fitted | None = None) -> Fitted:
-    """The same model at the best answer that other starts lead to; around: a model whose values are a start where
-    there is no answer yet."""
-    if fitted.attempt is None:
-        return fitted
-    theta = None if around is None or around.attempt is None else values_of(around, fitted.unknowns)
-    best = multistart_around(fitted.attempt, fitted.prepared, fitted.unknowns, around=theta)
-    return fitted if best is fitted.attempt else replace(fitted, attempt=best, excess=_excess(best))
 
 
 def _prepared(scene: Scene, records: Sequence[Record]) -> tuple[list[Prepared], Unknowns]:
@@ -130,30 +109,13 @@ def _warm(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, cost_cuto
     return replace(known, fitted_logs=tuple(logs), solved=solved)
 
 
-def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
-    """Fit a model from the motion of another one, and from its parameters alone; the better one, judged by itself."""
-    prepared, unknowns = _prepared(scene, records)
-    best = _placed_anew(other, scene, prepared, unknowns)
-    warm = _warm(other, prepared, unknowns)
-    if warm is not None and (best.attempt is None or warm.excess < best.excess):
-        return Fitted(scene, unknowns, tuple(prepared), retested(warm), warm.excess)
-    return best
+def fit_from_values(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
+    """Fit a model from the parameters of another one, its motion placed anew on the data."""
+    return _placed_anew(other, scene, *_prepared(scene, records))
 
 
-def fit_from_values(other: Fitted, scene: Scene, records: Sequence[Record], *, slowly: bool = False) -> Fitted:
-    """Fit a model from the parameters of another one, its motion placed anew on the data.
-
-    Args:
-        slowly: with priors around these parameters that are let go of in small steps.
-    """
-    return _placed_anew(other, scene, *_prepared(scene, records), slowly=slowly)
-
-
-def _placed_anew(
-    other: Fitted, scene: Scene, prepared: list[Prepared], unknowns: Unknowns, *, slowly: bool = False
-) -> Fitted:
-    at_values = replace(unknowns, start=values_of(other, unknowns))
-    attempt = (solve_with_weakening_priors if slowly else solve_from)(prepared, usable(prepared), at_values)
+def _placed_anew(other: Fitted, scene: Scene, prepared: list[Prepared], unknowns: Unknowns) -> Fitted:
+    attempt = solve_from(prepared, usable(prepared), replace(unknowns, start=values_of(other, unknowns)))
     return Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt))
 
 

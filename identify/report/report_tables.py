@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from identify.base.document import Json, finite, from_document, to_dict
 from identify.base.result import (
     AccuracyLevel,
+    CauseResult,
     CombinationsResult,
     EffectReason,
     HeldResult,
@@ -175,7 +176,6 @@ def effects_table(reasons: Sequence[EffectReason]) -> OutputTable:
         ],
         "costs": [_cell(r.cost) for r in reasons],
         "gain in the data": [_cell(r.statistic) for r in reasons],
-        "error on cycles kept back": [_cell(r.held_out) for r in reasons],
     }
     columns = {head: cells for head, cells in columns.items() if any(c.value not in (None, "") for c in cells)}
     rows: tuple[Row, ...] = tuple(
@@ -215,6 +215,21 @@ def _shift(entry: Shift | None) -> Cell:
     if errors is None:
         return Cell(text)
     return Cell(text, note=f"{number(abs(errors), 2)} SE", kind="strong" if abs(errors) >= 1 else "")
+
+
+def causes_table(causes: Sequence[CauseResult]) -> OutputTable:
+    """What a misfit may come of: the score of every quantity that noise does not explain, by class."""
+    rows: tuple[Row, ...] = tuple(
+        (
+            cause.quantity.replace("_", " "),
+            Cell(cause.log or "all"),
+            Cell(cause.number),
+            *(_cell(value) for value in (cause.score, cause.stated, cause.suggested, cause.standard_error)),
+        )
+        for cause in causes
+    )
+    heads = ("quantity [SI]", "log", "class", "score", "stated", "by the data", "standard error (SE)")
+    return OutputTable("What the misfit may come of", heads, rows)
 
 
 def held_table(held: Mapping[str, HeldResult]) -> OutputTable:

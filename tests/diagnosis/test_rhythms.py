@@ -11,7 +11,7 @@ import pytest
 from data_io import Record
 from identify.base.outcome import Status
 from identify.diagnosis.nested import fit_model
-from identify.diagnosis.selection import _with_one_noise
+from identify.diagnosis.selection import with_one_noise
 from identify.effects import MAIN
 from identify.estimation.preview import preview
 from identify.identification import find
@@ -197,17 +197,17 @@ def test_a_rhythm_is_not_taken_for_a_vibration_whose_frequency_is_another_one(vi
     assert unknowns.start[unknowns.names.index("excitation_frequency")] == pytest.approx(np.log(31.5))
 
 
-def test_a_choice_of_effects_weighs_all_models_with_one_noise(vibrating):
+def test_a_choice_of_effects_weighs_all_modelswith_one_noise(vibrating):
     """The noise of a model that lacks the vibration counted it in, and 568 of its statistic were 6."""
     scene = _scene(MAIN)
     unknowns = from_scene(scene)
     prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, vibrating, strict=True)]
     counted_in = np.array([1.0 / np.sqrt(np.max(log.data.weight)) for log in prepared])
-    told = _with_one_noise(scene, prepared, *rhythms(prepared))
+    told = with_one_noise(scene, prepared, *rhythms(prepared))
     assert [entry.noise for entry in told.logs] == pytest.approx([5e-3, 5e-3], rel=0.03)
     assert np.all(counted_in > 1.03 * np.array([entry.noise for entry in told.logs]))
     still = [prepare(told, entry, record, unknowns) for entry, record in zip(told.logs, vibrating, strict=True)]
-    assert _with_one_noise(told, still, *rhythms(still)) == told
+    assert with_one_noise(told, still, *rhythms(still)) == told
     quiet = _logs(MAIN)
     alone = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, quiet, strict=True)]
-    assert _with_one_noise(scene, alone, *rhythms(alone)) == scene
+    assert with_one_noise(scene, alone, *rhythms(alone)) == scene

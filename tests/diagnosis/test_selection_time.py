@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from identify import Scene, examples, fit
-from identify.diagnosis.subsets import NO_TIME
+from identify.diagnosis.selection import NO_TIME
 
 
 @pytest.mark.parametrize(("limit", "unfinished"), [(3.0, True), pytest.param(300.0, False, marks=pytest.mark.slow)])
