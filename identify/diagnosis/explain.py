@@ -438,7 +438,7 @@ def _caused(findings: Findings, scene: Scene, motion: Attempt, causes: Sequence[
     moved, name = _farthest(findings, scene, best)
     moves = f", and {name} moves by {100.0 * moved:.2g} %" if name else ""
     fall = f"chi^2 falls by {(attempt.excess - best.attempt.excess) / _inflation(attempt):.3g}{moves}"
-    message = f"the data ask for {words}{apart}: {remedies} ({fall}); {findings.message}"
+    message = f"the data ask for {words.rstrip(',')}{apart}: {remedies} ({fall}); {findings.message}"
     refused = moved > MATTERS and findings.status is Status.CONVERGED
     return replace(findings, status=Status.MODEL_MISFIT if refused else findings.status, message=message)
 

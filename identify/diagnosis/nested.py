@@ -71,8 +71,12 @@ def _excess(attempt: Attempt | None) -> float:
     return np.inf if attempt is None else attempt.excess
 
 
-def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
-    """Fit a model that lacks an effect of a larger one: from the larger one's motion, else from the data."""
+def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record], *, thorough: bool = True) -> Fitted:
+    """Fit a model that lacks an effect of a larger one: from the larger one's motion, else from the data.
+
+    Args:
+        thorough: where its motion leads far off, the data are tried as well.
+    """
     prepared, unknowns = _prepared(scene, records)
     cost_cutoff = np.inf if larger.attempt is None else larger.attempt.solved.solution.cost + COST_CUTOFF
     warm = _warm(larger, prepared, unknowns, cost_cutoff)
@@ -80,7 +84,7 @@ def fit_smaller(larger: Fitted, scene: Scene, records: Sequence[Record]) -> Fitt
     if larger.attempt is not None and unknowns.model.vibrates and best.excess > larger.excess + DOUBT:
         best = _better(best, _placed_anew(larger, scene, prepared, unknowns), larger)
     samples = larger.attempt.solved.problem.samples if larger.attempt is not None else 1
-    if best.excess - larger.excess < FAR * samples:
+    if best.excess - larger.excess < FAR * samples or (warm is not None and not thorough):
         return best
     attempt, _ = search(SearchProblem(prepared, unknowns, thorough=False))
     return _better(best, Fitted(scene, unknowns, tuple(prepared), attempt, _excess(attempt)), larger)

@@ -177,7 +177,8 @@ class _Walk:
             for effect in self.kept:
                 self._report(f"without {effect}", 0.6)
                 rest = [e for e in self.kept if e != effect]
-                smaller[effect] = fit_smaller(self.best, self._models.of(rest), self._models.records)
+                models = self._models.of(rest)
+                smaller[effect] = fit_smaller(self.best, models, self._models.records, thorough=False)
                 self.gains[effect] = (statistic(self.best, smaller[effect]), penalty(self.best, smaller[effect]))
                 if time_is_up():
                     return
