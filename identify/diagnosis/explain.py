@@ -502,7 +502,6 @@ def _doubtful(findings: Findings) -> bool:
 # What spoils samples, or is no part of the model: codes of the quality gate.
 SPOILS = (
     "friction_clipped",
-    "sensor_lag",
     "spikes",
     "dropouts",
     "jitter",
@@ -511,7 +510,6 @@ SPOILS = (
     "unloaded_rows",
     "load_ripple",
     "friction_drift",
-    "stick_slope",
 )
 TOLD = 2  # of them
 
@@ -542,7 +540,7 @@ def _unexplained(findings: Findings, prepared: Sequence[Prepared]) -> Findings:
             f"no answer of all logs was found: that of the others does not stick-slip as {names} does, and nothing "
             f"that was stated stands out in them: check what [[logs]] says of {names}, fit it alone, or {START_VALUES}"
         )
-        return replace(findings, status=Status.SOLVER_FAILED, message="; ".join([message, *more]))
+        return replace(findings, status=Status.SOLVER_FAILED, message=message)
     return replace(findings, message="; ".join([findings.message, *more]))
 
 

@@ -50,7 +50,6 @@ PRIOR_SCHEDULE = (
     1.0,
 )  # where the start is off besides: small steps find the way
 FIRST = 5  # of these: how firmly a start is held before another one is taken
-OFF = 2  # of these that are left out where the start is better known
 
 
 @dataclass(frozen=True)
@@ -240,19 +239,6 @@ def solve_by_continuation(
             if tried.gate.status is Status.CONVERGED and tightness < loosest:
                 best, loosest = tried, tightness
         if released_to == PRIOR_SCHEDULE[-1]:  # nothing wandered off: to hold it less firmly leads to the same place
-            break
-    return best
-
-
-def solve_with_weakening_priors(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> Attempt | None:
-    """Solve from a start that may be off: its priors let go in small steps until the answer fits or the solver fails;
-    None where it fails at once."""
-    best: Attempt | None = None
-    for _, tried in _with_weakening_priors(prepared, chosen, unknowns, PRIOR_SCHEDULE[OFF:]):
-        if not tried.solved.solution.success:
-            break
-        best = tried
-        if best.gate.status is Status.CONVERGED:
             break
     return best
 
