@@ -20,6 +20,8 @@ from identify.diagnosis.choice import Choice, EffectReason, Screen, price, scree
 from identify.diagnosis.compared_models import ALWAYS, ComparedModels
 from identify.diagnosis.fitted import Fitted, fits
 from identify.diagnosis.nested import fit_larger, fit_model, fit_smaller, promise
+from identify.diagnosis.quantities import EFFECTS, held_quantities
+from identify.diagnosis.score_test import score_table
 from identify.diagnosis.selection_numbers import better, penalty, statistic
 from identify.effects import ALL
 from identify.estimation.known_early import prefit_warnings, wrong_unit
@@ -138,8 +140,10 @@ class _Walk:
         while rest and not time_is_up():
             self._report(f"with {', '.join(rest)}", 0.3)
             models = {e: self._models.of([*self.kept, e]) for e in rest}
-            hopes = {e: promise(self.best, models[e], self._models.records) for e in rest}
-            for effect in sorted(rest, key=lambda e: -hopes[e]):
+            scored = _scores(self.best)
+            hopes = {e: scored.get(e) or promise(self.best, models[e], self._models.records) for e in rest}
+            # What no few iterations tell comes last.
+            for effect in sorted(rest, key=lambda e: -hopes[e] if np.isfinite(hopes[e]) else 0.0):
                 least = float(np.log(max(self.best.samples, 2)))
                 self.gains[effect] = (max(hopes[effect], 0.0), least)
                 if not hopes[effect] > least or time_is_up():
@@ -187,6 +191,22 @@ class _Walk:
                 return
             worst = max(losers, key=lambda e: better(smaller[e], self.best))
             self.kept, self.best = [e for e in self.kept if e != worst], smaller[worst]
+
+
+def _scores(fitted: Fitted) -> dict[str, float]:
+    """The scores of the effects that are a column of the score test, at a fit that lacks them."""
+    if fitted.attempt is None:
+        return {}
+    try:
+        table = score_table(fitted.attempt.solved, held_quantities(fitted.attempt, fitted.unknowns))
+    except np.linalg.LinAlgError:
+        return {}
+    of_all = {one.column.name: one for one in table.scores if one.log is None}
+    out = {effect: of_all[name].score for name, (effect, _) in EFFECTS.items() if name in of_all}
+    softer = of_all.get("stiffness")
+    if softer is not None and softer.step < 0.0:
+        out["skin_compliance"] = softer.score
+    return out
 
 
 def with_one_noise(scene: Scene, prepared: Sequence[Prepared], lines: Sequence[SpectralLine], left: Array) -> Scene:
