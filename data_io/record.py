@@ -10,7 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from data_io.arrays import true_runs
-from data_io.values import COLUMN_ROLES, LARGEST_FORCE, LONGEST_GAP, Finding, FloatArray, Frozen, LogError, Scalar, Step
+from data_io.values import (
+    COLUMN_ROLES,
+    LARGEST_FORCE,
+    LONGEST_GAP,
+    SIZES,
+    Finding,
+    FloatArray,
+    Frozen,
+    LogError,
+    Scalar,
+    Step,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -116,6 +127,12 @@ def speed(fail: Fail, speed: Any, n: int) -> float | FloatArray | None:
 def check_clock(fail: Fail, time: FloatArray) -> None:
     """Refuse a clock that does not start at 0 and rise strictly."""
     if rising(time) and time[0] == 0:
+        span, (least, most) = float(time[-1]), SIZES["s"]
+        if span > most or span < least * (time.size - 1):
+            raise fail(
+                f"the clock rises by {span:g} s in {time.size} rows, which no log does; expected steps of {least:g} s "
+                f"or more and {most:g} s in all; check the unit of the time"
+            )
         return
     if not np.isfinite(time).all():
         row = int(np.argmin(np.isfinite(time)))

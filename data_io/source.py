@@ -240,6 +240,8 @@ def load(path: Path) -> Source:
     """Look at a file. Raises `LogError` for what is missing, empty, a folder, not readable or not unpackable."""
     archive, member = split_member(path)
     try:
+        if archive.exists() and not (archive.is_file() or archive.is_dir()):
+            raise LogError(f"{path}: this is a pipe or a device; a log file was expected; save the log as a file first")
         with archive.open("rb") as handle:
             head, size = handle.read(HEAD), os.fstat(handle.fileno()).st_size
     except FileNotFoundError as error:

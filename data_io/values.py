@@ -32,7 +32,10 @@ SEVERITIES: Final = ("info", "warning", "reject")
 LONGEST_GAP: Final = 5
 """Rows in a row without a finite number that are kept as NaN; a longer block is an error."""
 
-LARGEST_FORCE: Final = 1e9
+SIZES: Final = {"s": (1e-9, 1e9), "m/s": (1e-12, 1e4), "N": (1e-12, 1e9)}
+"""The least and the largest size, by unit, of what is measured or stated; what lies beyond has a wrong unit."""
+
+LARGEST_FORCE: Final = SIZES["N"][1]
 """Newtons that no tribometer measures; larger numbers (9.9e37, 1e30) are marks of overflow."""
 
 COLUMN_ROLES: Final = ("time", "normal_force", "friction_force", "drive_speed")

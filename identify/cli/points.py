@@ -34,7 +34,7 @@ from identify.prediction.sources import (
 from identify.report.stored_result import read_result, scene_of
 from identify.scene import LogEntry, Scene
 from identify.scene.tables import check_ranges, nearest
-from identify.scene.values import EACH_LOG
+from identify.scene.values import EACH_LOG, check_size
 
 if TYPE_CHECKING:
     from identify.model.model import Model
@@ -244,6 +244,8 @@ def at_values(items: list[str], scene: Scene) -> dict[str, float]:
         raise CommandLineError(
             f"--at normal_force is {values['normal_force']:g} N; expected a load that presses: give a positive one"
         )
+    for name, unit in POINT_UNITS.items():
+        check_size(f"--at {name}", unit, values.get(name))
     for p in scene.model.parameters:
         if p.name in values and not p.lower <= values[p.name] <= p.upper:
             raise CommandLineError(

@@ -110,6 +110,9 @@ def _mean_coefficient(log: LogCurves) -> float:
 def _histogram(axes: Axes, values: Sequence[Array], unit: str, name: str) -> None:
     finite = [part[np.isfinite(part)] for part in values]
     together = np.concatenate(finite)
+    if not together.size:  # without a load there is no strength
+        frame(axes, name, "", "cycles")
+        return
     scale = scale_for(float(np.median(together)), unit)
     low, high = float(together.min()), float(together.max())
     wider = max(0.0, NARROWEST * abs(high) - (high - low)) / 2  # cycles may be alike but for rounding

@@ -24,7 +24,7 @@ LARGEST = 1e300  # what is larger is no number, and refused as that
 PLAUSIBLE = {
     "mass": (1e-5, 50.0, "kg", "g"),
     "stiffness": (10.0, 1e9, "N/m", "N/mm"),
-    "drive_speed": (1e-9, 0.05, "m/s", "mm/s"),
+    "drive_speed": (1e-9, 1.0, "m/s", "mm/s"),
     "normal_force": (1e-4, 1e4, "N", "mN"),
 }
 

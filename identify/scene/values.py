@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
+from data_io.values import SIZES
 from identify.base.errors import SceneError
 
 DriveSpeed = float | tuple[tuple[float, float], ...]
@@ -34,20 +35,22 @@ LARGEST = 1e18  # of an SI unit, and its inverse the least: no rig has it, and w
 def _positive(where: str, unit: str, value: float | None) -> None:
     if value is not None and not value > 0.0:
         raise SceneError(f"{where} is {_said(value, unit)}; expected a positive number: correct it")
-    _of_a_rig(where, unit, value)
+    check_size(where, unit, value)
 
 
 def _not_negative(where: str, unit: str, value: float | None) -> None:
     if value is not None and not value >= 0.0:
         raise SceneError(f"{where} is {_said(value, unit)}; expected zero or a positive number: correct it")
-    _of_a_rig(where, unit, value)
+    check_size(where, unit, value)
 
 
-def _of_a_rig(where: str, unit: str, value: float | None) -> None:
-    if value and not 1.0 / LARGEST <= abs(value) <= LARGEST:
+def check_size(where: str, unit: str, value: float | None) -> None:
+    """Refuse a number of a size that no rig has. Raises SceneError."""
+    least, most = SIZES.get(unit, (1.0 / LARGEST, LARGEST))
+    if value and not least <= abs(value) <= most:
         raise SceneError(
-            f"{where} is {_said(value, unit)}, which no rig has; expected a number between {1.0 / LARGEST:g} and "
-            f"{LARGEST:g}: correct it, or its unit"
+            f"{where} is {_said(value, unit)}, which no rig has; expected a number between {least:g} and {most:g}: "
+            "correct it, or its unit"
         )
 
 
@@ -63,8 +66,8 @@ def _check_speed(where: str, speed: DriveSpeed | None) -> None:
             f"the programme of {where} starts at {starts} s; expected rising times from 0: begin it with [0, speed]"
         )
     for start, value in steps:
-        _of_a_rig(f"the start of a step of {where}", "s", start)
-        _of_a_rig(where, "m/s", value)
+        check_size(f"the start of a step of {where}", "s", start)
+        check_size(where, "m/s", value)
 
 
 @dataclass(frozen=True)
@@ -163,8 +166,8 @@ class Initial:
     gamma: float = 0.0
 
     def __post_init__(self) -> None:
-        _of_a_rig("the initial elongation", "m", self.elongation)
-        _of_a_rig("the initial sliding_speed", "m/s", self.sliding_speed)
+        check_size("the initial elongation", "m", self.elongation)
+        check_size("the initial sliding_speed", "m/s", self.sliding_speed)
         if not 0.0 <= self.gamma <= 1.0:
             raise SceneError(f"the initial gamma is {self.gamma:g}; expected a share between 0 and 1: correct it")
 

@@ -43,9 +43,9 @@ def test_a_dashpot_follows_the_stiffness_and_the_mass_of_a_log():
     ("text", "words"),
     [
         ("mass = 180", 'write its unit: "180 g"'),
-        ("drive_speed = 0.1", 'write its unit: "0.1 mm/s"'),
+        ("drive_speed = 5", 'write its unit: "5 mm/s"'),
         ("stiffness = 1.47", 'write its unit: "1.47 N/mm"'),
-        ("drive_speed = [[0, 0.1], [30, 0]]", '"0.1 mm/s"'),
+        ("drive_speed = [[0, 5.0], [30, 0]]", '"5 mm/s"'),
         ("mass = { value = 180, tolerance = 0.02 }", '"180 g"'),
     ],
 )

@@ -6,6 +6,7 @@ have: a full disk, a workbook of gigabytes.
 
 import gzip
 import io
+import os
 import sys
 import zipfile
 from collections.abc import Callable
@@ -533,6 +534,19 @@ def tables(count: int) -> str:
     return "T,Fx,Fz\ns,N,N\n" * (count - 1) + GOOD
 
 
+def a_pipe(folder: Path, _: object) -> object:
+    os.mkfifo(folder / "pipe.csv")
+    try:
+        return source.load(folder / "pipe.csv")
+    finally:
+        (folder / "pipe.csv").unlink()
+
+
+def clock_of(step: float) -> Act:
+    """A record of ten rows, so far apart [s]."""
+    return lambda *_: Record(step * np.arange(10.0), np.ones(10), np.ones(10))
+
+
 # name: (what is refused, what just is not)
 CASES: dict[str, Pair] = {
     # the path
@@ -542,6 +556,8 @@ CASES: dict[str, Pair] = {
     "an empty file": (file(""), file(GOOD)),
     "nothing packed": (file(gzip.compress(b"")), file(PACKED)),
     "a folder": (lambda folder, _: source.load(folder), path_of("log.csv")),
+    "a pipe": (a_pipe, path_of("log.csv")),
+    "a clock in a wrong unit": (clock_of(1e10), clock_of(1e-3)),
     "an empty folder": (folder_of(), folder_of(one=GOOD)),
     "no file fits": (path_of("x*.csv"), path_of("l*.csv")),
     "a pattern of no path": (path_of("**x/*.csv"), path_of("*.csv")),
