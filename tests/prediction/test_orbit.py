@@ -182,16 +182,25 @@ def test_a_log_without_an_answer_does_not_hold_up_the_others() -> None:
 def test_what_follows_from_an_unknown_parameter_is_open_and_says_why(variance: float) -> None:
     unknown = KNOWN.copy()
     unknown[4, 4] = variance
-    # Worn sliding at 1 mm/s knows no D, and a D twenty times as large moves the end of stick-slip by 0.9 %: these two
-    # keep their intervals.
+    # A D twenty times as large moves the end of stick-slip by 0.9 %: that keeps its interval.
     document = to_dict(predict(assemble(ALL), DEMO, 1e-3, 1.0, unknown, NAMES))
     assert json.loads(json.dumps(document, allow_nan=False)) == document
     end, growth, *amplitude = intervals(document)
     far = solution_set(map_of(D=20.0 * DEMO["D"]), 1e-3).end
     assert far is not None and end["interval"][0] < far < min(end["interval"][1], 1.01 * end["value"])
+    # So does the force at the onset of a saturated contact; all else of the jumps is open.
+    moved = settle(map_of(D=20.0 * DEMO["D"]), 1e-3).orbit
+    onset = document["amplitude"]["onset_force"]
+    assert moved is not None
     for entry in amplitude:
-        assert entry["value"] is not None and entry["interval"] == [None, None] and "D" in entry["reason"]
-    assert growth["interval"][0] < growth["value"] < growth["interval"][1] and "reason" not in growth
+        assert entry["value"] is not None
+        if entry is onset and entry["interval"] != [None, None]:
+            force = quantities(map_of(D=20.0 * DEMO["D"]), moved.cycle, 1e-3)[list(QUANTITIES).index("onset_force")]
+            assert force == pytest.approx(entry["value"], rel=1e-2)
+        else:
+            assert entry["interval"] == [None, None] and "D" in entry["reason"]
+    # Sliding at 1 mm/s is worn at the estimate, but not with such a D: then it ages, and grows otherwise.
+    assert growth["interval"] == [None, None] and "D" in growth["reason"]
     assert "do not tell D" in document["amplitude"]["text"]
 
 
