@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,22 +12,13 @@ from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.stages import of_which, stage
 from identify.estimation.goodness_of_fit import Gate, pass_gate
-from identify.estimation.sequence import (
-    TRIES,
-    followed,
-    hardly,
-    is_clear,
-    is_near_grazing,
-    resimulated,
-    resimulated_whole,
-)
 from identify.logs.prepare import Prepared, beginning, cut_in_last_stick
 from identify.logs.unknowns import Unknowns
-from identify.shooting.following import glide
+from identify.shooting.following import follow, glide
 from identify.shooting.grid import COARSE_GRID
 from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.placing import place
-from identify.shooting.shooting_trajectory import ShootingTrajectory
+from identify.shooting.shooting_trajectory import ShootingTrajectory, turned_back
 
 Array = NDArray[np.float64]
 PlacedLog = tuple[
@@ -36,20 +27,9 @@ PlacedLog = tuple[
 
 CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
 OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver stalled
-HORIZONS = (0.125, 0.25, 0.5, 1.0)  # shares of a course before it slides steadily, each solved from the one before
 BETTER = 2.0  # squares in noise variances by which another motion must fit better to be taken
-PRIOR_SCHEDULE = (
-    20.0,
-    13.0,
-    8.0,
-    5.6,
-    4.0,
-    2.8,
-    2.0,
-    1.4,
-    1.0,
-)  # where the start is off besides: small steps find the way
-FIRST = 5  # of these: how firmly a start is held before another one is taken
+MOVES = 2  # how often the motion is simulated from an answer
+HORIZONS = (0.125, 0.25, 0.5, 1.0)  # shares of a course before it slides steadily, each solved from the one before
 
 
 @dataclass(frozen=True)
@@ -84,11 +64,7 @@ def usable(prepared: Sequence[Prepared]) -> list[int]:
 
 
 def solve_from(
-    prepared: list[Prepared],
-    chosen: list[int],
-    unknowns: Unknowns,
-    tightness: float = 1.0,
-    cost_cutoff: float = np.inf,
+    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, cost_cutoff: float = np.inf
 ) -> Attempt | None:
     """Place the start on the chosen logs and solve; None where no log can be placed.
 
@@ -97,107 +73,105 @@ def solve_from(
     """
     with stage("place"):
         placed = place_on(prepared, chosen, unknowns) if chosen else []
-    return solve_placed(prepared, placed, unknowns, tightness, cost_cutoff) if placed else None
+    return solve_placed(prepared, placed, unknowns, cost_cutoff) if placed else None
 
 
 def solve_placed(
-    prepared: list[Prepared],
-    placed: list[PlacedLog],
-    unknowns: Unknowns,
-    tightness: float = 1.0,
-    cost_cutoff: float = np.inf,
+    prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float = np.inf
 ) -> Attempt:
-    """Solve from a start that is placed on some of the logs, one at least; where slips rest by a hair, again with the
-    motion that follows from the answer, and where courses are not met for sure, by way of their beginnings."""
-    attempt = _solved(prepared, placed, unknowns, tightness, cost_cutoff)
-    if attempt.solved.solution.cost > cost_cutoff or not np.all(np.isfinite(attempt.solved.theta)) or time_is_up():
+    """Solve from a start that is placed on some of the logs, one at least; then from the motion simulated at the
+    answer, where its sequence of phases is another one; courses that are not met by way of their beginnings. The one
+    that fits better is kept."""
+    attempt = _moved(prepared, placed, unknowns, cost_cutoff)
+    courses = any(log.fit_mode.name == "continuous" for log in attempt.fitted_logs)
+    if attempt.gate.status is Status.CONVERGED or attempt.solved.solution.cost > cost_cutoff or not courses:
         return attempt
-    # A rest that can get no shorter is also what the solver fails on.
-    at_answer = replace(unknowns, start=attempt.solved.theta)
-    whole = [prepared[number] for number in attempt.log_numbers]
-    anew = resimulated_whole(whole, attempt.fitted_logs, attempt.solved.trajectories, at_answer)
-    if anew is not None:
-        placed = list(zip(attempt.log_numbers, *anew, strict=True))
-        other = _solved(prepared, placed, at_answer, tightness, cost_cutoff)
-        return other if other.excess < attempt.excess - BETTER else attempt
-    courses = [
-        (log, trajectory)
-        for log, trajectory in zip(attempt.fitted_logs, attempt.solved.trajectories, strict=True)
-        if log.fit_mode.name == "continuous"
-    ]
-    # A sequence may agree with its own answer, and the data with another, where the mass rests by a hair.
-    met = attempt.gate.status is Status.CONVERGED and not any(hardly(*course) for course in courses)
-    if met or not courses:
-        return attempt
-    extended = _by_horizons(prepared, attempt.log_numbers, unknowns, tightness)
-    return extended if extended is not None and extended.excess < attempt.excess - BETTER else attempt
+    extended = _by_horizons(prepared, attempt.log_numbers, unknowns)
+    return extended if extended is not None and _is_better(extended, attempt) else attempt
 
 
-def _by_horizons(
-    prepared: list[Prepared], numbers: Sequence[int], unknowns: Unknowns, tightness: float
-) -> Attempt | None:
+def _moved(prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float) -> Attempt:
+    """Solve from a start, and from the motion simulated at the answer."""
+    attempt = _solved(placed, unknowns, cost_cutoff)
+    for _ in range(MOVES):
+        solved = attempt.solved
+        if solved.solution.cost > cost_cutoff or not np.all(np.isfinite(solved.theta)) or time_is_up():
+            break
+        at_answer = replace(unknowns, start=solved.theta)
+        moved = _resimulated(prepared, attempt, at_answer)
+        other = None if moved is None else _solved(moved, at_answer, cost_cutoff)
+        if other is None or not _is_better(other, attempt):
+            break
+        attempt = other
+    return attempt
+
+
+def _is_better(other: Attempt, attempt: Attempt) -> bool:
+    """Whether another motion is the one to take: of two the one that fits, else the one that fits clearly better."""
+    converged = [a.gate.status is Status.CONVERGED for a in (other, attempt)]
+    return converged[0] if converged[0] != converged[1] else other.excess < attempt.excess - BETTER
+
+
+def _by_horizons(prepared: list[Prepared], numbers: Sequence[int], unknowns: Unknowns) -> Attempt | None:
     """Solve with short beginnings of the courses, then with longer ones, each from the answer before; None where a
     beginning is not met. Parameters that are off make another sequence of sticks and slips in the long run, which no
     solve leaves again; over a few of them it is that of the data."""
-    found: Attempt | None = None
+    attempt: Attempt | None = None
     for share in HORIZONS:
         logs = [beginning(log, share) if log.fit_mode.name == "continuous" else log for log in prepared]
         placed = place_on(logs, list(numbers), unknowns)
         if len(placed) < len(numbers) or time_is_up():
             return None
-        found = _solved(logs, placed, unknowns, tightness, np.inf)
-        if not abs(found.gate.chi2_per_sample - 1.0) < CREEPING:
+        attempt = _moved(logs, placed, unknowns, np.inf)
+        if not abs(attempt.gate.chi2_per_sample - 1.0) < CREEPING:
             return None
-        unknowns = replace(unknowns, start=found.solved.theta)
-    return found
-
-
-def _solved(
-    prepared: list[Prepared],
-    placed: list[PlacedLog],
-    unknowns: Unknowns,
-    tightness: float,
-    cost_cutoff: float,
-) -> Attempt:
-    """Solve until every course is that of the answer."""
-    with stage("solve"):
-        attempt = _solved_until_resimulated(prepared, placed, unknowns, tightness, cost_cutoff)
-        of_which("build", attempt.solved.transcription_seconds, of="solve")
+        unknowns = replace(unknowns, start=attempt.solved.theta)
     return attempt
 
 
-def _solved_until_resimulated(
-    prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, tightness: float, cost_cutoff: float
-) -> Attempt:
+def _solved(placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float) -> Attempt:
     numbers, logs, trajectories = (list(column) for column in zip(*placed, strict=True))
     # What every log has for itself, the first log has in the shared theta.
     unknowns = replace(unknowns, start=trajectories[0].theta(unknowns.start))
     trajectories[0] = replace(trajectories[0], own=np.empty(0))
-    data, soft = [log.data for log in logs], unknowns.with_weak_priors(tightness)
-    solved = solve_in_passes(data, trajectories, soft, cost_cutoff=cost_cutoff)
-    tried = list[tuple[list[Prepared], list[ShootingTrajectory], Solved]]()
-    for _ in range(TRIES):
-        if solved.solution.cost > cost_cutoff or time_is_up():
-            break
-        at_answer = replace(unknowns, start=solved.theta)
-        again = resimulated([prepared[i] for i in numbers], logs, solved.trajectories, at_answer)
-        if again is None:
-            break
-        tried.append((logs, trajectories, solved))
-        logs, trajectories = again
-        solved = solve_in_passes([log.data for log in logs], trajectories, at_answer.with_weak_priors(tightness))
-    # Where the mass rests by a hair, the data know better whether it does than the answer, which is off by its error.
-    for before in tried:
-        hair = not any(is_clear(log, one, other) for log, one, other in zip(logs, before[1], trajectories, strict=True))
-        if hair and _fits_better(before[2], solved):
-            logs, trajectories, solved = before
-    return Attempt(tuple(numbers), tuple(logs), solved, gated(solved, logs))
+    with stage("solve"):
+        data, soft = [log.data for log in logs], unknowns.with_weak_priors()
+        solved = solve_in_passes(data, trajectories, soft, cost_cutoff=cost_cutoff)
+        of_which("build", solved.transcription_seconds, of="solve")
+        return Attempt(tuple(numbers), tuple(logs), solved, gated(solved, logs))
 
 
-def _fits_better(one: Solved, other: Solved) -> bool:
-    """Whether a solution that was found fits clearly better than another, of no more samples."""
-    here, there = (2.0 * solved.solution.cost - solved.problem.samples for solved in (one, other))
-    return one.solution.success and one.problem.samples >= other.problem.samples and not there <= here + BETTER
+def _resimulated(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -> list[PlacedLog] | None:
+    """The motion simulated at the answer (unknowns.start): of logs that are followed, and of those with cycles where
+    these do not fit; None where every sequence of phases is that of the answer."""
+    fits, out, changed = attempt.gate.status is Status.CONVERGED, list[PlacedLog](), False
+    motions = zip(attempt.log_numbers, attempt.fitted_logs, attempt.solved.trajectories, strict=True)
+    for number, log, trajectory in motions:
+        out.append((number, log, trajectory))
+        if log.fit_mode.name == "sliding" or (log.fit_mode.name == "cycles" and fits):
+            continue
+        whole = replace(prepared[number], fit_mode=log.fit_mode)
+        at_answer = replace(unknowns, start=trajectory.theta(unknowns.start))
+        for form in (whole, whole.as_continuous):  # slip by slip as they were seen, and as the model has them
+            simulated = place_on([form], [0], at_answer)
+            if simulated and _differs(simulated[0][2], trajectory):
+                out[-1], changed = (number, simulated[0][1], _with_loads_of(simulated[0][2], trajectory)), True
+                break
+    return out if changed else None
+
+
+def _differs(simulated: ShootingTrajectory, trajectory: ShootingTrajectory) -> bool:
+    """Whether the sequence of phases is another one, or that of the answer is none of the model."""
+    backwards = any(bool(np.any(back)) for back in turned_back(trajectory))
+    return backwards or [mode[:2] for mode in simulated.modes] != [mode[:2] for mode in trajectory.modes]
+
+
+def _with_loads_of(simulated: ShootingTrajectory, trajectory: ShootingTrajectory) -> ShootingTrajectory:
+    """A simulated motion with the loads and strengths of the answer, where it has the same parts."""
+    if simulated.parts != trajectory.parts or simulated.slip_parts.size != trajectory.slip_parts.size:
+        return replace(simulated, own=trajectory.own)
+    names = ("own", "deviation", "slip_deviation", "strength")
+    return replace(simulated, **{name: getattr(trajectory, name) for name in names})
 
 
 def retested(attempt: Attempt) -> Attempt:
@@ -214,54 +188,6 @@ def stalled(attempt: Attempt) -> bool:
     """Whether the curve fits, and the solver found no end to a ridge along which the data tell nothing."""
     gate = attempt.gate
     return gate.status is Status.SOLVER_FAILED and abs(gate.chi2_per_sample - 1.0) < CREEPING
-
-
-def solve_by_continuation(
-    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, ways: int = 1
-) -> Attempt | None:
-    """Solve from a start with priors around it that hold what the data do not tell, then let go of them as far as the
-    solver follows; None where it follows nowhere. The information matrix never sees these priors.
-
-    Args:
-        ways: how many are tried. How firm priors have to be at first differs from start to start: what wanders off from
-            the softer ones is held by the firmer ones, and released in steps so small that each is an easy solve.
-    """
-    best: Attempt | None = None
-    loosest = np.inf
-    for first in range(ways):
-        if time_is_up():
-            break
-        released_to = np.inf
-        for tightness, tried in _with_weakening_priors(prepared, chosen, unknowns, PRIOR_SCHEDULE[first:]):
-            if not tried.solved.solution.success:
-                break
-            released_to = tightness
-            if tried.gate.status is Status.CONVERGED and tightness < loosest:
-                best, loosest = tried, tightness
-        if released_to == PRIOR_SCHEDULE[-1]:  # nothing wandered off: to hold it less firmly leads to the same place
-            break
-    return best
-
-
-def _with_weakening_priors(
-    prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, firm: Sequence[float]
-) -> Iterator[tuple[float, Attempt]]:
-    """Solves with softer and softer priors around the start, each from the answer of the one before; with the tightness
-    of each."""
-    tried = solve_from(prepared, chosen, unknowns, firm[0])
-    if tried is not None:
-        yield firm[0], tried
-        yield from with_weakening_priors(tried, unknowns, firm[1:])
-
-
-def with_weakening_priors(held: Attempt, unknowns: Unknowns, firm: Sequence[float]) -> Iterator[tuple[float, Attempt]]:
-    """Solves of the same samples with softer and softer priors around unknowns.start, each from the answer of the one
-    before; with the tightness of each."""
-    for tightness in firm:
-        if time_is_up():
-            return
-        held = solve_again(held, replace(unknowns.with_weak_priors(tightness), start=held.solved.theta))
-        yield tightness, held
 
 
 def solve_again(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int = 1000) -> Attempt:
@@ -293,13 +219,12 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
     p = [unknowns.values(log.data.theta(unknowns.start), log.data.base) for log in logs]
     placed = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE_GRID)
     for number, log, trajectory in zip(chosen, logs, placed, strict=True):
-        if trajectory is None or not _joins_up(trajectory, log):
-            if trajectory is not None and is_near_grazing(
-                log, trajectory
-            ):  # rests are shorter than slips are placed exactly
-                out += [(number, *found) for found in _followed(log.as_continuous, unknowns)]
+        if trajectory is None:
             continue
-        out.append((number, as_far_as_placed(log, trajectory), trajectory))
+        if _joins_up(trajectory, log):
+            out.append((number, as_far_as_placed(log, trajectory), trajectory))
+        else:  # rests are shorter than slips are placed exactly
+            out += [(number, *found) for found in _followed(log.as_continuous, unknowns)]
     return sorted(out, key=lambda entry: entry[0])
 
 
@@ -316,8 +241,10 @@ def _followed(log: Prepared, unknowns: Unknowns) -> list[tuple[Prepared, Shootin
     if log.fit_mode.name == "sliding":
         gliding = glide(unknowns.model, log.data, p)
         return [] if gliding is None else [(log, gliding)]
-    found = followed(log, unknowns)
-    return [] if found is None else [found]
+    found = follow(unknowns.model, log.data, p, begins_sliding=log.fit_mode.begins_sliding)
+    if found is None:
+        return []
+    return [(replace(log, data=replace(log.data, end=min(found.end, log.data.end))), found.trajectory)]
 
 
 def _joins_up(trajectory: ShootingTrajectory, log: Prepared) -> bool:

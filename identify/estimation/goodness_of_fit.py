@@ -25,9 +25,8 @@ from identify.logs.spectrum import Swing, hidden_rhythm
 from identify.logs.unknowns import Unknowns
 from identify.logs.zigzag import running_means
 from identify.model.model import SPEED
-from identify.shooting.onsets import turned_back
 from identify.shooting.passes import SETTLED, Solved
-from identify.shooting.shooting_trajectory import ShootingTrajectory
+from identify.shooting.shooting_trajectory import ShootingTrajectory, turned_back
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

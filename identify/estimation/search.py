@@ -21,13 +21,10 @@ from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
 from identify.base.stages import of_which, stage
 from identify.estimation.attempt import (
-    FIRST,
     Attempt,
     gated,
     place_on,
-    solve_by_continuation,
     solve_from,
-    stalled,
     usable,
 )
 from identify.estimation.covariance import information
@@ -130,8 +127,6 @@ def _solved(
     attempt = run_strategy(strategy, lambda: solve_from(prepared, starting, at), logs=starting)
     if attempt is None:
         return None
-    if stalled(attempt):
-        attempt = solve_by_continuation(prepared, starting, at, FIRST) or attempt
     if problem.thorough and (not _fits(attempt) or loads_stand_in(attempt.solved)):
         problem.progress("solving with a strength of each stick", 0.55)
         first = attempt

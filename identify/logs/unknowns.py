@@ -146,20 +146,31 @@ class Unknowns:
             return mean, sd
         return start if np.isfinite(mean) else 0.0, min(sd, FORGOTTEN * spread)
 
-    def with_weak_priors(self, tightness: float = 1.0) -> Unknowns:
-        """The same search with a very wide prior around the start where there is none: it only keeps what the data do
-        not tell from wandering off; the information matrix never sees it.
+    @property
+    def weakest(self) -> Array:
+        """Standard deviations (n_p,) of priors that only keep what the data do not tell from wandering off."""
+        return np.where(self.logarithmic, SOFT_FACTOR, SOFT_SPREADS * self.spread)
 
-        Args:
-            tightness: its standard deviation is that of the very wide one divided by this.
-        """
+    def with_weak_priors(self) -> Unknowns:
+        """The same search with the weakest priors around the start where there is none; the information matrix never
+        sees them."""
         none = ~np.isfinite(self.prior_sd)
-        wide = np.where(self.logarithmic, SOFT_FACTOR, SOFT_SPREADS * self.spread) / tightness
         return replace(
             self,
             prior_mean=np.where(none, self.start, self.prior_mean),
-            prior_sd=np.where(none, wide, self.prior_sd),
+            prior_sd=np.where(none, self.weakest, self.prior_sd),
         )
+
+    def within_region(self, weight: float) -> Unknowns:
+        """The same search with a further prior around the start, of the information of so many of the weakest."""
+        known, more = self.prior_sd**-2.0, np.where(self.prior_about < 0, weight / self.weakest**2, 0.0)
+        mean = np.where(known > 0.0, known * self.prior_mean, 0.0) + more * self.start
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return replace(
+                self,
+                prior_mean=np.where(more > 0.0, mean / (known + more), self.prior_mean),
+                prior_sd=(known + more) ** -0.5,
+            )
 
 
 def stated_rig(scene: Scene) -> dict[str, float]:

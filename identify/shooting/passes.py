@@ -1,13 +1,14 @@
 """Solve in passes: coarse, then fine; after each the samples are assigned anew to the event times found.
 
-A pass assigns samples to integration steps from constant event times. When the last pass moved no event by
-more than half a sample, the assignment and the answer agree.
+A pass assigns samples to integration steps from constant event times. When the last pass moved no event by more than
+half a sample, the assignment and the answer agree. Where a pass fails, it is solved again from where it began within a
+trust region: a prior on the parameters about the iterate, whose weight grows tenfold with a pass that fails and falls
+with one that succeeds, until it is gone.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,11 +17,9 @@ from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
 from identify.base.linear import optimality_matrix, solve_equilibrated
-from identify.logs.loads import calmed
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
 from identify.shooting.grid import COARSE_GRID, Grid, fine_grid
-from identify.shooting.onsets import turns_back, with_first_onsets, with_last_onsets
 from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.solve import Solution, solve
@@ -33,19 +32,13 @@ RETURNED = 1e-4  # samples: events are where they were after an earlier pass
 AT_BOUND = 0.9  # of the way to the next event: as far as an event can go in one pass
 VANISHING = 0.05  # samples: an event that goes as far as it can, and no farther than this, stands still
 SAMPLE_OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
-PASSES, MOST_PASSES = 6, 16  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
-LONGEST = 40  # passes where slips last no longer than samples lie apart: an event comes a share of a slip nearer
+PASSES, MOST_PASSES = 6, 40  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
 ALL_BUT = 1.2  # times the noise variance
-PATIENCE = 20  # iterations of one solve: more is a ridge, or a wrong start
-MANY, BRIEF = 200, 8  # slips among which one holds Gauss-Newton back for all, and iterations until then
-ENOUGH, FOLLOWS = 3, 1e-2  # iterations until then from a good start, and the largest row of a motion that comes of it
-LOST_MISFIT = 10.0  # misfit over noise with which a solve that did not succeed is not followed further
-OVERTIME = 80  # iterations more where a motion hangs together and
-ALMOST = 1.5  # times the noise variance is what is left
-HANGS = 1e-5  # largest row of a motion that hangs together
-AGAIN = 3  # how often slips that begin too late, or too early, are put where they begin
-CLOSED = 0.5  # largest row of a coarse motion from which fine passes go on, and
-NEAR = 0.1  # from which the exact Hessian is tried: of 70 solves from farther away none came to an end
+GAUSS_NEWTON, EXACT = 12, 25  # iterations of a pass: more of the one is a ridge, of the other a wrong start
+NEAR, OPEN = 0.1, 0.5  # largest row of a motion from which the exact Hessian leads on, and of one that is given up
+LOST = 10.0  # times the misfit with which a pass began, or the noise: one that ends with more has lost its way
+FIRST_WEIGHT, FACTOR = 100.0, 10.0  # of the trust region, in units of the weakest prior, and its change
+REJECTED = 3  # passes in a trust region that fail before the start is given up
 
 
 @dataclass(frozen=True)
@@ -93,15 +86,6 @@ class Solved:
         return np.asarray(step[:count] * problem.layout.scale[:count])
 
 
-@dataclass(frozen=True)
-class _PassOptions:
-    """How to solve, as `solve_in_passes` was asked."""
-
-    cost_cutoff: float
-    steps: int
-    most: int
-
-
 def solve_in_passes(
     logs: list[LogData],
     trajectories: list[ShootingTrajectory],
@@ -117,188 +101,83 @@ def solve_in_passes(
         cost_cutoff: a pass that ends with a larger cost is the last one. steps, most: per interval of the fine passes,
             at least and at most.
     """
-    way = _PassOptions(cost_cutoff, steps, most)
-    solved = _from_calm(logs, trajectories, unknowns, way)
-    for _ in range(AGAIN):
-        if time_is_up():
-            break
-        at_answer = replace(unknowns, start=solved.theta)
-        placed = _begun_anew(logs, solved, at_answer)
-        if placed is None:
-            break
-        other = _in_passes(logs, logs, placed, at_answer, way)
-        if not _better(other, solved):
-            break
-        solved = other
-    return solved
-
-
-def _begun_anew(logs: list[LogData], solved: Solved, at_answer: Unknowns) -> list[ShootingTrajectory] | None:
-    """The motion found, with the slips that begin too late or too early put where they begin; None where none does."""
-    if not np.isfinite(solved.solution.cost):
-        return None
-    moved = [
-        with_first_onsets(log, trajectory, at_answer, COARSE_GRID)
-        or (with_last_onsets(trajectory) if _fits(solved) else None)
-        for log, trajectory in zip(logs, solved.trajectories, strict=True)
-    ]
-    if all(trajectory is None for trajectory in moved):
-        return None
-    return [new or old for new, old in zip(moved, solved.trajectories, strict=True)]
-
-
-def _better(other: Solved, than: Solved) -> bool:
-    """Whether another motion is the one to go on with: of two that fit, the one in which no slip turns back."""
-    if other.solution.success != than.solution.success:
-        return other.solution.success
-    turns, turned = (any(turns_back(trajectory) for trajectory in tried.trajectories) for tried in (other, than))
-    if turns != turned and _fits(other) and _fits(than):
-        return turned
-    return other.solution.cost < than.solution.cost
-
-
-def _fits(solved: Solved) -> bool:
-    return 2.0 * solved.solution.cost < ALMOST * solved.problem.samples
-
-
-def _from_calm(
-    logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns, way: _PassOptions
-) -> Solved:
-    """Solve; where a load trembles and that is lost, or the way is a long one, from the events of a calm load."""
-    calm = [calmed(log) for log in logs]
-    trembling = any(quiet is not log for quiet, log in zip(calm, logs, strict=True))
-    at_once = _in_passes(logs, logs, trajectories, unknowns, way)
-    cost = at_once.solution.cost
-    near = at_once.grid is not COARSE_GRID and _fits(at_once)
-    if at_once.solution.success or cost > way.cost_cutoff or near or not trembling or time_is_up():
-        return at_once
-    other = _in_passes(logs, calm, trajectories, unknowns, way)
-    return other if _better(other, at_once) else at_once
-
-
-def _in_passes(
-    logs: list[LogData],
-    calm: list[LogData],
-    trajectories: list[ShootingTrajectory],
-    unknowns: Unknowns,
-    way: _PassOptions,
-) -> Solved:
-    """As `solve_in_passes`; the coarse passes with the loads of `calm`."""
-    grid, tolerance, mu_init = COARSE_GRID, 1e-3, 1e-4
-    iterations, transcription_seconds = 0, 0.0
-    solved: Solved | None = None
-    exact = False
-    been, finest = list[Array](), min(log.interval for log in logs)  # events after each fine pass
-    hidden = any(_interval(log, trajectory) < log.interval for log, trajectory in zip(logs, trajectories, strict=True))
-    for number in range(1, (LONGEST if hidden else MOST_PASSES) + 1):
+    grid, exact, weight, failures = COARSE_GRID, False, 0.0, 0
+    iterations, seconds = 0, 0.0
+    accepted: Solved | None = None
+    failed: Solved | None = None
+    visited, finest = list[Array](), min(log.interval for log in logs)  # events after each fine pass
+    for number in range(1, MOST_PASSES + 1):
         since = time.perf_counter()
-        coarse = grid is COARSE_GRID
-        pattern = None if solved is None else solved.problem.pattern
-        problem = shooting_problem(calm if coarse else logs, trajectories, unknowns, grid, pattern=pattern)
-        transcription_seconds += time.perf_counter() - since
-        slips = sum(trajectory.arrests for trajectory in trajectories)
-        tried = _tried(problem, tolerance, mu_init, exact, slips)
-        solution, exact = tried.solution, tried.exact
-        iterations += tried.iterations
+        pattern = None if accepted is None else accepted.problem.pattern
+        region = unknowns if weight == 0.0 else unknowns.within_region(weight)
+        problem = shooting_problem(logs, trajectories, region, grid, pattern=pattern)
+        seconds += time.perf_counter() - since
+        solution, spent, exact = _solve(problem, coarse=grid is COARSE_GRID, exact=exact)
+        iterations += spent
         theta = unknowns.start.copy()
         theta[problem.layout.free] = solution.x[: problem.layout.free.size]
-        formed_from = trajectories
-        trajectories = [
-            place.read(trajectory, solution.x)
-            for place, trajectory in zip(problem.layout.places, trajectories, strict=True)
-        ]
-        if coarse:  # what stood in for the tremor of the load is no error of its measurement
-            trajectories = [
-                g if quiet is log else replace(g, deviation=np.zeros_like(g.deviation), slip_deviation=np.empty(0))
-                for g, quiet, log in zip(trajectories, calm, logs, strict=True)
-            ]
-        shift = _shift_in_samples(problem, solution, logs, formed_from)
-        solved = Solved(
-            problem, grid, formed_from, solution, trajectories, theta, shift, iterations, number, transcription_seconds
-        )
-        unknowns = replace(unknowns, start=theta)
-        if _last(solved, way.cost_cutoff):
-            return solved
-        if not coarse:
-            events = _events(trajectories)
-            if any(np.max(np.abs(events - before)) < RETURNED * finest for before in been):
-                return solved  # samples change sides to and fro: the passes to come are those that were
-            been.append(events)
-        fitting = fine_grid(logs, trajectories, unknowns)
-        grid, tolerance, mu_init = replace(fitting, steps=min(max(fitting.steps, way.steps), way.most)), 1e-8, 1e-6
-    assert solved is not None
-    return solved
+        moved = [place.read(one, solution.x) for place, one in zip(problem.layout.places, trajectories, strict=True)]
+        shift = _shift_in_samples(problem, solution, logs, trajectories)
+        passed = Solved(problem, grid, trajectories, solution, moved, theta, shift, iterations, number, seconds)
+        if not solution.success or _is_lost(passed):
+            failed, failures = failed or passed, failures + 1
+            given_up = failures > REJECTED or solution.constraint_violation > OPEN or solution.cost > cost_cutoff
+            if given_up or time_is_up():
+                break
+            weight, exact = FACTOR * weight if weight > 0.0 else FIRST_WEIGHT, False
+            continue
+        accepted, trajectories, unknowns = passed, moved, replace(unknowns, start=theta)
+        if weight > 0.0:
+            weight = weight / FACTOR if weight > 1.0 else 0.0
+        elif grid is not COARSE_GRID:
+            events = np.concatenate([one.until for one in moved])
+            if shift < SETTLED or any(np.max(np.abs(events - at)) < RETURNED * finest for at in visited):
+                return passed  # at rest, or samples change sides to and fro: the passes to come are those that were
+            visited.append(events)
+        if solution.cost > cost_cutoff or time_is_up() or not all(_ordered(one) for one in moved):
+            return passed
+        if number >= PASSES and failed is None and _misfit(passed) > ALL_BUT:
+            return passed
+        if weight == 0.0:
+            fitting = fine_grid(logs, moved, unknowns)
+            grid = replace(fitting, steps=min(max(fitting.steps, steps), most))
+    return failed or accepted  # type: ignore[return-value]  # there is a pass at least
 
 
-def _last(solved: Solved, cost_cutoff: float) -> bool:
-    """Whether no pass follows: the events stand still, or the solve is lost.
-
-    Args:
-        cost_cutoff: largest cost to go on with.
-    """
-    solution, fine = solved.solution, solved.grid is not COARSE_GRID
-    misfit = 2.0 * solution.cost / max(solved.problem.samples, 1)
-    far = misfit > LOST_MISFIT if not solution.success else solved.passes >= PASSES and misfit > ALL_BUT
-    broken = not solution.success and (fine or solution.constraint_violation > CLOSED)
-    if solution.cost > cost_cutoff or far or broken or not np.all(np.isfinite(solution.x)):
-        return True
-    return (
-        (fine and solved.event_shift < SETTLED)
-        or time_is_up()
-        or not np.all([_ordered(trajectory) for trajectory in solved.trajectories])
-    )
+def _misfit(solved: Solved) -> float:
+    """Squares in noise variances per sample."""
+    return 2.0 * solved.solution.cost / max(solved.problem.samples, 1)
 
 
-def _events(trajectories: Sequence[ShootingTrajectory]) -> Array:
-    """When every phase of all motions ends (e,) [s]."""
-    return np.concatenate([trajectory.until for trajectory in trajectories])
+def _is_lost(solved: Solved) -> bool:
+    """Whether a pass ended much farther from the data than it began."""
+    problem = solved.problem
+    began = 2.0 * problem.evaluate(problem.start, derivatives=False).cost / max(problem.samples, 1)
+    return not _misfit(solved) < LOST * max(began, 1.0)
 
 
-@dataclass(frozen=True)
-class _PassResult:
-    """What one pass came to: the last solution, iterations of all, and whether it took the exact Hessian."""
-
-    solution: Solution
-    iterations: int
-    exact: bool
-
-
-def _tried(problem: Problem, tolerance: float, mu_init: float, exact: bool, slips: int) -> _PassResult:
-    """Solve one pass with Gauss-Newton, where that creeps or wanders with the exact Hessian.
+def _solve(problem: Problem, *, coarse: bool, exact: bool) -> tuple[Solution, int, bool]:
+    """Solve one pass with Gauss-Newton, and where that creeps along a ridge go on with the exact Hessian.
 
     Args:
-        exact: the pass before took the exact Hessian: its answer is near, and Gauss-Newton would leave it again;
-            slips: in all logs.
+        exact: begin with it: the pass before took it, its answer is near, and Gauss-Newton would leave it again.
+
+    Returns:
+        the solution, iterations in all, whether the exact Hessian led to it.
     """
+    tolerance, mu_init = (1e-3, 1e-4) if coarse else (1e-8, 1e-6)
     iterations = 0
     if exact:
-        solution = solve(problem, tolerance=tolerance, mu_init=mu_init, iterations=PATIENCE, exact=True)
+        solution = solve(problem, tolerance=tolerance, mu_init=mu_init, iterations=EXACT, exact=True)
         if solution.success:
-            return _PassResult(solution, solution.iterations, True)
+            return solution, solution.iterations, True
         iterations = solution.iterations
-    for most in (PATIENCE,) if slips < MANY else (ENOUGH, BRIEF):
-        solution = solve(problem, tolerance=tolerance, mu_init=mu_init, iterations=most)
-        iterations += solution.iterations
-        follows = solution.constraint_violation < FOLLOWS and 2.0 * solution.cost < ALL_BUT * problem.samples
-        if solution.success or follows:
-            break
-    if solution.success or not solution.constraint_violation < NEAR or time_is_up():
-        return _PassResult(solution, iterations, False)
-    # Gauss-Newton creeps along a ridge: go on from there with the exact Hessian.
-    near = 2.0 * solution.cost < ALMOST * problem.samples
-    vibrating = problem.layout.unknowns.model.vibrates  # bends the rows more than anything else
-    patience = (1 + (near and vibrating)) * PATIENCE
-    solution = solve(problem, tolerance=tolerance, iterations=patience, exact=True, start=solution.z)
+    solution = solve(problem, tolerance=tolerance, mu_init=mu_init, iterations=GAUSS_NEWTON)
     iterations += solution.iterations
-    if (
-        not solution.success
-        and solution.constraint_violation < HANGS
-        and 2.0 * solution.cost < ALMOST * problem.samples
-    ):
-        # The motion hangs together and is near: what is left is the way along a valley.
-        solution = solve(problem, tolerance=tolerance, iterations=OVERTIME, exact=True, start=solution.z)
-        iterations += solution.iterations
-    return _PassResult(solution, iterations, solution.success)
+    if solution.success or not solution.constraint_violation < NEAR or time_is_up():
+        return solution, iterations, False
+    solution = solve(problem, tolerance=tolerance, iterations=EXACT, exact=True, start=solution.z)
+    return solution, iterations + solution.iterations, solution.success
 
 
 def _ordered(trajectory: ShootingTrajectory) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.logs.log_data import own_or
+from identify.model.model import SPEED
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -241,3 +242,20 @@ class ShootingTrajectory:
     def sticks(self) -> Array:
         """How long the mass sticks between its slips (c - 1,) [s]."""
         return self.onset[1:] - self.arrest[:-1]
+
+
+BACKWARDS = 1e-3  # of the fastest speed of a slip
+
+
+def turned_back(trajectory: ShootingTrajectory) -> list[NDArray[np.bool_]]:
+    """Nodes at which the mass moves backwards: of every stretch (n,), none of rests and of steady sliding. That is no
+    motion of the model, in which the mass would rest in between."""
+    speeds = [stretch.nodes[:, SPEED] for stretch in trajectory.stretches]
+    fastest = np.zeros(trajectory.parts)  # of the slip; what is worn throughout has its own
+    for part, stretch, speed in zip(trajectory.part, trajectory.stretches, speeds, strict=True):
+        if stretch.kind == "slip":
+            fastest[part] = max(fastest[part], float(np.max(np.abs(speed))))
+    return [
+        (speed < -BACKWARDS * (fastest[part] or np.max(np.abs(speed)))) & (stretch.kind in ("slip", "worn"))
+        for part, stretch, speed in zip(trajectory.part, trajectory.stretches, speeds, strict=True)
+    ]

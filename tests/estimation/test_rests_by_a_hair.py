@@ -1,7 +1,5 @@
 """A slip that comes to rest only because its contact ages again has its end followed, and not put in closed form."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -9,12 +7,9 @@ from data_io import Record
 from identify import Scene
 from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.estimation import attempt
-from identify.estimation.sequence import hardly, is_clear
 from identify.identification import find
 from identify.model.model import assemble
 from identify.shooting.parts import SlideParts
-from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 from identify.simulation.simulate import run
 
 MODEL = assemble(MAIN)
@@ -61,50 +56,3 @@ def test_what_such_a_slip_tells_is_true(record: Record, monkeypatch: pytest.Monk
     wrong, ends = off(record)
     assert ends[:4] == ["arrest"] * 4  # it is as brief as the others
     assert abs(wrong) > 5.0  # and the closed form starts from a rest that there is not
-
-
-# The fourth slip comes to rest; at the start, with `a` a fifth larger, the motion has another sequence.
-OTHER = {
-    "mu_s": 0.665511,
-    "mu_k0": 0.297071,
-    "delta_mu_k": -0.0614113,
-    "a": 1246.12,
-    "D": 3.18607e-5,
-    "t_cr": 0.0602711,
-}
-OTHER_RIG = {"mass": 0.249494, "stiffness": 1657.54, "damping": 100.464}
-
-
-@pytest.mark.slow
-def test_a_course_of_another_sequence_at_the_start_is_met_by_way_of_its_beginning(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    time = np.arange(8000) / RATE
-    force = run(MODEL, OTHER | OTHER_RIG, 0.015, 1.0, 4.0).sample(time)["force"]
-    record = Record(time, np.ones(time.size), force + NOISE * np.random.default_rng(1).standard_normal(time.size))
-    errors, excess, stretches = [], [], []
-    for alone in (False, True):
-        if alone:
-            monkeypatch.setattr(attempt, "_by_horizons", lambda *_: None)
-        found = searched(record, OTHER, OTHER_RIG, 0.015, {"a": 1500.0, "delta_mu_k": -0.0628})
-        index = MODEL.parameter_names.index("a")  # the last of the two that are searched
-        errors.append((found.attempt.solved.theta[index] - np.log(OTHER["a"])) / np.sqrt(found.covariance[-1, -1]))
-        excess.append(found.attempt.excess)
-        stretches.append(len(found.attempt.solved.trajectories[0].stretches))
-    assert abs(errors[0]) < 3.0 and stretches[0] > 12
-    assert stretches[1] == 1 and excess[0] < excess[1] - 10.0, "else its steady end alone is described"
-
-
-def test_sequences_differ_by_a_hair_only_where_contacts_re_age_or_rests_are_short() -> None:
-    def course(*stretches: tuple[str, float, str]) -> ShootingTrajectory:
-        made = [Stretch(kind, until, ended, np.zeros((2, 3))) for kind, until, ended in stretches]
-        return ShootingTrajectory.of(np.zeros(3), made, np.empty(0))
-
-    log = SimpleNamespace(rig=SimpleNamespace(half_period=0.05))
-    slides = course(("rest", 1.0, "onset"), ("slip", 1.05, "arrest"), ("rest", 2.0, "onset"), ("slip", 2.1, "time"))
-    briefly = course(("rest", 1.0, "onset"), ("slip", 1.05, "arrest"), ("rest", 1.053, "onset"), ("slip", 2.1, "time"))
-    re_ages = course(("rest", 1.0, "onset"), ("worn", 1.05, "release"), ("slip", 1.06, "time"))
-    longer = course(("rest", 1.0, "onset"), ("slip", 1.05, "arrest"), ("rest", 3.0, "time"))
-    assert [hardly(log, motion) for motion in (slides, briefly, re_ages, longer)] == [False, True, True, False]
-    assert is_clear(log, slides, longer)
-    assert not is_clear(log, slides, re_ages) and not is_clear(log, slides, slides)

@@ -35,9 +35,9 @@ def test_events_settle_within_the_slip_where_samples_lie_farther_apart(monkeypat
 
 
 @pytest.mark.slow
-def test_samples_that_change_sides_to_and_fro_end_the_passes(monkeypatch):
-    """Pair 75 at 5 Hz: in every fourth pass the events are where they were. All forty were made, from every start and
-    with every tightness of the priors that hold it: six minutes for what takes twenty seconds."""
+def test_samples_that_change_sides_to_and_fro_end_the_passes():
+    """Pair 75 at 5 Hz: in every fourth pass the events are where they were. All forty were made: six minutes for
+    what takes twenty seconds."""
     case = recovery_case("usual", 75, rate=0.25)
     scene = scene_of(case)
     unknowns = from_scene(scene)
@@ -46,11 +46,6 @@ def test_samples_that_change_sides_to_and_fro_end_the_passes(monkeypatch):
     tried = attempt.solve_from(logs, attempt.usable(logs), start)
     assert tried.gate.status is Status.SOLVER_FAILED and "event" in tried.gate.message
     assert tried.solved.passes < 15
-    began, placed = [], attempt.place_on
-    monkeypatch.setattr(attempt, "PRIOR_SCHEDULE", (4.0, 1.0))
-    monkeypatch.setattr(attempt, "place_on", lambda *where: began.append(where) or placed(*where))
-    assert attempt.solve_by_continuation(logs, attempt.usable(logs), start, ways=2) is None
-    assert len(began) == 1, "nothing wandered off: to hold it less firmly leads to the same place"
 
 
 def test_the_mean_of_many_falls_knows_how_much_a_few_samples_each_blur_it(monkeypatch):

@@ -5,16 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import identify.shooting.passes as room
+import identify.estimation.attempt as room
 from data_io import Record
 from identify import Scene
 from identify.base.outcome import Status
-from identify.estimation.attempt import solve_again, solve_from
+from identify.estimation.attempt import solve_from, solve_placed
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import SPEED, assemble
-from identify.shooting.onsets import turned_back, turns_back, with_last_onsets
-from identify.shooting.shooting_trajectory import ShootingTrajectory
+from identify.shooting.shooting_trajectory import ShootingTrajectory, turned_back
 from identify.simulation.simulate import run
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
@@ -69,35 +68,13 @@ def slip_nodes(trajectory: ShootingTrajectory, cycle: int) -> slice:
 def test_an_onset_at_an_earlier_dip_is_put_where_the_slip_begins(trembling, cycle, early, monkeypatch):
     right, unknowns, onsets = trembling
     assert right.gate.status is Status.CONVERGED
-    placed = replace(right.solved, trajectories=[begun_early(right.solved.trajectories[0], cycle, early)])
-    start = replace(unknowns, start=right.solved.theta)
-    found = solve_again(replace(right, solved=placed), start)
+    (log,), start = right.fitted_logs, replace(unknowns, start=right.solved.theta)
+    placed = [(0, log, begun_early(right.solved.trajectories[0], cycle, early))]
+    found = solve_placed([log], placed, start)
     assert found.gate.status is Status.CONVERGED
     np.testing.assert_allclose(found.solved.trajectories[0].onset, onsets, atol=4e-3)
-    assert not turns_back(found.solved.trajectories[0])
-    monkeypatch.setattr(room, "with_last_onsets", lambda _guess: None)  # who leaves it there
-    left = solve_again(replace(right, solved=placed), start)
+    assert not np.any(np.concatenate(turned_back(found.solved.trajectories[0])))
+    monkeypatch.setattr(room, "_resimulated", lambda *_: None)  # who leaves it there
+    left = solve_placed([log], placed, start)
     assert left.gate.status is Status.WRONG_EVENT_COUNT and "runs backwards" in left.gate.message
     assert left.solved.trajectories[0].onset[cycle] < onsets[cycle] - 0.02
-
-
-def test_a_slip_begins_anew_where_its_speed_rises_through_zero(trembling):
-    trajectory = trembling[0].solved.trajectories[0]
-    assert with_last_onsets(trajectory) is None and not turns_back(trajectory)
-    mine, onset = slip_nodes(trajectory, 1), int(trajectory.ending("onset")[1])
-    nodes, n = trajectory.nodes.copy(), mine.stop - mine.start - 1
-    slip = nodes[mine]
-    slip[:, SPEED] = 0.05 * np.linspace(-1.0, n - 1.0, n + 1)  # zero at the second node
-    slip[0, SPEED] = 0.0
-    slip[1, SPEED] = -0.05
-    back = replace(trajectory, nodes=nodes)
-    mended = with_last_onsets(back)
-    assert sum(int(found.sum()) for found in turned_back(back)) == 1 and mended is not None
-    begun, end = trajectory.until[onset : onset + 2]
-    share = (1.0 + 0.05 / (0.05 + slip[2, SPEED])) / n
-    assert mended.onset[1] == pytest.approx(begun + share * (end - begun))
-    assert np.all(mended.nodes[mine][1:, SPEED] > 0.0) and mended.nodes[mine][0, SPEED] == 0.0
-    np.testing.assert_array_equal(mended.nodes[mine][-1], slip[-1])
-    others = np.delete(np.arange(len(nodes)), mine)
-    np.testing.assert_array_equal(mended.nodes[others], nodes[others])
-    np.testing.assert_array_equal(mended.arrest, trajectory.arrest)

@@ -5,7 +5,6 @@ The truth is the event-driven simulation, which knows nothing of lanes, placing 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -14,14 +13,10 @@ import pytest
 from identify.effects import MAIN
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import from_scene
-from identify.model.model import assemble
 from identify.scene import Scene
 from identify.shooting import batch as lanes
-from identify.shooting import passes
 from identify.shooting.blocks import AgeingBlock, RestBlock
 from identify.shooting.grid import COARSE_GRID
-from identify.shooting.onsets import with_first_onsets
-from identify.shooting.passes import solve_in_passes
 from identify.shooting.placing import place
 from identify.shooting.shooting import shooting_problem
 from identify.simulation.drive import NormalForce
@@ -83,54 +78,6 @@ def test_a_tremble_that_counts_as_a_slip_is_no_fall_that_is_seen(monkeypatch):
     assert np.min(trajectory.arrest - trajectory.onset) < 0.02 < np.min(_case()[4] - _case()[3])
 
 
-@lru_cache(maxsize=1)
-def _solved():
-    unknowns, log, *_ = _case()
-    solved = solve_in_passes([log], [_placed()], unknowns.with_weak_priors())
-    assert solved.solution.success
-    return solved
-
-
-def _late():
-    """The solved motion with its second slip a period of the drive late."""
-    trajectory = _solved().trajectories[0]
-    second = np.array(trajectory.part) == 1
-    return replace(trajectory, until=trajectory.until + second / VIBRATION["excitation_frequency"])
-
-
-def test_a_slip_that_begins_a_period_too_late_is_put_where_the_grip_is_first_overcome():
-    unknowns, log, _, onsets, _ = _case()
-    at_answer = replace(unknowns, start=_solved().theta)
-    right = _solved().trajectories[0]
-    assert right.onset == pytest.approx(onsets, abs=3e-3)
-    assert with_first_onsets(log, right, at_answer, COARSE_GRID) is None
-    mended = with_first_onsets(log, _late(), at_answer, COARSE_GRID)
-    assert mended is not None
-    assert mended.onset == pytest.approx(right.onset, abs=2e-3)
-    assert np.array_equal(np.delete(mended.onset, 1), np.delete(right.onset, 1))
-
-
-def test_nothing_is_moved_where_nothing_vibrates():
-    unknowns, log, *_ = _case()
-    start = unknowns.start.copy()
-    start[unknowns.names.index("excitation_amplitude")] = 0.0
-    assert with_first_onsets(log, _placed(), replace(unknowns, start=start), COARSE_GRID) is None
-    assert assemble(MAIN).waves.numel_out(0) == 0
-
-
-@pytest.mark.slow
-def test_a_solve_that_ends_with_a_late_slip_goes_on_from_where_it_begins(monkeypatch):
-    unknowns, log, *_ = _case()
-    unknowns = replace(unknowns, start=_solved().theta)
-    solved = solve_in_passes([log], [_late()], unknowns.with_weak_priors())
-    assert solved.solution.success
-    # Slips begin so gently that a period more or less hardly shows: what counts is that the noise is reached.
-    assert solved.solution.cost < _solved().solution.cost + 10.0
-    monkeypatch.setattr(passes, "AGAIN", 0)  # negative control
-    left = solve_in_passes([log], [_late()], unknowns.with_weak_priors())
-    assert left.solution.cost > _solved().solution.cost + 100.0
-
-
 def _problem():
     unknowns, log, *_ = _case()
     return shooting_problem([log], [_placed()], unknowns, COARSE_GRID)
@@ -162,21 +109,3 @@ def test_derivatives_of_a_vibrating_problem_agree_with_central_differences():
         assert jacobian[:, i] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.max(np.abs(slope)))
         bend = (up.gradient + up.jacobian.T @ multipliers - down.gradient - down.jacobian.T @ multipliers) / 2e-6
         assert hessian[:, i] == pytest.approx(bend, rel=1e-4, abs=1e-6 * np.max(np.abs(hessian)))
-
-
-def test_a_slip_that_never_ends_does_not_keep_the_others_from_being_moved(monkeypatch):
-    unknowns, log, *_ = _case()
-    late, broken_away = _late(), lanes.break_away  # solved before anything is changed, whichever test comes first
-
-    def with_one_that_slides_on(*arguments):
-        time, slips = broken_away(*arguments)
-        arrest = slips.arrest.copy()
-        arrest[-1] = np.nan
-        return time, replace(slips, arrest=arrest)
-
-    monkeypatch.setattr(lanes, "break_away", with_one_that_slides_on)
-    mended = with_first_onsets(log, late, replace(unknowns, start=_solved().theta), COARSE_GRID)
-    assert mended is not None
-    assert np.all(np.isfinite(mended.nodes)) and mended.onset == pytest.approx(
-        _solved().trajectories[0].onset, abs=2e-3
-    )
