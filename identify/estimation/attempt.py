@@ -190,11 +190,11 @@ def stalled(attempt: Attempt) -> bool:
     return gate.status is Status.SOLVER_FAILED and abs(gate.chi2_per_sample - 1.0) < CREEPING
 
 
-def solve_again(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0, most: int = 1000) -> Attempt:
+def solve_again(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0) -> Attempt:
     """Solve the logs of an attempt again from another theta (unknowns.start) and the motion found before, with at least
-    and at most so many steps per interval."""
+    so many steps per interval."""
     logs, soft = attempt.fitted_logs, unknowns.with_weak_priors()
-    solved = solve_in_passes([log.data for log in logs], attempt.solved.trajectories, soft, steps=steps, most=most)
+    solved = solve_in_passes([log.data for log in logs], attempt.solved.trajectories, soft, steps=steps)
     return replace(attempt, solved=solved, gate=gated(solved, logs))
 
 

@@ -18,7 +18,7 @@ from identify.base.progress import Progress, to_nobody
 from identify.base.quantiles import LEVEL, NORMAL, student
 from identify.estimation.influence import Influence
 from identify.shooting.shooting import Problem
-from identify.shooting.warm import Settled, Warm
+from identify.shooting.solve import Settled, Warm
 
 Array = NDArray[np.float64]
 

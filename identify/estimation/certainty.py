@@ -383,8 +383,6 @@ def fine_enough(
     """The answer, converged, with steps so fine that their error is a small part of each standard error, and that part
     by name."""
     level = asked.accuracy
-    if attempt.gate.status is Status.CONVERGED and attempt.solved.grid.steps > level.most:
-        attempt = solve_again(attempt, replace(unknowns, start=attempt.solved.theta), most=level.most)
     known = information_at(attempt, unknowns)
     if attempt.gate.status is Status.CONVERGED and np.all(np.isfinite(known.total)):
         # The solver stops where going on along a sloppy direction gains next to nothing.

@@ -198,12 +198,12 @@ def accuracy_result(found: Findings, taken: Accuracy, seconds: FitSeconds) -> Ac
     if found.attempt is None or found.sure is None or not np.any(found.unknowns.free):
         return None
     size, tabled = np.sqrt(np.diag(found.sure.covariance)), found.sure.accuracy_table
-    own = seconds.processor - sum(row.seconds for row in tabled or ())  # of the fit alone
+    own = seconds.processor - max((row.seconds for row in tabled or ()), default=0.0)  # of the fit alone
     halvings = sum(trial.strategy == Strategy.FINER_STEPS.title for trial in found.trace.trials)
     steps = found.attempt.solved.grid.steps
     first = FEWEST_STEPS if steps < FEWEST_STEPS else max(steps // 2**halvings, FEWEST_STEPS)
     shares = effect_shares(found.unknowns.model)
-    costs = accuracy_costs(found.attempt.solved, size, taken, first, seconds.solve)
+    costs = accuracy_costs(found.attempt.solved, size, taken, first)
     return AccuracyResult(
         taken.name,
         seconds.equations * own,

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 OFFSETS = (0.3, 0.1, 0.03, 0.0)  # of the spread: how far from the answer the solves of the table start
 FINEST = 1e-4
 FEWEST_STEPS = 4  # of the fine passes
+HALVING = 4.0  # times the Newton step that gives their error: what an answer with half the steps costs
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Accuracy:
     most: int
 
 
-COARSE = Accuracy("coarse", np.inf, 0, 2)
+COARSE = Accuracy("coarse", np.inf, 0, 96)
 DEFAULT = Accuracy("default", 0.1, 2, 96)
 TIGHT = Accuracy("tight", 0.01, 5, 384)
 LEVELS = (COARSE, DEFAULT, TIGHT)
@@ -82,33 +83,31 @@ class AccuracyRow:
 def accuracy_table(
     logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns, size: Array, levels: Sequence[Accuracy] = LEVELS
 ) -> list[AccuracyRow]:
-    """Solve at each level from one and the same start near the answer.
+    """Solve once from a start near the answer, then with halved steps until the error suits one level after the other;
+    of each level the seconds until then.
 
     Args:
         size: standard errors (f,) of the free parameters; levels: from coarse to fine.
     """
     begin, trajectories = _start(logs, answer, unknowns)
-    data = [log.data for log in logs]
-    solves: list[tuple[Solved, float, int]] = []
+    data, since = [log.data for log in logs], time.process_time()
+    solved = solve_in_passes(data, trajectories, replace(unknowns, start=begin).with_weak_priors())
+    iterations, reached = solved.iterations, list[tuple[Accuracy, Solved, float, int]]()
     for level in levels:
-        since = time.process_time()
-        search = replace(unknowns, start=begin).with_weak_priors()
-        solved = solve_in_passes(data, trajectories, search, most=level.most)
-        iterations = solved.iterations
         for _ in range(level.refinements):
             if not solved.solution.success or np.max(np.abs(solved.discretisation_error / size)) <= level.share:
                 break
             again = replace(unknowns, start=solved.theta).with_weak_priors()
             solved = solve_in_passes(data, solved.trajectories, again, steps=2 * solved.grid.steps)
             iterations += solved.iterations
-        solves.append((solved, time.process_time() - since, iterations))
-    finest = next((s for s, _, _ in reversed(solves) if s.solution.success), answer)
+        reached.append((level, solved, time.process_time() - since, iterations))
+    finest = next((s for _, s, _, _ in reversed(reached) if s.solution.success), answer)
     rows = []
-    for level, (solved, seconds, iterations) in zip(levels, solves, strict=True):
-        good = solved.solution.success
-        shift = (solved.theta - finest.theta)[unknowns.free] / size if good else None
-        left = solved.discretisation_error / size if good else None
-        rows.append(AccuracyRow(level, seconds, iterations, solved.grid.steps, shift, left))
+    for level, at_level, seconds, spent in reached:
+        good = at_level.solution.success
+        shift = (at_level.theta - finest.theta)[unknowns.free] / size if good else None
+        left = at_level.discretisation_error / size if good else None
+        rows.append(AccuracyRow(level, seconds, spent, at_level.grid.steps, shift, left))
     return rows
 
 
@@ -123,45 +122,37 @@ class AccuracyCost:
     error: float
 
 
-def accuracy_costs(solved: Solved, size: Array, taken: Accuracy, first: int, solve: float) -> list[AccuracyCost]:
+def accuracy_costs(solved: Solved, size: Array, taken: Accuracy, first: int) -> list[AccuracyCost]:
     """What each level would take and leave, from the blocks of a fit that was made: no level is solved.
 
-    After the first solve of a fit every halving of its steps is one more solve, and so are coarse steps. The error of
-    coarse steps is that of a Newton step to them; finer ones follow the order of the step formula. What a solve costs
-    with other steps follows from the instructions of the whole problem with these and with half of them.
+    A level is the first solve of a fit, and halvings of its steps until their error suits it. What a halving costs is
+    measured: the Newton step to half the steps that gives their error is one part in HALVING of it.
 
     Args:
-        size: standard errors (f,) of the free parameters; taken: the level of the fit; first: steps of its first
-            solve; solve: processor seconds that one of its solves took.
+        size: standard errors (f,) of the free parameters; taken: the level of the fit; first: steps of its first solve.
     """
-    steps, problem = solved.grid.steps, solved.problem
-    left = solved.discretisation_error
-    per_step = (problem.with_steps(2 * steps).instructions / problem.instructions - 1.0) / steps  # of a solve
+    steps, since = solved.grid.steps, time.process_time()
+    left = -solved.moved_by_steps(solved.problem.with_steps(2 * steps)) * 2**ORDER / (2**ORDER - 1)
+    per_step = HALVING * (time.process_time() - since) / (2 * steps)
 
     def error_with(count: int) -> float:
-        moved = problem.with_steps(count) if count < steps and steps % count == 0 else None
-        if moved is not None:
-            return float(np.max(np.abs((left + solved.moved_by_steps(moved)) / size)))
+        if count < steps and steps % count == 0:
+            return float(np.max(np.abs((left + solved.moved_by_steps(solved.problem.with_steps(count))) / size)))
         return float(np.max(np.abs(left / size))) * (steps / count) ** ORDER
 
-    def seconds_of(level: Accuracy, count: int) -> float:
-        halved = [count // 2**n for n in range(level.refinements) if count // 2**n > first]
-        solves = [count] if level is COARSE else halved
-        return sum(solve * max(1.0 + per_step * (n - steps), 0.0) for n in solves)
+    def seconds_to(count: int) -> float:
+        halved = [count // 2**n for n in range(TIGHT.refinements) if count // 2**n > first]
+        return per_step * sum(halved)
 
-    made = seconds_of(taken, steps)
-    costs = [AccuracyCost(taken.name, steps, 0.0, error_with(steps))]
-    for level in LEVELS:
-        if level == taken:
-            continue
-        count = min(first, level.most)
+    costs, count = list[AccuracyCost](), first
+    for level in sorted({*LEVELS, taken}, key=lambda level: -level.share):
         for _ in range(level.refinements):
-            if error_with(count) <= level.share:
+            if error_with(count) <= level.share or 2 * count > level.most:
                 break
             count *= 2
-        costs.append(AccuracyCost(level.name, count, seconds_of(level, count) - made, error_with(count)))
-    order = [level.name for level in LEVELS]
-    return sorted(costs, key=lambda cost: order.index(cost.level) if cost.level in order else len(order))
+        at = steps if level == taken else count
+        costs.append(AccuracyCost(level.name, at, seconds_to(at) - seconds_to(steps), error_with(at)))
+    return costs
 
 
 def effect_shares(model: Model) -> dict[str, float]:

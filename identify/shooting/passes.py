@@ -93,13 +93,12 @@ def solve_in_passes(
     *,
     cost_cutoff: float = np.inf,
     steps: int = 0,
-    most: int = 1000,
 ) -> Solved:
     """Solve the shooting problem from trajectories until its event times stand still (or MOST_PASSES).
 
     Args:
-        cost_cutoff: a pass that ends with a larger cost is the last one. steps, most: per interval of the fine passes,
-            at least and at most.
+        cost_cutoff: a pass that ends with a larger cost is the last one. steps: per interval of the fine passes, at
+            least.
     """
     grid, exact, weight, failures = COARSE_GRID, False, 0.0, 0
     iterations, seconds = 0, 0.0
@@ -140,7 +139,7 @@ def solve_in_passes(
             return passed
         if weight == 0.0:
             fitting = fine_grid(logs, moved, unknowns)
-            grid = replace(fitting, steps=min(max(fitting.steps, steps), most))
+            grid = replace(fitting, steps=max(fitting.steps, steps))
     return failed or accepted  # type: ignore[return-value]  # there is a pass at least
 
 

@@ -14,8 +14,7 @@ from identify.estimation.influence import influence, sample_moves
 from identify.shooting.grid import COARSE_GRID
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting import Problem
-from identify.shooting.solve import solve
-from identify.shooting.warm import Warm
+from identify.shooting.solve import Warm, solve
 from tests.support import shooting_case as case
 
 SPEEDS = (case.SLOW, case.MIDDLE)

@@ -9,7 +9,7 @@ from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.identification import find
 from identify.model.model import assemble
-from identify.shooting.parts import SlideParts
+from identify.shooting.following import SlideParts
 from identify.simulation.simulate import run
 
 MODEL = assemble(MAIN)

@@ -16,7 +16,7 @@ def result():
 
 
 def test_the_error_that_other_levels_would_leave_is_what_they_leave(result):
-    """Within 30 %, of the largest error of all parameters; other steps cost a solve, and finer ones leave less."""
+    """Within 30 %, of the largest error of all parameters; a finer level is never cheaper, and leaves no more."""
     told = {level["accuracy"]: level for level in result["accuracy"]["levels"]}
     assert list(told) == ["coarse", "default", "tight"] and result["accuracy"]["taken"] == "default"
     assert [told[name]["estimated"] for name in told] == [True, False, True]
@@ -25,9 +25,8 @@ def test_the_error_that_other_levels_would_leave_is_what_they_leave(result):
         assert told[entry["accuracy"]]["error_in_standard_errors"] == pytest.approx(left, rel=0.3)
         assert told[entry["accuracy"]]["steps"] == entry["steps"]
     assert np.all(np.diff([level["error_in_standard_errors"] for level in told.values()]) <= 0.0)
-    assert all(told[name]["seconds"] > told["default"]["seconds"] for name in ("coarse", "tight")), (
-        "one more solve each"
-    )
+    for levels in (list(told.values()), result["accuracy_table"]):
+        assert np.all(np.diff([level["seconds"] for level in levels]) >= 0.0)
     assert told["default"]["seconds"] < result["timing_s"]["total"], "the table is no part of the fit"
 
 

@@ -8,11 +8,8 @@ import pytest
 from identify.effects import MAIN
 from identify.logs.log_data import LogData
 from identify.model.model import assemble
-from identify.shooting import following, onset_places
-from identify.shooting import onset_places as along
-from identify.shooting import placing as first_state
-from identify.shooting.following import follow
-from identify.shooting.onset_places import Along
+from identify.shooting import following
+from identify.shooting.following import Along, follow
 from identify.simulation.drive import NormalForce
 from identify.simulation.simulate import run
 from identify.simulation.trajectory import Trajectory
@@ -49,8 +46,8 @@ def test_an_onset_that_follows_a_rest_of_no_length_stays_where_it_is_expected() 
     force = np.where(time < 1.1, time, 1.1 - 2.0 * (time - 1.1))
     p = np.array([(PAIR | RIG)[n] for n in MODEL.parameter_names])
     log = LogData(time, force, np.full(time.size, 1e6), p, SPEED, NormalForce.of(1.0), 0.0, 0.0, 2.0)
-    data = onset_places.DataSide(log, 0.05, ())
-    wave = onset_places.SlipWaveform(np.array([0.0, 0.4]), np.array([1.1, 0.3]), 1.0)
+    data = following.DataSide(log, 0.05, ())
+    wave = following.SlipWaveform(np.array([0.0, 0.4]), np.array([1.1, 0.3]), 1.0)
     assert data.placed(0.0, 1.08, wave, 0.0) == 1.08
     assert data.placed(0.0, 1.08, wave, 1.0) == pytest.approx(1.1, abs=0.01)
 
@@ -91,7 +88,7 @@ def test_a_rest_goes_on_under_a_load_that_trembles(line_by_line: bool, monkeypat
     begun = begun[np.append(True, np.diff(begun) > 0.5)]  # a slip is made of several phases
     if not line_by_line:
         monkeypatch.setattr(Along, "_quiet", lambda *_given: None)
-        monkeypatch.setattr(along, "bisect_right", lambda times, _t: len(times))  # no knot comes after
+        monkeypatch.setattr(following, "bisect_right", lambda times, _t: len(times))  # no knot comes after
     found = follow(MODEL, log, p, begins_sliding=False)
     assert found is not None and begun.size > 4
     onsets = found.trajectory.when("onset")
@@ -144,7 +141,7 @@ def test_an_onset_that_the_noise_hides_stays_where_it_is_expected(monkeypatch: p
         return float(np.sqrt(np.mean(np.square(errors))))
 
     limited = scatter()
-    monkeypatch.setattr(onset_places, "BY_CHANCE", 0.0)
+    monkeypatch.setattr(following, "BY_CHANCE", 0.0)
     assert limited < 0.7 * scatter()
 
 
@@ -199,7 +196,7 @@ def test_a_first_stick_ends_before_the_force_is_highest(monkeypatch: pytest.Monk
 
     aged, share = followed()
     assert aged < 0.1 and share == pytest.approx(1.0, abs=0.2)  # it began fresh
-    monkeypatch.setattr(first_state, "aged_until_seen", lambda along, x, *_: x[MODEL.clamped])
+    monkeypatch.setattr(following, "aged_until_seen", lambda along, x, *_: x[MODEL.clamped])
     aged, share = followed()
     assert aged > 0.15 and share < 0.5
 
@@ -224,7 +221,7 @@ def test_rests_of_a_few_samples_are_followed(monkeypatch: pytest.MonkeyPatch) ->
 
     assert arrests().size == motion.arrests.size == 52
     assert np.max(np.abs(arrests() - motion.arrests)) < 2e-3
-    monkeypatch.setattr(first_state, "aged_until_seen", lambda along, x, *_: x[MODEL.clamped])
+    monkeypatch.setattr(following, "aged_until_seen", lambda along, x, *_: x[MODEL.clamped])
     assert arrests().size < 51  # the first slips are taken for one
 
 
