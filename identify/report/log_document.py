@@ -32,8 +32,12 @@ from identify.scene.values import Tie
 Array = NDArray[np.float64]
 
 
-def outlooks_of(prepared: list[Prepared], found: Findings) -> list[dict[str, Json]]:
-    """Stability and amplitude of the fitted pair at every log's speed and load; empty where there is no answer."""
+def outlooks_of(prepared: list[Prepared], found: Findings, added: Array | float = 0.0) -> list[dict[str, Json]]:
+    """Stability and amplitude of the fitted pair at every log's speed and load; empty where there is no answer.
+
+    Args:
+        added: (f, f) to the covariance of the free theta by errors of rig and sensors.
+    """
     if found.status is not Status.CONVERGED or found.attempt is None or found.covariance is None:
         return [{} for _ in prepared]
     unknowns = found.unknowns
@@ -49,7 +53,7 @@ def outlooks_of(prepared: list[Prepared], found: Findings) -> list[dict[str, Jso
         p = unknowns.values(theta, log.data.base)
         slope = np.where(unknowns.logarithmic, p, 1.0)[free]
         values = dict(zip(unknowns.names, p.tolist(), strict=True))
-        told, covariance = with_tied(names, covariance * np.outer(slope, slope), ties)
+        told, covariance = with_tied(names, (covariance + added) * np.outer(slope, slope), ties)
         points.append(OperatingPoint(values, log.data.drive_speed, log.mean_load, covariance))
     told = (*names, *ties)
     if found.sure is not None and found.sure.of_groups:  # what points have in common is only shared within a pair

@@ -166,7 +166,10 @@ def result_of(
     """
     converged = found.status is Status.CONVERGED
     parts = parts_of(scene, [log.entry for log in prepared])
-    logs = enumerate(zip(prepared, outlooks_of(prepared, found), parts, strict=True))
+    tolerances = _tolerances(scene, found) if converged and found.attempt is not None else {}
+    shares = {name: each.relative for name, each in tolerances.items()}
+    added = _added_by_errors(found, shares) if shares and found.covariance is not None else 0.0
+    logs = enumerate(zip(prepared, outlooks_of(prepared, found, added), parts, strict=True))
     result = Result(
         status=found.status.value,
         message=_message(prepared, found),
@@ -198,13 +201,12 @@ def result_of(
     )
     base = found.unknowns.base(stated_rig(scene))  # (n_p,) of the rig the parameters are given for
     if converged and found.attempt is not None:
-        tolerances = _tolerances(scene, found)
         result = replace(
             result,
             rig_sensitivity=_rig_sensitivity(scene, found),
             tolerances=tolerances,
         )
-        result = _published(result, found, {name: each.relative for name, each in tolerances.items()})
+        result = _published(result, found, shares)
         return with_depth(result, found.sure, found.unknowns, base) if found.sure else result
     if converged:
         return result
@@ -403,34 +405,37 @@ def _by_specimens(found: Findings, scatter: float, inflation: float) -> Array:
         return np.zeros((free, free))
 
 
+def _added_by_errors(found: Findings, tolerances: Mapping[str, float]) -> Array:
+    """Covariance (f, f) of the free theta that errors of rig and sensors, and the scatter of specimens, add."""
+    assert found.information is not None and found.attempt is not None
+    values = found.unknowns.values(found.attempt.solved.theta, found.attempt.fitted_logs[0].data.base)
+    inflation = largest_inflation(found.attempt, found.sure.colours) if found.sure is not None else 1.0
+    by_rig = added_by_tolerances(found.information, values, tolerances, inflation)
+    scatter = tolerances.get("specimen", 0.0)
+    return np.asarray(by_rig + _by_specimens(found, scatter, inflation)) if scatter else by_rig
+
+
 def _published(result: Result, found: Findings, tolerances: Mapping[str, float]) -> Result:
     """The result with the interval, standard error, verdict and correlation to publish: errors of rig and sensors
     widen those of the fit, which stand beside as `interval_rig_exact`."""
-    assert found.information is not None and found.attempt is not None
-    unknowns, solved = found.unknowns, found.attempt.solved
-    values = unknowns.values(solved.theta, found.attempt.fitted_logs[0].data.base)
-    inflation = largest_inflation(found.attempt, found.sure.colours) if found.sure is not None else 1.0
-
-    scatter = tolerances.get("specimen", 0.0)
-    by_specimens = _by_specimens(found, scatter, inflation) if scatter else 0.0
-
-    def covariance_added(named: Mapping[str, float]) -> Array:
-        by_rig = added_by_tolerances(information, values, named, inflation)
-        return np.asarray(by_rig + by_specimens) if "specimen" in named else by_rig
+    assert found.attempt is not None
+    unknowns = found.unknowns
+    values = unknowns.values(found.attempt.solved.theta, found.attempt.fitted_logs[0].data.base)
+    size_of = dict(zip(unknowns.names, sizes(unknowns, values).tolist(), strict=True))
+    free = np.flatnonzero(unknowns.free).tolist()
 
     def added(named: Mapping[str, float]) -> dict[str, float]:
-        return dict(zip(free.tolist(), standard_deviations(covariance_added(named)).tolist(), strict=True))
+        sd = dict(zip(free, standard_deviations(_added_by_errors(found, named)).tolist(), strict=True))
+        sources = zip(unknowns.names, unknowns.source.tolist(), strict=True)  # a tied parameter follows another one
+        return {name: sd[source] for name, source in sources if source in sd}
 
-    information, free = found.information, np.array(unknowns.names)[unknowns.free]
-    size_of = dict(zip(unknowns.names, sizes(unknowns, values).tolist(), strict=True))
-    logarithmic = dict(zip(unknowns.names, unknowns.logarithmic.tolist(), strict=True))
     of_all, of_each = added(tolerances), {name: added({name: share}) for name, share in tolerances.items() if share}
     out = dict(result.parameters)
     for name, entry in result.parameters.items():
         base = entry.parameter or name
         if entry.verdict == "fixed" or base not in of_all or entry.value is None:
             continue
-        scale = logarithmic[base]
+        scale = bool(unknowns.logarithmic[unknowns.names.index(base)])
         low, high = (_farther(entry.value, end, NORMAL * of_all[base], scale) for end in entry.ends)
         error = entry.standard_error
         error = None if error is None else math.hypot(error, of_all[base] * (entry.value if scale else 1.0))
@@ -447,7 +452,7 @@ def _published(result: Result, found: Findings, tolerances: Mapping[str, float])
         out[name] = wider
     correlation = result.correlation
     if correlation is not None and found.covariance is not None:
-        correlation = _correlation(found, covariance_added(tolerances))
+        correlation = _correlation(found, _added_by_errors(found, tolerances))
     return replace(result, parameters=out, correlation=correlation)
 
 
