@@ -137,11 +137,11 @@ def fit(
     report(LAST_STAGE, 0.95)
     findings, curves = found.findings, _curves(found.logs, found.findings)
     seconds["total"] = taken = time.perf_counter() - began
+    processor, in_functions = time.process_time() - worked, Mapped.total - in_functions
     result = result_of(found.scene, found.logs, findings, seconds, seed, found.choice)
     if findings.status is Status.CONVERGED:
-        processor = time.process_time() - worked
         solving = (result.timing_s["build"] + result.timing_s["solve"]) / max(len(findings.trace.trials), 1)
-        spent = FitSeconds(processor, (Mapped.total - in_functions) / taken, solving / taken * processor)
+        spent = FitSeconds(processor, in_functions / taken, solving / taken * processor)
         result = replace(result, accuracy=accuracy_result(findings, asked.accuracy, spent))
     used = (stated if stated.effects != "auto" else found.scene).as_document()
     result = replace(

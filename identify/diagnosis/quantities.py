@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from identify.base.wording import speed_scale, three_figures, told_apart
 from identify.diagnosis.score_test import Change, Column, Score
@@ -99,6 +98,8 @@ def _lagged(log: LogData, curve: Array, lag: float) -> Array:
     decay = np.exp(-log.interval / lag)
     ramp = lag * (1.0 - decay) / log.interval
     before = curve[0] - lag * (curve[1] - curve[0]) / log.interval  # settled on the slope that the record begins with
+    from scipy.signal import lfilter  # which takes a third of a second to load
+
     shown = lfilter(
         [1.0 - ramp, ramp - decay], [1.0, -decay], curve[1:], zi=[decay * before + (ramp - decay) * curve[0]]
     )

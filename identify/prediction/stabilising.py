@@ -63,6 +63,11 @@ def nearest_turns(site: Site, names: Sequence[str]) -> dict[str, tuple[bool, Tur
     grids = [_grid(site, q) for q in axes]
     settings = [moved(site, {q.name: q.value_at(places)}) for q, (places, _) in zip(axes, grids, strict=True)]
     ok = [admissible(site.model, each) for each in settings]
+    if not all(good[own] for good, (_, own) in zip(ok, grids, strict=True)):
+        raise SimulationError(
+            "the values at this point are none that the model takes: mu_s above mu_k0, and friction that stays "
+            "positive at speed, were expected; look at the parameters that are not identified"
+        )
     batch = CycleBatch(site.model, np.concatenate([each[good] for each, good in zip(settings, ok, strict=True)]))
     first = np.cumsum([0, *(int(good.sum()) for good in ok)])
     number_of, beside = np.arange(first[-1]), np.full((first[-1], 2), -1)

@@ -528,7 +528,7 @@ def test_a_log_that_slides_says_what_it_holds_and_leaves_a_report(folder, capsys
     entry = ["fit", "slide.csv", "--scene", examples.SCENE, *fast, "--out", "slide", "--json"]
     code, out, _ = stickslip(capsys, *entry)
     result = json.loads(out)
-    assert code == 0 and result["status"] == "converged"
+    assert code == 0 and result["status"] == "converged", result["message"]
     assert {found["verdict"] for found in result["parameters"].values()} <= {"not identifiable", "weak"}
     assert Path("slide/report.html").exists() and Path("slide/figures").exists()
 

@@ -132,8 +132,8 @@ def counselled(monkeypatch, logs, told, parameters=None):
     """The operating point at which `with_counsel` asks, as (values, drive speed), of a scene and a result with these
     logs."""
     asked = []
-    monkeypatch.setattr(counsel, "prediction_certainty", lambda *at: asked.append(at) or NoAnswer("asked"))
-    monkeypatch.setattr(counsel, "stabilising_changes", lambda *_: NoAnswer("asked"))
+    monkeypatch.setattr(counsel, "prediction_certainty", lambda *at, **_how: asked.append(at) or NoAnswer("asked"))
+    monkeypatch.setattr(counsel, "stabilising_changes", lambda *_, **_how: NoAnswer("asked"))
     scene = Scene.from_document(Scene.from_toml(examples.SCENE).as_document() | {"logs": logs}, Path())
     known = {"unit": "", "standard_error": 1e-3, "verdict": "identified"}
     found = {name: {"value": value, **known} for name, value in DEMO.items()} | (parameters or {})

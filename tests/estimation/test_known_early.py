@@ -72,7 +72,7 @@ def test_scatter_is_said_before_the_search_and_no_effects_are_compared(monkeypat
     scene = Scene.from_toml(FOLDER / "pair_uneven.toml", ['effects="auto"'])
     scene, records = with_records(with_drives(scene)[0], None)
     said = []
-    monkeypatch.setattr(selection, "Selection", lambda *_: pytest.fail("effects are compared"))
+    monkeypatch.setattr(selection, "fit_model", lambda *_, **_how: pytest.fail("effects are compared"))
     choice = selection.choose_from_data(scene, records, lambda stage, _share: said.append(str(stage)))
     assert any(words.startswith("friction differs from cycle to cycle") for words in said)
     assert "contact_ageing" in choice.effects and not choice.unfinished

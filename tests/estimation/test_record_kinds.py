@@ -248,12 +248,12 @@ def two_speeds():
     return prepared, unknowns, search.search(search.SearchProblem(prepared, unknowns))[0]
 
 
-def test_a_missed_slip_is_a_wrong_event_count_that_names_its_cycle(two_speeds):
-    prepared, unknowns, _ = two_speeds
+def test_a_slip_that_was_missed_is_put_in_by_the_motion_that_follows_from_the_answer(two_speeds):
+    prepared, unknowns, right = two_speeds
     spoiled = [replace(prepared[0], falls=np.delete(prepared[0].falls, 4)), prepared[1]]
     found, _ = search.search(search.SearchProblem(spoiled, unknowns, thorough=False))
-    assert found.gate.status is Status.WRONG_EVENT_COUNT
-    assert "log_1.csv, cycle" in found.gate.message
+    assert found.gate.status is Status.CONVERGED
+    np.testing.assert_allclose(found.solved.theta, right.solved.theta, atol=0.01)  # standard errors up to 0.2
 
 
 @pytest.mark.parametrize(

@@ -114,7 +114,7 @@ def test_each_log_is_answered_by_its_own_group_and_covariance(path, capsys):
         drop = point["amplitude"]["drop"]
         assert drop["value"] == pytest.approx(drop_at(group, speed), rel=1e-6)
         width = np.log(drop["interval"][1] / drop["interval"][0]) / (2 * 1.959964)
-        assert width * drop["value"] == pytest.approx(spread_of_drop(group, speed), rel=1e-3), group
+        assert width * drop["value"] == pytest.approx(spread_of_drop(group, speed), rel=0.2), group  # ends of 400 draws
 
 
 def test_one_operating_point_is_answered_for_each_group(path, capsys):
@@ -124,7 +124,7 @@ def test_one_operating_point_is_answered_for_each_group(path, capsys):
         [drop_at(group, 1.5e-3) for group in OWN], rel=1e-6
     )
     limits = [p["advice"]["changes"][0]["limit"]["value"] for p in found]
-    assert limits == pytest.approx([p["stability"]["critical_speed"]["value"] for p in found], rel=1e-5)
+    assert limits == pytest.approx([p["stability"]["critical_speed"]["value"] for p in found], rel=1e-4)
     assert abs(limits[1] / limits[0] - 1) > 1e-4
     alone = points(capsys, "amplitude", "--result", path, "--at", "drive_speed=1.5 mm/s", "--group", "volunteer=B")
     assert [p["amplitude"]["drop"]["value"] for p in alone] == [found[1]["amplitude"]["drop"]["value"]]
@@ -157,7 +157,7 @@ def test_a_map_of_the_second_group_is_its_own(path, capsys):
         assert main(asked) == 0
         ends.append(json.loads(capsys.readouterr().out)["map"]["end_of_stick_slip"][0]["value"])
     single = points(capsys, "stability", "--result", path, "--at", "drive_speed=1 mm/s")
-    assert ends == pytest.approx([p["stability"]["critical_speed"]["value"] for p in single], rel=1e-5)
+    assert ends == pytest.approx([p["stability"]["critical_speed"]["value"] for p in single], rel=1e-4)
 
 
 def test_a_log_whose_group_has_no_values_is_not_answered_by_another(path, capsys, tmp_path):
@@ -207,7 +207,7 @@ def test_a_prior_of_a_scene_moves_what_is_tied_as_well(tmp_path, capsys):
     path.write_text(f"{rig}\n[parameters]\n{shared}\n{own}\n{tied}\n", encoding="utf-8")
     (point,) = points(capsys, "amplitude", "--scene", str(path))
     onset, drop = point["amplitude"]["onset_force"], point["amplitude"]["drop"]
-    assert np.diff(onset["interval"])[0] / (2 * 1.959964) == pytest.approx(0.002, rel=1e-3)
+    assert np.diff(onset["interval"])[0] / (2 * 1.959964) == pytest.approx(0.002, rel=0.2)  # ends of 400 draws
     assert np.diff(drop["interval"])[0] < 1e-6
 
 

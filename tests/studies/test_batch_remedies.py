@@ -43,7 +43,7 @@ MANIFESTS = [
     ("path,group,drive_speed,parameters.mu_s.start\na.csv,G,1 mm/s,0.7\nb.csv,G,1 mm/s,0.8\n", "or split the group",
      "path,group,drive_speed,parameters.mu_s.start\na.csv,G,1 mm/s,0.7\nb.csv,H,1 mm/s,0.8\n"),
 ]  # fmt: skip
-GOES_ON = (r"make\ room", "interrupted")  # and then --resume, as the trials of the batch do
+GOES_ON = (r"make\ room", "interrupted", r"\ about.*left")  # and then --resume, as the trials of the batch do
 
 
 @pytest.fixture
