@@ -357,22 +357,6 @@ class AccuracyResult:
 
 
 @dataclass(frozen=True)
-class ComparedModel:
-    """The fit (without: None), or the fit without one effect: information criteria against the fit, and mean square
-    errors, in noise variances, on cycles and logs that were left out."""
-
-    model: str
-    without: str | None = None
-    parameters: int | None = None
-    chi2_per_sample: float | None = None
-    delta_aic: float | None = None
-    delta_bic: float | None = None
-    left_out_cycles: float | None = None
-    left_out_logs: float | None = None
-    verdict: str = ""
-
-
-@dataclass(frozen=True)
 class NextLogResult:
     """A log that would tell more: drive speed [m/s], normal force [N], duration [s], sampling rate [Hz], slips in it;
     expected: half lengths of 95 % intervals, relative (of mu_s - mu_k0 for delta_mu_k), of the parameters it tells."""
