@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from data_io import Finding, LogError, Record, Step, read_log, write_csv, write_hdf5
 from data_io.atomic import atomic_path, atomic_write
-from data_io.values import LARGEST_FORCE
+from data_io.values import LARGEST_FORCE, SIZES
 
 WRITERS = [(write_hdf5, "log.h5"), (write_csv, "log.csv")]
 NOT_KEPT = {"path", "sha256", "format"}  # they say where this file is
@@ -18,6 +18,7 @@ names = st.text(st.characters(exclude_categories=("Cs", "C", "Z")), min_size=1, 
 )
 finite = st.floats(allow_nan=False, allow_infinity=False)
 forces = st.floats(-LARGEST_FORCE, LARGEST_FORCE)
+steps_of_time = st.floats(10 * SIZES["s"][0], 1e6)  # room for the rounding of their sum
 scalars = st.one_of(words, st.integers(-(2**60), 2**60), finite, st.booleans())
 
 
@@ -35,7 +36,7 @@ def records(draw):
     parameters = draw(st.dictionaries(words, words, max_size=3))
     channels = draw(st.lists(names, max_size=3, unique=True))
     return Record(
-        time=np.concatenate(([0.0], np.cumsum(column(st.floats(1e-9, 1e6)))[:-1])),
+        time=np.concatenate(([0.0], np.cumsum(column(steps_of_time))[:-1])),
         normal_force=column(forces),
         friction_force=friction,
         drive_speed=draw(st.one_of(st.none(), finite, st.builds(lambda: column(finite)))),
