@@ -185,18 +185,14 @@ def fit_and_report(
     """Fit a scene with progress, write its folder whole, say the summary."""
     from identify.base.compiled import keep
     from identify.cli.folder import result_folder
-    from identify.cli.operating import with_counsel
     from identify.cli.progress import Progress
     from identify.identification import fit
     from identify.report import write_report
-    from identify.report.stored_result import scene_of
     from identify.report.summary import summary
     from identify.shooting.accuracy import DEFAULT_OPTIONS
 
     with Progress(terminal.notes, terminal.progress) as progress:
         outcome = fit(scene, progress=progress, starts=starts, asked=asked or DEFAULT_OPTIONS)
-        progress("what to change, and how sure that is")
-        outcome = with_counsel(scene_of(outcome.typed, out), outcome)  # with the drives that columns told
         with result_folder(out) as folder:
             progress("writing the report")
             write_report(outcome, folder)

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
-from identify.base.document import Json, from_document, to_dict
-from identify.base.errors import SimulationError
-from identify.base.result import LogResult, Result
+from identify.base.document import Json, to_dict
 from identify.base.wording import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, picture, quantity
-from identify.cli.points import PairAtPoint, one_pair, operating_points, points_of, tested_range
-from identify.prediction.point_prediction import AmplitudeAnswer, NoAnswer, PointPrediction
+from identify.cli.points import PairAtPoint, one_pair, operating_points, tested_range
+from identify.prediction.point_prediction import NoAnswer, PointPrediction
 from identify.prediction.predict import PredictionCertainty, predict, prediction_certainty, predictions
-from identify.prediction.sources import Tested, existing_result, groups_of
+from identify.prediction.sources import Tested, existing_result
 from identify.prediction.stabilising import StabilisingAdvice, stabilising_changes
 from identify.prediction.wording import ranges_text
-from identify.report.finished import Fit
 from identify.scene import Scene
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -26,6 +22,7 @@ from identify.scene import Scene
 
 Further = Callable[[PairAtPoint, Tested | None], dict[str, PredictionCertainty | StabilisingAdvice]]
 MOST_DRAWS = 100_000
+DRAWS = 100  # of how sure an answer of assumed parameters is
 
 
 def asked_further(arguments: Namespace) -> Further:
@@ -124,46 +121,3 @@ def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnsw
         else:
             answered |= zip(mine, predictions(first.model, [points[i].at for i in mine], first.names), strict=True)
     return [answered[i] for i in range(len(points))]
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What a finished fit says beyond its numbers: how sure its answers are, and what to change, at one of its logs.
-# ----------------------------------------------------------------------------------------------------------------------
-
-DRAWS = 100
-
-
-def with_counsel(scene: Scene, fit: Fit) -> Fit:
-    """The fit with "sureness" and "advice" among the derived quantities of the fastest log that sticks and slips (the
-    nearest to where stick-slip ends), else of the fastest; as it was where there is no answer."""
-    result, logs = fit.typed, list(fit.typed.logs)
-    answered = [i for i, log in enumerate(logs) if "stability" in log.derived]
-    if not fit.converged or not answered:
-        return fit
-    chosen = max(answered, key=lambda i: (_sticks(logs[i]), abs(logs[i].drive_speed_m_per_s or 0.0)))
-    point = _point(scene, result, chosen)
-    if point is None:
-        return fit
-    try:
-        further = {
-            "sureness": to_dict(prediction_certainty(point.model, point.at, point.names, DRAWS)),
-            "advice": to_dict(
-                stabilising_changes(point.model, point.at, point.names, Tested.of_result(result), draws=DRAWS)
-            ),
-        }
-    except SimulationError:
-        return fit  # the answers of the logs say why
-    logs[chosen] = replace(logs[chosen], derived={**logs[chosen].derived, **further})
-    return replace(fit, result=replace(result, logs=tuple(logs)).to_dict())
-
-
-def _sticks(log: LogResult) -> bool:
-    return from_document(AmplitudeAnswer, log.derived["amplitude"]).numbers["drop"].value is not None
-
-
-def _point(scene: Scene, result: Result, place: int) -> PairAtPoint | None:
-    """The operating point of a log of the result (from 0), None where it has none."""
-    number, groups = result.numbers[place], groups_of(result, place)
-    speed = abs(result.logs[place].drive_speed_m_per_s or 0.0)
-    here = [p for p in points_of(scene, result) if p.log == number and p.groups == groups and not p.untold]
-    return next((p for p in here if abs(p.drive_speed - speed) <= 1e-9 * speed), None)

@@ -19,7 +19,6 @@ from identify.prediction.wording import listed
 from identify.report.report_figures import Picture, inline_svg
 from identify.report.report_tables import (
     accuracy_rows,
-    advice_table,
     answer_table,
     causes_table,
     classical_pages,
@@ -273,7 +272,6 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
             for table in (
                 answer_table([("value", told_of_pair)], "friction pair"),
                 answer_table([(head, without_groups_of(log.derived, told_of_pair)) for head, log in heads], "each log"),
-                *(advice_table(head, log.derived) for head, log in heads),
             )
             if table
         ],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from identify.base.document import Json, finite, from_document, to_dict
+from identify.base.document import Json, finite, to_dict
 from identify.base.result import (
     AccuracyLevel,
     CauseResult,
@@ -13,7 +13,6 @@ from identify.base.result import (
     EffectReason,
     HeldResult,
     LogResult,
-    Number,
     ParameterResult,
     QualityFigure,
     Result,
@@ -31,7 +30,6 @@ from identify.base.wording import (
     speed,
     split_key,
 )
-from identify.prediction.stabilising import ChangeAdvice, StabilisingAdvice
 from identify.prediction.wording import WINDOWS
 from identify.report.report_wording import (
     ANSWER_ORDER,
@@ -396,7 +394,6 @@ def _word(key: str) -> str:
 def without_groups_of(entries: Entry, elsewhere: Entry) -> Entry:
     """The entries of a log without what stands in another table as well; of the dimensionless groups those that say
     something of the pair and the rig, while result.json holds all that the closed forms are made of."""
-    entries = {key: entry for key, entry in entries.items() if key != "advice"}  # has a table of its own
     groups = entries.get("groups")
     if not isinstance(groups, Mapping):
         return entries
@@ -414,39 +411,7 @@ def of_record(figures: Mapping[str, QualityFigure]) -> Entry:
 def sentences(entries: Entry, several: bool = False) -> tuple[str, ...]:
     """What the entries say in whole sentences (key "text" of their parts, or their own); of several logs not what is
     nearly the same for all of them, and stands in the table: the stability."""
-    silent = ("closed_forms", "advice", *(("stability",) if several and "amplitude" in entries else ()))
+    silent = ("closed_forms", *(("stability",) if several and "amplitude" in entries else ()))
     parts = [part for name, part in entries.items() if isinstance(part, Mapping) and name not in silent]
     texts = [str(part["text"]) for part in parts if part.get("text")]
     return tuple(texts or [line for line in str(entries.get("text") or "").splitlines() if line])
-
-
-def advice_table(head: str, derived: Entry) -> OutputTable:
-    """What each quantity of the rig is, its limit, and what it should be, for one log; empty where it has no advice."""
-    heads = ("now", "limit", "should be")
-    if not derived.get("advice"):
-        return OutputTable("", ("", *heads), ())
-    advice = from_document(StabilisingAdvice, derived["advice"], "advice")
-    task = "to stay steady" if advice.steady else "to make sliding steady"
-    title = f"{head}: {task}, margin {100 * advice.margin:.3g} %, one of these"
-    return OutputTable(title, (title, *heads), tuple(_advice(change) for change in advice.changes))
-
-
-def _advice(change: ChangeAdvice) -> tuple[Cell, ...]:
-    def shown(entry: Number) -> str:
-        return quantity(entry.value, entry.unit, 3)
-
-    word = {"least": "at least ", "most": "at most "}.get(change.at or "", "")
-    notes = [f"ζ = {change.zeta:.3g}"] if change.zeta else []
-    notes += [change.reason, "extrapolated: outside the tested range" if change.extrapolated else ""]
-    if change.advised.value is None:
-        text = "any" if change.limit.value is None and "it is steady" in change.reason else "cannot be reached"
-    else:
-        text = "as it is" if change.advised.value == change.now.value else word + shown(change.advised)
-    limit, scale = change.limit.reason, scale_for(change.limit.value, change.limit.unit)
-    limit = limit or (interval_text(change.limit.ends, scale) if any(change.limit.ends) else "")
-    return (
-        Cell(change.label),
-        Cell(shown(change.now)),
-        Cell(shown(change.limit), note=" · ".join(filter(None, (limit, change.kind)))),
-        Cell(text, note=" · ".join(filter(None, notes)), kind="doubt" if change.extrapolated else ""),
-    )

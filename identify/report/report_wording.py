@@ -101,7 +101,7 @@ VERDICT_MARK: Mapping[str, str] = {
 }
 QUALITY_CLASS: Mapping[str, str] = {"accept": "good", "accept with warnings": "fair", "reject": "bad"}
 # Parts of the derived quantities in the order in which they are read, and plain words for their keys.
-ANSWER_ORDER = ("operating_point", "stability", "amplitude", "sureness", "advice", "closed_forms", "groups")
+ANSWER_ORDER = ("operating_point", "stability", "amplitude", "closed_forms", "groups")
 ANSWER_WORDS: Mapping[str, str] = {
     "operating_point": "Operating point",
     "stability": "Stability",
@@ -109,12 +109,6 @@ ANSWER_WORDS: Mapping[str, str] = {
     "amplitude": "Amplitude of stick-slip",
     "closed_forms": "The closed forms of the paper, for comparison",
     "groups": "Dimensionless groups",
-    "sureness": "How sure this is",
-    "possible": "probability of stick-slip",
-    "certain": "probability that it starts by itself",
-    "quantities": "by draws of what is uncertain",
-    "refused": "draws left out",
-    "advice": "Advice",
     "steady": "steady as it is",
     "outcome": "what it does here",
     "critical_speed": "stick-slip ends above",

@@ -147,6 +147,7 @@ STAGES = ("read", "detect", "start", "place", "build", "solve", "intervals")
 PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py", "matplotlib")
 MOST_NAMED = 3  # records that a sentence names where all of each is meant
 SAME_SPEED = 1.05  # ratio below which two drive speeds are one
+ALL = "all"  # of the covariances by errors, the one of all together
 RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 
 
@@ -168,8 +169,9 @@ def result_of(
     parts = parts_of(scene, [log.entry for log in prepared])
     tolerances = _tolerances(scene, found) if converged and found.attempt is not None else {}
     shares = {name: each.relative for name, each in tolerances.items()}
-    added = _added_by_errors(found, shares) if shares and found.covariance is not None else 0.0
-    logs = enumerate(zip(prepared, outlooks_of(prepared, found, added), parts, strict=True))
+    errors = _by_errors(found, shares) if shares and found.covariance is not None else {}
+    outlooks = outlooks_of(prepared, found, errors.get(ALL, 0.0))
+    logs = enumerate(zip(prepared, outlooks, parts, strict=True))
     result = Result(
         status=found.status.value,
         message=_message(prepared, found),
@@ -206,7 +208,7 @@ def result_of(
             rig_sensitivity=_rig_sensitivity(scene, found),
             tolerances=tolerances,
         )
-        result = _published(result, found, shares)
+        result = _published(result, found, shares, errors)
         return with_depth(result, found.sure, found.unknowns, base) if found.sure else result
     if converged:
         return result
@@ -405,17 +407,25 @@ def _by_specimens(found: Findings, scatter: float, inflation: float) -> Array:
         return np.zeros((free, free))
 
 
-def _added_by_errors(found: Findings, tolerances: Mapping[str, float]) -> Array:
-    """Covariance (f, f) of the free theta that errors of rig and sensors, and the scatter of specimens, add."""
+def _by_errors(found: Findings, tolerances: Mapping[str, float]) -> dict[str, Array]:
+    """Covariances (f, f) of the free theta that each error of rig and sensors and the scatter of specimens add by
+    themselves, by what is in error, and under `ALL` together."""
     assert found.information is not None and found.attempt is not None
+    information = found.information
     values = found.unknowns.values(found.attempt.solved.theta, found.attempt.fitted_logs[0].data.base)
     inflation = largest_inflation(found.attempt, found.sure.colours) if found.sure is not None else 1.0
-    by_rig = added_by_tolerances(found.information, values, tolerances, inflation)
-    scatter = tolerances.get("specimen", 0.0)
-    return np.asarray(by_rig + _by_specimens(found, scatter, inflation)) if scatter else by_rig
+    of_rig = {name: share for name, share in tolerances.items() if name != "specimen"}
+    out = {name: added_by_tolerances(information, values, {name: of_rig[name]}, inflation) for name in of_rig}
+    out[ALL] = added_by_tolerances(information, values, of_rig, inflation)
+    if scatter := tolerances.get("specimen", 0.0):
+        out["specimen"] = _by_specimens(found, scatter, inflation)
+        out[ALL] = out[ALL] + out["specimen"]
+    return out
 
 
-def _published(result: Result, found: Findings, tolerances: Mapping[str, float]) -> Result:
+def _published(
+    result: Result, found: Findings, tolerances: Mapping[str, float], errors: Mapping[str, Array]
+) -> Result:
     """The result with the interval, standard error, verdict and correlation to publish: errors of rig and sensors
     widen those of the fit, which stand beside as `interval_rig_exact`."""
     assert found.attempt is not None
@@ -424,12 +434,13 @@ def _published(result: Result, found: Findings, tolerances: Mapping[str, float])
     size_of = dict(zip(unknowns.names, sizes(unknowns, values).tolist(), strict=True))
     free = np.flatnonzero(unknowns.free).tolist()
 
-    def added(named: Mapping[str, float]) -> dict[str, float]:
-        sd = dict(zip(free, standard_deviations(_added_by_errors(found, named)).tolist(), strict=True))
+    def added(covariance: Array) -> dict[str, float]:
+        sd = dict(zip(free, standard_deviations(covariance).tolist(), strict=True))
         sources = zip(unknowns.names, unknowns.source.tolist(), strict=True)  # a tied parameter follows another one
         return {name: sd[source] for name, source in sources if source in sd}
 
-    of_all, of_each = added(tolerances), {name: added({name: share}) for name, share in tolerances.items() if share}
+    of_each = {name: added(covariance) for name, covariance in errors.items()}
+    of_all = of_each.pop(ALL, {})
     out = dict(result.parameters)
     for name, entry in result.parameters.items():
         base = entry.parameter or name
@@ -452,7 +463,7 @@ def _published(result: Result, found: Findings, tolerances: Mapping[str, float])
         out[name] = wider
     correlation = result.correlation
     if correlation is not None and found.covariance is not None:
-        correlation = _correlation(found, _added_by_errors(found, tolerances))
+        correlation = _correlation(found, errors.get(ALL, 0.0))
     return replace(result, parameters=out, correlation=correlation)
 
 

@@ -92,7 +92,6 @@ def test_where_the_search_starts_can_be_said(starts, monkeypatch, tmp_path, caps
 
     monkeypatch.setattr(identification, "fit", fit)
     monkeypatch.setattr("identify.report.write_report", lambda *_: None)
-    monkeypatch.setattr("identify.cli.operating.with_counsel", lambda _, fit: fit)
     monkeypatch.chdir(tmp_path)
     more = [] if starts is None else ["--starts", starts]
     assert cli.main(["fit", "--scene", str(examples.SCENE), *more]) == 0 and asked == [starts]

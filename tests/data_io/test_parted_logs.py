@@ -10,11 +10,10 @@ from data_io import Record, write_csv
 from experiments.study_problem import DEMO
 from identify import Scene, examples, identification, report
 from identify.base.result import Result
-from identify.cli import operating as counsel
+from identify.cli.points import points_of
 from identify.logs.parting import parted, parts_of
 from identify.logs.scene_records import with_records
 from identify.prediction import sources as tested
-from identify.prediction.point_prediction import NoAnswer
 from identify.report.finished import Fit
 from identify.studies.batch_store import RESULT, write_document
 from identify.studies.making import make
@@ -128,35 +127,27 @@ def test_parts_of_the_second_run_of_a_file_are_not_taken_for_the_first():
     assert parts_of(scene, parted(scene, records)[0].logs) == [1, 1, 2, 2]
 
 
-def counselled(monkeypatch, logs, told, parameters=None):
-    """The operating point at which `with_counsel` asks, as (values, drive speed), of a scene and a result with these
-    logs."""
-    asked = []
-    monkeypatch.setattr(counsel, "prediction_certainty", lambda *at, **_how: asked.append(at) or NoAnswer("asked"))
-    monkeypatch.setattr(counsel, "stabilising_changes", lambda *_, **_how: NoAnswer("asked"))
+def points(logs, told, parameters=None):
+    """The operating points (values, drive speed) of a result with these logs."""
     scene = Scene.from_document(Scene.from_toml(examples.SCENE).as_document() | {"logs": logs}, Path())
     known = {"unit": "", "standard_error": 1e-3, "verdict": "identified"}
     found = {name: {"value": value, **known} for name, value in DEMO.items()} | (parameters or {})
     result = {"status": "converged", "parameters": found, "logs": told, "provenance": {"scene": scene.as_document()}}
-    after = counsel.with_counsel(scene, Fit(result, ())).result["logs"]
-    assert len([log for log in after if "sureness" in log["derived"]]) == 1
-    ((_, at, *_),) = asked
-    return at.values, at.drive_speed
+    return [(p.values, p.drive_speed) for p in points_of(scene, Result.from_dict(result))]
 
 
-def told(path, drop, **more):
-    derived = {"stability": {}, "amplitude": {"drop": {"value": drop}}}
-    return {"path": path, "drive_speed_m_per_s": 1e-3, "normal_force_N": 1.0, "derived": derived, **more}
+def told(path, **more):
+    return {"path": path, "drive_speed_m_per_s": 1e-3, "normal_force_N": 1.0, "derived": {}, **more}
 
 
 @pytest.mark.parametrize("names", [("slow.csv", "very_slow.csv"), ("a/slow.csv", "b/slow.csv")])
-def test_a_log_is_not_counselled_by_one_whose_name_its_own_ends_with(monkeypatch, names):
+def test_a_log_is_not_answered_by_one_whose_name_its_own_ends_with(names):
     logs = [{"path": name, "drive_speed": 1e-3, "stiffness": 1000.0 * k} for k, name in enumerate(names, 1)]
-    values, _ = counselled(monkeypatch, logs, [told(names[0], None), told(names[1], 0.2)])
-    assert values["stiffness"] == 2000.0
+    found = points(logs, [told(name) for name in names])
+    assert [values["stiffness"] for values, _ in found] == [1000.0, 2000.0]
 
 
-def test_the_counsel_for_a_stroke_with_parameters_of_its_own_takes_them(monkeypatch):
+def test_a_stroke_with_parameters_of_its_own_takes_them():
     logs = [{"path": "turns.csv", "drive_speed": [[0, 1e-3], [1, -1e-3]]}]
     forth, back = ({"labels": {"stroke": word}, "part_of": 1} for word in ("1 forth", "2 back"))
     known = {"unit": "", "standard_error": 1e-3, "verdict": "identified", "per": "stroke"}
@@ -164,5 +155,5 @@ def test_the_counsel_for_a_stroke_with_parameters_of_its_own_takes_them(monkeypa
         "mu_s": {**known, "value": 0.6, "group": "1 forth"},
         "mu_s (2 back)": {**known, "value": 0.7, "group": "2 back", "parameter": "mu_s"},
     }
-    at = counselled(monkeypatch, logs, [told("turns.csv", None, **forth), told("turns.csv", 0.2, **back)], own)
-    assert (at[0]["mu_s"], at[1]) == (0.7, 1e-3)
+    found = points(logs, [told("turns.csv", **forth), told("turns.csv", **back)], own)
+    assert [(values["mu_s"], speed) for values, speed in found] == [(0.6, 1e-3), (0.7, 1e-3)]

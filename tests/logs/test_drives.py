@@ -1,6 +1,5 @@
 """The drive of a log from its own column, and a column that contradicts the drive of the scene."""
 
-import io
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +10,8 @@ from identify import Scene, identification
 from identify.base.errors import FitError
 from identify.base.outcome import Status
 from identify.base.result import Result
-from identify.cli.common import Terminal
-from identify.cli.fit import fit_and_report
 from identify.diagnosis.findings import Findings
 from identify.logs.scene_records import with_drives, with_records
-from identify.report.finished import Fit
 from identify.studies.job import BatchError
 from identify.studies.planning import plan
 from tests.support.batch_case import SCENE
@@ -141,21 +137,6 @@ def test_a_fit_says_what_it_took_and_the_scene_of_its_result_holds_it(monkeypatc
     assert result["notes"] == [took, "another"]
     (entry,) = Scene.from_document(result["provenance"]["scene"]).logs
     assert entry.drive_speed == STEPS, "verify and the calculators take the same"
-
-
-def test_the_advice_of_a_fit_knows_the_speed_that_a_column_told(monkeypatch, tmp_path):
-    made = Fit({"provenance": {"scene": scene_of(1e-3).as_document()}}, ())
-    monkeypatch.setattr(identification, "fit", lambda *_arguments, **_named: made)
-    seen = []
-
-    def counsel(scene, _fit):
-        seen.append(scene.logs[0].drive_speed)
-        raise InterruptedError
-
-    monkeypatch.setattr("identify.cli.operating.with_counsel", counsel)
-    with pytest.raises(InterruptedError):
-        fit_and_report(scene_of(), tmp_path / "out", Terminal(io.StringIO(), io.StringIO()))
-    assert seen == [1e-3]
 
 
 def test_a_batch_asks_for_the_speed_or_the_name_of_its_column(tmp_path):

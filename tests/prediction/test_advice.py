@@ -17,7 +17,6 @@ from identify.prediction.draws import Draws, OperatingPoint
 from identify.prediction.predict import map_of, predict, prediction_certainty, solution_set
 from identify.prediction.sources import stated
 from identify.prediction.stabilising import stabilising_changes
-from identify.report.report_tables import advice_table
 from tests.support import oracle
 
 EFFECTS = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
@@ -266,14 +265,6 @@ def test_intervals_are_those_of_differences():
         )  # ends of 400 draws
 
 
-def test_advice_in_the_report(told):
-    table = advice_table("log 1", {"advice": told["all"]})
-    assert "to make sliding steady, margin 20 %" in table.title
-    cells = {row[0].shown: row[1:] for row in table.rows}
-    assert cells["drive speed"][2].shown.startswith("at least") and "extrapolated" in cells["drive speed"][2].note
-    assert cells["damping h"][2].note.startswith("ζ = ") and not advice_table("log 1", {})
-
-
 def test_an_open_interval_of_a_limit_says_why():
     names = ("mu_s", "t_cr")
     told = to_dict(
@@ -283,5 +274,3 @@ def test_an_open_interval_of_a_limit_says_why():
     assert limit["interval"] == [None, None] and "these data do not tell t_cr" in limit["reason"]
     (line,) = (line for line in told["text"].splitlines() if line.startswith("- drive speed"))
     assert f"mm/s ({limit['reason']})" in line and "(interval open)" not in told["text"]
-    table = advice_table("log 1", {"advice": told})
-    assert limit["reason"] in table.rows[0][2].note

@@ -65,7 +65,6 @@ def bench(tmp_path):
 )
 def test_a_fit_of_it_verifies_where_it_lay_and_where_it_lies_now(bench, path, capsys, monkeypatch):
     monkeypatch.setattr("identify.report.report_figures.pictures", lambda _: ())  # neither is what is verified
-    monkeypatch.setattr("identify.cli.operating.with_counsel", lambda _scene, fit: fit)
     (bench / "scene.toml").write_text(SCENE.replace("{path}", path), encoding="utf-8")
     assert main(["fit", "--scene", str(bench / "scene.toml"), "--out", str(bench / "out")]) == 0
     result = bench / "out" / "result.json"
