@@ -423,9 +423,7 @@ def _by_errors(found: Findings, tolerances: Mapping[str, float]) -> dict[str, Ar
     return out
 
 
-def _published(
-    result: Result, found: Findings, tolerances: Mapping[str, float], errors: Mapping[str, Array]
-) -> Result:
+def _published(result: Result, found: Findings, tolerances: Mapping[str, float], errors: Mapping[str, Array]) -> Result:
     """The result with the interval, standard error, verdict and correlation to publish: errors of rig and sensors
     widen those of the fit, which stand beside as `interval_rig_exact`."""
     assert found.attempt is not None
