@@ -208,7 +208,7 @@ def _fresh_rows(source: Source, time: FloatArray, of_step: str) -> npt.NDArray[n
         raise source.error(
             f"the clock{of_step} repeats itself in {100 * repeated / time.size:.0f} % of the rows; a rising one was "
             "expected; export the time with more digits, or, if the rows follow each other evenly, give their rate, as "
-            'in --rate "100 Hz"'
+            f'in --rate "{(time.size - 1) / max(float(time[-1] - time[0]), 1e-9):.4g} Hz"'
         )
     return change > 0
 

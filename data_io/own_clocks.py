@@ -12,10 +12,12 @@ from data_io.columns import Header, Name, match_names, role_of, shown
 from data_io.contents import Contents, Part, with_column
 from data_io.source import Request, Source
 from data_io.units import factor
-from data_io.values import LONGEST_GAP, Finding, FloatArray, UnitError
+from data_io.values import COLUMN_ROLES, LONGEST_GAP, Finding, FloatArray, UnitError
 
 # Even clocks for logs without a time column: the interval stands above the rows, or the user gave the rate.
 
+_FEWEST: Final = 10
+"""Values from which on a column with blanks between them is one that is sampled slower."""
 CLOCK: Final = "X_Value"
 """Name of a clock that stands in no column."""
 
@@ -79,9 +81,10 @@ def on_one_clock(source: Source, request: Request, contents: Contents) -> Conten
     their rows apart; rows for which the clock of the normal force does not tell it are cut off with a finding.
     Raises the source's `LogError` where clocks do not meet or do not rise.
     """
-    if contents.settled or "time" in request.columns or request.rate is not None:
+    if contents.settled:
         return contents
-    apart = [_side_by_side(part) for part in contents.parts]
+    one = "time" in request.columns or request.rate is not None
+    apart = [[part] if one else _side_by_side(part) for part in contents.parts]
     findings = list(contents.findings)
     parts: list[Part] = []
     if any(len(tables) > 1 for tables in apart):
@@ -97,6 +100,8 @@ def on_one_clock(source: Source, request: Request, contents: Contents) -> Conten
         parts = list(contents.parts)
     paired = []
     for part in parts:
+        own = {} if one else part.clocks or clocks_by_place(part.header, part.columns)
+        part = replace(part, clocks=own) if own else _with_clocks_of_slow_columns(request, part)
         part, notes = _paired(source, request, part)
         paired.append(part)
         findings += notes
@@ -149,10 +154,36 @@ def _side_by_side(part: Part) -> list[Part]:
     return tables
 
 
+def _with_clocks_of_slow_columns(request: Request, part: Part) -> Part:
+    """Return a part in which forces and drive that stand in every so many-th row only have these rows for their clock.
+
+    Loggers write a channel that is sampled slower with blanks between its values, or two channels row by row by turns.
+    """
+    clock = part.header.roles.get("time")
+    if clock is None or clock not in part.columns:
+        return part
+    clocks: dict[int, int] = {}
+    columns, names = dict(part.columns), part.header.names
+    for role in COLUMN_ROLES[1:]:
+        index = part.header.roles.get(role)
+        if index is None or index not in part.columns or (role == "normal_force" and request.normal_force is not None):
+            continue
+        clocks[index] = clock
+        known = np.isfinite(part.columns[index])
+        rows = np.flatnonzero(known)
+        if rows.size >= _FEWEST and np.median(np.diff(rows)) >= 2:
+            clocks |= {index: len(names), len(names): len(names)}
+            columns[len(names)] = np.where(known, part.columns[clock], np.nan)
+            names = (*names, names[clock])
+    if len(names) == len(part.header.names):
+        return part
+    return replace(part, header=replace(part.header, names=names), columns=columns, clocks=clocks)
+
+
 def _paired(source: Source, request: Request, part: Part) -> tuple[Part, list[Finding]]:
     """Return a part with every column on the clock of its friction force, and what was done."""
     roles = part.header.roles
-    own = part.clocks or clocks_by_place(part.header, part.columns)
+    own = part.clocks
     if not own or "friction_force" not in roles or roles["friction_force"] not in own:
         return part, []
     clock = own[roles["friction_force"]]

@@ -1,6 +1,8 @@
 """The quality gate: what a record's clock and force channels look like, in numbers and in sentences."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, Literal
 
 import numpy as np
@@ -10,7 +12,51 @@ from data_io.arrays import kept, shown, thinned, true_runs
 from data_io.record import Record
 from data_io.signals import FEWEST, UNLOADED, Load, Rests, Signal, find_rests, look_at_friction, look_at_load
 from data_io.thresholds import DEFAULTS, Thresholds, percent
-from data_io.values import Finding, FloatArray
+from data_io.values import LONGEST_GAP, Finding, FloatArray
+
+# Gaps of the clock: pauses of the recording, packets of rows that were stamped when they were read, and rows lost.
+
+MOST_PAUSES: Final = 20
+"""Gaps of a log that is taken in parts; one with more of them lost rows."""
+_FEWEST_PACKETS: Final = 4
+_STRAIGHT: Final = 0.5
+"""Of a gap: by how much the begin of a packet may miss the line through all begins."""
+_AS_INSIDE: Final = 0.9
+"""Quantile of the steps of the force from row to row, which the median step over a gap stays below in packets."""
+
+
+def _long_gaps(time: FloatArray) -> npt.NDArray[np.intp]:
+    """Return the rows before each gap of a clock (n,) that more than `LONGEST_GAP` rows would fill."""
+    if time.size < 3:
+        return np.empty(0, dtype=np.intp)
+    change = np.diff(time)
+    return np.flatnonzero(change > (LONGEST_GAP + 1.5) * float(np.median(thinned(change))))
+
+
+def packets(time: FloatArray, force: FloatArray) -> float | None:
+    """Return the rate [Hz] of rows (n,) that come in packets, stamped when they were read; None where they do not.
+
+    Packets begin as evenly as their rows are counted, and the force goes on from one to the next as from row to row.
+    """
+    gaps = _long_gaps(time)
+    if gaps.size < _FEWEST_PACKETS:
+        return None
+    begins, ends = time[gaps[:-1] + 1], gaps[1:]  # a packet is read when its last row is there
+    interval, first = np.polyfit(ends, begins, 1)
+    pause = float(np.median(time[gaps + 1] - time[gaps]))
+    if np.max(np.abs(begins - first - interval * ends)) > _STRAIGHT * pause:
+        return None
+    step = np.abs(np.diff(force))
+    inside = np.delete(step, gaps)
+    goes_on = np.nanmedian(step[gaps]) <= np.nanquantile(inside[np.isfinite(inside)], _AS_INSIDE)
+    return float(1.0 / interval) if goes_on else None
+
+
+def pauses(time: FloatArray, force: FloatArray) -> npt.NDArray[np.intp]:
+    """Return the rows (k,) before each pause of a recording: few long gaps of the clock (n,), and no packets."""
+    gaps = _long_gaps(time)
+    return gaps if gaps.size <= MOST_PAUSES and packets(time, force) is None else gaps[:0]
+
 
 # How a record was sampled: rate, jitter, dropouts, rate switches; step by step, pauses between steps aside.
 
@@ -61,7 +107,8 @@ def describe_sampling(
     intervals, local, begins, odd = [], [], [], False
     switches: list[RateSwitch] = []
     previous: float | None = None
-    for start, stop in _pieces(record, used):
+    stretches, notes = _without_pauses(record, _pieces(record, used))
+    for start, stop in stretches:
         time = record.time[start:stop]
         if time.size < 2:
             continue
@@ -94,7 +141,16 @@ def describe_sampling(
         odd_first=bool(odd),
         switches=tuple(switches),
     )
-    return sampling, _findings(sampling, sum(piece.size for piece in intervals) + len(intervals), thresholds)
+    rate = packets(record.time, record.friction_force)
+    if rate is not None:
+        text = (
+            "the rows come in packets with gaps between their stamps, and the force goes on from one packet to the "
+            "next: they were stamped when they were read, not when they were measured; if they follow each "
+            f'other evenly, give their rate, as in --rate "{rate:.4g} Hz" (in a scene: rate = "{rate:.4g} Hz")'
+        )
+        return sampling, [Finding("packets", "reject", text)]
+    rows = sum(piece.size for piece in intervals) + len(intervals)
+    return sampling, [*notes, *_findings(sampling, rows, thresholds)]
 
 
 def _pieces(record: Record, used: npt.NDArray[np.bool_] | None) -> list[tuple[int, int]]:
@@ -106,6 +162,25 @@ def _pieces(record: Record, used: npt.NDArray[np.bool_] | None) -> list[tuple[in
         for step in record.steps
         for a, b in true_runs(used[step.start : step.stop])
     ]
+
+
+def _without_pauses(record: Record, pieces: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], list[Finding]]:
+    """Return stretches of rows [start, stop) cut at the pauses of the recording, and what to say of these."""
+    parts, lasting = [], []
+    for start, stop in pieces:
+        time = record.time[start:stop]
+        ends = pauses(time, record.friction_force[start:stop])
+        lasting += [(float(time[i + 1] - time[i]), float(time[i])) for i in ends]
+        edges = [start, *(start + ends + 1).tolist(), stop]
+        parts += list(pairwise(edges))
+    if not lasting:
+        return parts, []
+    longest, at = max(lasting)
+    text = (
+        f"the recording pauses {len(lasting)} time(s), longest for {longest:.4g} s at {at:.6g} s; what lies before and "
+        "after a pause is looked at apart"
+    )
+    return parts, [Finding("pauses", "warning", text)]
 
 
 def _local_interval(change: FloatArray) -> FloatArray:

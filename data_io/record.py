@@ -165,11 +165,14 @@ def check_gaps(fail: Fail, time: FloatArray, normal: FloatArray, friction: Float
         )
         first, last = time[row] + begin, time[row + count - 1] + begin
         start, stop = _longest_between(time, starts[lengths > LONGEST_GAP], lengths[lengths > LONGEST_GAP])
+        part = (
+            f'use a part, as with --window "{start + begin:.6g} s,{stop + begin:.6g} s" (in a scene: window = '
+            f'["{start + begin:.6g} s", "{stop + begin:.6g} s"]), in a scene leave them out with exclude = '
+            f'[["{first:.6g} s", "{last:.6g} s"]], or '
+        )
         raise fail(
             f"the {which} force holds no number in rows {row + 1} to {row + count} ({first:.6g} to {last:.6g} s); at "
-            f'most {LONGEST_GAP} such rows in a row are accepted; use a part, as with --window "{start + begin:.6g} s,'
-            f'{stop + begin:.6g} s" (in a scene: window = ["{start + begin:.6g} s", "{stop + begin:.6g} s"]), in a '
-            f'scene leave them out with exclude = [["{first:.6g} s", "{last:.6g} s"]], or export the log again'
+            f"most {LONGEST_GAP} such rows in a row are accepted; {part if stop > start else ''}export the log again"
         )
     total, blocks = int(np.count_nonzero(bad)), starts.size
     message = f"{total} of {bad.size} rows hold no number in {blocks} place(s), first at {time[starts[0]]:.6g} s; "

@@ -6,14 +6,14 @@ import csv
 import io
 import re
 import warnings
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 
-from data_io.columns import role_of
+from data_io.columns import KIND, role_of, shown
 from data_io.layout import Head, decimal_mark, without_cut_row
 from data_io.source import Source
 from data_io.text import BLANKS, MISSING, clock_times, split, to_number
@@ -33,8 +33,7 @@ class Numbers:
     these rows do not tell).
 
     days: of columns that hold times of the day, in seconds, the days of their dates. units: of columns whose cells
-    hold them. Columns
-    without numbers are absent.
+    hold them, or a column of units beside them; the numbers are in the first one. Columns without numbers are absent.
     """
 
     columns: dict[int, FloatArray]
@@ -43,18 +42,20 @@ class Numbers:
     decimal: str | None = None
     fields: int | None = None
     days: Mapping[int, FloatArray | None] = field(default_factory=dict)
-    units: Mapping[int, str] = field(default_factory=dict)
+    units: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Above:
-    """What the rows above tell: decimal mark, usual number of fields (None: not told), columns that held numbers, and
-    of a log that ends with the rows to read those right above them as text (None: the log goes on)."""
+    """What the rows above tell: decimal mark, usual number of fields (None: not told), columns that held numbers, units
+    that their cells held, and of a log that ends with the rows to read those right above them as text (None: the log
+    goes on)."""
 
     decimal: str | None = None
     fields: int | None = None
     numeric: Set[int] = frozenset()
     ending: str | None = None
+    units: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
 
 
 @cache
@@ -154,6 +155,9 @@ def read_numbers(source: Source, block: str, first_line: int, head: Head, above:
     if frame.empty:
         return Numbers({}, 0, tuple(remarks), decimal)
     frame, usual = _without_short_rows(block, first_line, head, frame, remarks, above.fields)
+    frame = _without_statistics(frame, head, above, remarks)
+    if frame.empty:
+        return Numbers({}, 0, tuple(remarks), decimal, usual)
     extra = frame.iloc[:, len(names) :].notna().to_numpy().any(axis=1)
     if extra.any():
         raise source.error(
@@ -162,9 +166,12 @@ def read_numbers(source: Source, block: str, first_line: int, head: Head, above:
         )
     columns: dict[int, FloatArray] = {}
     days: dict[int, FloatArray | None] = {}
-    units: dict[int, str] = {}
+    units: dict[int, tuple[str, ...]] = {}
+    beside = _columns_of_units(source, frame, head)
     for index in range(min(len(names), frame.shape[1])):
         column = frame[index]
+        if index in beside:
+            continue
         if column.dtype.kind in "fiu":
             columns[index] = column.to_numpy(dtype=np.float64)
             continue
@@ -173,14 +180,90 @@ def read_numbers(source: Source, block: str, first_line: int, head: Head, above:
             if stamps is not None:
                 columns[index], days[index] = stamps
                 continue
-        if (with_unit := _with_units(column, mark)) is not None:
+        if (with_unit := _with_units(column, mark, above.units.get(index, ()))) is not None:
             columns[index], units[index] = with_unit
             continue
         words_only = index not in above.numeric
         values = _slow_column(source, column, index, head, mark, first_line, remarks, words_only)
         if values is not None:
             columns[index] = values
+    for place, index in beside.items():
+        if index in columns:
+            words = ("" if isinstance(word, float) else word for word in frame[place].tolist())
+            told = [unit_word(word.strip("[]() ")) or "" for word in words]
+            columns[index], units[index] = _in_first_unit(columns[index], told, above.units.get(index, ()))
     return Numbers(columns, len(frame), tuple(remarks), decimal, usual, days, units)
+
+
+def _without_statistics(frame: pd.DataFrame, head: Head, above: Above, remarks: list[Finding]) -> pd.DataFrame:
+    """Leave out the rows at the end whose time, or first field, is a word below numbers: mean, deviation, maximum."""
+    for index in sorted({0, head.header.roles.get("time", 0)}):
+        if frame[index].dtype.kind in "fiu":
+            continue
+        tokens = ["" if isinstance(token, float) else str(token).strip('" ') for token in frame[index].tolist()]
+        named = [token[:1].isalpha() and token.lower() not in MISSING for token in tokens]
+        rows = len(named) - (named[::-1].index(False) if False in named else len(named))
+        distinct = len(set(tokens[rows:])) == len(named) - rows
+        if (
+            distinct
+            and rows < len(named)
+            and (index in above.numeric or any(token[:1].isdigit() for token in tokens[:rows]))
+        ):
+            text = f"{len(named) - rows} row(s) named {shown(tokens[rows:], most=4)} below the numbers were left out"
+            remarks.append(Finding("statistics_below", "info", text))
+            return frame.iloc[:rows]
+    return frame
+
+
+def _columns_of_units(source: Source, frame: pd.DataFrame, head: Head) -> dict[int, int]:
+    """Return the columns that hold a unit in each row, and the column of numbers that each of them is the unit of.
+
+    That is the only one without a unit of its own between it and the column of units before it. Raises the source's
+    `LogError` where units change and it is not clear of which column.
+    """
+    found: dict[int, int] = {}
+    names, roles = head.header.names, {index: role for role, index in head.header.roles.items()}
+    before: list[int] = []
+    for index in range(min(len(names), frame.shape[1])):
+        kinds, told = _units_in(frame[index])
+        if len(kinds) != 1 or index in roles:
+            before.append(index)
+            continue
+        (kind,) = kinds
+        left = before[-1:] if before and before[-1] == index - 1 else []
+        bare = [i for i in before if names[i].unit is None and KIND.get(roles.get(i, ""), kind) == kind]
+        bare = [i for i in bare if i in roles] or bare[-1:]
+        numbered = [i for i in left if names[i].raw == str(i + 1)]
+        of = numbered or bare
+        if len(of) == 1:
+            found[index] = of[0]
+        elif len(told) > 1 or any(names[i].unit and told != {names[i].unit} for i in left if i in roles):
+            which = shown((names[i].raw for i in (bare or left)), most=4)
+            raise source.error(
+                f"column {names[index].raw!r} holds units ({', '.join(sorted(told))}) where the unit of {which} is "
+                "not clear; one column without a unit was expected before it; export with the unit in the header"
+            )
+        before = []
+    return found
+
+
+def _units_in(column: pd.Series[Any]) -> tuple[set[str | None], set[str]]:
+    """Return the kinds of the units that a column holds, and these; nothing where it holds anything else."""
+    if column.dtype.kind in "fiu":
+        return set(), set()
+    units = {unit_word(word.strip("[]() ")) for word in set(column.tolist()) if isinstance(word, str)}
+    if not units or None in units:
+        return set(), set()
+    return {kind_of(unit or "") for unit in units}, {unit or "" for unit in units}
+
+
+def _in_first_unit(values: FloatArray, told: Sequence[str], above: Sequence[str]) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return numbers (n,), each in a unit of its own, in the first of these units, NaN where none is told; and all
+    units. above: those of the rows above."""
+    units = tuple(dict.fromkeys((*above, *(unit for unit in told if unit))))
+    si = SI_UNIT[kind_of(units[0]) or ""]
+    scales = {unit: factor(unit, si) / factor(units[0], si) if unit != units[0] else 1.0 for unit in units}
+    return values * np.array([scales.get(unit, np.nan) for unit in told]), units
 
 
 def _without_short_rows(
@@ -282,27 +365,26 @@ def _widest(source: Source, block: str, first_line: int, head: Head) -> int:
     return widest
 
 
-def _with_units(column: pd.Series[Any], decimal: str) -> tuple[FloatArray, str] | None:
-    """Return the numbers of cells that hold their unit (8.84 N), in the unit of the first one, and that unit.
+def _with_units(
+    column: pd.Series[Any], decimal: str, above: Sequence[str]
+) -> tuple[FloatArray, tuple[str, ...]] | None:
+    """Return the numbers of cells that hold their unit (8.84 N), in the first unit, and all units.
 
-    None where a cell holds something else.
+    above: those of the rows above. None where a cell holds something else.
     """
     tokens = ["" if isinstance(token, float) else str(token) for token in column.tolist()]
-    first = next((cell for token in tokens if token and (cell := split_cell(token))), None)
-    if first is None:
+    first = next((token for token in tokens if token.strip().lower() not in MISSING), "")
+    if split_cell(first) is None:
         return None
-    unit, kind = first[1], kind_of(first[1])
-    values = np.full(len(tokens), np.nan)
-    for i, token in enumerate(tokens):
-        cell = split_cell(token)
-        number = None if cell is None else to_number(cell[0], decimal)
-        if cell is None and token.strip().lower() in MISSING:
-            continue
-        if cell is None or number is None or kind is None or kind_of(cell[1]) != kind:
-            return None
-        si = SI_UNIT[kind]
-        values[i] = number if cell[1] == unit else number * factor(cell[1], si) / factor(unit, si)
-    return values, unit
+    cells = [split_cell(token) for token in tokens]
+    numbers = [None if cell is None else to_number(cell[0], decimal) for cell in cells]
+    missing = [cell is None and token.strip().lower() in MISSING for cell, token in zip(cells, tokens, strict=True)]
+    if not all(gap or number is not None for gap, number in zip(missing, numbers, strict=True)):
+        return None
+    told = ["" if cell is None else cell[1] for cell in cells]
+    if len({kind_of(unit) for unit in (*above, *told) if unit} - {None}) != 1:
+        return None
+    return _in_first_unit(np.array([np.nan if n is None else n for n in numbers]), told, above)
 
 
 def _slow_column(

@@ -52,7 +52,7 @@ class Table:
 @dataclass
 class OpenTable:
     """A table whose rows are still being read; wanted: the columns that are kept (None: all); decimal: the mark, as far
-    as its rows tell."""
+    as its rows tell; units: those that stand in cells, by column."""
 
     head: Head
     preamble: tuple[str, ...]
@@ -64,7 +64,7 @@ class OpenTable:
     _rows: list[int] = field(default_factory=list)
     _fields: int | None = None
     _days: list[Mapping[int, FloatArray | None]] = field(default_factory=list)
-    _units: dict[int, str] = field(default_factory=dict)
+    units: dict[int, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def rows(self) -> int:
@@ -76,7 +76,7 @@ class OpenTable:
         self.remarks += numbers.remarks
         self.decimal = self.decimal or numbers.decimal
         self._fields = self._fields or numbers.fields
-        self._units |= numbers.units
+        self.units |= numbers.units
         if numbers.rows:
             kept = numbers.columns.items()
             self._pieces.append({i: v for i, v in kept if self.wanted is None or i in self.wanted})
@@ -85,7 +85,7 @@ class OpenTable:
 
     def above(self, ending: str | None) -> Above:
         """Return what the rows so far tell of those below; `ending`: their text where the log ends soon."""
-        return Above(self.decimal, self._fields, frozenset().union(*self._pieces), ending)
+        return Above(self.decimal, self._fields, frozenset().union(*self._pieces), ending, dict(self.units))
 
     def close(self) -> Table:
         """Return the whole table; rows at its end that hold nothing, as spreadsheets leave them, are taken away."""
@@ -107,9 +107,9 @@ class OpenTable:
             days = [piece.get(index) for piece in self._days]
             dated = [np.full(n, np.nan) if d is None else d for d, n in zip(days, self._rows, strict=True)]
             columns[index] = over_midnight(columns[index], np.concatenate(dated)[:end])
-        for index, unit in self._units.items():
+        for index, units in self.units.items():
             if header.names[index].unit is None:
-                header = with_unit(header, index, unit)
+                header = with_unit(header, index, units[0])
         header = _since_1970(_with_clock(header, columns, clocks), columns)
         remarks = list(dict.fromkeys(self.remarks + _milliseconds_added(header, columns, clocks)))
         if len(remarks) > _MOST_REMARKS:
@@ -314,6 +314,7 @@ class Walk:
                 table.remarks.append(Finding("text_in_rows", "warning", text_left))
         ending = decode(self._segment.before, start=False) if stop >= len(text) and self._at_end else None
         table.add(read_numbers(self.source, "".join(pieces), first_line, table.head, table.above(ending)))
+        self._check_units(table)
         if stop >= len(text):
             self._above = len(text)
         elif resume is not None and not self._at_end and len(text) - stop <= MOST_WORDS:
@@ -322,6 +323,18 @@ class Walk:
             self._above = stop
             self._close()
         return i
+
+    def _check_units(self, table: OpenTable) -> None:
+        """Refuse one unit given for a column whose rows hold several."""
+        names, roles = table.head.header.names, table.head.header.roles
+        for index, units in table.units.items():
+            keys = {names[index].raw, names[index].name, *(role for role, place in roles.items() if place == index)}
+            given = next((unit for key, unit in self._request.units.items() if key in keys), None)
+            if given and len(units) > 1:
+                raise self.source.error(
+                    f"column {names[index].raw!r} holds {' and '.join(units)} by turns, and {given!r} was given for "
+                    "all of it; each row is read in its own unit; leave --units out"
+                )
 
     def _close(self) -> None:
         if self.table is not None:

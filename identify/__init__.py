@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from identify.base.packages import check_data_io
+
 if TYPE_CHECKING:
     from identify.base.errors import FitError, IdentifyError, SceneError, SimulationError
     from identify.base.progress import ProgressBar
@@ -63,8 +65,10 @@ _HOMES = {
 def __getattr__(name: str) -> Any:
     """Loads a promised name on first use, because it brings CasADi (a second) which `stickslip --help` can spare."""
     if name in _HOMES:
+        check_data_io()
         return getattr(importlib.import_module(_HOMES[name]), name)
     if name in ("ageing", "amplitude", "stability"):
+        check_data_io()
         return importlib.import_module(f"identify.prediction.{name}")
     if name == "__version__":
         from importlib.metadata import version

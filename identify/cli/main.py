@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from identify.base.errors import IdentifyError
+from identify.base.packages import check_data_io
 from identify.cli.common import (
     DEFECT,
     INTERRUPTED,
@@ -182,6 +183,7 @@ def _last_words(json_mode: bool) -> Callable[[], None]:
 def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
     """Run, and turn every kind of end into an answer."""
     try:
+        _check_packages()
         answer = _run(given, json_mode)
         check_interrupted()
         return answer
@@ -224,11 +226,25 @@ def _run(given: list[str], json_mode: bool) -> Answer:
     return answer
 
 
+def _check_packages() -> None:
+    """Look whether a file of the user hides a package of ours.
+
+    Raises:
+        CommandLineError: one does.
+    """
+    try:
+        check_data_io()
+    except ImportError as hidden:
+        raise CommandLineError(str(hidden)) from None
+
+
 def _mendable(error: Exception) -> bool:
     """Whether the user can mend it, and its text is a sentence for the user."""
+    if isinstance(error, CommandLineError):
+        return True
     from data_io.values import LogError, UnitError
 
-    return isinstance(error, (CommandLineError, IdentifyError, LogError, UnitError, OSError))
+    return isinstance(error, (IdentifyError, LogError, UnitError, OSError))
 
 
 def _sentence(error: BaseException) -> str:

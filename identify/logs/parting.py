@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from data_io.arrays import thinned_steps
 from data_io.motion import motion_of
+from data_io.quality import MOST_PAUSES
 from identify.logs.recorded_drive import drive_position
 from identify.scene import Scene
 from identify.scene.values import LogEntry
@@ -121,7 +122,6 @@ SURE = 6.0  # standard deviations, and this share of the rise of a stick, by whi
 SHARE = 0.15
 LOST_SAMPLES = 5.0  # sample intervals, and half natural periods, without a sample in which a slip may be lost:
 HIDES = 0.5
-MOST = 20  # of them: a record with more holes has no parts
 
 
 def gaps_apart(scene: Scene, records: Sequence[Record]) -> tuple[Scene, list[Record]]:
@@ -136,7 +136,7 @@ def _parts(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
         return [entry]
     start, stop = entry.window or (0.0, float(record.time[-1]))
     unrecorded = [hole for hole in _unrecorded(record, rig.mass, rig.stiffness) if start < hole[0] and hole[1] < stop]
-    holes = sorted({*entry.exclude, *(unrecorded if len(unrecorded) <= MOST else ())})
+    holes = sorted({*entry.exclude, *(unrecorded if len(unrecorded) <= MOST_PAUSES else ())})
     if not holes:
         return [entry]
     drive = Drive.of(rig.drive_speed)

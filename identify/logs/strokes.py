@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from data_io.arrays import thinned
 from data_io.derived_columns import StatedVelocity, stated_velocity
+from data_io.quality import pauses
 from data_io.speed_steps import steps_of
 from identify.base.wording import speed_text
 from identify.logs.noise import bridged, white_noise
@@ -63,8 +64,7 @@ def strokes(record: Record, drive_speed: Drive) -> tuple[Stroke, ...]:
     for run, step, start, stop in steps:
         if stop <= start:
             continue
-        force = record.friction_force[start:stop]
-        edges = _edges(force, None if speed is None else speed[start:stop])
+        edges = _between_pauses(record, None if speed is None else speed[start:stop], start, stop)
         moving = [rows for rows in edges if speed is None or np.any(speed[start + rows[0] : start + rows[1]])]
         for number, (first, last, way) in enumerate(moving or edges, start=1):
             rows = slice(start + first, start + last)
@@ -72,6 +72,18 @@ def strokes(record: Record, drive_speed: Drive) -> tuple[Stroke, ...]:
             constant = _one(drive_speed) if speed is None else _constant(speed[rows])
             found.append(Stroke(run, step, number, rows.start, rows.stop, direction, constant))
     return tuple(found)
+
+
+def _between_pauses(record: Record, speed: Array | None, start: int, stop: int) -> list[tuple[int, int, int]]:
+    """First row, end and direction of every stroke of a step, counted from its first row; a pause of the recording ends
+    one."""
+    force = record.friction_force[start:stop]
+    ends = pauses(record.time[start:stop], force)
+    found = []
+    for first, last in pairwise([0, *(ends + 1).tolist(), stop - start]):
+        own = None if speed is None else speed[first:last]
+        found += [(first + a, first + b, way) for a, b, way in _edges(force[first:last], own)]
+    return found
 
 
 def _one(drive_speed: Drive) -> float | None:

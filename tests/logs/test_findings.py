@@ -13,6 +13,9 @@ ELSEWHERE = {
     "load_trembles": "tests/logs/test_live_load.py",  # so does how the fit takes the load
     "load_varies": "tests/logs/test_prepare.py",  # a warning of the fit: the scene's effects decide it
     "settings_above": "tests/data_io/test_layouts.py",  # of thousands of rows
+    "packets": "tests/data_io/test_gaps_of_the_clock.py",
+    "pauses": "tests/data_io/test_gaps_of_the_clock.py",
+    "statistics_below": "tests/data_io/test_tables_as_people_keep_them.py",
     "no_value_mark": "tests/data_io/test_written_forms.py",
     "swings": "tests/logs/test_looks_of_records.py",  # what such records look like at random, as the next two
     "upside_down": "tests/logs/test_looks_of_records.py",

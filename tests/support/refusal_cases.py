@@ -203,6 +203,10 @@ def repeated(rows: int) -> str:
     return "T,Fx,Fz\ns,N,N\n" + "".join(f"{t},1.{i % 10},3\n" for i, t in enumerate(times))
 
 
+def united(names: str, other: str = "N") -> str:
+    return f"T [s],{names}\n" + "".join(f"{i},1,3,{('mN', other)[i % 2]}\n" for i in range(20))
+
+
 def worded(rows: int) -> str:
     """So many rows in a row with a word in place of the force."""
     return "T,Fx,Fz\ns,N,N\n" + "".join(f"{i},{'OVER' if 9 < i <= 9 + rows else 1.5},3\n" for i in range(40))
@@ -641,6 +645,11 @@ CASES: dict[str, Pair] = {
     "thousands": (
         file("T [ms]\tFx [mN]\tFz [mN]\n0\t999\t2,000\n1\t1,001\t2,000\n"),
         file("T [ms]\tFx [mN]\tFz [mN]\n0\t0,999\t2,000\n1\t1,001\t2,000\n"),
+    ),
+    "units of nobody": (file(united("Fx,Fz,Unit")), file(united("Fx,Fz [N],Unit"))),
+    "one unit for several": (
+        file(united("Fx,Fz [N],Unit"), units={"friction_force": "N"}),
+        file(united("Fx,Fz [N],Unit", "mN"), units={"friction_force": "N"}),
     ),
     "words for numbers": (file(worded(30)), file(worded(5))),
     "words in a row": (file(worded(6)), file(worded(5))),
