@@ -1,85 +1,84 @@
-"""The plan: what the logs at hand tell, the few logs to record next, and what a wrong rig would do to their answer."""
+"""The plan: what is known of a pair, from its scene, its logs or its fit, and the few logs to record next."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.errors import IdentifyError
+from identify.base.errors import IdentifyError, SimulationError
 from identify.base.quantiles import NORMAL
-from identify.bench.designs import Knowledge, PlannedLog, Rehearsals, base_of, choose, dials, driven, told_by
-from identify.bench.rehearsal import LogDesign, at_rest, rehearse
+from identify.base.result import Result
+from identify.bench.design import Candidates, Knowledge, LogDesign, PlannedLog, choose, simulated_log, with_holds
 from identify.estimation.covariance import inverse
-from identify.estimation.tolerances import by_drive_speed
+from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, from_scene
 from identify.model.model import RIG_PARAMETERS
-from identify.prediction.sources import Pair
+from identify.prediction.sources import Origins, Pair, assumed, pair_of
 from identify.scene import Scene
 from identify.simulation.drive import Drive
 
 Array = NDArray[np.float64]
 
-PLACES = 6  # of the parameters, at which logs are rehearsed: the likeliest and draws
+PLACES = 4  # of the parameters at which logs are simulated: the likeliest and draws
 SEED = 0
-NOISE = 0.005  # of the friction force: where nothing says how noisy the sensor is
+NOISE = 0.005  # of the friction force, where nothing says how noisy the sensor is
 LOAD_ERROR = 1e-3  # relative, of the normal force from cycle to cycle
 SLOWEST_RATE = 50.0  # [Hz] that every tribometer samples at
 SETUP = 60.0  # [s] that a log costs beside its duration
-MOST = 6  # logs
+BUDGET = 900.0  # [s] for all logs together
 LONGEST = 300.0  # [s] of a log at one speed
-BEYOND = 30.0  # times the drive speed of the scene, up and down
-DIALS = (1.0, 3.0)  # of a decade
+BEYOND = 30.0  # times the fastest drive speed, and below the slowest
+DIALS, DECADES = (1.0, 3.0), range(-8, 1)  # drive speeds that one would set [m/s]
 HOLDS = (1.0, 3.0, 10.0), (10.0, 30.0, 100.0)  # [s]
-ENDS, LONGEST_RUN = 120, 1.5  # of a run between holds, that are looked at; up to so many of the longest first cycles
-CLEAR = 0.25  # of a stick: an end of a run that far from its slips is clear
-ALMOST = 0.95  # of the best end: the earliest that is as good is taken
-WRONG = 0.05  # relative, of which the price is told
-PRICED = ("mass", "stiffness", "damping", "drive_speed")
-MOST_PLACES = 0.8  # of the places, at which what is promised is reached: a median is right for every second pair only
-REACH = math.log(3.0)  # of a logarithm: how far draws go
+REPEATED_SLIPS = 10  # of a log that repeats a speed
+FARTHEST = math.log(3.0)  # of a logarithm: how far draws go
 
 
 @dataclass(frozen=True)
 class Choices:
-    """What can be set at the rig, empty or None: the default. speeds [m/s], holds [s] of one log, loads [N],
-    stiffnesses of the springs there are [N/m], fastest sampling rate [Hz], noise of a sample [N], load_error: relative;
-    asked: names of what is to be told; budget: for all logs [s]."""
+    """What can be set at the rig; what is empty is left to the default.
+
+    Attributes
+    ----------
+    speeds : [m/s]; holds : of one log [s]; loads : [N]; stiffnesses : of the springs there are [N/m].
+    fastest : highest sampling rate [Hz].
+    asked : names of what is to be told.
+    budget : for all logs [s].
+    """
 
     speeds: tuple[float, ...] = ()
     holds: tuple[float, ...] = ()
     loads: tuple[float, ...] = ()
     stiffnesses: tuple[float, ...] = ()
     fastest: float = math.inf
-    noise: float | None = None
-    load_error: float | None = None
     asked: tuple[str, ...] = ()
-    budget: float = 900.0
+    budget: float = BUDGET
 
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """knowledge before; now (k,): half lengths of the 95 % intervals at most places, as shares of what each is judged
-    by; logs to record; drop_now, drop_then: half lengths of the mean drop at the drive speed of the scene, as shares,
-    NaN where no slip was rehearsed; price: by name of what is 5 % wrong, by how much each parameter (k,) would move, as
-    the same shares; tolerances: of the rig as stated, relative."""
+    """What is known, and what to record.
+
+    Attributes
+    ----------
+    knowledge : before; now : (d, k) half lengths of the 95 % intervals at each place, relative.
+    logs : to record, in order.
+    origins : where the values of the parameters come from.
+    """
 
     knowledge: Knowledge
     now: Array
     logs: tuple[PlannedLog, ...]
-    drop_speed: float
-    drop_now: float
-    drop_then: float
-    price: Mapping[str, Array]
-    tolerances: Mapping[str, float] = field(default_factory=dict)
+    origins: Origins
 
     @property
     def then(self) -> Array:
-        """Half lengths (k,) with all logs."""
+        """Half lengths (d, k) with all logs."""
         return self.logs[-1].halves if self.logs else self.now
 
     @property
@@ -88,41 +87,52 @@ class RecordingPlan:
         return sum(log.duration + SETUP for log in self.logs)
 
 
-def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, fitted: Pair | None = None) -> RecordingPlan:
+def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Result | None = None) -> RecordingPlan:
     """What to record next.
 
-    Args:
-        scene: with values of everything: fixed, else start, else the documented default.
-        logs: that are at hand, of a scene that was not fitted yet.
-        choices: what can be set.
-        fitted: the values of a fit and their covariance, in place of those of the scene.
+    Parameters
+    ----------
+    scene : its values are `fixed`, else `start`, else the documented default.
+    logs : that are at hand, of a scene that was not fitted yet.
+    result : of a converged fit of the scene, whose estimates stand in place of these values.
 
-    Raises:
-        IdentifyError: nothing that is asked for is searched, or no log of any design slips.
+    Raises
+    ------
+    IdentifyError : nothing that is asked for is searched, or no log of any design slips.
     """
-    known = _knowledge(scene, logs, choices, fitted)
-    load = _load(scene, logs, choices)
-    speed = _speed(scene, logs)
-    designs = _designs(known, speed, load, choices)
-    tried = Rehearsals(known)
-    if all(tried.at(design, 0) is None for design in designs):
+    pair = None if result is None else pair_of(result, scene, 0)
+    if pair is not None and pair.untold:
+        raise IdentifyError(f"{pair.untold}; plan from a scene without a fit instead")
+    values = dict(scene.values()) | {n: v for n, v in (pair.values if pair else {}).items() if n in scene.values()}
+    load = _load(scene, logs, choices, result)
+    knowledge = _knowledge(scene, values, load, logs, choices, pair, result)
+    lone = _lone_speeds(_speeds_at_hand(logs, result), scene)
+    speeds = _speeds(scene, logs)
+    tried = Candidates(knowledge)
+    designs = _designs(knowledge, speeds, load, choices)
+    if all(tried.at(design) is None for design in designs):
         raise IdentifyError(
             "no log of any speed that was tried slips with the values of this scene; give starts in [parameters] that "
             "are nearer to the pair, a softer spring or a higher load (--stiffness, --load)"
         )
-    chosen = tuple(choose(tried, designs, choices.budget, SETUP, MOST))
-    then = known.known + sum((tried.all(log.design, log.times) for log in chosen), start=np.zeros(()))
-    at_speed = min(designs, key=lambda design: abs(math.log(design.speed / speed)) + bool(design.holds))
-    drop_now, drop_then = (_drop(tried, at_speed, precision[0]) for precision in (known.known, then))
-    price = _price(tried, chosen, logs) if chosen else {}
-    now = known.halves(known.known)
-    return RecordingPlan(known, now, chosen, at_speed.speed, drop_now, drop_then, price, dict(scene.rig.tolerances))
+    chosen = choose(tried, designs, choices.budget, SETUP, _repeat(tried, lone, load))
+    guessed = tuple(n for n in assumed(scene, values, pair.values if pair else ()) if n in values)
+    measured = () if pair is None else tuple(n for n in values if n in pair.names)
+    origins = Origins(measured, tuple(n for n in values if n not in (*guessed, *measured)), guessed)
+    return RecordingPlan(knowledge, knowledge.halves(knowledge.precision), tuple(chosen), origins)
 
 
-def _knowledge(scene: Scene, logs: Sequence[Prepared], choices: Choices, fitted: Pair | None) -> Knowledge:
+def _knowledge(
+    scene: Scene,
+    values: Mapping[str, float],
+    load: float,
+    logs: Sequence[Prepared],
+    choices: Choices,
+    pair: Pair | None,
+    result: Result | None,
+) -> Knowledge:
     """What scene, logs or fit know."""
-    unknowns, values = from_scene(scene), dict(scene.values())
-    values |= {name: value for name, value in (fitted.values if fitted else {}).items() if name in values}
+    unknowns = from_scene(scene)
     base = unknowns.base({name: float(getattr(scene.rig, name)) for name in RIG_PARAMETERS})
     theta = unknowns.theta(np.array([values[name] for name in unknowns.names]), base)
     free = np.flatnonzero(unknowns.free)
@@ -131,48 +141,63 @@ def _knowledge(scene: Scene, logs: Sequence[Prepared], choices: Choices, fitted:
     asked = choices.asked or tuple(name for name in names if name not in RIG_PARAMETERS)
     if missing := [name for name in asked if name not in names]:
         raise IdentifyError(f"{missing[0]} is not searched in this scene; expected one of {', '.join(names)}: free it")
-    distance = 2.0 * (values["mu_s"] - values["mu_k0"]) * _load(scene, logs, choices) / values["stiffness"]
     precision = unknowns.prior_precision[np.ix_(free, free)]
-    open_ = np.where(np.isfinite(unknowns.prior_sd), np.inf, unknowns.spread)[free]
-    covariance = inverse(precision + np.diag(open_**-2.0))
-    if fitted is not None and fitted.covariance is not None:
-        # What the fit does not tell has an infinite variance there: as open as before it.
-        finite = np.isfinite(np.diag(fitted.covariance))
-        mine = [i for i, name in enumerate(fitted.names) if name in names and finite[i]]
-        told = [names.index(fitted.names[i]) for i in mine]
-        size = np.where(unknowns.logarithmic, np.array([values[n] for n in unknowns.names]), 1.0)[free[kept[told]]]
-        known = np.asarray(fitted.covariance)[np.ix_(mine, mine)] / np.outer(size, size)
-        covariance[np.ix_(kept[told], kept[told])] = known
-        precision[np.ix_(kept[told], kept[told])] = inverse(known)
-    places = _places(unknowns, theta, covariance, base)
+    systematic = np.zeros(kept.size)
+    if pair is not None and pair.covariance is not None and result is not None:
+        known = [i for i, name in enumerate(pair.names) if name in names and np.isfinite(pair.covariance[i, i])]
+        at = kept[[names.index(pair.names[i]) for i in known]]
+        size = np.where(unknowns.logarithmic, [values[n] for n in unknowns.names], 1.0)[free[at]]
+        published = np.asarray(pair.covariance)[np.ix_(known, known)] / np.outer(size, size)
+        # More logs lower the errors of noise, and not those of rig and sensors.
+        share = np.array([_share_of_noise(result, pair.names[i]) for i in known])
+        precision[np.ix_(at, at)] = inverse(published * np.sqrt(np.outer(share, share)))
+        systematic[[kept.tolist().index(i) for i in at]] = np.diag(published) * (1.0 - share)
+    places = drawn_places(unknowns, theta, precision, base)
     precisions = np.array([precision] * len(places))
-    for place, at in enumerate(places):
+    for place, there in enumerate(places):
         for log in logs:
-            precisions[place] += told_by(unknowns, at, log, log.data.normal_force_sd, distance)
-    noise = choices.noise or scene.rig.noise or (max(log.data.noise for log in logs) if logs else None)
+            precisions[place] += _at_hand(unknowns, there, log)
+    noise = scene.rig.noise or max((log.data.noise for log in logs), default=NOISE * values["mu_s"] * load)
     return Knowledge(
         unknowns,
         kept,
         asked,
         places,
         precisions[:, kept[:, None], kept[None, :]],
+        systematic,
         base,
-        (noise or NOISE * values["mu_s"] * _load(scene, logs, choices)) ** 2,
-        LOAD_ERROR if choices.load_error is None else choices.load_error,
+        noise**2,
+        LOAD_ERROR,
         min([1.0 / log.data.interval for log in logs] or [SLOWEST_RATE]),
-        distance,
         LONGEST,
         fastest=choices.fastest,
-        most=MOST_PLACES,
     )
 
 
-def _places(unknowns: Unknowns, theta: Array, covariance: Array, base: Array) -> Array:
-    """Theta (d, n_p): the likeliest, and draws of the free ones within bounds that make a pair."""
+def _share_of_noise(result: Result, name: str) -> float:
+    """The share of a published variance that is noise, the rig taken as exact."""
+    entry = next((e for key, e in result.parameters.items() if name in (key, e.parameter)), None)
+    if entry is None or entry.interval_rig_exact is None or entry.standard_error is None:
+        return 1.0
+    low, high = entry.interval_rig_exact
+    if low is None or high is None:
+        return 1.0
+    return min((0.5 * (high - low) / (NORMAL * entry.standard_error)) ** 2, 1.0)
+
+
+def drawn_places(unknowns: Unknowns, theta: Array, precision: Array, base: Array) -> Array:
+    """Theta (d, n_p): the likeliest, and draws of the free ones within bounds that make a pair.
+
+    Parameters
+    ----------
+    precision : (f, f) of what is known; what nothing is known of is drawn over its usual spread.
+    """
     random, free = np.random.default_rng(SEED), np.flatnonzero(unknowns.free)
-    values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    reach = np.where(unknowns.logarithmic[free], REACH, np.inf)
+    unknown = np.diag(precision) == 0.0
+    covariance = inverse(precision + np.diag(np.where(unknown, unknowns.spread[free] ** -2.0, 0.0)))
+    sizes, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(sizes, 0.0))
+    reach = np.where(unknowns.logarithmic[free], FARTHEST, np.inf)
     out = [theta]
     for _ in range(100 * PLACES):
         at = theta.copy()
@@ -189,92 +214,86 @@ def _is_pair(values: Mapping[str, float]) -> bool:
     return 0.0 < kinetic < values["mu_s"] and kinetic + change > 0.0
 
 
-def _load(scene: Scene, logs: Sequence[Prepared], choices: Choices) -> float:
-    loads = [log.mean_load for log in logs]
-    known = [*choices.loads[:1], *([scene.rig.normal_force] if scene.rig.normal_force else []), *loads]
-    return float(known[0]) if known else 1.0
+def _at_hand(unknowns: Unknowns, theta: Array, log: Prepared) -> Array:
+    """Information (f, f) of the free theta that a log at hand is expected to hold, at every speed it was driven at."""
+    count, data = int(np.count_nonzero(unknowns.free)), log.data
+    total = np.zeros((count, count))
+    for speed, seconds in driven(data):
+        made = simulated_log(unknowns, theta, data.base, LogDesign(speed, log.mean_load), seconds)
+        if made is not None:
+            times = seconds / made.duration if made.slips else 1.0
+            total += made.information(1.0 / data.interval, data.noise**2, data.normal_force_sd, times)
+    return total
 
 
-def _speed(scene: Scene, logs: Sequence[Prepared]) -> float:
-    """The drive speed that the scene is about [m/s]."""
-    if logs:
-        speeds = [speed for log in logs for speed, _ in driven(log.data)]
-    else:
-        stated = [scene.rig.drive_speed, *(entry.drive_speed for entry in scene.logs)]
-        speeds = [abs(v) for drive in stated if drive is not None for v in Drive.of(drive).speeds if v]
-    return float(np.exp(np.mean(np.log(speeds)))) if speeds else 1e-3
+def driven(data: LogData) -> list[tuple[float, float]]:
+    """At which speeds [m/s] a log was driven, and for how long each [s]; rests of the drive left out."""
+    if data.programme is None:
+        return [(data.drive_speed, data.end - data.begin)]
+    starts = np.clip([*data.programme.starts, data.end], data.begin, data.end)
+    pieces = zip(data.programme.speeds, np.diff(starts).tolist(), strict=True)
+    return [(abs(speed), seconds) for speed, seconds in pieces if speed != 0.0 and seconds > 0.0]
 
 
-def _designs(known: Knowledge, speed: float, load: float, choices: Choices) -> list[LogDesign]:
-    """Among which is chosen: steady drives, and drives with holds, at about three times the speed of the scene."""
-    speeds = choices.speeds or tuple(dials(speed / BEYOND, speed * BEYOND, DIALS))
+def _load(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Result | None) -> float:
+    """The normal force of the logs to record [N]: as asked, as stated, else that of the logs at hand."""
+    stated = [scene.rig.normal_force] if scene.rig.normal_force else []
+    fitted = [log.normal_force_N for log in (result.logs if result else ()) if log.normal_force_N]
+    at_hand = fitted or stated or [log.mean_load for log in logs] or [1.0]
+    return float(choices.loads[0] if choices.loads else np.median(at_hand))
+
+
+def _speeds(scene: Scene, logs: Sequence[Prepared]) -> list[float]:
+    """The drive speeds that the scene is about [m/s]."""
+    speeds = [speed for log in logs for speed, _ in driven(log.data)]
+    stated = [scene.rig.drive_speed, *(entry.drive_speed for entry in scene.logs)]
+    speeds = speeds or [abs(v) for drive in stated if drive is not None for v in Drive.of(drive).speeds if v]
+    return speeds or [1e-3]
+
+
+def _speeds_at_hand(logs: Sequence[Prepared], result: Result | None) -> list[float]:
+    """The drive speed of each log that took part [m/s]; none of logs with a programme of several."""
+    if result is None:
+        each = [[speed for speed, _ in driven(log.data)] for log in logs]
+        return [speeds[0] for speeds in each if len(speeds) == 1]
+    return [abs(log.drive_speed_m_per_s) for log in result.logs if log.drive_speed_m_per_s and not log.reason_left_out]
+
+
+def _lone_speeds(speeds: Sequence[float], scene: Scene) -> list[float]:
+    """The speeds, rising, where there are several and each stands in one log only; none where specimens are alike."""
+    rounded = {f"{speed:.2g}" for speed in speeds}
+    alike = scene.tolerances.get("specimen") == 0.0
+    return sorted(speeds) if len(speeds) > 1 and len(rounded) == len(speeds) and not alike else []
+
+
+def _repeat(tried: Candidates, lone: Sequence[float], load: float) -> tuple[LogDesign, int] | None:
+    """A log that repeats the middle one of speeds that stand in one log only."""
+    for speed in sorted(lone, key=lambda speed: abs(math.log(speed / lone[len(lone) // 2]))):
+        design = LogDesign(speed, load)
+        log = tried.at(design)
+        if log is not None and log.slips:
+            most = max(int(LONGEST / log.duration), 1)
+            return design, min(math.ceil(REPEATED_SLIPS / log.slips), most)
+    return None
+
+
+def dialled(speeds: Sequence[float]) -> list[float]:
+    """Drive speeds that one would set about some [m/s], rising."""
+    low, high = min(speeds) / BEYOND, max(speeds) * BEYOND
+    return [v for decade in DECADES for dial in DIALS if low <= (v := float(f"{dial}e{decade}")) <= high]
+
+
+def _designs(known: Knowledge, speeds: Sequence[float], load: float, choices: Choices) -> list[LogDesign]:
+    """Among which is chosen: steady drives, and drives with holds at about three times the speed of the scene."""
+    steady = choices.speeds or tuple(dialled(speeds))
+    middle = float(np.exp(np.mean(np.log(speeds))))
     out = []
     for spring in choices.stiffnesses or (None,):
         for normal_force in choices.loads or (load,):
-            out += [LogDesign(v, normal_force, spring) for v in speeds]
-            fast = min(speeds, key=lambda v: abs(math.log(v / (3.0 * speed))))
-            steady = LogDesign(fast, normal_force, spring)
-            out += [with_holds(known, steady, holds) for holds in ((choices.holds,) if choices.holds else HOLDS)]
-    return out
-
-
-def with_holds(known: Knowledge, steady: LogDesign, holds: Sequence[float]) -> LogDesign:
-    """A drive that stands for so long each [s] between runs that end in a stick, after a slip at least: clear of any
-    slip at the likeliest place, and at the others as far as can be. A slip in which the drive stops, or that begins
-    just before, is another one where the pair is a little different. Where it slides on, runs reach past the peak."""
-    base, unknowns = base_of(known.unknowns, known.base, steady), known.unknowns
-    values = [dict(zip(unknowns.names, unknowns.values(at, base).tolist(), strict=True)) for at in known.places]
-    # As far as the spring is pulled and let go at most, in a slip that meets the friction of a fast one all along.
-    weakest = [v["mu_k0"] + min(v.get("delta_mu_k", 0.0), 0.0) for v in values]
-    reach = max((3.0 * v["mu_s"] - 2.0 * w) / v["stiffness"] for v, w in zip(values, weakest, strict=True))
-    longest = reach * steady.normal_force / steady.speed  # a first cycle
-    runs = np.linspace(0.0, LONGEST_RUN * longest, ENDS)[1:]
-    programme, at = list[tuple[float, float]](), 0.0
-    for hold in (*holds, 0.0):
-        programme.append((at, steady.speed))
-        run = replace(steady, drive=tuple(programme))
-        clear = np.minimum([at_rest(unknowns, theta, base, run, at + runs) for theta in known.places], CLEAR)
-        score = np.where(clear[0] >= np.max(clear[0]), np.mean(clear, axis=0), -1.0)
-        at += float(runs[int(np.argmax(score >= ALMOST * np.max(score)))]) if np.any(score > 0.0) else longest
-        programme += [(at, 0.0)] if hold else []
-        at += hold
-    return replace(steady, drive=tuple(programme), duration=at)
-
-
-def _drop(tried: Rehearsals, design: LogDesign, precision: Array) -> float:
-    """Half length of the 95 % interval of the mean drop in a log of this design, as a share of it."""
-    made = tried.at(design, 0)
-    if made is None or not made.drop > 0.0:
-        return math.nan
-    slopes = made.drop_slopes[tried.knowledge.kept] / made.drop
-    return float(NORMAL * np.sqrt(slopes @ inverse(precision) @ slopes))
-
-
-def _price(tried: Rehearsals, chosen: Sequence[PlannedLog], logs: Sequence[Prepared]) -> dict[str, Array]:
-    """By how much each parameter (k,) moves, as shares of what it is judged by, where the rig is wrong by 5 % and the
-    fit does not know: linear, from the information of all parameters together at the likeliest place."""
-    k = tried.knowledge
-    unknowns, theta = k.unknowns, k.places[0]
-    rig = np.array([name in RIG_PARAMETERS for name in unknowns.names])
-    values = unknowns.values(theta, k.base)
-    wide = replace(unknowns, free=unknowns.free | (rig & (values > 0.0)))
-    free = np.flatnonzero(wide.free)
-    held = [told_by(wide, theta, log, log.data.normal_force_sd, k.distance) for log in logs]
-    total = np.asarray(sum(held, start=np.zeros((free.size, free.size))))
-    for log in chosen:
-        made = rehearse(wide, theta, base_of(unknowns, k.base, log.design), log.design, k.distance, k.longest)
-        if made is not None:
-            seconds = max(1.0 / log.rate, k.apart)
-            load_sd = k.load_error * log.design.normal_force
-            total += made.information(1.0 / seconds, k.variance, load_sd, log.times)
-    searched = [free.tolist().index(i) for i in np.flatnonzero(unknowns.free)[k.kept].tolist()]
-    friction = [place for place in searched if not rig[free[place]]]
-    directions = {unknowns.names[i]: np.eye(free.size)[place] for place, i in enumerate(free.tolist()) if rig[i]}
-    directions["drive_speed"] = by_drive_speed(wide, values)[free]
-    inner, out = inverse(total[np.ix_(friction, friction)]), {}
-    for name in (name for name in PRICED if name in directions):
-        # The rig is held, wrong: what is searched takes up the error as far as the data let it.
-        shift = np.zeros(free.size)
-        shift[friction] = inner @ total[friction] @ (WRONG * directions[name])
-        out[name] = np.abs(shift[searched]) / k.sizes(theta)
+            out += [LogDesign(v, normal_force, spring) for v in steady]
+            fast = LogDesign(min(steady, key=lambda v: abs(math.log(v / (3.0 * middle)))), normal_force, spring)
+            try:
+                out += [with_holds(known, fast, holds) for holds in ((choices.holds,) if choices.holds else HOLDS)]
+            except SimulationError:
+                continue  # the model refuses this motion: steady drives are left
     return out

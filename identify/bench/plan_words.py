@@ -5,14 +5,18 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from identify.base.wording import columns, speed_text, three_figures, wrapped
-from identify.bench.designs import PlannedLog
-from identify.bench.plan import SETUP, WRONG, RecordingPlan
+from identify.bench.design import PlannedLog, promised
+from identify.bench.plan import SETUP, RecordingPlan
 from identify.estimation.covariance import IDENTIFIED, WEAK
 from identify.prediction.wording import listed
+
+Array = NDArray[np.float64]
 
 TABLE = (
     "log",
@@ -25,27 +29,24 @@ TABLE = (
     "what",
 )
 NOISE_ALONE = (
-    "these are intervals of noise alone, as the first ones of a fit; errors of sensors, and of what is taken as exact "
-    "of the rig, come on top (its second ones)"
+    "these are intervals of noise alone; errors of the sensors, and of what is taken as exact of the rig, add to them"
 )
-RIG_WORDS = {
-    "mass": "the mass",
-    "stiffness": "the stiffness",
-    "damping": "the damping",
-    "drive_speed": "the drive speed",
-}
+WITH_TOLERANCES = "the intervals hold the errors of rig and sensors, which no log lowers"
 
 
-def shown_half(half: float) -> str:
-    """A half length as "± 8 %", or that it is not told."""
-    if not math.isfinite(half) or half > WEAK - 1.0:
-        return "not told"
-    return f"± {_percent(half)}"
+def shown_half(halves: Array) -> str:
+    """Half lengths (d,) as "± 8 %", or "± 5 to 20 %" where they differ from place to place."""
+    low, high = (_percent(float(half)) for half in (np.min(halves), np.max(halves)))
+    if low == high:
+        return f"± {low} %" if low else "open"
+    return f"± {low} to {high} %" if high else f"± {low} % to open"
 
 
 def _percent(share: float) -> str:
-    """Two digits of a share, without a power of ten."""
-    return f"{float(f'{100.0 * share:.2g}'):.15g} %"
+    """Two digits of a share, without a power of ten; "" where an interval is open."""
+    if not math.isfinite(share) or share > WEAK - 1.0:
+        return ""
+    return f"{float(f'{100.0 * share:.2g}'):.15g}"
 
 
 def verdict(half: float) -> str:
@@ -63,8 +64,9 @@ def described(log: PlannedLog) -> str:
         again = f", {log.times} times over" if log.times > 1 else ""
         runs = f"holds of {holds} s between runs at {speed_text(design.speed, 3)}{again}"
         return f"{runs}, {seconds_text(log.duration)} in all, {load}, at {log.rate:.0f} Hz"
+    again = ": a repeat with another specimen" if log.repeats else ""
     at = f"{speed_text(design.speed, 3)}, {load}, at {log.rate:.0f} Hz"
-    return f"a log of {seconds_text(log.duration)} at {at} ({log.slips} slips)"
+    return f"a log of {seconds_text(log.duration)} at {at} ({log.slips} slips){again}"
 
 
 def seconds_text(seconds: float) -> str:
@@ -75,100 +77,58 @@ def seconds_text(seconds: float) -> str:
     return f"{math.ceil(seconds / step - 1e-9) * step:.3g} s"
 
 
-def said(plan: RecordingPlan) -> str:
-    """The whole plan for a terminal."""
-    lines = [wrapped(_sentence(plan))]
+def plan_text(plan: RecordingPlan, source: str = "") -> str:
+    """The whole plan for a terminal; its first line says what it is of (`source`) and where the values come from."""
+    lines = [wrapped(" ".join(filter(None, (source, plan.origins.text))), "", ""), wrapped(_summary(plan))]
     lines += [wrapped(f"{number}. {described(log)}", "  ") for number, log in enumerate(plan.logs, 1)]
-    lines += ["", columns(_rows(plan)), wrapped(NOISE_ALONE)]
-    open_ = [name for name, half in _asked(plan) if half > IDENTIFIED]
+    if any(log.repeats for log in plan.logs):
+        lines.append(
+            wrapped(
+                "every drive speed stands in one log only, so that a difference between specimens counts as one of "
+                "speed: repeat one speed, or state specimen = 0 under [tolerances] where all logs are of one specimen"
+            )
+        )
+    lines += ["", columns(_rows(plan)), wrapped(WITH_TOLERANCES if plan.knowledge.systematic.any() else NOISE_ALONE)]
+    if plan.knowledge.places.shape[0] > 1 and any("to" in cell for row in _rows(plan) for cell in row[1:-1]):
+        lines.append(wrapped("ranges are over the values that the parameters may have"))
+    then = promised(plan.then)
+    open_ = [plan.knowledge.names[i] for i in plan.knowledge.wanted if then[i] > IDENTIFIED]
     if open_:
-        lines.append(wrapped(_open_words(plan, open_)))
-    return "\n".join([*lines, *_price_lines(plan)])
+        lines.append(
+            wrapped(
+                f"{listed(open_)}: no set of logs within the budget, at the speeds, loads and springs that were tried, "
+                f"tells more; allow a longer --budget, or another --load or --stiffness"
+            )
+        )
+    return "\n".join(lines)
 
 
-def _sentence(plan: RecordingPlan) -> str:
+def _summary(plan: RecordingPlan) -> str:
+    knowledge, now, then = plan.knowledge, promised(plan.now), promised(plan.then)
     if not plan.logs:
-        told = all(half <= IDENTIFIED for _, half in _asked(plan))
+        told = all(then[i] <= IDENTIFIED for i in knowledge.wanted)
         return (
             "nothing to add: what is at hand tells everything that is asked for"
             if told
             else "no log among those that were tried, and within the budget, is expected to tell more; see below"
         )
-    now = dict(zip(plan.knowledge.names, plan.now, strict=True))
     moved = [
-        f"{name} {shown_half(now[name])} → {shown_half(half)}" for name, half in _asked(plan) if half < 0.8 * now[name]
+        f"{knowledge.names[i]} {shown_half(plan.now[:, i])} → {shown_half(plan.then[:, i])}"
+        for i in knowledge.wanted
+        if then[i] < 0.8 * now[i]
     ]
-    one = len(plan.logs) == 1
-    return f"add {'this log' if one else f'these {len(plan.logs)} logs'}: {', '.join(moved)}; {_minutes(plan.seconds)}"
-
-
-def _minutes(seconds: float) -> str:
-    return f"{math.ceil(seconds / 60.0)} minutes, {SETUP / 60.0:.0f} for setting up each log included"
-
-
-def _asked(plan: RecordingPlan) -> list[tuple[str, float]]:
-    k = plan.knowledge
-    return [(k.names[i], float(plan.then[i])) for i in k.wanted]
+    these = "this log" if len(plan.logs) == 1 else f"these {len(plan.logs)} logs"
+    minutes = f"{math.ceil(plan.seconds / 60.0)} minutes, {SETUP / 60.0:.0f} for setting up each log included"
+    return f"add {these}: {'; '.join([*([', '.join(moved)] if moved else []), minutes])}"
 
 
 def _rows(plan: RecordingPlan) -> list[list[str]]:
-    """Parameter, interval now, after each log, expected verdict; the drop at the end."""
-    names, steps = plan.knowledge.names, [plan.now, *(log.halves for log in plan.logs)]
-    heads = ["", "now", *(f"with {number}" for number in range(1, len(plan.logs) + 1)), "the fit will call it"]
-    rows = [heads]
-    for i, name in enumerate(names):
-        rows.append([name, *(shown_half(float(halves[i])) for halves in steps), verdict(float(plan.then[i]))])
-    if math.isfinite(plan.drop_then):
-        drop = [
-            shown_half(plan.drop_now),
-            *[""] * max(len(plan.logs) - 1, 0),
-            *([shown_half(plan.drop_then)] * bool(plan.logs)),
-        ]
-        rows.append([f"drop at {speed_text(plan.drop_speed, 3)}", *drop, ""])
+    """Parameter, interval now, after each log, expected verdict."""
+    steps, then = [plan.now, *(log.halves for log in plan.logs)], promised(plan.then)
+    rows = [["", "now", *(f"with {number}" for number in range(1, len(plan.logs) + 1)), "the fit will call it"]]
+    for i, name in enumerate(plan.knowledge.names):
+        rows.append([name, *(shown_half(halves[:, i]) for halves in steps), verdict(float(then[i]))])
     return rows
-
-
-def _open_words(plan: RecordingPlan, names: Sequence[str]) -> str:
-    return (
-        f"{listed(list(names))} stays open: no set of logs within the budget, at the speeds, loads and springs that "
-        "were tried, tells more; allow a longer --budget, or another --load or --stiffness"
-    )
-
-
-def _price_lines(plan: RecordingPlan) -> list[str]:
-    """The table of what a wrong rig does, and whether a record of the rig is worth making first."""
-    if not plan.price:
-        return []
-    wanted = plan.knowledge.wanted
-    rows = [[f"{100 * WRONG:.0f} % off in", *(plan.knowledge.names[i] for i in wanted)]]
-    for name, shift in plan.price.items():
-        rows.append([RIG_WORDS[name], *(_moved(float(shift[i])) for i in wanted)])
-    lines = [
-        "",
-        wrapped("the price of a wrong rig, taken as exact, by how much it moves each parameter:"),
-        columns(rows),
-    ]
-    # What is stated with a tolerance is part of the intervals already.
-    exact = [name for name in plan.price if name not in plan.tolerances]
-    if not exact:
-        return [*lines, wrapped("the intervals above hold what the scene states to be uncertain of the rig")]
-    worst = max(exact, key=lambda name: max(float(plan.price[name][i]) for i in wanted))
-    most = max(wanted, key=lambda i: float(plan.price[worst][i]))
-    moves, half = float(plan.price[worst][most]), float(plan.then[most])
-    moved = f"moves {plan.knowledge.names[most]} by {_moved(moves)}"
-    if moves > max(half, IDENTIFIED):
-        remedy = "time a stroke of known length" if worst == "drive_speed" else "make the records of docs/measuring.md"
-        words = (
-            f"measure {RIG_WORDS[worst]} first: 5 % of it {moved}, which the logs tell to {shown_half(half)}; {remedy}"
-        )
-        return [*lines, wrapped(f"{words}, and state what stays open as a tolerance")]
-    taken = f"of what is taken as exact ({listed([RIG_WORDS[name] for name in exact])}) nothing needs a record first"
-    return [*lines, wrapped(f"{taken}: 5 % of {RIG_WORDS[worst]} {moved}, and no error does more")]
-
-
-def _moved(shift: float) -> str:
-    """A shift as a share; a linear one beyond the whole is only known to be that large."""
-    return _percent(shift) if shift < 1.0 else "over 100 %"
 
 
 def step_table(plan: RecordingPlan) -> str:
@@ -198,24 +158,29 @@ def stated_drives(plan: RecordingPlan) -> str:
 
 def _steps(log: PlannedLog) -> list[tuple[float, float]]:
     """Speed [m/s] and duration [s] of each step."""
-    drive = log.design.drive
-    if not isinstance(drive, tuple):
-        return [(drive, log.duration)]
-    ends = [*(start for start, _ in drive[1:]), log.design.duration]
-    return [(speed, end - start) for (start, speed), end in zip(drive, ends, strict=True)] * log.times
+    design = log.design
+    return design.steps * log.times if isinstance(design.drive, tuple) else [(design.speed, log.duration)]
 
 
 def plan_document(plan: RecordingPlan) -> dict[str, Any]:
-    """What --json prints, SI; half lengths as shares of what each parameter is judged by, null where it is not told."""
-    names = plan.knowledge.names
+    """What --json prints, SI; half lengths as shares of what each parameter is judged by, null where they are open."""
+    names, origins = plan.knowledge.names, plan.origins
 
-    def told(halves: Sequence[float]) -> dict[str, float | None]:
-        return {n: float(h) if math.isfinite(h) and h < 1e6 else None for n, h in zip(names, halves, strict=True)}
+    def told(halves: Array) -> dict[str, float | None]:
+        return {n: h if math.isfinite(h) and h < 1e6 else None for n, h in zip(names, halves.tolist(), strict=True)}
+
+    def ranges(halves: Array) -> dict[str, list[float | None]]:
+        low, high = told(np.min(halves, axis=0)), told(np.max(halves, axis=0))
+        return {name: [low[name], high[name]] for name in names}
 
     return {
-        "now": told(plan.now.tolist()),
-        "then": told(plan.then.tolist()),
-        "verdicts": {n: verdict(float(h)) for n, h in zip(names, plan.then, strict=True)},
+        "measured": list(origins.measured),
+        "stated": list(origins.stated),
+        "assumed": list(origins.assumed),
+        "now": told(promised(plan.now)),
+        "then": told(promised(plan.then)),
+        "ranges": {"now": ranges(plan.now), "then": ranges(plan.then)},
+        "verdicts": {n: verdict(float(h)) for n, h in zip(names, promised(plan.then), strict=True)},
         "seconds": plan.seconds,
         "logs": [
             {
@@ -229,11 +194,9 @@ def plan_document(plan: RecordingPlan) -> dict[str, Any]:
                 "duration": log.duration,
                 "sampling_rate": log.rate,
                 "slips": log.slips,
-                "expected": told(log.halves.tolist()),
+                "repeats": log.repeats,
+                "expected": told(promised(log.halves)),
             }
             for log in plan.logs
         ],
-        "drop": {"drive_speed": plan.drop_speed, "now": plan.drop_now, "then": plan.drop_then},
-        "price": {name: told(shift.tolist()) for name, shift in plan.price.items()},
-        "price_of": WRONG,
     }

@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 from typing import Any
 
-from identify.bench import next_log as words
+from identify.bench.next_log import remedy_for
 from identify.report.shown_error import said_once
 
 LOG = "add a log of 52 s at 0.2 mm/s and 0.943 N, sampled at 500 Hz, which is expected to tell it to "
@@ -26,5 +26,5 @@ def test_it_knows_the_advice_as_a_fit_words_it() -> None:
         duration=52.0, drive_speed=2e-4, normal_force=1.0, sampling_rate=500.0, expected={"a": 0.05, "D": 0.02}
     )
     advice: Any = SimpleNamespace(logs=(log,))
-    told = [words._remedy(name, advice) for name in ("a", "D")]
+    told = [remedy_for(name, advice) for name in ("a", "D")]
     assert said_once(told) == [told[0], "the same log is expected to tell it to 2 %"]

@@ -222,10 +222,10 @@ def test_the_command_line_says_it(tmp_path, capsys):
 
     path = tmp_path / "scene.toml"
     path.write_text(FULL_SCENE.replace("1 mm/s", "22 mm/s"))
-    code = main(["stability", "--scene", str(path), "--advice", "10 %", "--draws", "60", "--json"])
+    code = main(["stability", "--scene", str(path), "--advice", "10 %", "--draws", "20", "--json"])
     point = json.loads(capsys.readouterr().out)["points"][0]
     assert code == 0 and point["advice"]["margin"] == pytest.approx(0.1)
-    assert point["sureness"]["draws"] + point["sureness"]["refused"] == 60
+    assert point["sureness"]["draws"] + point["sureness"]["refused"] == 20
     assert 0.0 < point["sureness"]["possible"]["value"] < 1.0
     speed = point["advice"]["changes"][0]
     assert speed["advised"]["value"] == pytest.approx(1.1 * speed["limit"]["value"])
@@ -247,7 +247,7 @@ def test_every_number_of_an_answer_has_an_interval():
 
 
 def test_intervals_are_those_of_differences():
-    """Half widths against answers at moved parameters: the same covariance. Quantiles of 400 draws are good to 4 %."""
+    """Half widths against answers at moved parameters. Quantiles of 400 draws have a standard error of 4.8 %."""
     values, names, speed = ALL | {"a": 3.0}, ("mass", "mu_s", "damping", "t_cr"), 2e-5
     sd = {name: 0.003 * values[name] for name in names}
 
@@ -256,19 +256,17 @@ def test_intervals_are_those_of_differences():
         return document["amplitude"] | document["stability"]["sliding"] | document["closed_forms"]
 
     here = told({}, np.diag([step**2 for step in sd.values()]))
-    moved = [[told({name: values[name] + side * step}) for side in (1, -1)] for name, step in sd.items()]
+    plain, moved = told({}), [told({name: values[name] + step}) for name, step in sd.items()]
     for quantity in ("share_in_slip", "friction_force", "period", "critical_speed", "Pi_fc", "Omega_c"):
-        moves = [(up[quantity]["value"] - down[quantity]["value"]) / 2 for up, down in moved]
+        moves = [there[quantity]["value"] - plain[quantity]["value"] for there in moved]
         low, high = here[quantity]["interval"]
-        assert (high - low) / 2 == pytest.approx(1.959964 * np.linalg.norm(moves), rel=0.2), (
-            quantity
-        )  # ends of 400 draws
+        assert (high - low) / 2 == pytest.approx(1.959964 * np.linalg.norm(moves), rel=0.1), quantity
 
 
 def test_an_open_interval_of_a_limit_says_why():
     names = ("mu_s", "t_cr")
     told = to_dict(
-        stabilising_changes(MODEL, OperatingPoint(ALL, SPEED, LOAD, np.diag([1e-6, np.inf])), names, draws=40)
+        stabilising_changes(MODEL, OperatingPoint(ALL, SPEED, LOAD, np.diag([1e-6, np.inf])), names, draws=5)
     )
     limit = told["changes"][0]["limit"]
     assert limit["interval"] == [None, None] and "these data do not tell t_cr" in limit["reason"]
