@@ -17,7 +17,6 @@ from identify.cli.common import (
     quantity,
 )
 from identify.cli.interrupt import ends_by_itself
-from identify.cli.outlets import shortened
 
 if TYPE_CHECKING:
     from identify.studies.planning import BatchPlan
@@ -56,7 +55,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
         if len(error.complaints) == 1:
             raise
         for complaint in error.complaints[:MOST_SAID]:
-            terminal.note(shortened(f"  {complaint}"))
+            terminal.note(f"  {complaint}")
         if len(error.complaints) > MOST_SAID:
             terminal.note(f"  and {len(error.complaints) - MOST_SAID} more")
         message = f"{len(error.complaints)} things to mend before the batch can begin; nothing was fitted"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
-from difflib import SequenceMatcher
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TextIO
 
@@ -32,6 +32,20 @@ class Answer:
     document: Mapping[str, Any] = field(default_factory=dict)
 
 
+def write_line(text: str, stream: TextIO) -> None:
+    """Write one line at once; a reader that has left does not end the work, nor change its exit code."""
+    try:
+        print(text, file=stream, flush=True)
+    except BrokenPipeError:
+        silence(stream)
+
+
+def silence(stream: TextIO) -> None:
+    """Send what is still to be written to a stream into nothing, so that Python does not fail at its end."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
 @dataclass(frozen=True)
 class Terminal:
     """Where words for people go: standard output, or standard error while --json is on.
@@ -46,11 +60,11 @@ class Terminal:
 
     def say(self, text: str = "") -> None:
         """Words that are the answer."""
-        print(text, file=self.words)
+        write_line(text, self.words)
 
     def note(self, text: str) -> None:
         """Words beside the answer: progress, warnings."""
-        print(text, file=self.notes, flush=True)
+        write_line(text, self.notes)
 
 
 LONG = 30_000_000  # bytes of a log from which on reading shows its progress
@@ -241,8 +255,3 @@ def standard_terminal(json_mode: bool, *, quiet: bool = False, progress: HowToTe
     """Standard output for words, or standard error while standard output is kept for the JSON document."""
     notes = open(os.devnull, "w", encoding="utf-8") if quiet else sys.stderr  # noqa: PTH123, SIM115 - until the end
     return Terminal(words=sys.stderr if json_mode else sys.stdout, notes=notes, progress=progress)
-
-
-def nearest(word: str, known: Iterable[str]) -> str:
-    """The known word that looks most like this one."""
-    return max(known, key=lambda name: SequenceMatcher(None, word.lower(), name.lower()).ratio())

@@ -9,8 +9,7 @@ import sys
 import traceback
 import warnings
 from argparse import SUPPRESS, ArgumentParser, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Callable, Mapping, Sequence
-from itertools import takewhile
+from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -23,16 +22,16 @@ from identify.cli.common import (
     Answer,
     CommandLineError,
     HowToTell,
-    nearest,
+    silence,
     standard_terminal,
 )
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
-from identify.cli.outlets import outlets, shortened
 
 if TYPE_CHECKING:
     from identify.cli.calculators import Calculator
 
 STOPPED = "interrupted; no half-written result is left behind"
+LONGEST = 400  # characters of a sentence that ends a command
 DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude and a report."
 EPILOG = """\
 first steps:
@@ -51,30 +50,6 @@ class _Parser(ArgumentParser):
     def __init__(self, **arguments: Any) -> None:
         super().__init__(allow_abbrev=False, **arguments)
 
-    commands: Mapping[str, ArgumentParser] = {}
-
-    def check_words(self, given: Sequence[str]) -> None:
-        """Refuse a command or an option that there is not, by the name that is nearest to it.
-
-        Raises:
-            CommandLineError: the first such word.
-        """
-        name = next((word for word in given if not word.startswith("-")), None)
-        if name is not None and name not in self.commands:
-            raise CommandLineError(
-                f"there is no command {name!r}; did you mean {nearest(name, self.commands)!r}? "
-                f"Known are {', '.join(self.commands)}"
-            )
-        place = self if name is None else self.commands[name]
-        options = place._option_string_actions
-        for word in takewhile(lambda word: word != "--", given):
-            option = word.partition("=")[0]
-            if option.startswith("--") and option not in options:
-                raise CommandLineError(
-                    f"{place.prog} has no option {option}; did you mean {nearest(option, options)}? See: "
-                    f"{place.prog} --help"
-                )
-
     def error(self, message: str) -> NoReturn:
         raise CommandLineError(f"{message}; see: {self.prog} --help")
 
@@ -89,7 +64,6 @@ def commands() -> tuple[ModuleType | Calculator, ...]:
         batch,
         cache,
         compare,
-        completion,
         convert,
         demo,
         fit,
@@ -119,7 +93,6 @@ def commands() -> tuple[ModuleType | Calculator, ...]:
         app,
         convert,
         cache,
-        completion,
     )
 
 
@@ -130,12 +103,10 @@ def build_parser() -> _Parser:
     )
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     known = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
-    parser.commands = known.choices
-    parser.set_defaults(commands=known.choices)
     for command in commands():
         sub = known.add_parser(command.NAME, help=command.HELP, description=command.HELP)
         command.add_arguments(sub)
-        sub.set_defaults(run=command.run, parser=parser)
+        sub.set_defaults(run=command.run)
     for place in (parser, *known.choices.values()):
         place.add_argument("--json", action="store_true", help="one JSON document on standard output, words on stderr")
         place.add_argument("--debug", action="store_true", help="show the traceback of an error")
@@ -158,15 +129,30 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     given = list(sys.argv[1:] if argv is None else argv)
     json_mode, debug = "--json" in given, "--debug" in given
-    with outlets():
-        with interruptible(_last_words(json_mode) if argv is None else None):
-            answer = _ended(given, json_mode, debug)
-        try:
-            _print_document(answer, json_mode)
-            sys.stdout.flush()
-        except OSError as error:
-            answer = _failed(WRONG_INPUT, _sentence(error), debug)
+    _open_streams()
+    with interruptible(_last_words(json_mode) if argv is None else None):
+        answer = _ended(given, json_mode, debug)
+    try:
+        _print_document(answer, json_mode)
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader has left; the exit code is that of the work
+        silence(sys.stdout)
+    except OSError as error:
+        answer = _failed(WRONG_INPUT, _sentence(error), debug)
     return answer.code
+
+
+def _open_streams() -> None:
+    """Standard output and standard error take every word: UTF-8 everywhere, nothing where they were closed (`>&-`)."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:  # else the next file would take the place of a closed one
+        pass
+    os.close(number)
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 - until the process ends
+        elif hasattr(stream, "reconfigure"):
+            stream.reconfigure(encoding="utf-8", errors="replace")
 
 
 def _last_words(json_mode: bool) -> Callable[[], None]:
@@ -195,7 +181,7 @@ def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
             taken_as_handled()
             return _failed(INTERRUPTED, STOPPED, debug)
         if _mendable(error):
-            return _failed(WRONG_INPUT, shortened(_sentence(error), given), debug)
+            return _failed(WRONG_INPUT, _sentence(error), debug)
         words = f"{type(error).__name__}: {error}".strip()
         return _failed(DEFECT, f"a defect of ours ({words}); run again with --debug and report what it prints", debug)
 
@@ -205,7 +191,6 @@ def _run(given: list[str], json_mode: bool) -> Answer:
     # whatever a library prints must not spoil the document
     with contextlib.redirect_stdout(sys.stderr) if json_mode else contextlib.nullcontext():
         try:
-            parser.check_words(given)
             arguments: Namespace = parser.parse_args(given)
         except SystemExit:  # help was asked for and printed
             return Answer(document={"status": "done"})
@@ -257,16 +242,18 @@ def _sentence(error: BaseException) -> str:
 def _failed(code: int, message: str, debug: bool) -> Answer:
     if debug:
         traceback.print_exc()
-    print(f"stickslip: {message}", file=sys.stderr)
+    if len(message) > LONGEST:  # it echoes a long argument
+        message = f"{message[: LONGEST // 2]}…{message[-LONGEST // 2 :]}"
+    with contextlib.suppress(OSError):  # where errors cannot be written, nobody can be told
+        print(f"stickslip: {message}", file=sys.stderr, flush=True)
     return Answer(code, {"schema": 1, "status": "error", "message": message})
 
 
 def _print_document(answer: Answer, json_mode: bool) -> None:
-    spelled_out = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
     if json_mode and answer.code in (DEFECT, WRONG_INPUT, INTERRUPTED):
-        print(json.dumps(answer.document, ensure_ascii=spelled_out))
+        print(json.dumps(answer.document, ensure_ascii=False))
     elif json_mode:
         from identify.report.stored_result import plain
 
         document = {"schema": 1, **plain(answer.document)}
-        print(json.dumps(document, ensure_ascii=spelled_out, allow_nan=False))
+        print(json.dumps(document, ensure_ascii=False, allow_nan=False))

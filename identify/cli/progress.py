@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self, TextIO
 
 from identify.base.progress import Notice
 from identify.base.wording import wrapped
+from identify.cli.common import write_line
 from identify.cli.interrupt import check_interrupted
 
 if TYPE_CHECKING:
@@ -62,8 +63,8 @@ class Progress:
             self._bar.update(self._task, description=stage, completed=share)
         elif self._how == "json" and (stage, share) != (self._stage, self._share):
             line = {"stage": stage, "share": share, "seconds": round(time.monotonic() - self._began, 3)}
-            print(json.dumps(line), file=self._stream, flush=True)
+            write_line(json.dumps(line), self._stream)
         elif self._how != "json" and stage != self._stage:
             since = f"{time.monotonic() - self._began:7.2f} s  " if self._how == "verbose" else ""
-            print(wrapped(stage) if isinstance(stage, Notice) else f"{since}{stage}", file=self._stream, flush=True)
+            write_line(wrapped(stage) if isinstance(stage, Notice) else f"{since}{stage}", self._stream)
         self._stage, self._share = stage, share

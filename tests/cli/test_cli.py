@@ -147,7 +147,7 @@ def test_bad_logs_are_refused_in_one_sentence(folder, capsys, case):
     ("arguments", "words"),
     [
         ([], "no command was given"),
-        (["fitt"], "no command 'fitt'"),
+        (["fitt"], "invalid choice: 'fitt'"),
         (["fit"], "--scene"),
         (["fit", "--scene", "none.toml"], "none.toml: no such scene file"),
         (["fit", "--scene", examples.SCENE, "--set", "rig.mas=1"], "'mass'"),

@@ -26,7 +26,7 @@ PAGES = ("measuring.md", "glossary.md", "faq.md", "python.md")
 @pytest.mark.parametrize("page", PAGES)
 def test_commands_and_options_are_there(page):
     text = " ".join((DOCS / page).read_text(encoding="utf-8").split())
-    commands = cli.build_parser().commands
+    (commands,) = (each.choices for each in cli.build_parser()._actions if each.dest == "command")
     said = re.findall(r"`(?:\S*/)?stickslip ([a-z]+)([^`]*)`", text)
     blocks = "\n".join(re.findall(r"```sh\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL))
     for name, rest in [*said, *re.findall(r"stickslip ([a-z]+)(.*)", blocks)]:
