@@ -6,10 +6,11 @@ import os
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
+
+from identify.cli.progress import HowToTell, Progress, write_line
 
 if TYPE_CHECKING:
     from data_io import Record
@@ -21,29 +22,12 @@ class CommandLineError(Exception):
     """The command line asks for something that cannot be; the text is the whole sentence."""
 
 
-HowToTell = Literal["shown", "verbose", "json"]
-
-
 @dataclass(frozen=True)
 class Answer:
     """What a command gives back: the exit code, and the document that --json prints."""
 
     code: int = DONE
     document: Mapping[str, Any] = field(default_factory=dict)
-
-
-def write_line(text: str, stream: TextIO) -> None:
-    """Write one line at once; a reader that has left does not end the work, nor change its exit code."""
-    try:
-        print(text, file=stream, flush=True)
-    except BrokenPipeError:
-        silence(stream)
-
-
-def silence(stream: TextIO) -> None:
-    """Send what is still to be written to a stream into nothing, so that Python does not fail at its end."""
-    with suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 @dataclass(frozen=True)
@@ -199,8 +183,6 @@ def read(path: str, arguments: Namespace, terminal: Terminal | None = None) -> R
     options = {**log_options(arguments), **part_options(arguments)}
     if terminal is None or _size(path) < LONG:
         return read_log(path, **options)
-    from identify.cli.progress import Progress
-
     with Progress(terminal.notes, terminal.progress) as progress:
         return read_log(path, **options, progress=lambda share: progress(f"reading {Path(path).name}", share))
 

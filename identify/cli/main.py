@@ -21,11 +21,10 @@ from identify.cli.common import (
     WRONG_INPUT,
     Answer,
     CommandLineError,
-    HowToTell,
-    silence,
     standard_terminal,
 )
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
+from identify.cli.progress import HowToTell, silence
 
 if TYPE_CHECKING:
     from identify.cli.calculators import Calculator

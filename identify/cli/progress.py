@@ -5,19 +5,33 @@ from __future__ import annotations
 import json
 import os
 import time
+from contextlib import suppress
 from types import TracebackType
-from typing import TYPE_CHECKING, Self, TextIO
+from typing import TYPE_CHECKING, Literal, Self, TextIO
 
 from identify.base.progress import Notice
 from identify.base.wording import wrapped
-from identify.cli.common import write_line
 from identify.cli.interrupt import check_interrupted
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-    from identify.cli.common import HowToTell
+HowToTell = Literal["shown", "verbose", "json"]
+
+
+def write_line(text: str, stream: TextIO) -> None:
+    """Write one line at once; a reader that has left does not end the work, nor change its exit code."""
+    try:
+        print(text, file=stream, flush=True)
+    except BrokenPipeError:
+        silence(stream)
+
+
+def silence(stream: TextIO) -> None:
+    """Send what is still to be written to a stream into nothing, so that Python does not fail at its end."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 class Progress:
