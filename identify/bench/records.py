@@ -61,12 +61,14 @@ def _tap_name(name: str, number: int, count: int) -> str:
     return f"{name}, tap {number}" if count > 1 else name
 
 
-def _of_tap(tap: RingDown, name: str, added: float) -> tuple[Measured, Measured]:
+def _of_tap(tap: RingDown, name: str, added: float) -> list[Measured]:
     shown = f"{name}: rings at {three_figures(tap.frequency / (2 * np.pi))} Hz for {tap.swings:.0f} swings"
-    return (
-        Measured("frequency", tap.frequency, tap.frequency_error, shown, added),
-        Measured("zeta", tap.zeta, tap.zeta_error, shown, added),
-    )
+    if tap.dry:
+        shown += f", which die along a straight line: a guide rubs with {three_figures(tap.dry)} N"
+    told = [Measured("frequency", tap.frequency, tap.frequency_error, shown, added)]
+    if tap.zeta_error < 1.0:
+        told.append(Measured("zeta", tap.zeta, tap.zeta_error, shown, added))
+    return told
 
 
 def sticks(record: Record, path: Path, speed: float | None, on_skin: bool = False) -> list[Measured]:

@@ -1,20 +1,22 @@
 """A tap on the rig, ringing down: natural frequency and damping ratio with their errors.
 
 With the drive at rest and the specimen lifted off, the force is an offset, a drift and A exp(-zeta w t) cos(w_d t +
-phi), w_d = w sqrt(1 - zeta^2). A lag of the sensor, of any order, changes amplitude and phase only, and adds what dies
-out with its own time constants: the beginning is dropped until it fits like the rest. The error is that of least
-squares, with the power of the residual around the frequency of the ringing in place of its variance: noise with a
-memory, a second mode or friction in a guide widen it.
+phi), w_d = w sqrt(1 - zeta^2). A guide that rubs with a constant force adds a term: the swings then die along a
+straight line, about a level that changes its side with each half swing (Den Hartog 1931); it is taken where the data
+ask for it. A lag of the sensor, of any order, changes amplitude and phase only, and adds what dies out with its own
+time constants: the beginning is dropped until it fits like the rest. The error is that of least squares, with the power
+of the residual around the frequency of the ringing in place of its variance: noise with a memory or a second mode
+widen it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from identify.base.errors import IdentifyError
 from identify.base.quantiles import NORMAL, student
@@ -29,20 +31,22 @@ EXPLAINED = 0.9  # share of the power of a ring-down that a damped swing holds
 WORSE = 1.5  # times the mean square of the rest: a swing that does not fit like it
 SLOWEST = 3.0  # periods in the record: what is slower is drift
 DAMPINGS = (0.003, 0.01, 0.03, 0.1, 0.25)  # damping ratios that a fit starts from
+RUBS = 9.0  # by how much dry friction lowers chi square, at least: three standard errors of its force
 BAND = 0.5, 2.0  # times the frequency: where the residual's power counts
 
 
 @dataclass(frozen=True)
 class RingDown:
     """frequency: natural one, undamped [rad/s]; zeta: damping ratio; frequency_error, zeta_error: standard errors,
-    relative; correlation of the two; start, stop [s] of the part that was fitted; swings in it; samples per swing;
-    time, force, fitted (n,) [s, N]."""
+    relative; correlation of the two; dry: friction force of a guide that rubs [N], 0 where none is seen; start, stop
+    [s] of the part that was fitted; swings in it; samples per swing; time, force, fitted (n,) [s, N]."""
 
     frequency: float
     zeta: float
     frequency_error: float
     zeta_error: float
     correlation: float
+    dry: float
     start: float
     stop: float
     time: Array
@@ -98,7 +102,8 @@ def _period(time: Array, force: Array) -> float | None:
 
 def _taps(time: Array, force: Array, period: float) -> Iterator[tuple[int, int]]:
     """First row and end of what follows each tap: from its highest swing to the next tap, or the end."""
-    rows = np.searchsorted(time, np.arange(time[0], time[-1], period))
+    swings = np.floor((time - time[0]) / period)
+    rows = np.flatnonzero(np.diff(swings, prepend=-1.0))  # a pause of the recording holds none
     if rows.size < 3:
         return
     ends = [*rows[1:].tolist(), time.size]
@@ -124,7 +129,7 @@ def _fitted(time: Array, force: Array, period: float) -> RingDown | None:
         if fit is None:
             return None
         # What has died out tells no more, and drifts; what has not settled yet does not fit like the rest.
-        dies = fit.start + np.log(max(_amplitude(fit) / (0.3 * _noise(fit)), np.e)) / (fit.zeta * fit.frequency)
+        dies = fit.start + _dies(fit) / (fit.zeta * fit.frequency)
         residual, early = fit.force - fit.fitted, fit.time < begin + period
         squares = [float(np.mean(residual[part] ** 2)) for part in (early, ~early) if part.any()]
         if dies < end - period:
@@ -135,8 +140,15 @@ def _fitted(time: Array, force: Array, period: float) -> RingDown | None:
             break
     swung = fit.force - np.mean(fit.force)
     explained = 1.0 - float(np.sum(residual**2) / np.sum(swung**2))
-    clear = _amplitude(fit) > SEEN * _noise(fit) and fit.zeta_error < 1.0
+    clear = _amplitude(fit) > SEEN * _noise(fit) and (fit.zeta_error < 1.0 or fit.dry > 0.0)
     return fit if explained > EXPLAINED and clear else None
+
+
+def _dies(fit: RingDown) -> float:
+    """zeta w t at which a swing is lost in the noise, or has two swings left until dry friction stops it."""
+    first, least = _amplitude(fit), max(0.3 * _noise(fit), 4.0 * fit.dry)
+    line = 2.0 / np.pi * fit.dry / fit.zeta  # the envelope is (A + line) exp(-z) - line
+    return float(np.log(max((first + line) / (least + line), np.e if not line else 1.0 + 1e-9)))
 
 
 def _noise(fit: RingDown) -> float:
@@ -156,29 +168,57 @@ def _basis(t: Array, frequency: float, zeta: float) -> Array:
     return np.column_stack([decay * np.cos(damped * t), decay * np.sin(damped * t), np.ones_like(t), t])
 
 
+def _basis_with_friction(t: Array, frequency: float, zeta: float, turned: float) -> Array:
+    """The same with dry friction, (n, 4): amplitude at the turning point `turned` [s], friction force, level and drift.
+
+    From turning point n on the mass swings about s F, s = (-1)^n: x = s F + (x_n - s F) d, with x_0 = A and
+    x_n+1 = s F (1 + q) - q x_n, q = exp(-pi zeta/sqrt(1 - zeta^2)).
+    """
+    damped = frequency * np.sqrt(max(1.0 - zeta**2, 1e-12))
+    half = np.floor((t - turned) * damped / np.pi)
+    since = t - turned - half * np.pi / damped
+    swing = np.exp(-zeta * frequency * since) * (
+        np.cos(damped * since) + zeta * frequency / damped * np.sin(damped * since)
+    )
+    q = np.exp(-np.pi * zeta * frequency / damped)
+    lost = (1.0 + q) * (1.0 - q**half) / (1.0 - q)
+    side = 1.0 - 2.0 * (half % 2.0)
+    return np.column_stack([side * q**half * swing, side * (1.0 - (1.0 + lost) * swing), np.ones_like(t), t])
+
+
 def _least_squares(time: Array, force: Array, period: float) -> RingDown | None:
-    """The best damped swing through all rows."""
+    """The best damped swing through all rows, with dry friction where they ask for it."""
     t = time - time[0]
     size = float(np.std(force)) or 1.0
 
-    def off(x: Array) -> Array:
-        basis = _basis(t, 2.0 * np.pi / period * np.exp(x[0]), float(np.exp(x[1])))
-        return (force - basis @ np.linalg.lstsq(basis, force, rcond=None)[0]) / size
+    def plain(x: Array) -> Array:
+        return _basis(t, 2.0 * np.pi / period * np.exp(x[0]), float(np.exp(x[1])))
 
-    start = min(DAMPINGS, key=lambda zeta: float(np.sum(off(np.array([0.0, np.log(zeta)])) ** 2)))
-    best = least_squares(
-        off, [0.0, np.log(start)], bounds=([-0.7, np.log(1e-6)], [0.7, np.log(0.9)]), x_scale=[0.1, 1.0]
-    )
-    residual = size * off(best.x)
+    def rubbing(x: Array) -> Array:
+        return _basis_with_friction(t, 2.0 * np.pi / period * np.exp(x[0]), float(np.exp(x[1])), float(x[2]) * period)
+
+    first = np.log(np.array(DAMPINGS))
+    low, high, scale = [-0.7, np.log(1e-6)], [0.7, np.log(0.9)], [0.1, 1.0]
+    viscous = _projected(force / size, plain, np.column_stack([0.0 * first, first]), (low, high), scale)
+    phases, _, _, _ = np.linalg.lstsq(plain(viscous.x), force, rcond=None)
+    turned = float(np.arctan2(phases[1], phases[0])) / (2.0 * np.pi)  # of a period, when the swing is highest
+    turned -= np.ceil(turned)
+    starts = np.column_stack([viscous.x[0] + 0.0 * first, first, turned + 0.0 * first])
+    bounds = [*low, turned - 0.5], [*high, min(turned + 0.5, 0.0)]
+    rubbed = _projected(force / size, rubbing, starts, bounds, [*scale, 0.1])
+    dry = float(np.linalg.lstsq(rubbing(rubbed.x), force, rcond=None)[0][1])
+    variance = _variance(t, rubbed, period, 7)
+    asked = dry > 0.0 and 2.0 * (viscous.cost - rubbed.cost) > RUBS * variance
+    best, basis, unknowns = (rubbed, rubbing, 7) if asked else (viscous, plain, 6)
     frequency, zeta = 2.0 * np.pi / period * float(np.exp(best.x[0])), float(np.exp(best.x[1]))
-    freedom = time.size - 6
-    # Variable projection: its Jacobian is that of all six parameters with the linear ones eliminated (Golub, Pereyra).
-    information = best.jac.T @ best.jac * size**2
-    scale = np.sqrt(np.diag(information))
-    if freedom < 4 or not np.all(scale > 0.0):
+    freedom = time.size - unknowns
+    # Variable projection: its Jacobian is that of all parameters with the linear ones eliminated (Golub, Pereyra).
+    information = best.jac.T @ best.jac
+    scales = np.sqrt(np.diag(information))
+    if freedom < 4 or not np.all(scales > 0.0):
         return None
-    inverse = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
-    variance = float(residual @ residual) / freedom * _memory(t, residual, frequency)
+    inverse = np.linalg.inv(information / np.outer(scales, scales)) / np.outer(scales, scales)
+    variance = _variance(t, best, period, unknowns)
     errors = np.sqrt(variance * np.diag(inverse)) * float(student(0.975, freedom)) / NORMAL
     correlation = float(inverse[0, 1] / np.sqrt(inverse[0, 0] * inverse[1, 1]))
     return RingDown(
@@ -187,12 +227,38 @@ def _least_squares(time: Array, force: Array, period: float) -> RingDown | None:
         float(errors[0]),
         float(errors[1]),
         correlation,
+        dry if asked else 0.0,
         float(time[0]),
         float(time[-1]),
         time,
         force,
-        force - residual,
+        basis(best.x) @ np.linalg.lstsq(basis(best.x), force, rcond=None)[0],
     )
+
+
+def _projected(
+    force: Array,
+    basis: Callable[[Array], Array],
+    starts: Array,
+    bounds: tuple[list[float], list[float]],
+    scale: list[float],
+) -> OptimizeResult:
+    """The least squares over what a basis depends on, its linear coefficients eliminated, from the best of some starts
+    (s, p)."""
+
+    def off(x: Array) -> Array:
+        columns = basis(x)
+        return force - columns @ np.linalg.lstsq(columns, force, rcond=None)[0]
+
+    start = min(starts, key=lambda x: float(np.sum(off(x) ** 2)))
+    return least_squares(off, start, bounds=bounds, x_scale=scale)
+
+
+def _variance(t: Array, fit: OptimizeResult, period: float, unknowns: int) -> float:
+    """Of the residual of a fit, with the power around its frequency in place of that of all frequencies."""
+    residual = fit.fun
+    frequency = 2.0 * np.pi / period * float(np.exp(fit.x[0]))
+    return float(residual @ residual) / max(t.size - unknowns, 1) * _memory(t, residual, frequency)
 
 
 def _memory(t: Array, residual: Array, frequency: float) -> float:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from data_io import Record, write_csv
 from experiments.rig_records import pulled, tapped
@@ -45,6 +46,63 @@ def test_errors_are_those_of_repeats():
         (tap,) = ring_downs(time, clean + 0.01 * random.standard_normal(time.size))
         off.append((np.log(tap.frequency / OMEGA) / tap.frequency_error, np.log(tap.zeta / ZETA) / tap.zeta_error))
     assert np.all(np.abs(np.std(off, axis=0) - 1.0) < 0.3), np.std(off, axis=0)
+
+
+def rubbed(random):
+    """A ring-down in a guide that rubs, integrated numerically; zeta and the dry friction force [N]."""
+    zeta, dry = float(np.exp(random.uniform(np.log(0.001), np.log(0.02)))), random.uniform(0.006, 0.04)
+
+    def moves(_, state, way):
+        return state[1], -(OMEGA**2) * (state[0] + way * dry) - 2 * zeta * OMEGA * state[1]
+
+    def turns(_, state, way):
+        return state[1] * way
+
+    turns.terminal, turns.direction = True, -1
+    rate, begin, state = random.choice([300.0, 500.0, 1000.0]), 0.0, np.array([random.choice([-1.0, 1.0]), 0.0])
+    time = np.arange(int(4.0 * rate)) / rate
+    force = np.full(time.size, 0.0)
+    while begin < 4.0 and abs(state[0]) > dry:
+        way, ends = -np.sign(state[0]), begin + 0.75 * 2 * np.pi / OMEGA
+        start, options = [state[0], 1e-6 * way], {"rtol": 1e-8, "atol": 1e-10, "dense_output": True}
+        half = solve_ivp(moves, (begin, ends), start, events=turns, args=(way,), max_step=0.02, **options)
+        rows = (time >= begin) & (time <= half.t[-1])
+        force[rows] = half.sol(time[rows])[0]
+        begin, state = half.t[-1], half.y[:, -1]
+    force[time > begin] = state[0]
+    noise = random.uniform(0.0005, 0.005) * random.standard_normal(time.size + 100)
+    before = np.arange(100) / rate
+    return np.concatenate([before, time + 100 / rate]), np.concatenate([0.0 * before, force]) + noise, zeta, dry
+
+
+def test_dry_friction_of_a_guide_is_told_apart_from_damping():
+    """Over 20 rigs drawn by lot the intervals hold the truth, and the friction is named."""
+    random, inside = np.random.default_rng(7), []
+    for _ in range(20):
+        time, force, zeta, dry = rubbed(random)
+        (tap,) = ring_downs(time, force)
+        assert tap.dry == pytest.approx(dry, rel=0.1) and tap.frequency == pytest.approx(OMEGA, rel=2e-3)
+        inside.append(abs(np.log(tap.zeta / zeta)) < 3.0 * tap.zeta_error)
+        told = rings(Record(time, np.ones(time.size), force), "tap.csv")
+        assert all("die along a straight line" in m.source for m in told)
+        assert len(told) == (2 if tap.zeta_error < 1.0 else 1)
+    assert sum(inside) >= 19, inside
+
+
+def test_without_dry_friction_none_is_named():
+    random, named = np.random.default_rng(8), 0
+    for _ in range(40):
+        time, force = swing(noise=0.0, zeta=float(np.exp(random.uniform(np.log(0.003), np.log(0.1)))))
+        named += any(tap.dry for tap in ring_downs(time, force + 0.01 * random.standard_normal(time.size)))
+    assert named <= 1
+
+
+def test_a_pause_of_years_between_two_taps_takes_no_memory():
+    time, force = swing(noise=1e-3)
+    time, force = np.concatenate([time, time + 1e7]), np.concatenate([force, force - 0.06])
+    taps = ring_downs(time, force)
+    assert len(taps) == 2
+    assert [tap.zeta for tap in taps] == pytest.approx([ZETA, ZETA], rel=0.02)
 
 
 def test_a_lag_of_the_load_cell_changes_nothing_that_is_told():
