@@ -33,8 +33,8 @@ from identify.prediction.sources import (
 )
 from identify.report.stored_result import read_result, scene_of
 from identify.scene import LogEntry, Scene
-from identify.scene.tables import check_ranges, nearest
-from identify.scene.values import EACH_LOG, check_size
+from identify.scene.tables import check_ranges, check_size, nearest
+from identify.scene.values import EACH_LOG
 
 if TYPE_CHECKING:
     from identify.model.model import Model

@@ -10,7 +10,7 @@ from identify.base.errors import SceneError
 from identify.effects import ALL
 from identify.effects.quantities import Parameter
 from identify.model.model import BASE_PARAMETERS, RIG_PARAMETERS, assemble
-from identify.scene.tables import TomlTable, share
+from identify.scene.tables import Key, TomlTable, share, text
 from identify.scene.values import ParameterSpec, Tie
 
 SEARCHED = ("start", "prior", "per", "tie")  # what makes a given parameter one that is searched
@@ -97,17 +97,16 @@ def _parameter(value: object, p: Parameter) -> ParameterSpec:
     example = (
         f'{p.name} = {{ start = "{p.default:g} {p.unit}" }}' if p.unit else f"{p.name} = {{ start = {p.default} }}"
     )
-    table = TomlTable.of(
-        value, f"[parameters] {p.name}", ("start", "lower", "upper", "fixed", "prior", "per", "tie"), example
-    )
+    number = Key(p.unit)
+    keys = {"start": number, "lower": number, "upper": number, "fixed": number, "prior": Key(), "per": Key(read=text)}
+    table = TomlTable.of(value, f"[parameters] {p.name}", keys | {"tie": Key()}, example)
     if p.name in RIG_PARAMETERS and "fixed" in table.data:
         raise SceneError(f"{table.where} is fixed, but its value stands in [rig]; drop the line to keep it there")
-    prior = TomlTable.of(
-        table.data.get("prior", {}), table.place("prior"), ("mean", "sd"), "prior = { mean = …, sd = … }"
-    )
+    example, known = "prior = { mean = …, sd = … }", {"mean": number, "sd": number}
+    prior = TomlTable.of(table.data.get("prior", {}), table.place("prior"), known, example)
     if len(prior.data) == 1:
         raise SceneError(f"{prior.where} has only {next(iter(prior.data))!r}; give both mean and sd")
-    lower, upper = table.quantity("lower", p.unit), table.quantity("upper", p.unit)
+    lower, upper = table.get("lower"), table.get("upper")
     for word, bound in (("lower", lower), ("upper", upper)):
         if bound is not None and not p.lower <= bound <= p.upper:
             raise SceneError(
@@ -115,13 +114,13 @@ def _parameter(value: object, p: Parameter) -> ParameterSpec:
             )
     return ParameterSpec(
         name=p.name,
-        start=table.quantity("start", p.unit),
+        start=table.get("start"),
         lower=p.lower if lower is None else lower,
         upper=p.upper if upper is None else upper,
-        fixed=table.quantity("fixed", p.unit),
-        prior_mean=prior.quantity("mean", p.unit),
-        prior_sd=_sd(prior, p),
-        per=table.text("per"),
+        fixed=table.get("fixed"),
+        prior_mean=prior.get("mean"),
+        prior_sd=_sd(prior),
+        per=table.get("per"),
         tie=_tie(table, p),
         stated=True,
     )
@@ -135,15 +134,16 @@ def _tie(table: TomlTable, p: Parameter) -> Tie | None:
     """
     if "tie" not in table.data:
         return None
-    said = TomlTable.of(table.data["tie"], table.place("tie"), ("to", "factor", "offset"), 'tie = { to = "mu_s" }')
-    to = said.text("to")
+    known = {"to": Key(read=text), "factor": Key(), "offset": Key(p.unit)}
+    said = TomlTable.of(table.data["tie"], table.place("tie"), known, 'tie = { to = "mu_s" }')
+    to = said.get("to")
     if to is None:
         raise SceneError(f'{said.where} names no parameter; give tie = {{ to = "mu_s" }}')
     wrong = "offset" if p.scale == "log" else "factor"
     if wrong in said.data:
         right = "factor" if wrong == "offset" else "offset"
         raise SceneError(f"{said.where} has {wrong}, which {p.name} cannot take; give {right} instead")
-    factor, offset = said.quantity("factor", ""), said.quantity("offset", p.unit)
+    factor, offset = said.get("factor"), said.get("offset")
     if factor is not None and not factor > 0.0:
         raise SceneError(f"{said.place('factor')} is {factor:g}; expected a positive number: correct it")
     return Tie(to, 1.0 if factor is None else factor, 0.0 if offset is None else offset)
@@ -174,8 +174,7 @@ def check_ties(specs: Mapping[str, ParameterSpec], declared: Sequence[Parameter]
             )
 
 
-def _sd(prior: TomlTable, p: Parameter) -> float | None:
+def _sd(prior: TomlTable) -> float | None:
     relative = share(prior.data.get("sd"), prior.place("sd"))
-    if relative is None:
-        return prior.quantity("sd", p.unit)
-    return relative * abs(prior.quantity("mean", p.unit) or 0.0)
+    deviation: float | None = prior.get("sd") if relative is None else relative * abs(prior.get("mean") or 0.0)
+    return deviation

@@ -5,28 +5,17 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from data_io.units import UnitError, parse_quantity
 from identify.base.errors import SceneError
-from identify.scene.tables import TomlTable, is_number, share, span, stated
-from identify.scene.values import DriveSpeed, LogEntry, Rig
+from identify.scene.tables import DAMPING, LOG, RIG, TIED, TomlTable, is_number, share, stated
+from identify.scene.values import LogEntry, Rig
 
-DAMPING = ("damping", "zeta", "loss_factor", "log_decrement")
-TIED = "natural_frequency_tolerance"  # of sqrt(k/m), in which errors of stiffness and mass that are the same cancel
-RIG = ("mass", "stiffness", TIED, *DAMPING, "damping_frequency", "drive_speed", "normal_force", "noise")
-RIG_PARAMETER_UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N/m"}
-RIG_UNITS = {**RIG_PARAMETER_UNITS, "normal_force": "N", "noise": "N"}
-# What a tribometer can have, SI, and the unit that was probably meant where a bare number is something else.
+RIG_PARAMETERS = ("mass", "stiffness", "damping")
 LARGEST = 1e300  # what is larger is no number, and refused as that
-PLAUSIBLE = {
-    "mass": (1e-5, 50.0, "kg", "g"),
-    "stiffness": (10.0, 1e9, "N/m", "N/mm"),
-    "drive_speed": (1e-9, 1.0, "m/s", "mm/s"),
-    "normal_force": (1e-4, 1e4, "N", "mN"),
-}
 
 
 @dataclass(frozen=True)
@@ -51,15 +40,17 @@ def question_bare_numbers(document: Mapping[str, object]) -> None:
         SceneError: which one, and how to write it.
     """
     logs = document.get("logs", [])
-    tables = [("[rig]", document.get("rig")), *((f"[[logs]] number {n}", log) for n, log in enumerate(_list(logs), 1))]
+    logs = logs if isinstance(logs, list) else []
+    tables = [("[rig]", document.get("rig")), *((f"[[logs]] number {n}", log) for n, log in enumerate(logs, 1))]
     for where, table in tables:
-        for key, (least, most, unit, meant) in PLAUSIBLE.items():
-            value = table.get(key) if isinstance(table, Mapping) else None
+        for name, key in RIG.items() if isinstance(table, Mapping) else ():
+            value = table.get(name)
             for number in _bare_numbers(value.get("value") if isinstance(value, Mapping) else value):
-                if number and not least <= abs(number) <= most:
+                if key.usual and number and not key.usual[0] <= abs(number) <= key.usual[1]:
                     raise SceneError(
-                        f"{where} {key} is the bare number {number:g}, that is {number:g} {unit}, which no usual "
-                        f'tribometer has; write its unit: "{number:g} {meant}", or "{number:g} {unit}" if so meant'
+                        f"{where} {name} is the bare number {number:g}, that is {number:g} {key.unit}, which no usual "
+                        f'tribometer has; write its unit: "{number:g} {key.usual[2]}", or "{number:g} {key.unit}" if '
+                        "so meant"
                     )
 
 
@@ -74,10 +65,6 @@ def _bare_numbers_of(values: Sequence[object]) -> list[float]:
     return [v for v in values if isinstance(v, (int, float)) and not isinstance(v, bool) and abs(v) < LARGEST]
 
 
-def _list(value: object) -> list[Any]:
-    return value if isinstance(value, list) else []
-
-
 def with_listed(rig: Mapping[str, object], parameters: object) -> dict[str, Any]:
     """The [rig] table with a value for each quantity that it leaves out and [parameters] has searched: its start, the
     mean of its prior, or the middle of its bounds.
@@ -86,12 +73,12 @@ def with_listed(rig: Mapping[str, object], parameters: object) -> dict[str, Any]
         SceneError: one of these that cannot be read.
     """
     found = dict(rig)
-    for key, unit in RIG_PARAMETER_UNITS.items():
+    for key in RIG_PARAMETERS:
         given = any(name in rig for name in (DAMPING if key == "damping" else (key,)))
         said = parameters.get(key) if isinstance(parameters, Mapping) else None
         if given or not isinstance(said, Mapping):
             continue
-        where, prior = f"[parameters] {key}", said.get("prior")
+        where, unit, prior = f"[parameters] {key}", RIG[key].unit, said.get("prior")
         mean = prior.get("mean") if isinstance(prior, Mapping) else None
         if (value := said.get("start", mean)) is not None:
             found[key] = stated(value, unit, where)
@@ -114,7 +101,7 @@ def _with_tolerance(table: TomlTable, key: str, unit: str) -> tuple[Any, float |
     if relative is not None:
         return value["value"], relative
     if isinstance(tolerance, str):
-        reference = speed_or_quantity(value["value"], unit, inner.where)
+        reference = RIG[key].read(value["value"], unit, inner.where)
         if isinstance(reference, tuple):
             raise SceneError(
                 f"{inner.place('tolerance')} of a programme is {tolerance!r}; expected a share such as 2 %"
@@ -124,20 +111,7 @@ def _with_tolerance(table: TomlTable, key: str, unit: str) -> tuple[Any, float |
         except SceneError as reason:
             raise SceneError(f"{reason}; a share such as 2 % does as well") from None
         return value["value"], error / abs(reference)
-    return value["value"], inner.quantity("tolerance", "")
-
-
-def speed_or_quantity(value: object, unit: str, where: str) -> DriveSpeed:
-    """A quantity in SI; a speed may be a programme, pairs of start [s] and speed [m/s].
-
-    Raises:
-        SceneError: neither.
-    """
-    if unit != "m/s" or not isinstance(value, (list, tuple)):
-        return stated(value, unit, where)
-    if not all(isinstance(pair, (list, tuple)) and len(pair) == 2 for pair in value):
-        raise SceneError(f'{where} is {value!r}; expected pairs of start and speed: [[0, "0.1 mm/s"], [30, "0 mm/s"]]')
-    return tuple((stated(start, "s", where), stated(speed, "m/s", where)) for start, speed in value)
+    return value["value"], None if tolerance is None else stated(tolerance, "", inner.place("tolerance"))
 
 
 def read_rig(table: TomlTable, damped_by: str | None, inertial: bool = True) -> tuple[Rig, StatedDamping]:
@@ -161,21 +135,18 @@ def read_rig(table: TomlTable, damped_by: str | None, inertial: bool = True) -> 
     tolerances: dict[str, float] = {}
     ratios: dict[str, float] = {}
     dashpot = is_dashpot(table)
-    for key in (*RIG_UNITS, "drive_speed", *DAMPING[1:]):
-        unit = RIG_UNITS.get(key, "m/s" if key == "drive_speed" else "")
-        unit = "N s/m" if key == "damping" and dashpot else unit
+    for key in ("mass", "stiffness", *DAMPING, "drive_speed", "normal_force", "noise"):
+        unit = "N s/m" if key == "damping" and dashpot else RIG[key].unit
         value, tolerance = _with_tolerance(table, key, unit)
-        values[key] = None if value is None else speed_or_quantity(value, unit, table.place(key))
+        values[key] = None if value is None else RIG[key].read(value, unit, table.place(key))
         if tolerance is not None:
             tolerances["damping" if key in DAMPING else key] = tolerance
         if tolerance and key in ("zeta", "loss_factor"):
             # Known of h/k: h is as uncertain as k on top of it, and errs with it.
             ratios["zeta"] = tolerance
             tolerances["damping"] = math.hypot(tolerance, tolerances.get("stiffness", 0.0))
-    stated = table.data.get(TIED)
-    if stated is not None:
-        relative = share(stated, table.place(TIED))
-        ratios["natural_frequency"] = table.quantity(TIED, "") or 0.0 if relative is None else relative
+    if TIED in table.data:
+        ratios["natural_frequency"] = table.get(TIED)
     for key, example in (("mass", "0.2 kg"), ("stiffness", "1470 N/m")):
         if key == "mass" and not inertial:
             values[key] = values[key] or 0.0
@@ -217,8 +188,6 @@ def _damping_ratio(stated: Mapping[str, float | None]) -> float | None:
 # One [[logs]] table: where the log is, and what differs from log to log.
 # ----------------------------------------------------------------------------------------------------------------------
 
-LOG = tuple(field.name for field in fields(LogEntry))  # the keys are the fields
-
 
 def read_log_entry(value: object, number: int, folder: Path, rig: Rig, damped: StatedDamping) -> LogEntry:
     """One log of the scene.
@@ -233,58 +202,18 @@ def read_log_entry(value: object, number: int, folder: Path, rig: Rig, damped: S
     """
     where = f"[[logs]] number {number}"
     table = TomlTable.of(value, where, LOG, '[[logs]] path = "slow.csv"')
-    path = table.text("path")
-    if path is None:
+    if "path" not in table.data:
         raise SceneError(f'{where} has no path; give path = "slow.csv", relative to the scene file')
-    exclude = table.data.get("exclude", [])
-    if not isinstance(exclude, (list, tuple)):
-        raise SceneError(f'{table.place("exclude")} is {exclude!r}; expected pairs of times [["5 s", "6 s"]]')
-    speed = table.data.get("drive_speed")
-    stiffness, mass = table.quantity("stiffness", "N/m"), table.quantity("mass", "kg")
-    own = StatedDamping(dashpot=table.quantity("damping", "N s/m")) if is_dashpot(table) else damped
-    follows = is_dashpot(table) or stiffness is not None or (mass is not None and damped.dashpot is not None)
-    damping = own.at(stiffness or rig.stiffness, mass or rig.mass) if follows else None
-    if "damping" in table.data and not is_dashpot(table):
-        damping = table.quantity("damping", "N/m")
-    return LogEntry(
-        path=located(folder, path),
-        drive_speed=None if speed is None else speed_or_quantity(speed, "m/s", table.place("drive_speed")),
-        step=table.whole("step"),
-        run=table.whole("run"),
-        columns=table.words("columns"),
-        units=table.words("units"),
-        normal_force=table.quantity("normal_force", "N"),
-        rate=table.quantity("rate", "Hz"),
-        stiffness=stiffness,
-        mass=mass,
-        damping=damping,
-        noise=table.quantity("noise", "N"),
-        window=table.span("window"),
-        exclude=tuple(span(pair, table.place("exclude")) for pair in exclude),
-        skip_cycles=table.whole("skip_cycles") or 0,
-        tare=_zero(table, "tare"),
-        normal_tare=_zero(table, "normal_tare"),
-        crosstalk=_or_strokes(table, "crosstalk", ""),
-        tilt=_or_strokes(table, "tilt", "rad"),
-        flip_sign=table.truth("flip_sign"),
-        labels=table.words("labels") or {},
-    )
+    dashpot = is_dashpot(table)
+    found = {name: table.get(name) for name in table.data if name != "damping" or not dashpot}
+    stiffness, mass = found.get("stiffness"), found.get("mass")
+    own = StatedDamping(dashpot=stated(table.data["damping"], "N s/m", table.place("damping"))) if dashpot else damped
+    follows = dashpot or stiffness is not None or (mass is not None and damped.dashpot is not None)
+    if follows and "damping" not in found:
+        found["damping"] = own.at(stiffness or rig.stiffness, mass or rig.mass)
+    return LogEntry(**(found | {"path": located(folder, found["path"])}))
 
 
 def located(folder: Path, path: str) -> Path:
     """The file a scene or manifest names: relative to its folder; `~` is a home where there is such a user."""
     return folder / os.path.expanduser(path)  # noqa: PTH111 - that of pathlib raises where there is none
-
-
-def _zero(table: TomlTable, key: str) -> float | tuple[float, float] | None:
-    """A force [N] to take off, or the times [s] between which it is measured."""
-    return table.span(key) if isinstance(table.data.get(key), (list, tuple)) else table.quantity(key, "N")
-
-
-def _or_strokes(table: TomlTable, key: str, unit: str) -> float | Literal["strokes"] | None:
-    """A number, or the word that has it taken from both stroke directions; a pure number may be in percent."""
-    value = table.data.get(key)
-    if value == "strokes":
-        return "strokes"
-    percent = None if unit else share(value, table.place(key))
-    return table.quantity(key, unit) if percent is None else percent

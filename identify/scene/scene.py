@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,16 +18,9 @@ from identify.effects.quantities import Parameter
 from identify.model.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
 from identify.scene.parameters import declared_by, default_spec
 from identify.scene.rig import question_bare_numbers
-from identify.scene.tables import (
-    check_coefficients,
-    check_groups,
-    check_log_overrides,
-    check_mass,
-    check_ranges,
-    check_rig_bounds,
-)
+from identify.scene.tables import check_ranges
 from identify.scene.toml import known_effects, read_parts, read_toml, with_rig_file
-from identify.scene.values import Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
+from identify.scene.values import EACH_LOG, Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
 from identify.scene.words import document_of
 
 
@@ -57,11 +51,11 @@ class Scene:
     source: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        check_mass(self)
-        check_log_overrides(self)
-        check_groups(self)
-        check_rig_bounds(self)
-        check_coefficients(self)
+        _check_mass(self)
+        _check_log_overrides(self)
+        _check_groups(self)
+        _check_rig_bounds(self)
+        _check_coefficients(self)
         if not self.logs and self.rig.drive_speed is None:
             raise SceneError(
                 'the scene has no drive speed; give drive_speed = "… mm/s" under [rig], or in the file that rig names'
@@ -225,17 +219,67 @@ class Scene:
 
 def _build(document: Mapping[str, object], folder: Path, name: str, source: Path | None) -> Scene:
     parts = read_parts(with_rig_file(document, folder), folder)
-    return Scene(
-        name=parts.name or name,
-        effects=parts.effects,
-        rig=parts.rig,
-        parameters=parts.parameters,
-        logs=parts.logs,
-        initial=parts.initial,
-        contact=parts.contact,
-        thresholds=parts.thresholds,
-        extrapolate=parts.extrapolate,
-        time_limit=parts.time_limit,
-        tolerances=parts.tolerances,
-        source=source,
-    )
+    return Scene(**(parts | {"name": parts["name"] or name}), source=source)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Parts of a scene that contradict each other.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _check_groups(scene: Scene) -> None:
+    """A parameter that differs by a label asks for that label of every log."""
+    for name, spec in scene.parameters.items():
+        if spec.per is None or spec.per == EACH_LOG:
+            continue
+        for entry in scene.logs:
+            if spec.per not in entry.labels:
+                raise SceneError(
+                    f"{name} differs by {spec.per}, of which log {entry.path.name} says nothing; give it labels = "
+                    f'{{ {spec.per} = "…" }}, or write per = "log"'
+                )
+
+
+def _check_log_overrides(scene: Scene) -> None:
+    """A log may not give its own value of what is estimated for all."""
+    for entry in scene.logs:
+        for name in RIG_PARAMETERS:
+            if name in scene.parameters and getattr(entry, name) is not None:
+                raise SceneError(
+                    f"log {entry.path.name} gives its own {name}, but [parameters] estimates one {name} for all logs; "
+                    "drop one of the two"
+                )
+
+
+def _check_mass(scene: Scene) -> None:
+    """Only a model without inertia does without a mass."""
+    if scene.rig.mass == 0.0 and (scene.effects == "auto" or "inertia" in scene.effects):
+        raise SceneError("mass is 0 kg; expected a positive number: correct it, or take inertia out of effects")
+
+
+def _check_rig_bounds(scene: Scene) -> None:
+    """A rig quantity that is estimated starts within its bounds."""
+    for name in RIG_PARAMETERS:
+        spec, value = scene.parameters.get(name), getattr(scene.rig, name)
+        if spec and not spec.lower <= value <= spec.upper:
+            raise SceneError(
+                f"{name} = {value:g} of [rig] is outside the bounds {spec.lower:g} to {spec.upper:g} of [parameters]; "
+                "widen them"
+            )
+
+
+def _check_coefficients(scene: Scene) -> None:
+    """Kinetic friction lies below static friction, and above zero."""
+    values = scene.values()
+    static, kinetic = values["mu_s"], values["mu_k0"]
+    change = values.get("delta_mu_k", 0.0) if scene.effects != "auto" else 0.0  # which law holds is still open
+    if kinetic >= static:
+        raise SceneError(
+            f"mu_k0 = {kinetic:g} is not below mu_s = {static:g} (start values, or defaults where none is given); "
+            "give [parameters] a start of mu_k0 below that of mu_s"
+        )
+    if not kinetic + change > 0.0 or math.isnan(change):
+        raise SceneError(
+            f"mu_k0 + delta_mu_k = {kinetic + change:g} is the kinetic coefficient at high speed; expected a positive "
+            "number: raise one of the two in [parameters]"
+        )

@@ -1,30 +1,35 @@
-"""Reading one TOML table: quantities with units, known keys, and complaints that name the place."""
+"""The keys of a scene file: what each holds, in which unit and range; one table that reads and checks them all."""
 
 from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from data_io.units import UnitError, parse_quantity
+from data_io.values import SIZES
 from identify.base.errors import SceneError
 from identify.effects import ALL
-from identify.model.model import RIG_PARAMETERS
-from identify.scene.values import EACH_LOG, DriveSpeed
-
-if TYPE_CHECKING:
-    from identify.scene.scene import Scene
 
 LONGEST_WORD = 60  # characters of a word that are compared with known ones
+LARGEST = 1e18  # of an SI unit, and its inverse the least: no rig has it, and what is made of several is a number still
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """The known word that looks most like this one."""
     said = word[:LONGEST_WORD].lower()
     return max(known, key=lambda name: difflib.SequenceMatcher(None, said, name.lower()).ratio())
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Kinds of values: (value, SI unit, place in a complaint) -> what the scene takes. Each raises SceneError.
+# ----------------------------------------------------------------------------------------------------------------------
+
+Reader = Callable[[Any, str, str], Any]
 
 
 def quantity(value: object, unit: str, where: str) -> float:
@@ -52,11 +57,7 @@ def quantity(value: object, unit: str, where: str) -> float:
 
 
 def stated(value: object, unit: str, where: str) -> float:
-    """As `quantity`, of a scene file: quotes around a bare number mean that its unit was forgotten.
-
-    Raises:
-        SceneError: as `quantity`, or a text without a unit where there is one.
-    """
+    """As `quantity`, of a scene file: quotes around a bare number mean that its unit was forgotten."""
     number = quantity(value, unit, where)
     if unit and isinstance(value, str) and is_number(value):
         raise SceneError(
@@ -86,15 +87,189 @@ def share(value: object, where: str) -> float | None:
     return quantity(value.strip()[:-1].strip(), "", where) / 100.0
 
 
+def part(value: object, unit: str, where: str) -> float:
+    """A pure number, or a share in percent."""
+    percent = share(value, where)
+    return quantity(value, unit, where) if percent is None else percent
+
+
+def speed(value: object, unit: str, where: str) -> Any:
+    """A speed, or a programme: pairs of start [s] and speed [m/s]."""
+    if not isinstance(value, (list, tuple)):
+        return stated(value, unit, where)
+    if not all(isinstance(pair, (list, tuple)) and len(pair) == 2 for pair in value):
+        raise SceneError(f'{where} is {value!r}; expected pairs of start and speed: [[0, "0.1 mm/s"], [30, "0 mm/s"]]')
+    return tuple((stated(start, "s", where), stated(pace, unit, where)) for start, pace in value)
+
+
+def _span(value: object, _unit: str, where: str) -> tuple[float, float]:
+    """A pair [start, stop] of times [s]."""
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise SceneError(f'{where} is {value!r}; expected two times such as ["5 s", "20 s"]')
+    return stated(value[0], "s", where), stated(value[1], "s", where)
+
+
+def _spans(value: object, unit: str, where: str) -> tuple[tuple[float, float], ...]:
+    if not isinstance(value, (list, tuple)):
+        raise SceneError(f'{where} is {value!r}; expected pairs of times [["5 s", "6 s"]]')
+    return tuple(_span(pair, unit, where) for pair in value)
+
+
+def _zero(value: object, unit: str, where: str) -> float | tuple[float, float]:
+    """A force [N] to take off, or the times [s] between which it is measured."""
+    return _span(value, unit, where) if isinstance(value, (list, tuple)) else stated(value, unit, where)
+
+
+def _or_strokes(value: object, unit: str, where: str) -> float | str:
+    """A number, or the word that has it taken from both stroke directions; a pure number may be in percent."""
+    if value == "strokes":
+        return "strokes"
+    return stated(value, unit, where) if unit else part(value, unit, where)
+
+
+def whole(value: object, _unit: str, where: str) -> int:
+    """A whole number."""
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise SceneError(f"{where} is {value!r}; expected a whole number: correct it")
+    return value
+
+
+def _truth(value: object, _unit: str, where: str) -> bool:
+    if not isinstance(value, bool):
+        raise SceneError(f"{where} is {value!r}; expected true or false: correct it")
+    return value
+
+
+def text(value: object, _unit: str, where: str) -> str:
+    """A non-empty text; a path that Python gives is one."""
+    value = str(value) if isinstance(value, PurePath) else value
+    if not isinstance(value, str) or not value.strip():
+        raise SceneError(f"{where} is {value!r}; expected a text in quotes: correct it")
+    return value
+
+
+def _words(value: object, _unit: str, where: str) -> dict[str, str]:
+    """A table of texts; numbers become text."""
+    table = TomlTable.of(value, where, None, '{ time = "T", friction_force = "Fx" }')
+    for name, word in table.data.items():
+        if isinstance(word, (Mapping, list)):
+            raise SceneError(f"{table.place(name)} is {word!r}; expected a text in quotes: correct it")
+    return {name: str(word) for name, word in table.data.items()}
+
+
+@dataclass(frozen=True)
+class Key:
+    """What a key of a scene holds.
+
+    Attributes
+    ----------
+    unit : SI; "" of a pure number and of what is none.
+    read : from what the file has to what the scene takes.
+    sign : "positive", "not negative" or "" (any).
+    limit : of the size of a number.
+    usual : least and most that a tribometer has in SI, and the unit that was probably meant where a bare number is
+        something else.
+    """
+
+    unit: str = ""
+    read: Reader = stated
+    sign: str = ""
+    limit: float = math.inf
+    usual: tuple[float, float, str] | None = None
+
+
+POSITIVE, NOT_NEGATIVE = "positive", "not negative"
+DAMPING = ("damping", "zeta", "loss_factor", "log_decrement")
+TIED = "natural_frequency_tolerance"  # of sqrt(k/m), in which errors of stiffness and mass that are the same cancel
+SPEED = Key("m/s", speed, usual=(1e-9, 1.0, "mm/s"))
+RIG: Mapping[str, Key] = {
+    "mass": Key("kg", sign=NOT_NEGATIVE, usual=(1e-5, 50.0, "g")),
+    "stiffness": Key("N/m", sign=POSITIVE, usual=(10.0, 1e9, "N/mm")),
+    TIED: Key(read=part),
+    "damping": Key("N/m", sign=NOT_NEGATIVE),
+    "zeta": Key(),
+    "loss_factor": Key(),
+    "log_decrement": Key(),
+    "damping_frequency": Key("1/s"),
+    "drive_speed": SPEED,
+    "normal_force": Key("N", sign=POSITIVE, usual=(1e-4, 1e4, "mN")),
+    "noise": Key("N", sign=POSITIVE),
+}
+LOG: Mapping[str, Key] = {
+    "path": Key(read=text),
+    "drive_speed": SPEED,
+    "step": Key(read=whole),
+    "run": Key(read=whole),
+    "columns": Key(read=_words),
+    "units": Key(read=_words),
+    "normal_force": RIG["normal_force"],
+    "stiffness": RIG["stiffness"],
+    "mass": Key("kg", sign=POSITIVE, usual=RIG["mass"].usual),
+    "damping": RIG["damping"],
+    "noise": RIG["noise"],
+    "window": Key("s", _span),
+    "exclude": Key("s", _spans),
+    "skip_cycles": Key(read=whole),
+    "tare": Key("N", _zero),
+    "normal_tare": Key("N", _zero),
+    "crosstalk": Key("", _or_strokes, limit=1.0),
+    "tilt": Key("rad", _or_strokes, limit=math.pi / 4),
+    "flip_sign": Key(read=_truth),
+    "labels": Key(read=_words),
+    "rate": Key("Hz", sign=POSITIVE),
+}
+CONTACT: Mapping[str, Key] = {"area": Key("m^2", sign=POSITIVE), "area_law": Key()}
+AREA_LAW: Mapping[str, Key] = {"coefficient": Key("m^2", sign=POSITIVE), "exponent": Key()}
+INITIAL: Mapping[str, Key] = {"elongation": Key("m"), "sliding_speed": Key("m/s"), "gamma": Key()}
+
+
+def check(where: str, key: Key, value: Any) -> None:
+    """Refuse a value that no rig has.
+
+    Raises:
+        SceneError: its sign or its size; a programme whose times do not rise from 0.
+    """
+    if isinstance(value, tuple) and key.read is speed:
+        starts = [start for start, _ in value]
+        if not starts or starts[0] != 0.0 or any(b <= a for a, b in pairwise(starts)):
+            raise SceneError(
+                f"the programme of {where} starts at {starts} s; expected rising times from 0: begin it with [0, speed]"
+            )
+        for start, pace in value:
+            check_size(f"the start of a step of {where}", "s", start)
+            check_size(where, key.unit, pace)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return
+    shown = f"{value:g} {key.unit}".rstrip()
+    if key.sign == POSITIVE and not value > 0.0:
+        raise SceneError(f"{where} is {shown}; expected a positive number: correct it")
+    if key.sign == NOT_NEGATIVE and not value >= 0.0:
+        raise SceneError(f"{where} is {shown}; expected zero or a positive number: correct it")
+    if abs(value) >= key.limit:
+        raise SceneError(f"{where} is {value:g}; expected less than {key.limit:.3g} to either side: correct it")
+    check_size(where, key.unit, value)
+
+
+def check_size(where: str, unit: str, value: float | None) -> None:
+    """Refuse a number of a size that no rig has. Raises SceneError."""
+    least, most = SIZES.get(unit, (1.0 / LARGEST, LARGEST))
+    if value and not least <= abs(value) <= most:
+        raise SceneError(
+            f"{where} is {f'{value:g} {unit}'.rstrip()}, which no rig has; expected a number between {least:g} and "
+            f"{most:g}: correct it, or its unit"
+        )
+
+
 @dataclass(frozen=True)
 class TomlTable:
-    """A TOML table and where it stands ("[rig]"); every reader answers None for an absent key."""
+    """A TOML table, where it stands ("[rig]"), and what its keys hold."""
 
     data: Mapping[str, Any]
     where: str
+    keys: Mapping[str, Key]
 
     @staticmethod
-    def of(value: object, where: str, known: Iterable[str] | None, example: str) -> TomlTable:
+    def of(value: object, where: str, known: Mapping[str, Key] | Iterable[str] | None, example: str) -> TomlTable:
         """The value as a table with none but the known keys (None: any).
 
         Raises:
@@ -102,75 +277,27 @@ class TomlTable:
         """
         if not isinstance(value, Mapping):
             raise SceneError(f"{where} is {value!r}; expected a table such as {example}")
-        names = list(known) if known is not None else list(value)
+        names = list(value if known is None else known)
         for key in value:
             if key not in names:
                 raise SceneError(
                     f"{where} has a key {key!r} that is not known; did you mean {nearest(str(key), names)!r}? "
                     f"Known are {', '.join(names)}"
                 )
-        return TomlTable(value, where)
+        return TomlTable(value, where, known if isinstance(known, Mapping) else {})
 
     def place(self, key: str) -> str:
         """How a complaint calls this key."""
         return f"{self.where} {key}"
 
-    def quantity(self, key: str, unit: str) -> float | None:
-        """A quantity in SI."""
-        return stated(self.data[key], unit, self.place(key)) if key in self.data else None
-
-    def whole(self, key: str) -> int | None:
-        """A whole number."""
-        value = self.data.get(key)
-        if value is not None and (isinstance(value, bool) or not isinstance(value, int)):
-            raise SceneError(f"{self.place(key)} is {value!r}; expected a whole number: correct it")
-        return value
-
-    def truth(self, key: str) -> bool | None:
-        """true or false."""
-        value = self.data.get(key)
-        if value is not None and not isinstance(value, bool):
-            raise SceneError(f"{self.place(key)} is {value!r}; expected true or false: correct it")
-        return value
-
-    def text(self, key: str) -> str | None:
-        """A non-empty text; a path that Python gives is one."""
-        value = self.data.get(key)
-        value = str(value) if isinstance(value, PurePath) else value
-        if value is not None and (not isinstance(value, str) or not value.strip()):
-            raise SceneError(f"{self.place(key)} is {value!r}; expected a text in quotes: correct it")
-        return value
-
-    def words(self, key: str) -> dict[str, str] | None:
-        """A table of texts; numbers become text."""
-        value = self.data.get(key)
-        if value is None:
-            return None
-        example = '{ time = "T", friction_force = "Fx" }'
-        table = TomlTable.of(value, self.place(key), None, example)
-        for name, word in table.data.items():
-            if isinstance(word, (Mapping, list)):
-                raise SceneError(f"{table.place(name)} is {word!r}; expected a text in quotes: correct it")
-        return {name: str(word) for name, word in table.data.items()}
-
-    def span(self, key: str) -> tuple[float, float] | None:
-        """A pair [start, stop] of times [s]."""
-        return span(self.data[key], self.place(key)) if key in self.data else None
-
-
-def span(value: object, where: str) -> tuple[float, float]:
-    """A pair [start, stop] of times [s].
-
-    Raises:
-        SceneError: not two times.
-    """
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise SceneError(f'{where} is {value!r}; expected two times such as ["5 s", "20 s"]')
-    return stated(value[0], "s", where), stated(value[1], "s", where)
+    def get(self, name: str) -> Any:
+        """The value of a key, as its table says; None where it is absent."""
+        key = self.keys[name]
+        return key.read(self.data[name], key.unit, self.place(name)) if name in self.data else None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Parts of a scene that contradict each other, and measured laws outside the range of their measurements.
+# Measured laws outside the range of their measurements.
 # ----------------------------------------------------------------------------------------------------------------------
 
 LOAD_LAW = "load law"  # role of the effects whose range is one of normal force
@@ -180,7 +307,7 @@ def check_ranges(
     effects: Sequence[str],
     extrapolate: Sequence[str],
     values: Mapping[str, float],
-    drive_speed: DriveSpeed | None,
+    drive_speed: float | tuple[tuple[float, float], ...] | None,
     normal_forces: Iterable[float] = (),
 ) -> None:
     """Refuse a law outside the range of its measurements.
@@ -194,72 +321,14 @@ def check_ranges(
         SceneError: the effect's own sentence, and how to override it.
     """
     programme = drive_speed if isinstance(drive_speed, tuple) else ((0.0, drive_speed or 0.0),)
-    speeds = [speed for _, speed in programme if speed != 0.0]
+    speeds = [pace for _, pace in programme if pace != 0.0]
     loads = list(normal_forces)
     for effect in ALL:
         if effect.name not in effects or effect.name in extrapolate:
             continue
         asked = loads if effect.role == LOAD_LAW else loads[:1] or [1.0]
         for load in asked:
-            for speed in speeds if effect.role != LOAD_LAW else speeds[:1] or [1.0]:
-                sentence = effect.refusal(values, load, speed)
+            for pace in speeds if effect.role != LOAD_LAW else speeds[:1] or [1.0]:
+                sentence = effect.refusal(values, load, pace)
                 if sentence is not None:
                     raise SceneError(f'{sentence}, or use it there all the same: extrapolate = ["{effect.name}"]')
-
-
-def check_groups(scene: Scene) -> None:
-    """A parameter that differs by a label asks for that label of every log."""
-    for name, spec in scene.parameters.items():
-        if spec.per is None or spec.per == EACH_LOG:
-            continue
-        for entry in scene.logs:
-            if spec.per not in entry.labels:
-                raise SceneError(
-                    f"{name} differs by {spec.per}, of which log {entry.path.name} says nothing; give it labels = "
-                    f'{{ {spec.per} = "…" }}, or write per = "log"'
-                )
-
-
-def check_log_overrides(scene: Scene) -> None:
-    """A log may not give its own value of what is estimated for all."""
-    for entry in scene.logs:
-        for name in RIG_PARAMETERS:
-            if name in scene.parameters and getattr(entry, name) is not None:
-                raise SceneError(
-                    f"log {entry.path.name} gives its own {name}, but [parameters] estimates one {name} for all logs; "
-                    "drop one of the two"
-                )
-
-
-def check_mass(scene: Scene) -> None:
-    """Only a model without inertia does without a mass."""
-    if scene.rig.mass == 0.0 and (scene.effects == "auto" or "inertia" in scene.effects):
-        raise SceneError("mass is 0 kg; expected a positive number: correct it, or take inertia out of effects")
-
-
-def check_rig_bounds(scene: Scene) -> None:
-    """A rig quantity that is estimated starts within its bounds."""
-    for name in RIG_PARAMETERS:
-        spec, value = scene.parameters.get(name), getattr(scene.rig, name)
-        if spec and not spec.lower <= value <= spec.upper:
-            raise SceneError(
-                f"{name} = {value:g} of [rig] is outside the bounds {spec.lower:g} to {spec.upper:g} of [parameters]; "
-                "widen them"
-            )
-
-
-def check_coefficients(scene: Scene) -> None:
-    """Kinetic friction lies below static friction, and above zero."""
-    values = scene.values()
-    static, kinetic = values["mu_s"], values["mu_k0"]
-    change = values.get("delta_mu_k", 0.0) if scene.effects != "auto" else 0.0  # which law holds is still open
-    if kinetic >= static:
-        raise SceneError(
-            f"mu_k0 = {kinetic:g} is not below mu_s = {static:g} (start values, or defaults where none is given); "
-            "give [parameters] a start of mu_k0 below that of mu_s"
-        )
-    if not kinetic + change > 0.0 or math.isnan(change):
-        raise SceneError(
-            f"mu_k0 + delta_mu_k = {kinetic + change:g} is the kinetic coefficient at high speed; expected a positive "
-            "number: raise one of the two in [parameters]"
-        )

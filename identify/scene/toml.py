@@ -6,7 +6,6 @@ import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,42 +16,17 @@ from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
 from identify.scene.parameters import declared_by, read_parameters
-from identify.scene.rig import RIG, located, read_log_entry, read_rig, with_listed
-from identify.scene.tables import TomlTable, nearest, quantity, share
-from identify.scene.values import USUAL_TOLERANCES, Contact, Initial, LogEntry, ParameterSpec, Rig
+from identify.scene.rig import located, read_log_entry, read_rig, with_listed
+from identify.scene.tables import AREA_LAW, CONTACT, INITIAL, RIG, Key, TomlTable, nearest, part, text
+from identify.scene.values import USUAL_TOLERANCES, Contact, Initial
 
 DEEPEST = 10  # tables of a scene within each other
 LONGEST_INTEGER = 10_000  # bits
-TOP = (
-    "name",
-    "effects",
-    "extrapolate",
-    "rig",
-    "contact",
-    "initial",
-    "parameters",
-    "quality",
-    "fit",
-    "tolerances",
-    "logs",
-)
-
-
-@dataclass(frozen=True)
-class Parts:
-    """What a scene file says, as frozen values; `name` is None where the file gives none."""
-
-    name: str | None
-    effects: tuple[str, ...] | Literal["auto"]
-    extrapolate: tuple[str, ...]
-    rig: Rig
-    parameters: Mapping[str, ParameterSpec]
-    logs: tuple[LogEntry, ...]
-    initial: Initial
-    contact: Contact
-    thresholds: Thresholds
-    time_limit: float
-    tolerances: Mapping[str, float]
+TOP: Mapping[str, Key] = {
+    **{name: Key() for name in ("effects", "extrapolate", "rig", "contact", "initial", "parameters", "quality", "fit")},
+    **{name: Key() for name in ("tolerances", "logs")},
+    "name": Key(read=text),
+}
 
 
 def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
@@ -180,8 +154,8 @@ def to_fill_in(value: object, where: str = "") -> Iterator[str]:
         yield where
 
 
-def read_parts(document: Mapping[str, object], folder: Path) -> Parts:
-    """The frozen values behind the tables of a scene file.
+def read_parts(document: Mapping[str, object], folder: Path) -> dict[str, Any]:
+    """The frozen values behind the tables of a scene file, as a `Scene` takes them; "name" is None where none is given.
 
     Args:
         folder: what relative log paths are relative to.
@@ -210,42 +184,40 @@ def read_parts(document: Mapping[str, object], folder: Path) -> Parts:
     logs = document.get("logs", [])
     if not isinstance(logs, Sequence) or isinstance(logs, str):
         raise SceneError(f'[[logs]] is {logs!r}; expected one [[logs]] table per log, each with path = "…"')
-    name = top.text("name")
+    name = top.get("name")
     if name is not None and set(name) & set("/\0"):
         raise SceneError(f"name is {name!r}; expected a word that a folder can be called: leave out the slashes")
-    return Parts(
-        name=name,
-        effects=effects,
-        extrapolate=_extrapolate(document.get("extrapolate", []), effects),
-        rig=rig,
-        parameters=read_parameters(
-            document.get("parameters", {}), declared, _damping_frequency(rig_table, effects) | contact.parameters
-        ),
-        logs=tuple(read_log_entry(entry, number, folder, rig, damped) for number, entry in enumerate(logs, 1)),
-        initial=_initial(document.get("initial", {})),
-        contact=contact,
-        thresholds=_thresholds(document.get("quality", {})),
-        time_limit=_time_limit(document.get("fit", {})),
-        tolerances=_tolerances(document.get("tolerances", {})),
-    )
+    elsewhere = _damping_frequency(rig_table, effects) | contact.parameters
+    return {
+        "name": name,
+        "effects": effects,
+        "extrapolate": _extrapolate(document.get("extrapolate", []), effects),
+        "rig": rig,
+        "parameters": read_parameters(document.get("parameters", {}), declared, elsewhere),
+        "logs": tuple(read_log_entry(entry, number, folder, rig, damped) for number, entry in enumerate(logs, 1)),
+        "initial": _initial(document.get("initial", {})),
+        "contact": contact,
+        "thresholds": _thresholds(document.get("quality", {})),
+        "time_limit": _time_limit(document.get("fit", {})),
+        "tolerances": _tolerances(document.get("tolerances", {})),
+    }
 
 
 def _tolerances(value: object) -> dict[str, float]:
     """What the published intervals hold, relative: "2 %" or 0.02; 0 takes that quantity as exact."""
-    table = TomlTable.of(value, "[tolerances]", USUAL_TOLERANCES, '[tolerances] stiffness = "2 %"')
-    found = {}
-    for name, said in table.data.items():
-        percent = share(said, table.place(name))
-        found[name] = quantity(said, "", table.place(name)) if percent is None else percent
-        if not 0.0 <= found[name] < 1.0:
-            raise SceneError(f'{table.place(name)} is {said!r}; expected a share from 0 to below 1, such as "2 %"')
+    known = {name: Key(read=part) for name in USUAL_TOLERANCES}
+    table = TomlTable.of(value, "[tolerances]", known, '[tolerances] stiffness = "2 %"')
+    found = {name: table.get(name) for name in table.data}
+    for name, relative in found.items():
+        if not 0.0 <= relative < 1.0:
+            raise SceneError(f'{table.place(name)} is {relative:g}; expected a share from 0 to below 1, such as "2 %"')
     return found
 
 
 def _time_limit(value: object) -> float:
     """How long a fit may take [s]."""
-    table = TomlTable.of(value, "[fit]", ("time_limit",), '[fit] time_limit = "60 s"')
-    limit = table.quantity("time_limit", "s")
+    table = TomlTable.of(value, "[fit]", {"time_limit": Key("s")}, '[fit] time_limit = "60 s"')
+    limit: float | None = table.get("time_limit")
     if limit is not None and not limit > 0.0:
         raise SceneError(f'{table.place("time_limit")} is {limit:g} s; expected a positive time, such as "60 s"')
     return DEFAULT_TIME_LIMIT if limit is None else limit
@@ -256,8 +228,7 @@ def _thresholds(value: object) -> Thresholds:
     table = TomlTable.of(value, "[quality]", None, "[quality] jitter = 0.1")
     numbers = {}
     for name, number in table.data.items():
-        percent = math.inf if number in (math.inf, "inf") else share(number, table.place(name))
-        numbers[name] = quantity(number, "", table.place(name)) if percent is None else percent
+        numbers[name] = math.inf if number in (math.inf, "inf") else part(number, "", table.place(name))
     try:
         return Thresholds(numbers)
     except LogError as error:
@@ -303,7 +274,7 @@ def _extrapolate(value: object, effects: tuple[str, ...] | Literal["auto"]) -> t
 
 
 def _damping_frequency(rig: TomlTable, effects: tuple[str, ...] | Literal["auto"]) -> dict[str, tuple[str, float]]:
-    value = rig.quantity("damping_frequency", "1/s")
+    value = rig.get("damping_frequency")
     if value is None:
         return {}
     if effects != "auto" and "driven_damping" not in effects:
@@ -315,15 +286,14 @@ def _damping_frequency(rig: TomlTable, effects: tuple[str, ...] | Literal["auto"
 
 
 def _initial(value: object) -> Initial:
-    units = {"elongation": "m", "sliding_speed": "m/s", "gamma": ""}
-    table = TomlTable.of(value, "[initial]", units, '[initial] elongation = "0 mm"')
-    return Initial(**{name: table.quantity(name, unit) or 0.0 for name, unit in units.items()})
+    table = TomlTable.of(value, "[initial]", INITIAL, '[initial] elongation = "0 mm"')
+    return Initial(**{name: table.get(name) for name in table.data})
 
 
 def _contact(value: object) -> Contact:
-    table = TomlTable.of(value, "[contact]", ("area", "area_law"), '[contact] area = "0.8 cm^2"')
+    table = TomlTable.of(value, "[contact]", CONTACT, '[contact] area = "0.8 cm^2"')
     example = "{ coefficient = …, exponent = … }"
-    law = TomlTable.of(table.data.get("area_law", {}), "[contact] area_law", ("coefficient", "exponent"), example)
+    law = TomlTable.of(table.data.get("area_law", {}), "[contact] area_law", AREA_LAW, example)
     if len(table.data) == 2 or len(law.data) == 1:
         raise SceneError(f"[contact] expects either an area or area_law = {example}; keep exactly one")
-    return Contact(table.quantity("area", "m^2"), law.quantity("coefficient", "m^2"), law.quantity("exponent", ""))
+    return Contact(table.get("area"), law.get("coefficient"), law.get("exponent"))

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
-from data_io.values import SIZES
 from identify.base.errors import SceneError
+from identify.scene.tables import AREA_LAW, CONTACT, INITIAL, LOG, NOT_NEGATIVE, POSITIVE, RIG, Key, check
 
 DriveSpeed = float | tuple[tuple[float, float], ...]
 RIG_TOLERANCES = ("mass", "stiffness", "damping", "drive_speed")
@@ -27,47 +26,6 @@ USUAL_TOLERANCES: Mapping[str, float] = {
     "normal_zero": 0.005,
     "specimen": 0.02,  # scatter of all friction from log to log, where each speed stands in one log
 }
-
-
-LARGEST = 1e18  # of an SI unit, and its inverse the least: no rig has it, and what is made of several is a number still
-
-
-def _positive(where: str, unit: str, value: float | None) -> None:
-    if value is not None and not value > 0.0:
-        raise SceneError(f"{where} is {_said(value, unit)}; expected a positive number: correct it")
-    check_size(where, unit, value)
-
-
-def _not_negative(where: str, unit: str, value: float | None) -> None:
-    if value is not None and not value >= 0.0:
-        raise SceneError(f"{where} is {_said(value, unit)}; expected zero or a positive number: correct it")
-    check_size(where, unit, value)
-
-
-def check_size(where: str, unit: str, value: float | None) -> None:
-    """Refuse a number of a size that no rig has. Raises SceneError."""
-    least, most = SIZES.get(unit, (1.0 / LARGEST, LARGEST))
-    if value and not least <= abs(value) <= most:
-        raise SceneError(
-            f"{where} is {_said(value, unit)}, which no rig has; expected a number between {least:g} and {most:g}: "
-            "correct it, or its unit"
-        )
-
-
-def _said(value: float, unit: str) -> str:
-    return f"{value:g} {unit}".rstrip()
-
-
-def _check_speed(where: str, speed: DriveSpeed | None) -> None:
-    steps = speed if isinstance(speed, tuple) else () if speed is None else ((0.0, speed),)
-    starts = [start for start, _ in steps]
-    if speed is not None and (not starts or starts[0] != 0.0 or any(b <= a for a, b in pairwise(starts))):
-        raise SceneError(
-            f"the programme of {where} starts at {starts} s; expected rising times from 0: begin it with [0, speed]"
-        )
-    for start, value in steps:
-        check_size(f"the start of a step of {where}", "s", start)
-        check_size(where, "m/s", value)
 
 
 @dataclass(frozen=True)
@@ -95,21 +53,17 @@ class Rig:
     ratio_tolerances: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _not_negative("mass", "kg", self.mass)
-        _positive("stiffness", "N/m", self.stiffness)
-        _not_negative("damping", "N/m", self.damping)
-        _positive("normal_force", "N", self.normal_force)
-        _positive("noise", "N", self.noise)
-        _check_speed("drive_speed", self.drive_speed)
+        for name in ("mass", "stiffness", "damping", "normal_force", "noise", "drive_speed"):
+            check(name, RIG[name], getattr(self, name))
         for name, tolerance in self.tolerances.items():
             if name not in RIG_TOLERANCES:
                 raise SceneError(
                     f"{name} has a tolerance, which nothing carries on; expected one for {', '.join(RIG_TOLERANCES)}: "
                     "give the value alone"
                 )
-            _not_negative(f"the tolerance of {name}", "(relative)", tolerance)
+            check(f"the tolerance of {name}", Key(sign=NOT_NEGATIVE), tolerance)
         for name, tolerance in self.ratio_tolerances.items():
-            _positive(f"the tolerance of {name}", "(relative)", tolerance)
+            check(f"the tolerance of {name}", Key(sign=POSITIVE), tolerance)
 
     @property
     def zeta(self) -> float:
@@ -136,8 +90,8 @@ class Contact:
     exponent: float | None = None
 
     def __post_init__(self) -> None:
-        _positive("the contact area", "m^2", self.area)
-        _positive("the coefficient of area_law", "m^2", self.coefficient)
+        check("the contact area", CONTACT["area"], self.area)
+        check("the coefficient of area_law", AREA_LAW["coefficient"], self.coefficient)
 
     @property
     def parameters(self) -> dict[str, tuple[str, float]]:
@@ -166,8 +120,8 @@ class Initial:
     gamma: float = 0.0
 
     def __post_init__(self) -> None:
-        check_size("the initial elongation", "m", self.elongation)
-        check_size("the initial sliding_speed", "m/s", self.sliding_speed)
+        for name in ("elongation", "sliding_speed"):
+            check(f"the initial {name}", INITIAL[name], getattr(self, name))
         if not 0.0 <= self.gamma <= 1.0:
             raise SceneError(f"the initial gamma is {self.gamma:g}; expected a share between 0 and 1: correct it")
 
@@ -222,7 +176,7 @@ class ParameterSpec:
                 )
         if self.fixed is not None and (self.start is not None or self.prior_mean is not None):
             raise SceneError(f"{self.name} is fixed and has a start or a prior as well; keep one of them")
-        _positive(f"the prior sd of {self.name}", "", self.prior_sd)
+        check(f"the prior sd of {self.name}", Key(sign=POSITIVE), self.prior_sd)
         if self.per is not None and (self.fixed is not None or self.tie is not None):
             raise SceneError(f"{self.name} has per = {self.per!r} and is fixed or tied as well; keep one of them")
         if self.tie is not None and (self.fixed, self.start, self.prior_mean) != (None, None, None):
@@ -269,20 +223,10 @@ class LogEntry:
 
     def __post_init__(self) -> None:
         where = f"of log {self.path.name}"
-        _positive(f"mass {where}", "kg", self.mass)
-        _positive(f"stiffness {where}", "N/m", self.stiffness)
-        _not_negative(f"damping {where}", "N/m", self.damping)
-        _positive(f"normal_force {where}", "N", self.normal_force)
-        _positive(f"noise {where}", "N", self.noise)
-        _positive(f"rate {where}", "Hz", self.rate)
-        _check_speed(f"drive_speed {where}", self.drive_speed)
+        for name, key in LOG.items():
+            check(f"{name} {where}", key, getattr(self, name))
         for start, stop in ((self.window,) if self.window else ()) + self.exclude:
             if not start < stop:
                 raise SceneError(f"a window {where} runs from {start:g} to {stop:g} s; expected start before stop")
-        for name, value, most in (("crosstalk", self.crosstalk, 1.0), ("tilt", self.tilt, math.pi / 4)):
-            if value is not None and value != "strokes" and not abs(float(value)) < most:
-                raise SceneError(
-                    f"{name} {where} is {value:g}; expected less than {most:.3g} to either side: correct it"
-                )
         if self.skip_cycles < 0:
             raise SceneError(f"skip_cycles {where} is {self.skip_cycles}; expected 0 or more")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from identify.scene.rig import DAMPING
+from identify.scene.tables import DAMPING
 from identify.scene.values import EACH_LOG
 from identify.studies.fits import FitEntry, Quantity, Values, shared_labels, values
 from identify.studies.labels import CompareError, ComparisonQuestion, Taken, take

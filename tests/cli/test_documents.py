@@ -15,7 +15,7 @@ from experiments.make_notebook import notebook
 from experiments.study_problem import DEMO, simulated_case
 from identify.cli import main as cli
 from identify.report.stored_result import as_json
-from identify.scene.rig import DAMPING
+from identify.scene.tables import DAMPING
 from identify.scene.values import USUAL_TOLERANCES
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
