@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -83,6 +84,13 @@ def map_answer(
     for file in files:
         terminal.say(f"data: {file}")
     return Answer(document={"status": "done", "map": document})
+
+
+def draw_over_speed(points: Sequence[PairAtPoint], part: str, path: Path) -> None:
+    """The picture of `--plot` without a map: that of the map over drive speed, around every operating point."""
+    from identify.report.draw_map import draw_line
+
+    draw_line(line_map(points[0].site, "drive_speed", _around("drive_speed", points), LINE, None), path, part)
 
 
 def _named(name: str, site: Site) -> str:

@@ -95,9 +95,9 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
             terminal.say(wrapped(line, "  ", ""))
         documents.append(document)
     if plot:
-        from identify.cli.point_plot import draw
+        from identify.cli.maps import draw_over_speed
 
-        draw(shown[0], [p.drive_speed for p in shown], part, plot)
+        draw_over_speed(shown, part, plot)
         terminal.say(f"plot: {plot}")
     whole: dict[str, Json] = {"status": "done", "assumed": list(origins.assumed), "points": documents}
     return Answer(document=whole if offered is None else whole | {"existing_result": str(offered)})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -68,7 +67,10 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     for words in differences:
         terminal.say(words)
     if not differences:
-        terminal.say(reproduced(stored))
+        terminal.say(
+            f"reproduced: {stored.status}; every value that has a standard error within {ALLOWED} of it, verdicts and "
+            "open ends of intervals the same"
+        )
     status = "differs" if differences else "reproduced"
     return Answer(NOT_SUCCEEDED if differences else DONE, {"status": status, "differences": differences})
 
@@ -131,48 +133,22 @@ def other_versions(before: Mapping[str, Json], now: Mapping[str, Json]) -> Seque
 
 
 def compare(stored: Result, again: Result) -> list[str]:
-    """What differs, one sentence each."""
+    """What differs, one sentence each: verdicts, values by their standard errors, ends of intervals without one."""
     if stored.status != again.status:
         return [f"the status was {stored.status} and is {again.status} now: {again.message}"]
     sentences = [f"{name} is new" for name in again.parameters if name not in stored.parameters]
     for name, before in stored.parameters.items():
         now = again.parameters.get(name)
-        verdict, value = (None, None) if now is None else (now.verdict, now.value)
-        if before.verdict != verdict:
-            sentences.append(f"{name} was called {before.verdict} and is called {verdict} now")
-        elif before.value is None or value is None:
-            if before.value is not value:
-                sentences.append(f"{name} was {before.value} and is {value} now")
-        elif before.standard_error:
-            off = (value - before.value) / before.standard_error
-            if not abs(off) <= ALLOWED:
-                sentences.append(f"{name} was {before.value:.6g} and is {value:.6g} ({off:+.2g} standard errors)")
-        elif before.verdict == "fixed":
-            if abs(value - before.value) > FIXED * abs(before.value):
-                sentences.append(f"{name} was fixed at {before.value:.9g} and is fixed at {value:.9g} now")
-        elif now is not None:
-            sentences += _ends_differ(name, before.ends, now.ends)
+        if now is None or before.verdict != now.verdict:
+            sentences.append(f"{name} was called {before.verdict} and is called {now.verdict if now else None} now")
+            continue
+        allowed = ALLOWED * before.standard_error if before.standard_error else FIXED * abs(before.value or 0.0)
+        numbers = [("", before.value, now.value, allowed)]
+        if not before.standard_error and before.verdict != "fixed":  # its value may be anywhere between its ends
+            ends = zip(("the lower end of ", "the upper end of "), before.ends, now.ends, strict=True)
+            numbers = [(word, old, new, END * abs(old or 0.0)) for word, old, new in ends]
+        for word, old, new, most in numbers:
+            if (old is None) != (new is None) or (old is not None and new is not None and abs(new - old) > most):
+                was, is_ = ("open" if number is None else f"{number:.9g}" for number in (old, new))
+                sentences.append(f"{word}{name} was {was} and is {is_} now")
     return sentences
-
-
-def _ends_differ(name: str, before: Sequence[float | None], now: Sequence[float | None]) -> list[str]:
-    """What differs in the ends of an interval of a parameter that has no standard error: whether they are open, and
-    where they lie. Its value may be anywhere between them and is not compared."""
-    out = []
-    for word, old, new in zip(("lower", "upper"), before, now, strict=True):
-        same = old is new if old is None or new is None else math.isclose(old, new, rel_tol=END)
-        if not same:
-            was, is_ = ("open" if end is None else f"{end:.6g}" for end in (old, new))
-            out.append(f"the {word} end of {name} was {was} and is {is_} now")
-    return out
-
-
-def reproduced(stored: Result) -> str:
-    """What was compared, in words, where nothing differs."""
-    entries = [entry for entry in stored.parameters.values() if entry.value is not None]
-    compared = []
-    if any(entry.standard_error for entry in entries):
-        compared.append(f"every value that has a standard error within {ALLOWED} of it")
-    if any(not entry.standard_error and entry.verdict != "fixed" for entry in entries):
-        compared.append("what has none with the same verdict and the same open and closed ends")
-    return f"reproduced: {stored.status}; {'; '.join(compared) or 'a result without values to compare'}"

@@ -13,7 +13,7 @@ from identify.cli import verify
 from identify.diagnosis.findings import Findings
 from identify.report import stored_result
 from identify.scene import Scene
-from tests.support.fake_fit import failed, fake_fit
+from tests.support.fake_fit import fake_fit
 
 
 def _entry(value, error, interval, verdict):
@@ -44,8 +44,8 @@ def _compared(**changed):
         ({"t_cr": {"interval": [None, None]}}, "the upper end of t_cr was 3 and is open now"),
         ({"t_cr": {"interval": [0.1, 3.0]}}, "the lower end of t_cr was open and is 0.1 now"),
         ({"t_cr": {"interval": [None, 300.0]}}, "the upper end of t_cr was 3 and is 300 now"),
-        ({"mu_s": {"value": 0.61}}, "mu_s was 0.6 and is 0.61 (+10 standard errors)"),
-        ({"a": {"value": 501.0}}, "a was fixed at 500 and is fixed at 501 now"),
+        ({"mu_s": {"value": 0.61}}, "mu_s was 0.6 and is 0.61 now"),
+        ({"a": {"value": 501.0}}, "a was 500 and is 501 now"),
     ],
 )
 def test_what_differs_is_said(changed, said):
@@ -55,25 +55,6 @@ def test_what_differs_is_said(changed, said):
 def test_between_its_ends_a_value_that_nothing_tells_may_lie_anywhere():
     assert not _compared(t_cr={"value": 1.0, "interval": [None, 3.01]})
     assert not _compared(mu_s={"value": 0.600001, "interval": [0.0, 1.0]}), "a value with an error has it for its ends"
-
-
-@pytest.mark.parametrize(
-    ("names", "said"),
-    [
-        (("mu_s", "a"), "reproduced: converged; every value that has a standard error within 0.01 of it"),
-        (("t_cr",), "reproduced: converged; what has none with the same verdict and the same open and closed ends"),
-        (("a",), "reproduced: converged; a result without values to compare"),
-    ],
-)
-def test_what_was_compared_is_said(names, said):
-    stored = STORED | {"parameters": {name: STORED["parameters"][name] for name in names}}
-    assert verify.reproduced(Result.from_dict(stored)) == said
-
-
-def test_a_result_that_failed_has_no_values_to_compare():
-    fit = fake_fit()
-    assert "every value" in verify.reproduced(fit.typed)
-    assert "every value" not in verify.reproduced(failed(fit, "model_misfit", "").typed)
 
 
 @pytest.mark.parametrize(("asked", "recorded"), [("data", "data"), ("user", "user"), (None, "data")])
