@@ -107,7 +107,7 @@ def describe_sampling(
     intervals, local, begins, odd = [], [], [], False
     switches: list[RateSwitch] = []
     previous: float | None = None
-    stretches, notes = _without_pauses(record, _pieces(record, used))
+    stretches, notes = _without_pauses(record, _pieces(record, used), thresholds)
     for start, stop in stretches:
         time = record.time[start:stop]
         if time.size < 2:
@@ -164,16 +164,18 @@ def _pieces(record: Record, used: npt.NDArray[np.bool_] | None) -> list[tuple[in
     ]
 
 
-def _without_pauses(record: Record, pieces: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], list[Finding]]:
+def _without_pauses(
+    record: Record, pieces: Sequence[tuple[int, int]], limits: Thresholds
+) -> tuple[list[tuple[int, int]], list[Finding]]:
     """Return stretches of rows [start, stop) cut at the pauses of the recording, and what to say of these."""
     parts, lasting = [], []
     for start, stop in pieces:
         time = record.time[start:stop]
         ends = pauses(time, record.friction_force[start:stop])
         lasting += [(float(time[i + 1] - time[i]), float(time[i])) for i in ends]
-        edges = [start, *(start + ends + 1).tolist(), stop]
-        parts += list(pairwise(edges))
-    if not lasting:
+        parts += list(pairwise([start, *(start + ends + 1).tolist(), stop]))
+    share = sum(gap for gap, _ in lasting) / float(record.time[-1])
+    if not limits.beyond("missing_rows", share):
         return parts, []
     longest, at = max(lasting)
     text = (

@@ -61,10 +61,11 @@ def environment(seconds: float = 0.02) -> dict[str, str]:
 
 
 def started(
-    arguments: Sequence[object], seconds: float = 0.02, stub: bool = True, page: bool = False
+    arguments: Sequence[object], seconds: float = 0.02, stub: bool = True, page: bool = False, before: str = ""
 ) -> subprocess.Popen[bytes]:
-    """`stickslip batch` in a process of its own, with or without a stand-in for the fit, and its page."""
-    script = (WITH_STUB if stub else "") + ("" if page else NO_PAGE) + COMMAND
+    """`stickslip batch` in a process of its own, with or without a stand-in for the fit, and its page; before: what
+    that process does first, in Python."""
+    script = before + (WITH_STUB if stub else "") + ("" if page else NO_PAGE) + COMMAND
     command = [sys.executable, "-c", script, "batch", *map(str, arguments)]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, stdout=pipe, stderr=pipe, env=environment(seconds), cwd=ROOT)

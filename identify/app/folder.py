@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from identify.base.errors import IdentifyError
-from identify.scene.toml import is_rig
+from identify.scene.toml import is_rig, parsed
 from identify.studies.planning import NOT_LOGS
 
 OWN = ".stickslip-app"  # what the page keeps: jobs, drafts of scenes, what was seen in logs
@@ -133,8 +132,8 @@ class Folder:
 def _holds_a_rig(path: Path) -> bool:
     """Whether a TOML file is that of a rig, which scenes name; one that cannot be read is a scene to be mended."""
     try:
-        return is_rig(tomllib.loads(path.read_text(encoding="utf-8-sig")))
-    except (OSError, ValueError, RecursionError):
+        return is_rig(parsed(path.read_text(encoding="utf-8-sig")))
+    except (OSError, ValueError):
         return False
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -20,6 +19,7 @@ from identify.effects import ALL, MAIN
 from identify.scene import Scene
 from identify.scene.parameters import declared_by
 from identify.scene.rig import question_bare_numbers
+from identify.scene.toml import parsed
 
 LONGEST = 1_000_000  # characters of a scene file
 NEEDED = ("mass", "stiffness", "damping")
@@ -108,7 +108,7 @@ class Scenes:
         except SceneError as error:
             wrong = str(error)
         with suppress(ValueError):
-            form = form_of(tomllib.loads(text), scene)
+            form = form_of(parsed(text), scene)
         place = place_of(wrong)
         return {"path": name, "text": text, "saved": text == file, "form": form, "error": wrong, "place": place}
 
@@ -123,7 +123,7 @@ def scene_of(text: str, path: Path) -> Scene:
         SceneError: one sentence, without the name of the file.
     """
     try:
-        document = tomllib.loads(text)
+        document = parsed(text)
     except ValueError as error:
         raise SceneError(f"this is not valid TOML ({error}); mend that line") from None
     question_bare_numbers(document)

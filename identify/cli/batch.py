@@ -100,8 +100,9 @@ def _run(arguments: Namespace, terminal: Terminal) -> Answer:
         terminal.note(f"note: what has ended is kept in {out}; the same command with --resume goes on from there")
         raise
     _say(summary, terminal)
-    if summary.status != "stopped":  # of what has ended so far a page can be had with: stickslip compare
-        _write_page(out, terminal)
+    if summary.status == "stopped":  # of what has ended so far a page can be had with: stickslip compare
+        return Answer(WRONG_INPUT, {"schema": 1, **_document(planned, summary, out)})
+    _write_page(out, terminal)
     return Answer(DONE if summary.status == "done" else NOT_SUCCEEDED, _document(planned, summary, out))
 
 

@@ -75,7 +75,7 @@ def _check_place(out: Path) -> None:
 def _holds_a_result(folder: Path, kind: Kind) -> bool:
     try:
         document = json.loads((folder / kind.document).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False
     return isinstance(document, dict) and "schema" in document and "status" in document
 

@@ -86,7 +86,7 @@ def check_unedited(path: Path) -> None:
     try:
         job = json.loads((path.parent / "job.json").read_text(encoding="utf-8"))
         written = job["result_sha256"]
-    except (OSError, ValueError, KeyError, TypeError):  # not of a batch
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):  # not of a batch
         return
     if path.name == "result.json" and file_sha256(path) != written:
         raise CommandLineError(f"{path}: the file was changed since the batch wrote it; run the batch with --resume")

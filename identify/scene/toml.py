@@ -36,21 +36,35 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
         SceneError: no such file, no TOML, or an override that fits nowhere. The path is not in the sentence.
     """
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        document = parsed(path.read_text(encoding="utf-8-sig"))
     except (FileNotFoundError, IsADirectoryError):
         raise SceneError("no such scene file; give an existing one, or write one with: stickslip scene LOG") from None
     except UnicodeDecodeError:
         _refuse_a_log(path)
         raise SceneError("this is not UTF-8 text; save the scene file as UTF-8") from None
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError, and numbers or brackets without end
+    except ValueError as error:
         _refuse_a_log(path)
         raise SceneError(f"this is not valid TOML ({error}); mend that line") from None
     except OSError as error:
         raise SceneError(f"the scene file cannot be read ({error.strerror}); check its path and permissions") from None
-    _refuse_long_integers(document)
     document = with_rig_file(document, path.parent)
     for override in overrides:
         put(document, override)
+    return document
+
+
+def parsed(text: str) -> dict[str, Any]:
+    """The tables that a TOML text holds.
+
+    Raises:
+        ValueError: no TOML, more tables within each other than a scene has, or a whole number that Python does not
+            write out.
+    """
+    try:
+        document = tomllib.loads(text)
+        _refuse_what_is_none(document, 0)
+    except RecursionError:
+        raise ValueError("brackets without end") from None
     return document
 
 
@@ -69,28 +83,30 @@ def with_rig_file(document: Mapping[str, object], folder: Path) -> dict[str, Any
     if not isinstance(named, str):
         return dict(document)
     try:
-        rig = tomllib.loads(located(folder, named).read_text(encoding="utf-8-sig"))
+        rig = parsed(located(folder, named).read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise SceneError(
             f"rig = {named!r} cannot be read ({error.strerror}); give the path of a file that stickslip rig wrote, "
             "relative to the scene file, or a [rig] table"
         ) from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise SceneError(f"rig = {named!r} is not valid TOML ({error}); mend that line") from None
-    _refuse_long_integers(rig)
     return {**document, "rig": rig}
 
 
-def _refuse_long_integers(value: object) -> None:
-    """Refuse whole numbers that Python does not write out: hexadecimal ones are read whatever their length.
+def _refuse_what_is_none(value: object, deep: int) -> None:
+    """Refuse dotted keys without end, and whole numbers that Python does not write out: hexadecimal ones are read
+    whatever their length.
 
     Raises:
-        SceneError: there is one.
+        ValueError: there is one.
     """
+    if deep > DEEPEST:
+        raise ValueError(f"more than {DEEPEST} tables within each other")
     if isinstance(value, int) and value.bit_length() > LONGEST_INTEGER:
-        raise SceneError(f"a whole number of {value.bit_length()} bits was found; 64 at most were expected; shorten it")
+        raise ValueError(f"a whole number of {value.bit_length()} bits: shorten it")
     for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
-        _refuse_long_integers(item)
+        _refuse_what_is_none(item, deep + 1)
 
 
 def _refuse_a_log(path: Path) -> None:
@@ -135,10 +151,9 @@ def put(document: dict[str, Any], override: str) -> None:
 
 def _value(text: str) -> Any:
     try:
-        document = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
+        document = parsed(f"value = {text}")
+    except ValueError:
         return text  # the shell took the quotes away
-    _refuse_long_integers(document)
     return document["value"] if len(document) == 1 else text
 
 

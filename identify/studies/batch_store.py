@@ -26,7 +26,7 @@ from identify.studies.planning import BatchPlan
 JOB, RESULT, BATCH, INDEX = "job.json", "result.json", "batch.json", "index.csv"
 PART = ".part"
 OURS = frozenset({JOB, RESULT, "report.html", "result.h5", "classical.csv", "parameters.tex", "figures", ".DS_Store"})
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 Document = dict[str, Any]
 
@@ -212,7 +212,7 @@ def locked(folder: Path) -> Iterator[None]:
                 handle.seek(0)
                 told = json.loads(handle.read())
                 holder = f"process {told['pid']} on {told['host']} since {told['since']}"
-            except (OSError, ValueError, KeyError, TypeError):
+            except (OSError, ValueError, KeyError, TypeError, RecursionError):
                 holder = "it has not told who it is"
             raise BatchError([f"{folder}: another batch is running there ({holder}); wait for it, or stop it"])
         handle.seek(0)

@@ -169,6 +169,8 @@ def _file_cases(folder):
     yield written(GOOD.replace("[rig]", "[rig")), "mend that line", good
     yield lambda: Scene.from_toml(log), "stickslip scene .*slow.csv --out SCENE.toml", None
     yield written(GOOD.replace("step = 2", f"step = {long}")), "shorten it", good
+    for deep in ("b" + ".a" * 20_000 + " = 1", "[b" + ".a" * 20_000 + "]", "b = " + "[" * 20_000 + "]" * 20_000):
+        yield written(GOOD + "\n" + deep + "\n"), "tables within each other|brackets without end", good
     yield written(GOOD, "rig" + ".a" * 99 + "=1"), "at most .* were expected", written(GOOD, "rig.mass=1")
     yield written(GOOD, "rig"), 'write for instance rig.mass="0.3 kg"', written(GOOD, 'rig.mass="0.3 kg"')
     yield written(GOOD, "rig.mass.value.x=1"), "shorten the key", written(GOOD, "rig.mass.value=1")

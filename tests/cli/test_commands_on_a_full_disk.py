@@ -1,0 +1,123 @@
+"""Every command that writes, on a disk that fills at some byte: exit code 2, one sentence, and no half file."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data_io import Record, write_csv
+from experiments.batch_trials import started
+from identify import identification
+from identify.cli import main as cli
+from tests.cli.test_full_disk import no_file_larger_than
+from tests.support.batch_case import write_case
+from tests.support.fake_fit import fake_fit
+
+SCENE = """
+effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
+[rig]
+mass = "0.2 kg"
+stiffness = "1470 N/m"
+damping = "147 N/m"
+drive_speed = "0.5 mm/s"
+normal_force = "2 N"
+[parameters]
+mu_s = { start = 0.6 }
+mu_k0 = { start = 0.4 }
+delta_mu_k = { start = -0.1 }
+a = { start = "250 s/m" }
+D = { start = "60 um" }
+t_cr = { start = "0.4 s" }
+"""
+SHARES = (0.0, 0.03, 0.3, 0.97)  # of the largest file that a command writes
+
+
+@pytest.fixture
+def case(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("scene.toml").write_text(SCENE)
+    time = np.arange(4000) / 200.0
+    random = np.random.default_rng(0)
+    force = 0.8 + 0.4 * ((time / 0.5) % 1.0) + 0.002 * random.standard_normal(time.size)
+    write_csv(Record(time, np.full(time.size, 2.0), force), Path("log.csv"))
+    return tmp_path
+
+
+def files(folder):
+    return {path for path in folder.rglob("*") if path.is_file() and path.name != ".lock"}
+
+
+COMMANDS = {
+    "convert": ["convert", "log.csv", "--out", "new.h5"],
+    "anonymise": ["convert", "log.csv", "--anonymise", "--out", "new.h5"],
+    "simulate": ["simulate", "--scene", "scene.toml", "--duration", "5 s", "--rate", "200 Hz", "--out", "new.csv"],
+    "simulate to HDF5": ["simulate", "--scene", "scene.toml", "--duration", "5 s", "--rate", "200 Hz", "--out", "n.h5"],
+    "scene": ["scene", "log.csv", "--out", "new.toml"],
+    "plot": ["inspect", "log.csv", "--plot", "new.svg"],
+    "plan": ["plan", "scene.toml", "--out", "new.csv", "--speed", "0.5 mm/s"],
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_a_command_writes_is_whole_or_not_there(case, capsys, name):
+    before = files(case)
+    assert cli.main([*COMMANDS[name], "--quiet"]) == 0
+    made = files(case) - before
+    largest = max(path.stat().st_size for path in made)
+    for path in made:
+        path.unlink()
+    capsys.readouterr()
+    for share in SHARES if name != "plan" else SHARES[1:2]:
+        with no_file_larger_than(share * largest):
+            assert cli.main([*COMMANDS[name], "--quiet"]) == 2
+        _, words = capsys.readouterr()
+        assert words.count("\n") == 1 and "too large" in words and "new" in words + "new" * ("n.h5" in words)
+        assert files(case) == before
+
+
+def test_a_fit_leaves_no_half_report(case, capsys, monkeypatch):
+    monkeypatch.setattr(identification, "fit", lambda *_, **__: fake_fit())
+    Path("fit.toml").write_text(SCENE + '[[logs]]\npath = "log.csv"\n')
+    before = files(case)
+    assert cli.main(["fit", "--scene", "fit.toml", "--out", "whole", "--quiet"]) == 0
+    sizes = sorted(path.stat().st_size for path in files(case) - before)
+    before = files(case)
+    for size in (0, sizes[-1] - 1):
+        capsys.readouterr()
+        with no_file_larger_than(size):
+            assert cli.main(["fit", "--scene", "fit.toml", "--out", "new", "--quiet"]) == 2
+        _, words = capsys.readouterr()
+        assert words.count("\n") == 1 and "too large" in words and files(case) == before
+
+
+def test_a_batch_stops_and_keeps_what_is_whole_and_so_does_its_comparison(case, capsys):
+    manifest, scene = write_case(case / "case", ["g1", "g2", "g3"])
+
+    def batch(out, size=None):
+        limit = (
+            "" if size is None else f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size})); "
+        )
+        process = started([manifest, "--scene", scene, "--out", out, "--json"], before=limit)
+        document = json.loads(process.communicate()[0])
+        return process.returncode, document
+
+    assert batch(case / "whole")[0] == 0
+    sizes = {path.name: path.stat().st_size for path in files(case / "whole")}
+    for size in (0, sizes["result.json"] - 1, sizes["job.json"] + 1):
+        out = case / f"new{size}"
+        code, document = batch(out, size)
+        assert code == 2 and "too large" in document["message"].lower()
+        assert {path.name for path in files(out)} <= {"batch.json", "index.csv"}
+    compared = ["compare", str(case / "whole"), "--by", "material", "--out", "compared", "--quiet"]
+    before = files(case)
+    assert cli.main(compared) == 0
+    sizes = sorted(path.stat().st_size for path in files(case) - before)
+    before = files(case)
+    compared[-2] = "again"
+    for size in (0, sizes[0], sizes[-1] - 1):
+        capsys.readouterr()
+        with no_file_larger_than(size):
+            assert cli.main(compared) == 2
+        _, words = capsys.readouterr()
+        assert words.count("\n") == 1 and "too large" in words and files(case) == before
