@@ -86,12 +86,13 @@ def multistart(attempt: Attempt, unknowns: Unknowns, seed: int, covariance: Arra
         if len(placed) < len(logs):
             continue
         tried = _coarse([log for _, log, _ in placed], [motion for _, _, motion in placed], start)
-        if not tried.cost < coarse[0].cost + COST_CUTOFF:
+        if tried.success and not tried.cost < coarse[0].cost + COST_CUTOFF:
             continue
-        number = nearest([each.x[:count] for each in coarse], tried.x[:count])
+        number = nearest([each.x[:count] for each in coarse], tried.x[:count]) if tried.success else None
         if number is None or not 2.0 * abs(tried.cost - coarse[number].cost) < chi_square(LEVEL, count):
             there = theta.copy()
-            there[unknowns.free] = tried.x[:count]
+            if tried.success:  # else its iterate is no motion of the model
+                there[unknowns.free] = tried.x[:count]
             found = _solved(attempt, logs, replace(unknowns, start=there), np.sqrt(np.diag(covariance)))
             if found is None:
                 continue

@@ -9,7 +9,7 @@ the polynomial is composed with that affine map and the residuals stay exact fun
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar, Literal
 
@@ -334,6 +334,9 @@ class Block:
     derivatives: Mapped
     expressions: tuple[ca.SX, ca.SX, ca.SX, ca.SX]  # slots, constants, rows, curve
     drive_speed: int  # its place among the constants
+    n_states: int
+    moving: tuple[int, ...]  # states that are not held at their bounds
+    one_step: tuple[Block, Block] | None = None  # of a slide in several: a step of it, and the last one
 
     def evaluate(self, slots: Array, constants: Array, *, derivatives: bool) -> tuple[Array, ...]:
         """Rows (B, n_rows) and curves (B, n_cells, order); with derivatives also their Jacobians
@@ -355,11 +358,61 @@ class Block:
         Args:
             used: the slots with respect to which; all others count as constants.
         """
+        if self.one_step is not None:
+            return self._hessian_by_steps(slots, constants, on_rows, on_curve, used)
         out = np.zeros((slots.shape[0], self.n_slots, self.n_slots))
         index = np.array(used)
         some = _second(self, used)([slots, constants, on_rows, on_curve])[0]
         out[:, index[:, None], index] = some.reshape(-1, index.size, index.size)
         return out
+
+    def _hessian_by_steps(
+        self, slots: Array, constants: Array, on_rows: Array, on_curve: Array, used: tuple[int, ...]
+    ) -> Array:
+        """As `hessian`, from the second derivatives of single steps: sensitivities of the states forwards, adjoints
+        backwards (Griewank and Walther, Evaluating Derivatives, 2008, ch. 3). The code of a step is a tenth of that of
+        the steps written out, so that it is compiled in a second, and is the same for any number of them."""
+        assert self.one_step is not None and isinstance(self.kind, SlideBlock)
+        (inner, last), steps, n_x = self.one_step, self.kind.steps, self.n_states
+        count, moving = slots.shape[0], np.array(self.moving)
+        end, scale = slice(n_x, 2 * n_x), slice(self.drive_speed - n_x, self.drive_speed)
+        at, of = (np.repeat(each[None], steps, axis=0) for each in (slots, constants))
+        shares = np.arange(steps + 1)[:, None] / steps
+        fractions = constants[:, -2] + (constants[:, -1] - constants[:, -2]) * shares
+        of[..., -2], of[..., -1] = fractions[:-1], fractions[1:]
+        at[:-1, :, end], of[:-1, :, scale] = 0.0, 1.0  # the rows of a step are then minus the state after it
+        states = np.zeros((steps, count, n_x, self.n_slots))  # their derivatives with respect to the slots
+        states[0] = np.eye(n_x, self.n_slots)
+        by_rows, by_curve = list[Array](), list[Array]()
+        for j in range(steps):
+            one = inner if j < steps - 1 else last
+            rows, _, d_rows, d_curve = one.evaluate(at[j], of[j], derivatives=True)
+            by_rows.append(d_rows[:, :, :n_x])
+            by_curve.append(d_curve[:, 0, :, :n_x])
+            if j < steps - 1:
+                at[j + 1][:, moving] = -rows
+                d_rows[:, :, end] = 0.0
+                moved = np.matmul(d_rows[:, :, :n_x], states[j])
+                moved[:, :, n_x:] += d_rows[:, :, n_x:]
+                states[j + 1][:, moving] = -moved
+        pulls = on_curve.reshape(count, steps, self.order)
+        on_steps = np.zeros((steps - 1, count, moving.size))
+        weights = on_rows
+        for j in range(steps - 1, 0, -1):
+            pull = np.einsum("br,bri->bi", weights, by_rows[j]) + np.einsum("bc,bci->bi", pulls[:, j], by_curve[j])
+            weights = on_steps[j - 1] = -pull[:, moving]
+        within = (*range(n_x), *range(2 * n_x, self.n_slots))  # whatever is used: one code for every fit of the model
+        at_inner, of_inner = (each[:-1].reshape(-1, each.shape[-1]) for each in (at, of))
+        on_inner = pulls[:, :-1].transpose(1, 0, 2).reshape(-1, self.order)
+        second = inner.hessian(at_inner, of_inner, on_steps.reshape(-1, moving.size), on_inner, within)
+        final = last.hessian(at[-1], of[-1], on_rows, pulls[:, -1], within)
+        bends = np.concatenate([second.reshape(steps - 1, *final.shape), final[None]])
+        by_state = np.matmul(bends[..., :n_x], states)  # (steps, B, n_slots, n_slots)
+        by_state[..., :n_x, n_x:] += bends[..., :n_x, n_x:]
+        out = np.matmul(states.swapaxes(-1, -2), by_state[..., :n_x, :]).sum(axis=0)
+        out[:, n_x:] += by_state[..., n_x:, :].sum(axis=0)
+        out[:, n_x:, n_x:] += bends[..., n_x:, n_x:].sum(axis=0)
+        return np.asarray(out)
 
 
 @lru_cache(maxsize=64)
@@ -381,6 +434,10 @@ def block(model: Model, kind: BlockKind) -> Block:
     # Together they take a fifth less than the two one by one.
     jacobian = ca.densify(ca.jacobian(ca.vertcat(rows, curve), slots))
     derivatives = ca.Function(f"{name}_derivatives", [slots, s.constants], [rows, curve, jacobian])
+    worn, one_step = isinstance(kind, SlideBlock | SteadyBlock) and kind.worn, None
+    if isinstance(kind, SlideBlock) and kind.steps > 1:
+        one_step = block(model, replace(kind, steps=1, released=False)), block(model, replace(kind, steps=1))
+    held = _clamped(model, worn)
     return Block(
         kind,
         slots.numel(),
@@ -391,4 +448,7 @@ def block(model: Model, kind: BlockKind) -> Block:
         Mapped(derivatives),
         (slots, s.constants, rows, curve),
         len(model.parameters) + len(model.states),
+        len(model.states),
+        tuple(i for i in range(len(model.states)) if i not in held),
+        one_step,
     )

@@ -97,8 +97,8 @@ def solve_in_passes(
     """Solve the shooting problem from trajectories until its event times stand still (or MOST_PASSES).
 
     Args:
-        cost_cutoff: a pass that ends with a larger cost is the last one. steps: per interval of the fine passes, at
-            least.
+        cost_cutoff: a pass that converges with a larger cost is the last one. steps: per interval of the fine passes,
+            at least.
     """
     grid, exact, weight, failures = COARSE_GRID, False, 0.0, 0
     iterations, seconds = 0, 0.0
@@ -120,8 +120,7 @@ def solve_in_passes(
         passed = Solved(problem, grid, trajectories, solution, moved, theta, shift, iterations, number, seconds)
         if not solution.success or _is_lost(passed):
             failed, failures = failed or passed, failures + 1
-            given_up = failures > REJECTED or solution.constraint_violation > OPEN or solution.cost > cost_cutoff
-            if given_up or time_is_up():
+            if failures > REJECTED or solution.constraint_violation > OPEN or time_is_up():
                 break
             weight, exact = FACTOR * weight if weight > 0.0 else FIRST_WEIGHT, False
             continue
