@@ -30,7 +30,7 @@ from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION
 from identify.shooting.transcription import BOUNDED_START_SD
 from identify.simulation.drive import Drive
-from identify.simulation.plan import scales
+from identify.simulation.plan import Scales, scales
 from identify.simulation.simulate import run
 from identify.simulation.trajectory import Trajectory
 
@@ -188,6 +188,74 @@ class SimulatedLog:
         return np.asarray(times * self.duration / duration * left / np.outer(scale[:f], scale[:f]))
 
 
+@dataclass(frozen=True)
+class _Designed:
+    """What the motions of a design are simulated with, SI: theta (n_p,) and base (n_p,) with its spring."""
+
+    unknowns: Unknowns
+    theta: Array
+    base: Array
+    design: LogDesign
+
+    @property
+    def scales(self) -> Scales:
+        """Typical time and sizes of the states."""
+        values = self.unknowns.values(self.theta, self.base)
+        return scales(self.unknowns.model, values, self.design.normal_force)
+
+    @property
+    def starts(self) -> list[int]:
+        """States at the start that a fit does not know: the spring can be loaded already, and the contact be older."""
+        states = self.unknowns.model.states
+        return [i for i, state in enumerate(states) if i == ELONGATION or state.lower is not None]
+
+    def values(self, theta: Array) -> dict[str, float]:
+        """Every parameter by name."""
+        return dict(zip(self.unknowns.names, self.unknowns.values(theta, self.base).tolist(), strict=True))
+
+    def run(
+        self,
+        duration: float,
+        theta: Array | None = None,
+        load: tuple[Array, Array] | None = None,
+        start: dict[str, float] | None = None,
+    ) -> Trajectory:
+        """The motion, or one with another theta, course of the load or start."""
+        values = self.values(self.theta if theta is None else theta)
+        force = self.design.normal_force if load is None else load
+        return run(self.unknowns.model, values, self.design.drive, force, duration, start=start)
+
+    def nominal(self, longest: float) -> Trajectory:
+        """The motion until its cycles are there, the mass slides on, or for `longest` [s]."""
+        if self.design.duration:
+            return self.run(self.design.duration)
+        values, time = self.values(self.theta), self.scales.time
+        # In a cycle the spring relaxes by twice the step of friction, roughly.
+        travel = 2.0 * abs(values["mu_s"] - values["mu_k0"]) * self.design.normal_force / values["stiffness"]
+        duration = min(CYCLES * travel / self.design.speed + SETTLED * time, longest)
+        for _ in range(DOUBLINGS):
+            seen = self.run(duration)
+            if seen.onsets.size > CYCLES or _slides_on(seen, time) or duration == longest:
+                break
+            duration = min(2.0 * duration, longest)
+        return seen
+
+    def perturbed(
+        self, duration: float, nominal: Trajectory, until: float
+    ) -> Iterator[tuple[Trajectory, float, Array]]:
+        """A motion for each column of the sensitivities, the step it is off by, and when its load changes [s]."""
+        unknowns, force = self.unknowns, self.design.normal_force
+        for index in np.flatnonzero(unknowns.free).tolist():
+            step = STEP * (1.0 if unknowns.logarithmic[index] else float(unknowns.spread[index]))
+            yield self.run(duration, theta=self.theta + step * np.eye(self.theta.size)[index]), step, np.empty(0)
+        for i in self.starts:
+            state = unknowns.model.states[i]
+            step = STEP * (float(self.scales.state[i]) if i == ELONGATION else 1.0)
+            yield self.run(duration, start={state.name: state.start + step}), step, np.empty(0)
+        for changes, on in _cycle_loads(nominal, until):
+            yield self.run(duration, load=(changes, force * (1.0 + STEP * on))), STEP * force, changes
+
+
 def simulated_log(
     unknowns: Unknowns, theta: Array, base: Array, design: LogDesign, longest: float
 ) -> SimulatedLog | None:
@@ -202,57 +270,23 @@ def simulated_log(
     """
     if time_is_up():
         return None
-    model, normal_force, base = unknowns.model, design.normal_force, design.base(unknowns, base)
-    typical = scales(model, unknowns.values(theta, base), normal_force)
-    time, elongation, duration = typical.time, float(typical.state[ELONGATION]), design.duration
-
-    def motion(
-        at: Array = theta, load: float | tuple[Array, Array] = normal_force, start: Mapping[str, float] | None = None
-    ) -> Trajectory:
-        values = dict(zip(unknowns.names, unknowns.values(at, base).tolist(), strict=True))
-        return run(model, values, design.drive, load, duration, start=dict(start or {}))
-
-    def perturbed() -> Iterator[tuple[Trajectory, float, Array]]:
-        """A motion for each column, the step it is off by, and when its load changes."""
-        for index in np.flatnonzero(unknowns.free).tolist():
-            step = STEP * (1.0 if unknowns.logarithmic[index] else float(unknowns.spread[index]))
-            yield motion(theta + step * np.eye(theta.size)[index]), step, np.empty(0)
-        for i in starts:
-            step = STEP * (elongation if i == ELONGATION else 1.0)
-            state = model.states[i]
-            yield motion(start={state.name: state.start + step}), step, np.empty(0)
-        for changes, on in _cycle_loads(nominal, until):
-            yield motion(load=(changes, normal_force * (1.0 + STEP * on))), STEP * normal_force, changes
-
-    # The spring can only be loaded already at the start, and the contact only be older.
-    starts = [i for i, state in enumerate(model.states) if i == ELONGATION or state.lower is not None]
-    shared = int(np.count_nonzero(unknowns.free)) + len(starts)
+    made = _Designed(unknowns, theta, design.base(unknowns, base), design)
+    shared, time = int(np.count_nonzero(unknowns.free)) + len(made.starts), made.scales.time
     try:
-        if design.duration:
-            nominal = motion()
-        else:
-            cycle = _travel(unknowns, theta, base, normal_force) / design.speed
-            duration = min(CYCLES * cycle + SETTLED * time, longest)
-            for _ in range(DOUBLINGS):
-                nominal = motion()
-                if nominal.onsets.size > CYCLES or _slides_on(nominal, time) or duration == longest:
-                    break
-                duration = min(2.0 * duration, longest)
+        nominal = made.nominal(longest)
         onsets = nominal.onsets
         if not onsets.size or not _in_turn(nominal) or (design.duration and onsets.size > MOST_CYCLES):
             return None
         repeats = not design.duration and onsets.size > CYCLES
-        until, period = nominal.duration, 0.0
-        if repeats:
-            until, period = float(onsets[CYCLES]), float(onsets[CYCLES] - onsets[CYCLES - 1])
-            duration = until + 0.5 * period  # of the perturbed motions
+        until = float(onsets[CYCLES]) if repeats else nominal.duration
+        period = float(onsets[CYCLES] - onsets[CYCLES - 1]) if repeats else 0.0
         drive = Drive.of(design.drive).changes(0.0, until)
         times, weights, beside = _moments(nominal, until, time, drive)
         around = np.column_stack([times - beside, times, times + beside])
         before, force, after = nominal.sample(around.ravel())["force"].reshape(-1, 3).T
         rate = (after - before) / (2.0 * beside)
         columns, longer = list[Array](), list[float]()
-        for other, step, changes in perturbed():
+        for other, step, changes in made.perturbed(until + 0.5 * period, nominal, until):
             at = _same_moments(nominal, other, times, until, (*drive, *changes.tolist()))
             columns.append((other.sample(at)["force"] - force - rate * (at - times)) / step)
             if repeats and len(longer) < shared:
@@ -265,21 +299,20 @@ def simulated_log(
     arrests = nominal.arrests[nominal.arrests <= until]
     if not arrests.size:  # of a log that slides a fit may take the level only
         weights[times < until - STEADY * time] = 0.0
-    slip = float(np.median(arrests - onsets[: arrests.size])) if arrests.size else 2.0 * np.pi * time
     repetition = None
     if repeats:
         since = int(np.searchsorted(times, onsets[CYCLES - 1]))
         repetition = Repetition(since, period, -np.outer(rate[since:], longer))
-    start_sd = np.array([np.inf if i == ELONGATION else BOUNDED_START_SD for i in starts])
     return SimulatedLog(
-        until, int(arrests.size), slip, sensitivity, weights, start_sd, shared - len(starts), repetition
+        duration=until,
+        slips=int(arrests.size),
+        slip=float(np.median(arrests - onsets[: arrests.size])) if arrests.size else 2.0 * np.pi * time,
+        sensitivity=sensitivity,
+        weights=weights,
+        start_sd=np.array([np.inf if i == ELONGATION else BOUNDED_START_SD for i in made.starts]),
+        free=shared - len(made.starts),
+        repetition=repetition,
     )
-
-
-def _travel(unknowns: Unknowns, theta: Array, base: Array, normal_force: float) -> float:
-    """How far the drive moves in a cycle, roughly [m]: the spring relaxes by twice the step of friction."""
-    values = dict(zip(unknowns.names, unknowns.values(theta, base).tolist(), strict=True))
-    return 2.0 * abs(values["mu_s"] - values["mu_k0"]) * normal_force / values["stiffness"]
 
 
 def _cycle_loads(seen: Trajectory, until: float) -> list[tuple[Array, Array]]:
@@ -590,14 +623,14 @@ def with_holds(knowledge: Knowledge, steady: LogDesign, holds: Sequence[float]) 
     stops tells little, and is another one where the pair is a little different. Where the mass slides on, runs reach
     past the peak.
     """
-    unknowns, theta, base = knowledge.unknowns, knowledge.places[0], steady.base(knowledge.unknowns, knowledge.base)
-    values = dict(zip(unknowns.names, unknowns.values(theta, base).tolist(), strict=True))
+    base = steady.base(knowledge.unknowns, knowledge.base)
+    values = _Designed(knowledge.unknowns, knowledge.places[0], base, steady).values(knowledge.places[0])
     run_time = 3.0 * values["mu_s"] * steady.normal_force / (values["stiffness"] * steady.speed)  # past a first peak
     programme, at = list[tuple[float, float]](), 0.0
     for hold in (*holds, 0.0):
         programme.append((at, steady.speed))
         stop = at + run_time
-        seen = run(unknowns.model, values, tuple(programme), steady.normal_force, at + 2.0 * run_time)
+        seen = run(knowledge.unknowns.model, values, tuple(programme), steady.normal_force, at + 2.0 * run_time)
         arrests = seen.arrests[seen.arrests > at]
         if arrests.size:
             onsets = np.append(seen.onsets[seen.onsets > arrests[0]], seen.duration)
