@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -139,21 +139,22 @@ def part_options(arguments: Namespace) -> dict[str, Any]:
     }
 
 
-def pairs(text: str | None, option: str, example: str) -> dict[str, str] | None:
-    """ "time=T,friction_force=Fx" as a table; None stays None.
+def pairs(items: str | Sequence[str] | None, option: str, example: str) -> dict[str, str] | None:
+    """ "time=T,friction_force=Fx", or several words of that form, as a table; None stays None.
 
     Raises:
         CommandLineError: an item without "=".
     """
-    if text is None:
+    if items is None:
         return None
-    items = [item.partition("=") for item in text.split(",") if item.strip()]
-    for name, equals, value in items:
-        if not equals or not name.strip() or not value.strip():
-            raise CommandLineError(
-                f"{option} has {name + equals + value!r}; expected NAME=VALUE: write {option} {example}"
-            )
-    return {name.strip(): value.strip() for name, _, value in items}
+    out = {}
+    for item in items.split(",") if isinstance(items, str) else items:
+        name, equals, value = (part.strip() for part in item.partition("="))
+        if item.strip() and not (equals and name and value):
+            raise CommandLineError(f"{option} has {item!r}; expected KEY=VALUE: write {option} {example}")
+        if name:
+            out[name] = value
+    return out
 
 
 def log_options(arguments: Namespace) -> dict[str, Any]:
@@ -195,17 +196,10 @@ def _size(path: str) -> int:
 
 
 def quantity(text: str, unit: str, option: str) -> float:
-    """A quantity of the command line in SI: a number, or text with a unit.
+    """A quantity of the command line in SI: a number, or text with a unit. SceneError: it cannot be read."""
+    from identify.scene.tables import quantity as read_quantity
 
-    Raises:
-        CommandLineError: what cannot be read; the option is named.
-    """
-    from data_io.units import UnitError, parse_quantity
-
-    try:
-        return float(parse_quantity(text, unit))
-    except UnitError as error:
-        raise CommandLineError(f"{option}: {error}") from None
+    return read_quantity(text, unit, option)
 
 
 def share(text: str, option: str, most: float = float("inf")) -> float:
@@ -214,8 +208,9 @@ def share(text: str, option: str, most: float = float("inf")) -> float:
     Raises:
         CommandLineError: no number from 0 to below `most`.
     """
-    percent = text.strip().endswith("%")
-    value = quantity(text.strip().removesuffix("%").strip(), "", option) / (100.0 if percent else 1.0)
+    from identify.scene.tables import part
+
+    value = part(text, "", option)
     if not 0.0 <= value < most:
         raise CommandLineError(f'{option} is {text!r}; expected a share from 0 to below {most:g}, such as "1 %"')
     return value

@@ -10,8 +10,8 @@ import traceback
 import warnings
 from argparse import SUPPRESS, ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable, Sequence
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, NoReturn
+from importlib import import_module
+from typing import Any, NoReturn
 
 from identify.base.errors import IdentifyError
 from identify.base.packages import check_data_io
@@ -25,9 +25,6 @@ from identify.cli.common import (
 )
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
 from identify.cli.progress import HowToTell, silence
-
-if TYPE_CHECKING:
-    from identify.cli.calculators import Calculator
 
 STOPPED = "interrupted; no half-written result is left behind"
 LONGEST = 400  # characters of a sentence that ends a command
@@ -53,46 +50,18 @@ class _Parser(ArgumentParser):
         raise CommandLineError(f"{message}; see: {self.prog} --help")
 
 
-def commands() -> tuple[ModuleType | Calculator, ...]:
-    """Every command, in the order of the help.
+COMMANDS = """
+demo inspect steps rig scene plan fit verify batch compare simulate calculators app convert cache
+""".split()
+
+
+def commands() -> list[Any]:
+    """Every command, in the order of the help: one of each module, but for the two calculators.
 
     They bring NumPy and pandas, a good part of a second: imported within `main`, which an interruption ends in words.
     """
-    from identify.cli import (
-        app,
-        batch,
-        cache,
-        compare,
-        convert,
-        demo,
-        fit,
-        inspect,
-        plan,
-        rig,
-        scene,
-        simulate,
-        steps,
-        verify,
-    )
-    from identify.cli.calculators import CALCULATORS
-
-    return (
-        demo,
-        inspect,
-        steps,
-        rig,
-        scene,
-        plan,
-        fit,
-        verify,
-        batch,
-        compare,
-        simulate,
-        *CALCULATORS,
-        app,
-        convert,
-        cache,
-    )
+    modules = [import_module(f"identify.cli.{name}") for name in COMMANDS]
+    return [command for module in modules for command in getattr(module, "CALCULATORS", (module,))]
 
 
 def build_parser() -> _Parser:

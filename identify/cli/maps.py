@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identify.base.wording import wrapped
-from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, picture, quantity
+from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, pairs, picture, quantity
 from identify.prediction.axes import Site, axis, known_axes
 from identify.prediction.draws import POINT, Draws
 from identify.prediction.maps import (
@@ -107,14 +107,11 @@ def _ranges(items: Sequence[str], names: Sequence[str], points: Sequence[PairAtP
     """ "stiffness=500 N/m:5 kN/m" as SI pairs, in the order of the names; else around every operating point."""
     site = points[0].site
     found = {name: _around(name, points) for name in names}
-    for item in items:
-        name, equals, text = item.partition("=")
+    example = 'drive_speed="0.1 mm/s:10 mm/s"'
+    for name, text in (pairs(items, "--range", example) or {}).items():
         low, colon, high = text.partition(":")
-        name = name.strip()
-        if not equals or not colon:
-            raise CommandLineError(
-                f'--range has {item!r}; expected NAME=LOW:HIGH: write --range drive_speed="0.1 mm/s:10 mm/s"'
-            )
+        if not colon:
+            raise CommandLineError(f"--range has {text!r}; expected NAME=LOW:HIGH: write --range {example}")
         if name not in found:
             raise CommandLineError(f"--range names {name!r}, which --map does not; it has {', '.join(names)}")
         unit = axis(site, name).unit

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.result import LogResult, Result
-from identify.cli.common import CommandLineError, quantity
+from identify.cli.common import CommandLineError, pairs, quantity
 from identify.diagnosis.selection_numbers import choose_from_numbers
 from identify.prediction.axes import Site
 from identify.prediction.draws import OperatingPoint
@@ -33,7 +33,7 @@ from identify.prediction.sources import (
 )
 from identify.report.stored_result import read_result, scene_of
 from identify.scene import LogEntry, Scene
-from identify.scene.tables import check_ranges, check_size, nearest
+from identify.scene.tables import NOT_NEGATIVE, POSITIVE, Key, check, check_ranges, nearest
 from identify.scene.values import EACH_LOG
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class PairAtPoint:
         return Site(self.model, self.values, self.drive_speed, self.normal_force, self.area, self.area_exponent)
 
 
-POINT_UNITS = {"drive_speed": "m/s", "normal_force": "N"}
+POINT = {"drive_speed": Key("m/s", sign=NOT_NEGATIVE), "normal_force": Key("N", sign=POSITIVE)}
 
 
 def operating_points(arguments: Namespace) -> list[PairAtPoint]:
@@ -221,31 +221,19 @@ def at_values(items: list[str], scene: Scene) -> dict[str, float]:
     """ "drive_speed=1 mm/s" and the like as SI numbers by name.
 
     Raises:
-        CommandLineError: no KEY=VALUE, an unknown key, or a value that cannot be read.
+        CommandLineError, SceneError: no KEY=VALUE, an unknown key, or a value that cannot be read or be.
     """
-    units = POINT_UNITS | {p.name: p.unit for p in scene.model.parameters}
+    keys = POINT | {p.name: Key(p.unit) for p in scene.model.parameters}
     values = {}
-    for item in items:
-        key, equals, text = item.partition("=")
-        if not equals:
-            raise CommandLineError(f'--at has {item!r}; expected KEY=VALUE: write --at drive_speed="1 mm/s"')
-        if key.strip() not in units:
+    for name, text in (pairs(items, "--at", 'drive_speed="1 mm/s"') or {}).items():
+        if name not in keys:
             raise CommandLineError(
-                f"--at names {key!r}, which is not known; did you mean {nearest(key, units)!r}? "
-                f"Known are {', '.join(units)}"
+                f"--at names {name!r}, which is not known; did you mean {nearest(name, keys)!r}? "
+                f"Known are {', '.join(keys)}"
             )
-        values[key.strip()] = quantity(text, units[key.strip()], f"--at {key}")
-    if values.get("drive_speed", 0.0) < 0.0:  # not in a scene, where the sign tells the direction of a stroke
-        raise CommandLineError(
-            f"--at drive_speed is {values['drive_speed']:g} m/s; expected a positive speed, as both directions "
-            "are alike: give it without its sign"
-        )
-    if not values.get("normal_force", 1.0) > 0.0:
-        raise CommandLineError(
-            f"--at normal_force is {values['normal_force']:g} N; expected a load that presses: give a positive one"
-        )
-    for name, unit in POINT_UNITS.items():
-        check_size(f"--at {name}", unit, values.get(name))
+        values[name] = quantity(text, keys[name].unit, f"--at {name}")
+        if name in POINT:
+            check(f"--at {name}", keys[name], values[name])
     for p in scene.model.parameters:
         if p.name in values and not p.lower <= values[p.name] <= p.upper:
             raise CommandLineError(
@@ -266,7 +254,7 @@ def _check_order(values: Mapping[str, float]) -> None:
 
 def _points(scene: Scene, changes: Mapping[str, float], result: Result | None) -> list[PairAtPoint]:
     asked = [(n, entry, place) for n, entry in enumerate(scene.logs or (None,)) for place in _places(result, n, entry)]
-    parameters = {key: value for key, value in changes.items() if key not in POINT_UNITS}
+    parameters = {key: value for key, value in changes.items() if key not in POINT}
     declared = scene.model.parameter_names
     points = []
     for number, entry, place in asked:
@@ -289,7 +277,7 @@ def _points(scene: Scene, changes: Mapping[str, float], result: Result | None) -
                     names, covariance = with_tied(names, covariance, ties_of(scene))
             measured = tuple(n for n in declared if n in names and result is not None and n not in changes)
             told = tuple(n for n in declared if n not in measured and n not in guessed)
-            kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT_UNITS)]
+            kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT)]
             points.append(
                 PairAtPoint(
                     name=name,
