@@ -9,8 +9,9 @@ sentence of a fit are decided in `_estimated`, and by the explanation of a misfi
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +103,7 @@ class _Identified:
 
 
 def fit(
-    scene: Scene,
+    scene: Scene | str | Path | Mapping[str, object],
     records: Sequence[Record] | None = None,
     *,
     progress: Progress | None = None,
@@ -114,7 +115,7 @@ def fit(
     """Identify the parameters of a scene from all its logs together.
 
     Args:
-        scene: rig, effects, parameters and logs.
+        scene: rig, effects, parameters and logs; the path of a scene file, or its tables, does as well.
         records: the scene's logs in their order; None reads them.
         progress: called as progress(stage, share of the whole).
         starts: where the search starts: "data", "user" (the scene's `start` values before the data), "both"; default
@@ -131,7 +132,7 @@ def fit(
     """
     began, worked, in_functions = time.perf_counter(), time.process_time(), Mapped.total
     report = noticed_once(progress or to_nobody)
-    stated, drives = with_drives(scene, records)
+    stated, drives = with_drives(Scene.of(scene), records)
     with timing_stages() as seconds:
         found = _identified(stated, records, report, starts, seed, asked, estimator)
     report(LAST_STAGE, 0.95)

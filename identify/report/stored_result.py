@@ -66,6 +66,10 @@ def read_document(path: Path) -> dict[str, Json]:
         raise FitError(f"{path}: this is a folder; give the result.json in it") from None
     except (ValueError, RecursionError):
         raise FitError(f"{path}: this is not JSON; give the result.json of a fit") from None
+    if isinstance(document, Mapping) and document.get("schema", 1) != 1:
+        raise FitError(
+            f"{path}: its schema is {document['schema']!r}; expected 1; read it with the version that wrote it"
+        )
     if not _is_result(document):
         raise FitError(f"{path}: this is no result of a fit; give a result.json that stickslip fit wrote")
     return dict(document)

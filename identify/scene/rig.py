@@ -15,6 +15,7 @@ from identify.scene.tables import DAMPING, LOG, RIG, TIED, TomlTable, is_number,
 from identify.scene.values import LogEntry, Rig
 
 RIG_PARAMETERS = ("mass", "stiffness", "damping")
+BACKSLASH = "a backslash within \" begins an escape: write paths of Windows within ', as in 'C:\\logs\\new.txt'"
 LARGEST = 1e300  # what is larger is no number, and refused as that
 
 
@@ -177,6 +178,11 @@ def is_dashpot(table: TomlTable) -> bool:
 def _damping_ratio(stated: Mapping[str, float | None]) -> float | None:
     """h/k = 2 zeta = loss factor, from whichever is stated; log decrement d: zeta = d/sqrt(4 pi^2 + d^2)."""
     if stated["zeta"] is not None:
+        if stated["zeta"] > 1.0:
+            raise SceneError(
+                f"[rig] zeta is {stated['zeta']:g}, more than critical damping (1); expected a ratio such as 0.05 or "
+                '"5 %"; a rig that hardly swings has damping = "… N/m"'
+            )
         return 2.0 * stated["zeta"]
     decrement = stated["log_decrement"]
     if decrement is not None:
@@ -216,4 +222,6 @@ def read_log_entry(value: object, number: int, folder: Path, rig: Rig, damped: S
 
 def located(folder: Path, path: str) -> Path:
     """The file a scene or manifest names: relative to its folder; `~` is a home where there is such a user."""
+    if any(letter < " " for letter in path):
+        raise SceneError(f"the path {path!r} holds a control character; {BACKSLASH}")
     return folder / os.path.expanduser(path)  # noqa: PTH111 - that of pathlib raises where there is none

@@ -95,6 +95,23 @@ class Scene:
         """
         return _build(document, Path(folder), "scene", None)
 
+    @staticmethod
+    def of(given: object) -> Scene:
+        """The scene that a caller of the package gives: itself, the path of its file, or the tables of one.
+
+        Raises:
+            SceneError: as `from_toml`; or it is something else.
+        """
+        if isinstance(given, Scene):
+            return given
+        if isinstance(given, Mapping):
+            return Scene.from_document(given)
+        if isinstance(given, (str, Path)):
+            return Scene.from_toml(given)
+        raise SceneError(
+            f"{given!r:.60} is no scene; expected a Scene, the path of a scene file, or its tables as a dict"
+        )
+
     def as_document(self) -> dict[str, Any]:
         """The scene as JSON-able tables, SI numbers, absolute log paths; `from_document` rebuilds it."""
         return document_of(self)
@@ -269,14 +286,14 @@ def _check_rig_bounds(scene: Scene) -> None:
 
 
 def _check_coefficients(scene: Scene) -> None:
-    """Kinetic friction lies below static friction, and above zero."""
+    """Kinetic friction is not above static friction, and above zero."""
     values = scene.values()
     static, kinetic = values["mu_s"], values["mu_k0"]
     change = values.get("delta_mu_k", 0.0) if scene.effects != "auto" else 0.0  # which law holds is still open
-    if kinetic >= static:
+    if kinetic > static:
         raise SceneError(
-            f"mu_k0 = {kinetic:g} is not below mu_s = {static:g} (start values, or defaults where none is given); "
-            "give [parameters] a start of mu_k0 below that of mu_s"
+            f"mu_k0 = {kinetic:g} is above mu_s = {static:g} (start values, or defaults where none is given); give "
+            "[parameters] a start of mu_k0 below that of mu_s, or the same where friction does not age"
         )
     if not kinetic + change > 0.0 or math.isnan(change):
         raise SceneError(

@@ -96,7 +96,13 @@ def part(value: object, unit: str, where: str) -> float:
 def speed(value: object, unit: str, where: str) -> Any:
     """A speed, or a programme: pairs of start [s] and speed [m/s]."""
     if not isinstance(value, (list, tuple)):
-        return stated(value, unit, where)
+        pace = stated(value, unit, where)
+        if pace < 0.0:
+            raise SceneError(
+                f"{where} is {value!r}; expected a positive speed, as both directions are alike: give it without its "
+                "sign; a log that slides with a negative force is turned over by itself"
+            )
+        return pace
     if not all(isinstance(pair, (list, tuple)) and len(pair) == 2 for pair in value):
         raise SceneError(f'{where} is {value!r}; expected pairs of start and speed: [[0, "0.1 mm/s"], [30, "0 mm/s"]]')
     return tuple((stated(start, "s", where), stated(pace, unit, where)) for start, pace in value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -16,7 +17,7 @@ from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
 from identify.scene.parameters import declared_by, read_parameters
-from identify.scene.rig import located, read_log_entry, read_rig, with_listed
+from identify.scene.rig import BACKSLASH, located, read_log_entry, read_rig, with_listed
 from identify.scene.tables import AREA_LAW, CONTACT, INITIAL, RIG, Key, TomlTable, nearest, part, text
 from identify.scene.values import USUAL_TOLERANCES, Contact, Initial
 
@@ -44,7 +45,7 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
         raise SceneError("this is not UTF-8 text; save the scene file as UTF-8") from None
     except ValueError as error:
         _refuse_a_log(path)
-        raise SceneError(f"this is not valid TOML ({error}); mend that line") from None
+        raise SceneError(f"this is not valid TOML ({error}); {_remedy(path, str(error))}") from None
     except OSError as error:
         raise SceneError(f"the scene file cannot be read ({error.strerror}); check its path and permissions") from None
     document = with_rig_file(document, path.parent)
@@ -66,6 +67,16 @@ def parsed(text: str) -> dict[str, Any]:
     except RecursionError:
         raise ValueError("brackets without end") from None
     return document
+
+
+def _remedy(path: Path, complaint: str) -> str:
+    """What mends a scene file that is no TOML."""
+    text = path.read_text(encoding="utf-8-sig")
+    if text.lstrip().startswith("{") and '"schema"' in text:
+        return "it is a result of stickslip fit: give the scene file, or the result where a command takes --result"
+    found = re.search(r"at line (\d+)", complaint)
+    line = text.split("\n")[int(found[1]) - 1] if found else ""
+    return BACKSLASH if re.search(r'"[^"]*\\', line) else "mend that line"
 
 
 def is_rig(document: Mapping[str, object]) -> bool:

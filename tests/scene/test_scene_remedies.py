@@ -19,6 +19,7 @@ RESTING = 'effects=["contact_ageing", "velocity_weakening"]'  # without inertia
 CASES = [
     (['rig.stiffnes="1 N/m"'], "did you mean 'stiffness'", ['rig.stiffness="1 N/m"']),
     (['effects=["inertai"]'], "did you mean 'inertia'", ['effects=["inertia"]', "-parameters"]),
+    (['rig.drive_speed="-1 mm/s"'], "give it without its sign", ['rig.drive_speed="1 mm/s"']),
     (["-effects"], r"expected a list: effects = \[", [f"effects={MAIN}]"]),
     ([f'effects={MAIN}, "inertia"]'], "remove one of the two", [f"effects={MAIN}]"]),
     (['effects=["inertia", "contact_ageing"]'], "add it to effects or drop a", [f"effects={MAIN}]"]),
@@ -73,6 +74,7 @@ CASES = [
     (["rig.drive_speed=[[1, 1e-3]]"], r"begin it with \[0, speed\]", ["rig.drive_speed=[[0, 1e-3]]"]),
     (['rig.drive_speed="1e999 m/s"'], "write a finite number", ['rig.drive_speed="1e-3 m/s"']),
     (["rig.zeta=0.05"], "keep one of them", ["rig.zeta=0.05", "-rig.damping"]),
+    (["rig.zeta=1.5", "-rig.damping"], "expected a ratio such as 0.05", ["rig.zeta=0.05", "-rig.damping"]),
     (["-rig.damping"], "give one of damping, zeta", ["-rig.damping", "rig.zeta=0.05"]),
     (["-rig.mass"], 'give mass = "0.2 kg"', ['rig.mass="0.2 kg"']),
     (["-rig.stiffness"], 'give stiffness = "1470 N/m"', ['rig.stiffness="1470 N/m"']),
@@ -167,6 +169,10 @@ def _file_cases(folder):
     yield lambda: Scene.from_toml(folder / "none.toml"), "give an existing one", good
     yield written(GOOD.encode("utf-16")), "save the scene file as UTF-8", good
     yield written(GOOD.replace("[rig]", "[rig")), "mend that line", good
+    for name in (r"C:\Users\me\slow.csv", r"C:\new\slow.csv"):
+        text = re.sub(r'path = "[^"]*"', lambda _, name=name: f'path = "{name}"', GOOD, count=1)
+        yield written(text), "write paths of Windows within '", written(text.replace(f'"{name}"', f"'{name}'"))
+    yield written('{"schema": 1, "status": "converged"}'), "it is a result of stickslip fit", good
     yield lambda: Scene.from_toml(log), "stickslip scene .*slow.csv --out SCENE.toml", None
     yield written(GOOD.replace("step = 2", f"step = {long}")), "shorten it", good
     for deep in ("b" + ".a" * 20_000 + " = 1", "[b" + ".a" * 20_000 + "]", "b = " + "[" * 20_000 + "]" * 20_000):
