@@ -359,16 +359,14 @@ class Block:
             used: the slots with respect to which; all others count as constants.
         """
         if self.one_step is not None:
-            return self._hessian_by_steps(slots, constants, on_rows, on_curve, used)
+            return self._hessian_by_steps(slots, constants, on_rows, on_curve)
         out = np.zeros((slots.shape[0], self.n_slots, self.n_slots))
         index = np.array(used)
         some = _second(self, used)([slots, constants, on_rows, on_curve])[0]
         out[:, index[:, None], index] = some.reshape(-1, index.size, index.size)
         return out
 
-    def _hessian_by_steps(
-        self, slots: Array, constants: Array, on_rows: Array, on_curve: Array, used: tuple[int, ...]
-    ) -> Array:
+    def _hessian_by_steps(self, slots: Array, constants: Array, on_rows: Array, on_curve: Array) -> Array:
         """As `hessian`, from the second derivatives of single steps: sensitivities of the states forwards, adjoints
         backwards (Griewank and Walther, Evaluating Derivatives, 2008, ch. 3). The code of a step is a tenth of that of
         the steps written out, so that it is compiled in a second, and is the same for any number of them."""

@@ -6,7 +6,7 @@ import base64
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -16,7 +16,7 @@ from markupsafe import Markup
 from data_io.atomic import atomic_write
 from identify.base.table import Cell, OutputTable, visible, workbook
 from identify.report.report_page import templates
-from identify.report.report_wording import VERDICT_MARK
+from identify.report.report_wording import VERDICT_MARK, plain_symbol
 from identify.report.stored_result import as_json
 from identify.studies.compare import Comparison, compare
 from identify.studies.comparison_figures import Thumbnails, curves, forest
@@ -249,7 +249,9 @@ def _page_fits(
     whole = fits_table(entries, links, odd, first)
     names = list(dict.fromkeys(n for e in entries for n in e.result.parameters))[:MOST_PARAMETERS]
     values = [c for c in whole.columns if c.split(" [")[0] in names]
-    return whole.select("fit", "status", *first, "misfit", *values)
+    shown = whole.select("fit", "status", *first, "misfit", *values)
+    heads = {value: plain_symbol(value.split(" [")[0]) for value in values}  # the cells hold their units
+    return replace(shown, columns=tuple(heads.get(column, column) for column in shown.columns))
 
 
 def _failed(entries: Sequence[FitEntry], links: Sequence[str]) -> OutputTable:
