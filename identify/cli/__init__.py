@@ -1,5 +1,6 @@
-"""The command line: arguments in, words and files out; no physics. One file per command, imported by nobody.
+"""The command line: arguments in, words and files out; no physics. One file per group of commands, imported by nobody.
 
-A command is a module with NAME, HELP, `add_arguments(parser)` and `run(arguments, terminal) -> Answer`;
-it stands in the table of `main.py` (`commands`). Whatever is heavy is imported inside `run`, so that help is instant.
+A command has NAME, HELP, `add_arguments(parser)` and `run(arguments, terminal) -> Answer`: a module with these names,
+or a `Command` in the COMMANDS of one; its module stands in the table of `main.py`. Whatever is heavy is imported inside
+`run`, so that help is instant.
 """

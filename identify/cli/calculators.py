@@ -6,37 +6,19 @@ The options stand apart from the work, so that help needs nothing heavy.
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from dataclasses import dataclass
 
-from identify.cli.common import Answer, Terminal
+from identify.cli.common import Answer, Command, Terminal
 
 
-@dataclass(frozen=True)
-class Calculator:
-    """A command that answers at operating points; NAME: also that of the part of the answer it is about."""
+def _part(name: str, help_: str) -> Command:
+    """The command for one part of the answer."""
 
-    NAME: str
-    HELP: str
-
-    def add_arguments(self, parser: ArgumentParser) -> None:
-        """The arguments of this command."""
-        _add_arguments(parser)
-
-    def run(self, arguments: Namespace, terminal: Terminal) -> Answer:
-        """Say it for each operating point.
-
-        Raises:
-            CommandLineError, SceneError, SimulationError, LogError: one sentence each.
-        """
+    def run(arguments: Namespace, terminal: Terminal) -> Answer:
         from identify.cli.operating import answers
 
-        return answers(arguments, terminal, self.NAME)
+        return answers(arguments, terminal, name)
 
-
-CALCULATORS = (
-    Calculator("stability", "does the pair stick and slip at an operating point, and up to which drive speed"),
-    Calculator("amplitude", "how large, how fast and how often the jumps of stick-slip are at an operating point"),
-)
+    return Command(name, help_, _add_arguments, run)
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -105,3 +87,9 @@ def _add_arguments(parser: ArgumentParser) -> None:
     )
     group.add_argument("--points", type=int, metavar="N", help="along each quantity (default: 60, of one alone 120)")
     group.add_argument("--data", metavar="FILE", help="the numbers of the map (csv or h5)")
+
+
+COMMANDS = (
+    _part("stability", "does the pair stick and slip at an operating point, and up to which drive speed"),
+    _part("amplitude", "how large, how fast and how often the jumps of stick-slip are at an operating point"),
+)

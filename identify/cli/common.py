@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -49,6 +49,16 @@ class Terminal:
     def note(self, text: str) -> None:
         """Words beside the answer: progress, warnings."""
         write_line(text, self.notes)
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command that shares its file with others; a module with these names is one, too."""
+
+    NAME: str
+    HELP: str
+    add_arguments: Callable[[ArgumentParser], None]
+    run: Callable[[Namespace, Terminal], Answer]
 
 
 LONG = 30_000_000  # bytes of a log from which on reading shows its progress

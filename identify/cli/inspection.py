@@ -16,7 +16,7 @@ from identify.base.document import to_dict, to_document
 from identify.base.result import ClassicalDirection, ClassicalTable
 from identify.base.wording import DASH, columns, number, programme_text, quantity, speed, split_key, wrapped
 from identify.cli.common import Terminal
-from identify.cli.scene import only
+from identify.cli.logs import only
 from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, judge
 from identify.logs.log_regime import LogRegime, drive_of, joined, look, only_of

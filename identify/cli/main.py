@@ -51,17 +51,17 @@ class _Parser(ArgumentParser):
 
 
 COMMANDS = """
-demo inspect steps rig scene plan fit verify batch compare simulate calculators app convert cache
+demo inspect logs rig plan fit verify batch compare simulate calculators app cache
 """.split()
 
 
 def commands() -> list[Any]:
-    """Every command, in the order of the help: one of each module, but for the two calculators.
+    """Every command, in the order of the help: those that a module lists, or the module itself.
 
     They bring NumPy and pandas, a good part of a second: imported within `main`, which an interruption ends in words.
     """
     modules = [import_module(f"identify.cli.{name}") for name in COMMANDS]
-    return [command for module in modules for command in getattr(module, "CALCULATORS", (module,))]
+    return [command for module in modules for command in getattr(module, "COMMANDS", (module,))]
 
 
 def build_parser() -> _Parser:

@@ -232,5 +232,5 @@ def test_raw_data_are_never_written_over(tmp_path, capsys):
     write_hdf5(read_log(LOGS[1]), path)
     before = path.read_bytes()
     assert cli.main(["convert", str(path), "--out", str(path)]) == 2
-    assert "raw data are never written over" in capsys.readouterr().err and path.read_bytes() == before
+    assert "may hold a measured log" in capsys.readouterr().err and path.read_bytes() == before
     assert cli.main(["convert", str(path), "--out", str(tmp_path / "b.h5"), "--key", str(tmp_path / "k.json")]) == 2

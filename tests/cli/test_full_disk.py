@@ -74,6 +74,6 @@ def test_an_anonymous_log_is_not_left_without_its_key(folder, capsys, monkeypatc
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("identify.cli.convert._write_key", full)
+    monkeypatch.setattr("identify.cli.logs._write_key", full)
     sentence = refused(capsys, "convert", "log.csv", "--anonymise", "--out", "log.h5", "--quiet")
     assert "No space left" in sentence and [path.name for path in folder.iterdir()] == ["log.csv"]
