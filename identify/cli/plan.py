@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from identify.cli.common import NOT_SUCCEEDED, Answer, CommandLineError, Terminal, file_to_write, positives
 
@@ -86,32 +86,41 @@ def _planned(arguments: Namespace, choices: Choices) -> tuple[RecordingPlan, str
     path = existing_result(scene)
     if path is not None:
         result = read_result(path)
-        if result.converged and _of(result, scene):
-            settled = replace(scene_of(result, path), rig=scene.rig)
+        fitted = scene_of(result, path)
+        why = _why_unused(result, fitted, scene)
+        if not why:
             if scene.rig.normal_force and not choices.loads:
                 choices = replace(choices, loads=(scene.rig.normal_force,))
-            return plan(settled, (), choices, result), f"From the fit of this scene in {path}."
-        source = f"A fit of another state of this scene stands in {path}: plan that file to use it."
+            made = plan(replace(fitted, rig=scene.rig), (), choices, result)
+            return made, f"From the fit of this scene in {path}."
+        source = f"The fit in {path} is not used: {why}."
     if not scene.logs:
         return plan(scene, (), choices), source
-    made = prepare_scene(*with_records(scene, None))
-    logs = [log for log in made.logs if log.left_out is None]
+    prepared = prepare_scene(*with_records(scene, None))
+    logs = [log for log in prepared.logs if log.left_out is None]
     source = (
         source or "The logs of this scene are not fitted yet: fit them first, and the plan starts from their result."
     )
-    return plan(made.scene, logs, choices), source
+    return plan(prepared.scene, logs, choices), source
 
 
-def _of(result: Result, scene: Scene) -> bool:
-    """Whether a result is of a scene as it stands; the drive speed and load of [rig] may be those of the next log."""
+def _why_unused(result: Result, fitted: Scene, scene: Scene) -> str:
+    """Why a fit does not stand for a scene, "" where it does; speed and load of [rig] may be those of the next log."""
+    from identify.prediction.sources import pair_of
 
-    def compared(document: dict[str, Any]) -> dict[str, Any]:
-        rig = {k: v for k, v in document.get("rig", {}).items() if k not in ("drive_speed", "normal_force")}
-        left_out = ("fit", "effects") if scene.effects == "auto" else ("fit",)
-        return {k: v for k, v in document.items() if k not in left_out} | {"rig": rig}
-
-    fitted = result.provenance.get("scene")
-    return isinstance(fitted, dict) and compared(fitted) == compared(scene.as_document())
+    if not result.converged:
+        return f"it did not converge ({result.status})"
+    if untold := pair_of(result, fitted, 0).untold:
+        return untold
+    stated, known = scene.as_document(), fitted.as_document()
+    for key in ("drive_speed", "normal_force"):
+        stated["rig"].pop(key, None)
+        known["rig"].pop(key, None)
+    if scene.effects == "auto":  # the fit has chosen them, and names every parameter of theirs
+        named = {name: said for name, said in known["parameters"].items() if name in stated["parameters"]}
+        known |= {"effects": "auto", "parameters": named}
+    same = {**stated, "fit": None} == {**known, "fit": None}
+    return "" if same else "it is of another state of this scene; plan that file to use it"
 
 
 def _choices(arguments: Namespace) -> Choices:

@@ -15,7 +15,7 @@ from identify.cli import main as cli
 from identify.report.stored_result import as_json
 from identify.simulation.drive import Drive
 from tests.bench.test_design import scene
-from tests.support.fake_fit import fit_of_a_scene, with_verdicts
+from tests.support.fake_fit import failed, fit_of_a_scene, with_verdicts
 
 
 @pytest.fixture(scope="module")
@@ -128,13 +128,28 @@ def test_a_fit_of_the_scene_takes_the_place_of_its_values_and_one_speed_is_repea
     assert not any(log["repeats"] for log in told("[tolerances]\nspecimen = 0\n")["logs"])
 
 
-def test_a_fit_of_another_state_of_the_scene_is_offered_not_used(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize(("good", "why"), [(True, "another state of this scene; plan"), (False, "did not converge")])
+def test_a_fit_that_does_not_stand_for_the_scene_is_offered_not_used(tmp_path, monkeypatch, capsys, good, why):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "pair.toml").write_text(SCENE)
     folder = tmp_path / "stickslip-pair"
     folder.mkdir()
-    (folder / "result.json").write_text(as_json(fit_of_a_scene().result))
+    fit = fit_of_a_scene() if good else failed(fit_of_a_scene(), "model_misfit", "the model does not fit")
+    (folder / "result.json").write_text(as_json(fit.result))
     assert cli.main(["plan", "pair.toml", "--speed", "1 mm/s", "--hold", "1 s", "--json"]) in (0, 3)
     document = json.loads(capsys.readouterr().out)
-    assert document["source"].startswith("A fit of another state of this scene stands in ")
-    assert document["measured"] == [] and "a" in document["assumed"]
+    assert why in document["source"] and document["measured"] == [] and "a" in document["assumed"]
+
+
+def test_a_fit_that_chose_its_effects_stands_for_its_scene(tmp_path, monkeypatch, capsys):
+    """The scene leaves the effects open and names one parameter; the fit lists effects and all their parameters."""
+    monkeypatch.chdir(tmp_path)
+    text = SCENE.replace(SCENE[SCENE.index("effects") : SCENE.index("[rig]")], 'effects = "auto"\n')
+    (tmp_path / "pair.toml").write_text(text + "mu_s = { start = 0.6 }\n")
+    result = fit_of_a_scene().result
+    chosen = Scene.from_toml(tmp_path / "pair.toml").with_effects(result["provenance"]["scene"]["effects"])
+    (tmp_path / "stickslip-pair").mkdir()
+    provenance = result["provenance"] | {"scene": chosen.as_document()}
+    (tmp_path / "stickslip-pair" / "result.json").write_text(as_json(result | {"provenance": provenance}))
+    assert cli.main(["plan", "pair.toml", "--speed", "1 mm/s", "--hold", "1 s", "--json"]) in (0, 3)
+    assert json.loads(capsys.readouterr().out)["source"].startswith("From the fit of this scene in ")
