@@ -99,14 +99,17 @@ def test_a_fit_is_planned_from_its_estimates_at_the_load_of_its_logs(tmp_path, c
     assert {log["normal_force"] for log in document["logs"]} <= {0.5} and (document["logs"] or not untold)
 
 
+def listed(result):
+    """The [[logs]] of a result, as a scene lists them."""
+    logs = result["provenance"]["scene"]["logs"]
+    return "".join(f'[[logs]]\npath = "{log["path"]}"\ndrive_speed = {log["drive_speed"]}\n' for log in logs)
+
+
 def test_a_fit_of_the_scene_takes_the_place_of_its_values_and_one_speed_is_repeated(tmp_path, monkeypatch, capsys):
     """Each of its speeds stands in one log: the plan asks for one more log at one of these, and only then."""
     monkeypatch.chdir(tmp_path)
     result = fit_of_a_scene().result
-    document = result["provenance"]["scene"]
-    logs = "".join(
-        f'[[logs]]\npath = "{log["path"]}"\ndrive_speed = {log["drive_speed"]}\n' for log in document["logs"]
-    )
+    logs = listed(result)
     (tmp_path / "pair.toml").write_text(SCENE.replace("[parameters]", "") + logs)
     fitted = Scene.from_toml(tmp_path / "pair.toml")
     folder = tmp_path / f"stickslip-{fitted.name}"
@@ -145,8 +148,8 @@ def test_a_fit_that_chose_its_effects_stands_for_its_scene(tmp_path, monkeypatch
     """The scene leaves the effects open and names one parameter; the fit lists effects and all their parameters."""
     monkeypatch.chdir(tmp_path)
     text = SCENE.replace(SCENE[SCENE.index("effects") : SCENE.index("[rig]")], 'effects = "auto"\n')
-    (tmp_path / "pair.toml").write_text(text + "mu_s = { start = 0.6 }\n")
     result = fit_of_a_scene().result
+    (tmp_path / "pair.toml").write_text(text + "mu_s = { start = 0.6 }\n" + listed(result))
     chosen = Scene.from_toml(tmp_path / "pair.toml").with_effects(result["provenance"]["scene"]["effects"])
     (tmp_path / "stickslip-pair").mkdir()
     provenance = result["provenance"] | {"scene": chosen.as_document()}
