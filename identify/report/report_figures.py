@@ -50,22 +50,11 @@ def _drawings(fit: Fit) -> Iterator[tuple[int | None, Drawing]]:
     from identify.report.cycle_figures import draw_cycles, draw_measured, draw_uneven
     from identify.report.draw_slip import draw_phase_plane, draw_slip
     from identify.report.force_figure import draw_force
-    from identify.report.style import printable
     from identify.report.uncertainty_figures import draw_correlation, draw_optima, draw_profile
 
     for position, curves in enumerate(fit.logs, start=1):
         if len(curves.time) > 1:
-            drawing = draw_force(curves, position, fit.converged)
-            drawing.figure.suptitle(
-                f"log {position} · {printable(curves.name)}",
-                x=0.992,
-                y=0.985,
-                ha="right",
-                va="top",
-                fontsize=8,
-                color="#7a858f",
-            )
-            yield position, drawing
+            yield position, draw_force(curves, position, fit.converged)
         if curves.slip is not None and len(curves.slip.time) > 1:
             yield position, draw_slip(curves, curves.slip, position, fit.converged)
             yield position, draw_phase_plane(curves, curves.slip, position)

@@ -29,6 +29,7 @@ from identify.report.report_tables import (
     held_table,
     method_table,
     of_record,
+    outlook_of,
     parameter_table,
     sensitivity_table,
     sentences,
@@ -275,6 +276,7 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
             )
             if table
         ],
+        outlook=answer_table([(head, outlook_of(log.derived)) for head, log in heads]),
         told=[
             (view, lines)
             for view, (_, log) in zip(logs, heads, strict=True)

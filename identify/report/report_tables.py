@@ -391,6 +391,15 @@ def _word(key: str) -> str:
     return ANSWER_WORDS.get(key) or split_key(key)[0]
 
 
+OUTLOOK = (("amplitude", "drop"), ("amplitude", "period"), ("stability", "critical_speed"))
+
+
+def outlook_of(derived: Entry) -> Entry:
+    """Of what follows from the parameters at one log the three numbers that are asked for first."""
+    parts = {part: derived.get(part) for part, _ in OUTLOOK}
+    return {key: found[key] for part, key in OUTLOOK if isinstance(found := parts[part], Mapping) and key in found}
+
+
 def without_groups_of(entries: Entry, elsewhere: Entry) -> Entry:
     """The entries of a log without what stands in another table as well; of the dimensionless groups those that say
     something of the pair and the rig, while result.json holds all that the closed forms are made of."""
