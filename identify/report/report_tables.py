@@ -71,6 +71,7 @@ def parameter_table(parameters: Mapping[str, ParameterResult], errors: bool = Tr
         ends = entry.interval_rig_exact
         halves = [abs(end / scale.factor - (shown or 0.0)) for end in ends or () if end is not None]
         alone = places_for(min(halves, default=0.0) / 2, shown)
+        rig_exact = interval_text(ends, scale, alone) if ends and shown is not None else ""
         rows.append(
             (
                 Cell(
@@ -80,7 +81,7 @@ def parameter_table(parameters: Mapping[str, ParameterResult], errors: bool = Tr
                 ),
                 Cell(entry.value, text, si, "doubt" if kind == "bad" else ""),
                 Cell(interval_text(entry.ends, scale, places) if known else DASH),
-                *([Cell(interval_text(ends, scale, alone) if ends and shown is not None else "")] if exact else []),
+                *([Cell(rig_exact, kind="exact")] if exact else []),
                 Cell(entry.unit, scale.unit or "1"),
                 Cell(entry.verdict, f"{VERDICT_MARK.get(entry.verdict, '')} {entry.verdict}".strip(), reason, kind),
             )

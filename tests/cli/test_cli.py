@@ -3,6 +3,7 @@
 import contextlib
 import gzip
 import json
+import re
 import os
 import signal
 import subprocess
@@ -466,6 +467,17 @@ def test_a_fit_leaves_its_folder_and_finds_the_truth(fitted):
     for name, value in truth.items():
         entry = result["parameters"][name]
         assert entry["verdict"] == "identified" and abs(entry["value"] - value) < 4 * entry["standard_error"]
+
+
+def test_a_report_unfolds_to_two_pages(fitted):
+    page = (fitted / "report.html").read_text(encoding="utf-8")
+    page = re.sub(r"<(script|style|svg)[\s\S]*?</\1>", "", page)
+    whole, folded = page, r"<details(?![^>]* open)(?:(?!<details)[\s\S])*?</details>"
+    while page != (page := re.sub(folded, "", page)):
+        pass
+    unfolded, everything = (len(re.sub(r"<[^>]+>", " ", text).split()) for text in (page, whole))
+    assert unfolded < 1000 < 2000 < everything, "two logs: 1,200 words are the limit for four"
+    assert "stick-slip ends above" in page and "Data quality" not in page.split("</nav>")[1]
 
 
 def test_a_stored_fit_is_verified(fitted, folder, capsys):
