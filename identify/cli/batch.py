@@ -14,7 +14,7 @@ from identify.cli.common import (
     Answer,
     CommandLineError,
     Terminal,
-    quantity,
+    positive,
 )
 from identify.cli.interrupt import ends_by_itself
 
@@ -65,9 +65,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
 
 
 def _run(arguments: Namespace, terminal: Terminal) -> Answer:
-    limit = quantity(arguments.time_limit, "s", "--time-limit")
-    if not limit > 0:
-        raise CommandLineError(f"--time-limit is {limit:g} s; expected a positive time: correct it")
+    limit = positive(arguments.time_limit, "s", "--time-limit")
     if arguments.jobs is not None and arguments.jobs < 1:
         raise CommandLineError(f"--jobs is {arguments.jobs}; expected at least 1: correct it")
     if arguments.jobs is not None and arguments.scheduler:

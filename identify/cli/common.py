@@ -212,6 +212,15 @@ def quantity(text: str, unit: str, option: str) -> float:
     return read_quantity(text, unit, option)
 
 
+def positive(text: str, unit: str, option: str) -> float:
+    """As `quantity`, above zero. SceneError: it is not."""
+    from identify.scene.tables import POSITIVE, Key, check
+
+    value = quantity(text, unit, option)
+    check(option, Key(unit, sign=POSITIVE), value)
+    return value
+
+
 def share(text: str, option: str, most: float = float("inf")) -> float:
     """ "15 %" or 0.15 as 0.15.
 
@@ -227,15 +236,8 @@ def share(text: str, option: str, most: float = float("inf")) -> float:
 
 
 def positives(text: str | None, unit: str, option: str) -> tuple[float, ...]:
-    """Positive quantities in SI of a list with commas, "0.1 mm/s,1 mm/s"; none of None.
-
-    Raises:
-        CommandLineError: what cannot be read, or is not positive.
-    """
-    values = tuple(quantity(item.strip(), unit, option) for item in (text or "").split(",") if item.strip())
-    if any(not value > 0.0 for value in values):
-        raise CommandLineError(f"{option} has {text!r}; expected a number above zero: change it")
-    return values
+    """Positive quantities in SI of a list with commas, "0.1 mm/s,1 mm/s"; none of None."""
+    return tuple(positive(item.strip(), unit, option) for item in (text or "").split(",") if item.strip())
 
 
 def standard_terminal(json_mode: bool, *, quiet: bool = False, progress: HowToTell = "shown") -> Terminal:

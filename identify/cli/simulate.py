@@ -10,7 +10,16 @@ from time import process_time
 from typing import TYPE_CHECKING, Any
 
 from identify.base.wording import speed_text
-from identify.cli.common import MEASURED, Answer, CommandLineError, Terminal, file_to_write, new_file, quantity
+from identify.cli.common import (
+    MEASURED,
+    Answer,
+    CommandLineError,
+    Terminal,
+    file_to_write,
+    new_file,
+    positive,
+    quantity,
+)
 
 if TYPE_CHECKING:
     from identify.scene import Scene
@@ -202,8 +211,7 @@ def _asked(arguments: Namespace) -> tuple[float, float, float, int]:
     Raises:
         CommandLineError: one sentence.
     """
-    duration = _positive(quantity(arguments.duration, "s", "--duration"), "--duration", "s")
-    rate = _positive(quantity(arguments.rate, "1/s", "--rate"), "--rate", "Hz")
+    duration, rate = positive(arguments.duration, "s", "--duration"), positive(arguments.rate, "Hz", "--rate")
     samples = duration * rate + 1
     if not 2 <= samples <= MOST_SAMPLES:
         count = f"{samples:.3g} samples" if samples >= 2 else "1 sample"
@@ -216,9 +224,3 @@ def _asked(arguments: Namespace) -> tuple[float, float, float, int]:
     if arguments.seed < 0:
         raise CommandLineError(f"--seed is {arguments.seed}; expected zero or a positive whole number: correct it")
     return duration, rate, noise, arguments.seed
-
-
-def _positive(value: float, option: str, unit: str) -> float:
-    if not value > 0:
-        raise CommandLineError(f"{option} is {value:g} {unit}; expected a positive number: correct it")
-    return value

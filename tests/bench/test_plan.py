@@ -81,7 +81,7 @@ def test_the_first_line_says_what_is_assumed_and_the_answer_is_a_range(tmp_path,
     low, high = document["ranges"]["then"]["t_cr"]
     assert low < 0.8 * high
     assert (tmp_path / "steps.csv").read_text().startswith("log,step,drive_speed_mm_per_s")
-    for wrong, words in ((["--for", "a"], "a is not searched"), (["--speed", "-1 mm/s"], "above zero")):
+    for wrong, words in ((["--for", "a"], "a is not searched"), (["--speed", "-1 mm/s"], "positive number")):
         assert cli.main(["plan", "pair.toml", *wrong]) == 2
         assert words in capsys.readouterr().err
 

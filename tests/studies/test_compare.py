@@ -306,7 +306,7 @@ def test_the_command(study, tmp_path, capsys):
         (["--by", "material", "--adjust", "moisture"], "no converged fit has the label 'moisture'"),
         (["--by", "material", "--without", "nobody"], "no fit is called 'nobody'"),
         (["--by", "material", "--speeds", "fast"], "--speeds"),
-        (["--by", "material", "--load", "-1 N"], "--load has '-1 N'; expected a number above zero"),
+        (["--by", "material", "--load", "-1 N"], "--load is -1 N; expected a positive number"),
     ],
 )
 def test_what_cannot_be_asked_is_one_sentence(study, tmp_path, capsys, more, words):
