@@ -270,10 +270,10 @@ def simulated_log(
     """
     if time_is_up():
         return None
-    made = _Designed(unknowns, theta, design.base(unknowns, base), design)
-    shared, time = int(np.count_nonzero(unknowns.free)) + len(made.starts), made.scales.time
+    motions = _Designed(unknowns, theta, design.base(unknowns, base), design)
+    shared, time = int(np.count_nonzero(unknowns.free)) + len(motions.starts), motions.scales.time
     try:
-        nominal = made.nominal(longest)
+        nominal = motions.nominal(longest)
         onsets = nominal.onsets
         if not onsets.size or not _in_turn(nominal) or (design.duration and onsets.size > MOST_CYCLES):
             return None
@@ -286,7 +286,7 @@ def simulated_log(
         before, force, after = nominal.sample(around.ravel())["force"].reshape(-1, 3).T
         rate = (after - before) / (2.0 * beside)
         columns, longer = list[Array](), list[float]()
-        for other, step, changes in made.perturbed(until + 0.5 * period, nominal, until):
+        for other, step, changes in motions.perturbed(until + 0.5 * period, nominal, until):
             at = _same_moments(nominal, other, times, until, (*drive, *changes.tolist()))
             columns.append((other.sample(at)["force"] - force - rate * (at - times)) / step)
             if repeats and len(longer) < shared:
@@ -309,8 +309,8 @@ def simulated_log(
         slip=float(np.median(arrests - onsets[: arrests.size])) if arrests.size else 2.0 * np.pi * time,
         sensitivity=sensitivity,
         weights=weights,
-        start_sd=np.array([np.inf if i == ELONGATION else BOUNDED_START_SD for i in made.starts]),
-        free=shared - len(made.starts),
+        start_sd=np.array([np.inf if i == ELONGATION else BOUNDED_START_SD for i in motions.starts]),
+        free=shared - len(motions.starts),
         repetition=repetition,
     )
 
@@ -394,7 +394,7 @@ class Knowledge:
     Attributes
     ----------
     kept : (k,) places among the free parameters of those that another log shares.
-    asked : names of what is to be told.
+    targets : names of what is to be identified.
     places : (d, n_p) theta, the likeliest and draws of what is uncertain.
     precision : (d, k, k) at each place; systematic : (k,) variances that no log lowers (tolerances).
     base : (n_p,) of the rig; variance : of a sample [N^2]; load_error : of the normal force in a cycle, relative.
@@ -404,7 +404,7 @@ class Knowledge:
 
     unknowns: Unknowns
     kept: NDArray[np.int64]
-    asked: tuple[str, ...]
+    targets: tuple[str, ...]
     places: Array
     precision: Array
     systematic: Array
@@ -427,9 +427,9 @@ class Knowledge:
         return tuple(self.unknowns.names[i] for i in self.index.tolist())
 
     @property
-    def wanted(self) -> list[int]:
-        """Places of what is asked for among the k parameters."""
-        return [i for i, name in enumerate(self.names) if name in self.asked]
+    def targeted(self) -> list[int]:
+        """Places of the targets among the k parameters."""
+        return [i for i, name in enumerate(self.names) if name in self.targets]
 
     def variances(self, precision: Array) -> Array:
         """Relative variances (d, k): of a logarithm, or over what the parameter is judged by."""
@@ -445,10 +445,10 @@ class Knowledge:
         half = NORMAL * np.sqrt(self.variances(precision))
         return np.where(self.unknowns.logarithmic[self.index], np.expm1(np.minimum(half, UNKNOWN)), half)
 
-    def told(self, precision: Array) -> dict[str, float]:
-        """What is asked for and known well enough: half lengths by name."""
+    def identified(self, precision: Array) -> dict[str, float]:
+        """The targets that are known well enough: half lengths by name."""
         halves = promised(self.halves(precision))
-        return {self.names[i]: float(halves[i]) for i in self.wanted if halves[i] <= SAFE * IDENTIFIED}
+        return {self.names[i]: float(halves[i]) for i in self.targeted if halves[i] <= SAFE * IDENTIFIED}
 
 
 def promised(halves: Array) -> Array:
@@ -465,7 +465,7 @@ class PlannedLog:
     times : how many of the simulated log, for a duration [s] with so many slips (at the likeliest place).
     rate : sampling rate [Hz].
     halves : (d, k) half lengths of the intervals with this log and those before it.
-    tells : half lengths with all logs, of what would not be known well enough without this one.
+    identifies : half lengths with all logs, of what would not be known well enough without this one.
     repeats : whether it repeats the speed of a log at hand.
     """
 
@@ -475,7 +475,7 @@ class PlannedLog:
     duration: float
     slips: int
     halves: Array
-    tells: Mapping[str, float]
+    identifies: Mapping[str, float]
     repeats: bool = False
 
 
@@ -526,82 +526,83 @@ class Candidates:
 
 
 def choose(
-    tried: Candidates,
+    candidates: Candidates,
     designs: Sequence[LogDesign],
     budget: float,
     setup: float,
     repeat: tuple[LogDesign, int] | None = None,
 ) -> list[PlannedLog]:
-    """The logs that tell what is asked for, in the order they were chosen; a `repeat` that is asked for stands first.
+    """The logs that identify the targets, in the order they were chosen; a `repeat` that is asked for stands first.
 
     Parameters
     ----------
     designs : among which is chosen; one that is chosen again becomes longer.
     budget : time for all logs together [s], of which setting each up takes `setup` [s].
     """
-    knowledge = tried.knowledge
+    knowledge = candidates.knowledge
     chosen = {} if repeat is None else {repeat[0]: repeat[1]}
     for _ in range(ROUNDS):
-        if len(knowledge.told(tried.precision(chosen))) == len(knowledge.wanted):
+        if len(knowledge.identified(candidates.precision(chosen))) == len(knowledge.targeted):
             break
-        left = budget - sum(tried.seconds(*log) + setup for log in chosen.items())
-        best = _best(tried, designs, chosen, left, setup)
+        left = budget - sum(candidates.seconds(*log) + setup for log in chosen.items())
+        best = _best(candidates, designs, chosen, left, setup)
         if best is None:
             break
         chosen[best[0]] = chosen.get(best[0], 0) + best[1]
-    told = len(knowledge.told(tried.precision(chosen)))
-    if told == len(knowledge.wanted):  # later logs may have made earlier ones superfluous
-        for design in sorted(chosen, key=lambda design: -tried.seconds(design, chosen[design])):
+    count = len(knowledge.identified(candidates.precision(chosen)))
+    if count == len(knowledge.targeted):  # later logs may have made earlier ones superfluous
+        for design in sorted(chosen, key=lambda design: -candidates.seconds(design, chosen[design])):
             rest = {other: times for other, times in chosen.items() if other != design}
-            if (repeat is None or design != repeat[0]) and len(knowledge.told(tried.precision(rest))) == told:
+            superfluous = len(knowledge.identified(candidates.precision(rest))) == count
+            if superfluous and (repeat is None or design != repeat[0]):
                 chosen = rest
-    return [_planned(tried, chosen, number, repeat) for number in range(len(chosen))]
+    return [_planned(candidates, chosen, number, repeat) for number in range(len(chosen))]
 
 
 def _planned(
-    tried: Candidates, chosen: Mapping[LogDesign, int], number: int, repeat: tuple[LogDesign, int] | None
+    candidates: Candidates, chosen: Mapping[LogDesign, int], number: int, repeat: tuple[LogDesign, int] | None
 ) -> PlannedLog:
     design, times = list(chosen.items())[number]
-    log, knowledge = tried.at(design), tried.knowledge
+    log, knowledge = candidates.at(design), candidates.knowledge
     assert log is not None
-    told = knowledge.told(tried.precision(chosen))
-    without = knowledge.told(tried.precision({d: n for d, n in chosen.items() if d != design}))
+    together = knowledge.identified(candidates.precision(chosen))
+    without = knowledge.identified(candidates.precision({d: n for d, n in chosen.items() if d != design}))
     return PlannedLog(
         design,
         times,
-        tried.rate(design),
+        candidates.rate(design),
         times * log.duration,
         times * log.slips,
-        knowledge.halves(tried.precision(dict(list(chosen.items())[: number + 1]))),
-        {name: half for name, half in told.items() if name not in without},
+        knowledge.halves(candidates.precision(dict(list(chosen.items())[: number + 1]))),
+        {name: half for name, half in together.items() if name not in without},
         repeat is not None and design == repeat[0],
     )
 
 
 def _best(
-    tried: Candidates, designs: Sequence[LogDesign], chosen: Mapping[LogDesign, int], left: float, setup: float
+    candidates: Candidates, designs: Sequence[LogDesign], chosen: Mapping[LogDesign, int], left: float, setup: float
 ) -> tuple[LogDesign, int] | None:
     """The log that lowers the variances most for its time; None where none is worth it."""
-    k, precision = tried.knowledge, tried.precision(chosen)
+    k, precision = candidates.knowledge, candidates.precision(chosen)
     enough = (0.5 * SAFE * IDENTIFIED / NORMAL) ** 2  # the score is level where a parameter is known well enough
 
     def score(matrices: Array) -> Array:
-        return np.sum(np.log(k.variances(matrices)[:, k.wanted] + enough), axis=1)
+        return np.sum(np.log(k.variances(matrices)[:, k.targeted] + enough), axis=1)
 
     before = score(precision)
 
     def gain(log: tuple[LogDesign, int], count: int) -> float:
-        more = np.array([tried.information(*log, place) for place in range(count)])
+        more = np.array([candidates.information(*log, place) for place in range(count)])
         after = precision.copy()
         after[:count] += more
         return float(np.mean((before - score(after))[:count]))
 
     def per_second(value: float, log: tuple[LogDesign, int]) -> float:
-        return value / (tried.seconds(*log) + setup)
+        return value / (candidates.seconds(*log) + setup)
 
     possible = []
     for design in designs:
-        log = tried.at(design)
+        log = candidates.at(design)
         if log is None:
             continue
         most = 1

@@ -28,7 +28,7 @@ class Advice:
     expected to tell."""
 
     logs: tuple[NextLogResult, ...]
-    untold: tuple[str, ...]
+    open: tuple[str, ...]
     longest: float
 
 
@@ -46,12 +46,12 @@ def next_logs(found: Findings) -> Advice | None:
     if time_is_up():
         return None
     proposed = tuple(
-        NextLogResult(log.design.speed, load, _whole(log.duration), log.rate, log.slips, log.tells)
+        NextLogResult(log.design.speed, load, _whole(log.duration), log.rate, log.slips, log.identifies)
         for log in planned
-        if log.tells
+        if log.identifies
     )
-    untold = tuple(name for name in knowledge.asked if not any(name in log.expected for log in proposed))
-    return Advice(proposed, untold, knowledge.longest)
+    open_ = tuple(name for name in knowledge.targets if not any(name in log.expected for log in proposed))
+    return Advice(proposed, open_, knowledge.longest)
 
 
 def _knowledge(found: Findings) -> Knowledge | None:
@@ -61,13 +61,13 @@ def _knowledge(found: Findings) -> Knowledge | None:
     unknowns, attempt, sure = found.unknowns, found.attempt, found.sure
     verdicts = {e.name: e.verdict for e in found.estimates}
     free = np.flatnonzero(unknowns.free)
-    told = [verdicts[unknowns.names[i]] for i in free.tolist()]
+    verdict = [verdicts[unknowns.names[i]] for i in free.tolist()]
     # What a log has for itself, another one has anew; harmonics are those of a drive at its speed.
     own = unknowns.own[free] & ~unknowns.grouped[free] | rhythmic(unknowns)[free]
-    kept = np.flatnonzero(~own & np.array([verdict != "at bound" for verdict in told]))
-    asked = tuple(unknowns.names[free[i]] for i in kept.tolist() if told[i] in ("weak", "not identifiable"))
+    kept = np.flatnonzero(~own & np.array([each != "at bound" for each in verdict]))
+    targets = tuple(unknowns.names[free[i]] for i in kept.tolist() if verdict[i] in ("weak", "not identifiable"))
     # A single peak tells so little that no motion can be simulated.
-    if onsets(attempt.solved.trajectories) < 2 or not asked or not np.all(np.isfinite(sure.covariance)):
+    if onsets(attempt.solved.trajectories) < 2 or not targets or not np.all(np.isfinite(sure.covariance)):
         return None
     pairs = list(zip(attempt.fitted_logs, attempt.solved.trajectories, strict=True))
     log, trajectory = max(pairs, key=lambda pair: pair[1].when("onset").size)
@@ -82,7 +82,7 @@ def _knowledge(found: Findings) -> Knowledge | None:
     return Knowledge(
         unknowns,
         kept,
-        asked,
+        targets,
         places,
         np.array([shared] * len(places)),
         np.zeros(kept.size),
@@ -125,7 +125,7 @@ def remedy_for(name: str, advice: Advice) -> str:
 
 def _no_remedy(name: str, advice: Advice) -> str:
     """That no log would tell a parameter; "" where one might: beside a log that tells others it is too soon to say."""
-    if advice.logs or name not in advice.untold:
+    if advice.logs or name not in advice.open:
         return ""
     return (
         f"as far as these logs tell, none of up to {three_figures(advice.longest)} s at one speed, this load and on "

@@ -47,7 +47,7 @@ class Choices:
     ----------
     speeds : [m/s]; holds : of one log [s]; loads : [N]; stiffnesses : of the springs there are [N/m].
     fastest : highest sampling rate [Hz].
-    asked : names of what is to be told.
+    targets : names of what is to be identified.
     budget : for all logs [s].
     """
 
@@ -56,7 +56,7 @@ class Choices:
     loads: tuple[float, ...] = ()
     stiffnesses: tuple[float, ...] = ()
     fastest: float = math.inf
-    asked: tuple[str, ...] = ()
+    targets: tuple[str, ...] = ()
     budget: float = BUDGET
 
 
@@ -98,7 +98,7 @@ def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Resul
 
     Raises
     ------
-    IdentifyError : nothing that is asked for is searched, or no log of any design slips.
+    IdentifyError : a target that is not searched, or no log of any design slips.
     """
     pair = None if result is None else pair_of(result, scene, 0)
     if pair is not None and pair.untold:
@@ -108,14 +108,14 @@ def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Resul
     knowledge = _knowledge(scene, values, load, logs, choices, pair, result)
     lone = _lone_speeds(_speeds_at_hand(logs, result), scene)
     speeds = _speeds(scene, logs)
-    tried = Candidates(knowledge)
+    candidates = Candidates(knowledge)
     designs = _designs(knowledge, speeds, load, choices)
-    if all(tried.at(design) is None for design in designs):
+    if all(candidates.at(design) is None for design in designs):
         raise IdentifyError(
             "no log of any speed that was tried slips with the values of this scene; give starts in [parameters] that "
             "are nearer to the pair, a softer spring or a higher load (--stiffness, --load)"
         )
-    chosen = choose(tried, designs, choices.budget, SETUP, _repeat(tried, lone, load))
+    chosen = choose(candidates, designs, choices.budget, SETUP, _repeat(candidates, lone, load))
     guessed = tuple(n for n in assumed(scene, values, pair.values if pair else ()) if n in values)
     measured = () if pair is None else tuple(n for n in values if n in pair.names)
     origins = Origins(measured, tuple(n for n in values if n not in (*guessed, *measured)), guessed)
@@ -138,8 +138,8 @@ def _knowledge(
     free = np.flatnonzero(unknowns.free)
     kept = np.flatnonzero(~unknowns.own[free])
     names = [unknowns.names[i] for i in free[kept].tolist()]
-    asked = choices.asked or tuple(name for name in names if name not in RIG_PARAMETERS)
-    if missing := [name for name in asked if name not in names]:
+    targets = choices.targets or tuple(name for name in names if name not in RIG_PARAMETERS)
+    if missing := [name for name in targets if name not in names]:
         raise IdentifyError(f"{missing[0]} is not searched in this scene; expected one of {', '.join(names)}: free it")
     precision = unknowns.prior_precision[np.ix_(free, free)]
     systematic = np.zeros(kept.size)
@@ -161,7 +161,7 @@ def _knowledge(
     return Knowledge(
         unknowns,
         kept,
-        asked,
+        targets,
         places,
         precisions[:, kept[:, None], kept[None, :]],
         systematic,
@@ -219,10 +219,10 @@ def _at_hand(unknowns: Unknowns, theta: Array, log: Prepared) -> Array:
     count, data = int(np.count_nonzero(unknowns.free)), log.data
     total = np.zeros((count, count))
     for speed, seconds in driven(data):
-        made = simulated_log(unknowns, theta, data.base, LogDesign(speed, log.mean_load), seconds)
-        if made is not None:
-            times = seconds / made.duration if made.slips else 1.0
-            total += made.information(1.0 / data.interval, data.noise**2, data.normal_force_sd, times)
+        simulated = simulated_log(unknowns, theta, data.base, LogDesign(speed, log.mean_load), seconds)
+        if simulated is not None:
+            times = seconds / simulated.duration if simulated.slips else 1.0
+            total += simulated.information(1.0 / data.interval, data.noise**2, data.normal_force_sd, times)
     return total
 
 
@@ -236,7 +236,7 @@ def driven(data: LogData) -> list[tuple[float, float]]:
 
 
 def _load(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Result | None) -> float:
-    """The normal force of the logs to record [N]: as asked, as stated, else that of the logs at hand."""
+    """The normal force of the logs to record [N]: as chosen, as stated, else that of the logs at hand."""
     stated = [scene.rig.normal_force] if scene.rig.normal_force else []
     fitted = [log.normal_force_N for log in (result.logs if result else ()) if log.normal_force_N]
     at_hand = fitted or stated or [log.mean_load for log in logs] or [1.0]
@@ -266,11 +266,11 @@ def _lone_speeds(speeds: Sequence[float], scene: Scene) -> list[float]:
     return sorted(speeds) if len(speeds) > 1 and len(rounded) == len(speeds) and not alike else []
 
 
-def _repeat(tried: Candidates, lone: Sequence[float], load: float) -> tuple[LogDesign, int] | None:
+def _repeat(candidates: Candidates, lone: Sequence[float], load: float) -> tuple[LogDesign, int] | None:
     """A log that repeats the middle one of speeds that stand in one log only."""
     for speed in sorted(lone, key=lambda speed: abs(math.log(speed / lone[len(lone) // 2]))):
         design = LogDesign(speed, load)
-        log = tried.at(design)
+        log = candidates.at(design)
         if log is not None and log.slips:
             most = max(int(LONGEST / log.duration), 1)
             return design, min(math.ceil(REPEATED_SLIPS / log.slips), most)

@@ -92,7 +92,7 @@ def plan_text(plan: RecordingPlan, source: str = "") -> str:
     if plan.knowledge.places.shape[0] > 1 and any("to" in cell for row in _rows(plan) for cell in row[1:-1]):
         lines.append(wrapped("ranges are over the values that the parameters may have"))
     then = promised(plan.then)
-    open_ = [plan.knowledge.names[i] for i in plan.knowledge.wanted if then[i] > IDENTIFIED]
+    open_ = [plan.knowledge.names[i] for i in plan.knowledge.targeted if then[i] > IDENTIFIED]
     if open_:
         lines.append(
             wrapped(
@@ -106,15 +106,15 @@ def plan_text(plan: RecordingPlan, source: str = "") -> str:
 def _summary(plan: RecordingPlan) -> str:
     knowledge, now, then = plan.knowledge, promised(plan.now), promised(plan.then)
     if not plan.logs:
-        told = all(then[i] <= IDENTIFIED for i in knowledge.wanted)
+        known = all(then[i] <= IDENTIFIED for i in knowledge.targeted)
         return (
             "nothing to add: what is at hand tells everything that is asked for"
-            if told
+            if known
             else "no log among those that were tried, and within the budget, is expected to tell more; see below"
         )
     moved = [
         f"{knowledge.names[i]} {shown_half(plan.now[:, i])} → {shown_half(plan.then[:, i])}"
-        for i in knowledge.wanted
+        for i in knowledge.targeted
         if then[i] < 0.8 * now[i]
     ]
     these = "this log" if len(plan.logs) == 1 else f"these {len(plan.logs)} logs"
@@ -166,19 +166,19 @@ def plan_document(plan: RecordingPlan) -> dict[str, Any]:
     """What --json prints, SI; half lengths as shares of what each parameter is judged by, null where they are open."""
     names, origins = plan.knowledge.names, plan.origins
 
-    def told(halves: Array) -> dict[str, float | None]:
+    def by_name(halves: Array) -> dict[str, float | None]:
         return {n: h if math.isfinite(h) and h < 1e6 else None for n, h in zip(names, halves.tolist(), strict=True)}
 
     def ranges(halves: Array) -> dict[str, list[float | None]]:
-        low, high = told(np.min(halves, axis=0)), told(np.max(halves, axis=0))
+        low, high = by_name(np.min(halves, axis=0)), by_name(np.max(halves, axis=0))
         return {name: [low[name], high[name]] for name in names}
 
     return {
         "measured": list(origins.measured),
         "stated": list(origins.stated),
         "assumed": list(origins.assumed),
-        "now": told(promised(plan.now)),
-        "then": told(promised(plan.then)),
+        "now": by_name(promised(plan.now)),
+        "then": by_name(promised(plan.then)),
         "ranges": {"now": ranges(plan.now), "then": ranges(plan.then)},
         "verdicts": {n: verdict(float(h)) for n, h in zip(names, promised(plan.then), strict=True)},
         "seconds": plan.seconds,
@@ -195,7 +195,7 @@ def plan_document(plan: RecordingPlan) -> dict[str, Any]:
                 "sampling_rate": log.rate,
                 "slips": log.slips,
                 "repeats": log.repeats,
-                "expected": told(promised(log.halves)),
+                "expected": by_name(promised(log.halves)),
             }
             for log in plan.logs
         ],

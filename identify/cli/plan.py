@@ -23,7 +23,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("source", metavar="SCENE.toml|result.json", help="a scene, or a fit")
     parser.add_argument("--budget", default="15 min", metavar="T", help='for all logs together (default: "15 min")')
     parser.add_argument(
-        "--for", dest="asked", metavar="NAME,…", help="parameters to be told (default: all of friction)"
+        "--for", dest="targets", metavar="NAME,…", help="parameters to be told (default: all of friction)"
     )
     parser.add_argument("--out", metavar="STEPS.csv", help="the step programme as a table, to type into a script")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help='such as rig.mass="0.3 kg"')
@@ -135,6 +135,6 @@ def _choices(arguments: Namespace) -> Choices:
         loads=positives(arguments.load, "N", "--load"),
         stiffnesses=positives(arguments.stiffness, "N/m", "--stiffness"),
         fastest=one(arguments.fastest, "Hz", "--fastest") or float("inf"),
-        asked=tuple(name.strip() for name in (arguments.asked or "").split(",") if name.strip()),
+        targets=tuple(name.strip() for name in (arguments.targets or "").split(",") if name.strip()),
         budget=one(arguments.budget, "s", "--budget") or 0.0,
     )

@@ -112,8 +112,8 @@ def test_the_drive_stops_where_no_slip_is_near(planned):
 
 def test_holds_tell_the_ageing_that_one_peak_leaves_open(planned):
     (log,) = (log for log in planned.logs if log.design.holds)
-    assert log.design.holds == pytest.approx((0.2, 1.0, 5.0)) and "t_cr" in log.tells
-    assert all(promised(planned.then)[i] < 0.2 for i in planned.knowledge.wanted)
+    assert log.design.holds == pytest.approx((0.2, 1.0, 5.0)) and "t_cr" in log.identifies
+    assert all(promised(planned.then)[i] < 0.2 for i in planned.knowledge.targeted)
     assert promised(planned.now)[planned.knowledge.names.index("t_cr")] > 10.0
 
 
@@ -131,9 +131,9 @@ def test_a_promise_holds_at_three_of_four_places(planned):
     known, places = planned.knowledge, len(planned.knowledge.places)
     assert places == 4
     precisions = np.array([np.diag([1e6, 1e6]) if place < 2 else np.diag([1e6, 1.0]) for place in range(places)])
-    assert set(known.told(precisions)) == {"mu_s"}
+    assert set(known.identified(precisions)) == {"mu_s"}
     precisions[2] = precisions[0]
-    assert set(known.told(precisions)) == {"mu_s", "t_cr"}
+    assert set(known.identified(precisions)) == {"mu_s", "t_cr"}
 
 
 def test_errors_of_rig_and_sensors_are_lowered_by_no_log(planned):

@@ -67,7 +67,7 @@ def test_the_log_that_is_asked_for_tells_what_it_is_to_tell(free, pair, log):
     assert estimate(before, name).verdict in ("weak", "not identifiable")
     advice = next_logs(before)
     (asked,) = advice.logs
-    assert name in asked.expected and not advice.untold
+    assert name in asked.expected and not advice.open
     after = found_in(pair, free, [log, (asked.drive_speed, asked.duration, asked.sampling_rate)])
     told = estimate(after, name)
     assert told.verdict == "identified" and told.lower < pair[name] < told.upper
