@@ -31,7 +31,10 @@ TABLE = (
 NOISE_ALONE = (
     "these are intervals of noise alone; errors of the sensors, and of what is taken as exact of the rig, add to them"
 )
-WITH_TOLERANCES = "the intervals hold the errors of rig and sensors, which no log lowers"
+WITH_TOLERANCES = (
+    "the intervals hold the errors of rig and sensors, which no log lowers, and a usual scatter of specimens where "
+    "each speed stands in one log, which a repeat measures"
+)
 
 
 def shown_half(halves: Array) -> str:

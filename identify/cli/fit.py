@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identify.base.errors import SceneError
 from identify.cli.common import (
     DONE,
     NOT_SUCCEEDED,
@@ -117,48 +115,23 @@ def scene_of(arguments: Namespace) -> Scene:
         options["normal_force"] = quantity(options["normal_force"], "N", "--normal-force")
     if "rate" in options:
         options["rate"] = quantity(options["rate"], "Hz", "--rate")
-    check_named(arguments.logs, arguments.scene, arguments.set)
     limit = [f"fit.time_limit={arguments.time_limit!r}"] if arguments.time_limit else []
     scene = Scene.from_toml(arguments.scene, [*arguments.set, *limit])
+    for log in arguments.logs:
+        if Path(log).is_dir():
+            check_there(Path(log))
     scene = scene.choose([Path(log) for log in arguments.logs], LogEntry(Path()))
     return replace(scene, logs=tuple(replace(entry, **options) for entry in scene.logs))
 
 
-def check_named(logs: Sequence[str], scene: str, overrides: Sequence[str] = ()) -> None:
-    """Refuse no log at all, or one that is neither a file nor one of the scene's, before more is said of the scene.
-
-    Raises:
-        CommandLineError: no log, or no such log. SceneError: no scene file.
-    """
-    from data_io.contents import log_is_at
-    from identify.scene.rig import located
-    from identify.scene.toml import read_toml
-
-    try:
-        listed = read_toml(Path(scene), overrides).get("logs", [])
-    except SceneError as error:
-        raise SceneError(f"{scene}: {error}") from None
-    if not logs and not listed:
-        raise CommandLineError(f"{scene} lists no log and none was given; name a LOG, or add [[logs]] to it")
-    paths = [str(log.get("path", "")) for log in listed if isinstance(log, dict)] if isinstance(listed, list) else []
-    names = {Path(path).name for path in paths}
-    for path in paths if not logs else ():
-        check_there(located(Path(scene).parent, path))
-    for log in logs:
-        if not log_is_at(Path(log)) and Path(log).name not in names:
-            if Path(log).is_dir():
-                check_there(Path(log))
-            raise CommandLineError(
-                f"{log}: there is no such log, as a file or among the logs of the scene; check its path"
-            )
-
-
 def check_logs(scene: Scene) -> None:
-    """Refuse a log that is not there, before the first one is read.
+    """Refuse no log at all, or one that is not there, before the first one is read.
 
     Raises:
-        CommandLineError: no such file.
+        CommandLineError: no log, or no such file.
     """
+    if not scene.logs:
+        raise CommandLineError(f"{scene.source} lists no log and none was given; name a LOG, or add [[logs]] to it")
     for entry in scene.logs:
         check_there(entry.path)
 

