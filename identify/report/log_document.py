@@ -32,6 +32,9 @@ from identify.scene.values import Tie
 Array = NDArray[np.float64]
 
 
+DRAWS = 100  # of the parameters: ends of intervals are good to a tenth of their half width; the calculators take 400
+
+
 def outlooks_of(prepared: list[Prepared], found: Findings, added: Array | float = 0.0) -> list[dict[str, Json]]:
     """Stability and amplitude of the fitted pair at every log's speed and load; empty where there is no answer.
 
@@ -58,11 +61,12 @@ def outlooks_of(prepared: list[Prepared], found: Findings, added: Array | float 
     told = (*names, *ties)
     if found.sure is not None and found.sure.of_groups:  # what points have in common is only shared within a pair
         answers = [
-            NoAnswer(point) if isinstance(point, str) else predictions(unknowns.model, [point], told)[0]
+            NoAnswer(point) if isinstance(point, str) else predictions(unknowns.model, [point], told, DRAWS)[0]
             for point in points
         ]
     else:
-        answers = predictions(unknowns.model, [point for point in points if not isinstance(point, str)], told)
+        known = [point for point in points if not isinstance(point, str)]
+        answers = predictions(unknowns.model, known, told, DRAWS)
     return [to_dict(answer) for answer in answers]
 
 
