@@ -64,8 +64,13 @@ def _spread(time: FloatArray) -> float:
 
 
 def _rounding(time: FloatArray, change: FloatArray) -> tuple[float, str]:
-    """Return the coarsest step [s] to which stamps were rounded, 0 where they lie on no grid, and words for it."""
-    decimal = next((10.0**-digits for digits in range(_DIGITS + 1) if _multiples(time, 10.0**-digits)), 0.0)
+    """Return the coarsest step [s] to which stamps were rounded, 0 where they lie on no grid, and words for it.
+
+    Of six significant digits the stamps beyond a power of ten keep one decimal less: the coarser step counts.
+    """
+    late = time[np.searchsorted(time, 10.0 ** np.floor(np.log10(max(float(time[-1]), 1e-12)))) :]
+    late = late if late.size >= _FEWEST else time
+    decimal = next((10.0**-digits for digits in range(_DIGITS + 1) if _multiples(late, 10.0**-digits)), 0.0)
     tick = _tick(change)
     single = 0.0
     if np.array_equal(time, time.astype(np.float32)):

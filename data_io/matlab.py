@@ -29,8 +29,10 @@ _CELL: Final = 1
 _STRUCT: Final = 2
 _OBJECT: Final = 3
 _NUMERIC: Final = range(6, 16)
-_OTHERS: Final = (4, 5, 16, 17, 18)
+_OPAQUE: Final = 17
+_OTHERS: Final = (4, 5, 16, _OPAQUE, 18)
 """Classes of arrays that are no columns: texts, sparse matrices, functions, opaque ones."""
+_NOTHING: Final = ((0, memoryview(b"")),) * 4
 _COMPLEX: Final = 0x800
 _LONGEST_NAME: Final = 64
 
@@ -49,13 +51,19 @@ def read(source: Source, request: Request) -> Contents:
     a matrix `data` are `data:1`, `data:2`, ... MATLAB stores no units: a suffix of the name, or --units, says them.
     Raises `LogError`.
     """
-    columns = _columns(source)
+    objects: list[str] = []
+    columns = _columns(source, objects)
     sizes = [values.size for values in columns.values()]
     wanted = {name for name in request.columns.values() if name in columns}
     size = columns[next(iter(wanted))].size if wanted else max(sizes, key=sizes.count, default=0)
     kept = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items() if values.size == size}
     if size < 2 or (lost := wanted - set(kept)):
         found = shown((f"{name} ({columns[name].size})" for name in columns), most=12) or "none"
+        if size < 2 and objects:
+            raise source.error(
+                f"the variable {objects[0]} is a MATLAB object whose numbers only MATLAB unfolds; vectors were "
+                "expected; save them, as in t = log.Time; Fx = log.Data; save('log.mat', 't', 'Fx')"
+            )
         what = "differ in length" if size >= 2 and lost else "are no columns of a log"
         raise source.error(f"the variables {found} {what}; vectors of one length were expected; name them")
     last = [name.rpartition(".")[2] for name in kept]
@@ -67,12 +75,14 @@ class _DamageError(Exception):
     """What is wrong with a variable, in words."""
 
 
-def _columns(source: Source) -> Columns:
-    """Return the columns of all variables in the numbers they are stored in. Raises the source's `LogError`."""
+def _columns(source: Source, objects: list[str] | None = None) -> Columns:
+    """Return the columns of all variables in the numbers they are stored in; names and classes of objects go into
+    `objects`. Raises the source's `LogError`."""
     data = source.data
     order = ">" if data[126:128] == b"MI" else "<"
     most = max(LEAST_SUSPECT, MOST_TIMES * source.size)
     found: Columns = {}
+    objects = [] if objects is None else objects
     number = 0
     try:
         for kind, body in _elements(memoryview(data)[_HEADER:], order):
@@ -81,9 +91,9 @@ def _columns(source: Source) -> Columns:
                 unpacked = _unpacked(body, most)
                 most -= len(unpacked)
                 for inner, part in _elements(memoryview(unpacked), order):
-                    _variable(inner, part, order, found)
+                    _variable(inner, part, order, found, objects)
             else:
-                _variable(kind, body, order, found)
+                _variable(kind, body, order, found, objects)
     except _DamageError as damage:
         where = f"in variable {number} " if number else ""
         raise source.error(f"the .mat file is damaged {where}({damage}); copy or save it again") from damage
@@ -156,9 +166,15 @@ def _array(body: memoryview, order: str) -> _Array:
     return _Array(flag & 0xFF, bool(flag & _COMPLEX), shape, words[:_LONGEST_NAME], parts)
 
 
-def _variable(kind: int, body: memoryview, order: str, found: Columns) -> None:
+def _variable(kind: int, body: memoryview, order: str, found: Columns, objects: list[str]) -> None:
     """Put the columns of a top element into `found`; what is no array, or has no name, is not the user's."""
     if kind == _MATRIX and len(body):
+        if len(body) >= 16 and struct.unpack_from(f"{order}I", body, 8)[0] & 0xFF == _OPAQUE:
+            _, name, _, kind_of, *_ = [
+                bytes(part[:_LONGEST_NAME]).decode("latin-1") for _, part in (*_elements(body, order), *_NOTHING)
+            ]
+            objects += [f"{name} ({kind_of})"] if name else []
+            return
         array = _array(body, order)
         if array.name:
             _collect(array.name, array, order, found, 0)

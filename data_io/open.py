@@ -15,6 +15,7 @@ from data_io.contents import Contents, StepSummary, chosen_steps, is_series, joi
 from data_io.derived_columns import with_derived_columns, with_drive_of_rotation
 from data_io.motion import strokes_as_steps, take_step
 from data_io.own_clocks import on_one_clock, with_clock_of_rate
+from data_io.raw_clocks import with_sound_clocks
 from data_io.readers import READERS
 from data_io.record import Record, within
 from data_io.segments import LONGEST_LINE
@@ -32,8 +33,17 @@ _LEAST_TEXT: Final = 32
 REFUSED: Final = (
     (re.compile(rb"\xd0\xcf\x11\xe0"), "an old Excel workbook (.xls); .xlsx or text was expected; save it as one"),
     (re.compile(rb"#\d+# "), "a native CETR .tst; its text was expected; export it with CETR Data Viewer"),
-)
-"""Binary files that laboratories have and no reader reads: how they begin, what to do."""
+    (re.compile(rb"(?s).{0,200}<(?:\w+:)?tdm\b"), "a TDM of National Instruments, whose numbers stand in the .tdx; "
+     "TDMS or text was expected; save it as one in DIAdem or LabVIEW"),
+    (re.compile(rb"(?is)\W{0,3}\s*<(?:!doctype html|html|head|body|table)"), "a web page (HTML); text or .xlsx was "
+     "expected; open it in a spreadsheet and save it as one"),
+    (re.compile(rb"\W{0,3}\s*<\?xml"), "XML; text or .xlsx was expected; save it so in the program that wrote it"),
+    (re.compile(rb"\W{0,3}\s*(?:\{\s*[\"}]|\[\s*[\[{])"), "JSON; a table of text was expected; write one, as with "
+     "pandas: pd.read_json(...).to_csv('log.csv', index=False)"),
+    (re.compile(rb"(?s)(?:\s|#[^\n]*\n|\w+\s*=[^\n]*\n)*+\[\[?(?:rig|logs|parameters|contact|fit)\b"),
+     "a scene (TOML); a log was expected; give one of those that it names"),
+)  # fmt: skip
+"""Files that laboratories have and no reader reads: how they begin, what to do."""
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is no finite number in the end is refused by name
@@ -90,7 +100,11 @@ def read_log(
 
 def _read_one(path: Path, request: Request) -> Record:
     source = load(path)
-    return within(assemble(source, request, contents_of(source, request)), request.window)
+    try:
+        return within(assemble(source, request, contents_of(source, request)), request.window)
+    except LogError:
+        _refuse_by_name(source)
+        raise
 
 
 def _read_series(path: Path, request: Request) -> Record:
@@ -126,7 +140,12 @@ def list_steps(
     if is_series(path):
         contents = joined_contents(path, [(p, contents_of(load(p), request)) for p in logs_at(path)])
     else:
-        contents = contents_of(load(path), request)
+        source = load(path)
+        try:
+            contents = contents_of(source, request)
+        except LogError:
+            _refuse_by_name(source)
+            raise
     return chosen_steps(path, summaries(contents, request), step, run)
 
 
@@ -135,12 +154,10 @@ def contents_of(source: Source, request: Request) -> Contents:
     for reader in READERS:
         if reader.can_read(source.head):
             found = replace(reader.read(source, request), form=reader.name)
-            found = with_clock_of_rate(source, request, found)
+            found = with_sound_clocks(request, with_clock_of_rate(source, request, found))
             found = on_one_clock(source, request, with_derived_columns(request, found))
             return with_drive_of_rotation(request, found)
-    for mark, words in REFUSED:
-        if mark.match(source.head):
-            raise source.error(f"the file is {words}")
+    _refuse_by_name(source)
     if (zeros := _zeros_in_text(source.head)) is not None:
         raise source.error(
             f"from byte {zeros[0]} on (below line {zeros[2]}) {zeros[1]} zero bytes stand in the text, as after a "
@@ -156,6 +173,13 @@ def contents_of(source: Source, request: Request) -> Contents:
         f"the file begins with {source.head[:12]!r}, which no reader knows ({names}); a text or HDF5 log was expected; "
         "export it as text"
     )
+
+
+def _refuse_by_name(source: Source) -> None:
+    """Raises the source's `LogError` where a log that cannot be read is of a format that is known."""
+    for mark, words in REFUSED:
+        if mark.match(source.head):
+            raise source.error(f"the file is {words}")
 
 
 def _zeros_in_text(head: bytes) -> tuple[int, int, int] | None:

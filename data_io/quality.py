@@ -17,7 +17,7 @@ from data_io.values import LONGEST_GAP, Finding, FloatArray
 # Gaps of the clock: pauses of the recording, packets of rows that were stamped when they were read, and rows lost.
 
 MOST_PAUSES: Final = 20
-"""Gaps of a log that is taken in parts; one with more of them lost rows."""
+"""Gaps of a log that is taken in parts, each longer than one over this number of the rows; one with more lost rows."""
 _FEWEST_PACKETS: Final = 4
 _STRAIGHT: Final = 0.5
 """Of a gap: by how much the begin of a packet may miss the line through all begins."""
@@ -53,8 +53,13 @@ def packets(time: FloatArray, force: FloatArray) -> float | None:
 
 
 def pauses(time: FloatArray, force: FloatArray) -> npt.NDArray[np.intp]:
-    """Return the rows (k,) before each pause of a recording: few long gaps of the clock (n,), and no packets."""
+    """Return the rows (k,) before each pause of a recording: a gap of the clock (n,) that a twentieth of its rows would
+    not fill; none where rows come in packets."""
     gaps = _long_gaps(time)
+    if not gaps.size:
+        return gaps
+    recorded = time.size * float(np.median(thinned(np.diff(time))))
+    gaps = gaps[time[gaps + 1] - time[gaps] > recorded / MOST_PAUSES]
     return gaps if gaps.size <= MOST_PAUSES and packets(time, force) is None else gaps[:0]
 
 

@@ -1,6 +1,7 @@
 """A text log as a stream of whole lines: in segments to be walked, or in blocks of pure numbers handed to pandas."""
 
 import codecs
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,6 +29,10 @@ LARGEST: Final = 1 << 26
 MOST_ZEROS: Final = 1 << 26
 _ROWS_AT_END: Final = 32
 _TAIL: Final = 1 << 16
+_MOST_BREAKS: Final = 12
+"""Lines that a quoted header may take."""
+_OPEN_CELL: Final = re.compile(r'(?:^|[,;\t])\s*"[^"]*$')
+"""A quoted cell that begins behind a delimiter and does not end in its line."""
 _HIGHEST_DIGIT: Final = ord("9")
 _UNSEEN: Final = (b"\0", b'"', b"#")
 """What pandas would take for the end of a number, a quotation, or part of a column that nobody reads."""
@@ -46,7 +51,8 @@ class Segment:
     @cached_property
     def text(self) -> str:
         """The lines decoded, each ended by a newline; the last may be open at the end of the log."""
-        return decode(self.raw, start=self.first_line == 1)
+        text = decode(self.raw, start=self.first_line == 1)
+        return _without_breaks(text) if self.first_line == 1 and '"' in text else text
 
 
 class Lines:
@@ -156,6 +162,21 @@ class Lines:
     def _tell(self) -> None:
         self._reached = max(self._reached, min(self._done / max(self._expected, 1), 1.0))
         self._request.progress(self._reached)
+
+
+def _without_breaks(text: str) -> str:
+    """Return the top of a log in which the cells of a header hold no line breaks; empty lines stand for these."""
+    lines = text.split("\n")
+    for i, line in enumerate(lines):
+        if line.strip() and _is_numbers(line):
+            break
+        below = lines[i + 1 : i + 1 + _MOST_BREAKS]
+        for beyond, more in enumerate(below, 1):
+            if not _OPEN_CELL.search(line):
+                lines[i : i + beyond] = [line, *[""] * (beyond - 1)]
+                break
+            line = f"{line} {more}"
+    return "\n".join(lines)
 
 
 def is_clean(raw: bytes) -> bool:

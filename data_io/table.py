@@ -333,7 +333,7 @@ class Walk:
             if given and len(units) > 1:
                 raise self.source.error(
                     f"column {names[index].raw!r} holds {' and '.join(units)} by turns, and {given!r} was given for "
-                    "all of it; each row is read in its own unit; leave --units out"
+                    "all of it; each row is read in its own unit; leave the unit out that was given"
                 )
 
     def _close(self) -> None:

@@ -41,6 +41,7 @@ _BOMS: Final = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), 
 _GROUP_MARKS: Final = "\u202f\u00a0\u2009'\u2019"
 _BETWEEN_GROUPS: Final = re.compile(rf"(?<=\d)[{_GROUP_MARKS}](?=\d{{3}}(?!\d))")
 """Narrow blanks and apostrophes between thousands."""
+_LEAST_UNMARKED: Final = 32
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
 
@@ -56,7 +57,7 @@ codecs.register_error("data_io.cp1252", _as_cp1252)
 
 def looks_like_text(head: bytes) -> bool:
     """Tell text from binary by the first bytes: a Unicode mark, or hardly any control characters and some print."""
-    if any(head.startswith(mark) for mark, _ in _BOMS):
+    if any(head.startswith(mark) for mark, _ in _BOMS) or _without_mark(head):
         return True
     head = head.rstrip(b"\0")  # space reserved and never written
     return len(head) > 0 and len(_CONTROL.findall(head)) <= len(head) // 200 and b"\0\0" not in head
@@ -65,10 +66,13 @@ def looks_like_text(head: bytes) -> bool:
 def other_encoding(head: bytes) -> str | None:
     """Name the encoding of a text by its first bytes, None for UTF-8 and what is near it.
 
-    UTF-16 by its mark; GB 18030 or Shift JIS where the bytes are no UTF-8 and hold words that logs have in them.
+    UTF-16 by its mark, or by the zeros that every other byte then is; GB 18030 or Shift JIS where the bytes are no
+    UTF-8 and hold words that logs have in them.
     """
     if any(head.startswith(mark) for mark, _ in _BOMS):
         return next((name for mark, name in _BOMS if name != "utf-8" and head.startswith(mark)), None)
+    if (unmarked := _without_mark(head)) is not None:
+        return unmarked
     if head.isascii() or _is_utf8(head):
         return None
     top = head[: head.find(b"\n", len(head) // 2) + 1 or len(head)]
@@ -76,6 +80,15 @@ def other_encoding(head: bytes) -> str | None:
         text = top.decode(encoding, errors="replace")
         if any(word in text for word in _EASTERN) and "\ufffd" not in text:
             return encoding
+    return None
+
+
+def _without_mark(head: bytes) -> str | None:
+    """Name the UTF-16 of a text without its mark, None where it is none: every other byte is zero, the rest text."""
+    for zeros, others, name in ((head[1::2], head[::2], "utf-16-le"), (head[::2], head[1::2], "utf-16-be")):
+        plain = len(head) >= _LEAST_UNMARKED and zeros.count(0) > 0.9 * len(zeros) and b"\n" in others
+        if plain and not _CONTROL.search(others):
+            return name
     return None
 
 

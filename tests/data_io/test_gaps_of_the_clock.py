@@ -56,7 +56,7 @@ def test_a_pause_parts_a_log_and_no_row_is_lost(seed: int) -> None:
     force = saw_tooth(time, period, random)
     count = int(random.integers(1, 4))
     for place in random.choice(np.arange(1, 6), count, replace=False) * time.size // 6:
-        time[place:] += random.uniform(0.5, 300.0)
+        time[place:] += random.uniform(1.0, 300.0)
     record = logged(time, force)
     told = codes(record)
     assert f"pauses {count} time(s)" in told["pauses"] and "dropouts" not in told

@@ -52,7 +52,7 @@ def test_a_column_of_units_tells_the_unit_of_each_row(tmp_path: Path, seed: int)
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
     check(tmp_path / "log.csv", time, force, load)
     if len({unit for _, unit in forces}) > 1:
-        with pytest.raises(LogError, match="leave --units out"):
+        with pytest.raises(LogError, match="leave the unit out"):
             read_log(tmp_path / "log.csv", units={"friction_force": "N"})
 
 

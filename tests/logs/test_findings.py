@@ -13,6 +13,9 @@ ELSEWHERE = {
     "load_trembles": "tests/logs/test_live_load.py",  # so does how the fit takes the load
     "load_varies": "tests/logs/test_prepare.py",  # a warning of the fit: the scene's effects decide it
     "settings_above": "tests/data_io/test_layouts.py",  # of thousands of rows
+    "newest_first": "tests/data_io/test_raw_clocks.py",
+    "never_written": "tests/data_io/test_raw_clocks.py",
+    "counter_begins_anew": "tests/data_io/test_raw_clocks.py",
     "packets": "tests/data_io/test_gaps_of_the_clock.py",
     "pauses": "tests/data_io/test_gaps_of_the_clock.py",
     "statistics_below": "tests/data_io/test_tables_as_people_keep_them.py",

@@ -395,6 +395,18 @@ def mat(variables: dict[str, Any], cut: int | None = None) -> Act:
 T = np.arange(9.0)
 
 
+def mat_object() -> bytes:
+    """A .mat with an object alone, as MATLAB saves a timeseries."""
+    words = b"".join(
+        b"\x01\0\0\0" + len(word).to_bytes(4, "little") + word.ljust(-(-len(word) // 8) * 8, b"\0")
+        for word in (b"log", b"MCOS", b"timeseries")
+    )
+    flags = b"\x06\0\0\0\x08\0\0\0" + (17).to_bytes(4, "little") + bytes(4)
+    body = flags + words
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+    return head + b"\x0e\0\0\0" + len(body).to_bytes(4, "little") + body
+
+
 def zipped(names: dict[str, str], read: str = "", cut: int | None = None) -> Act:
     def act(folder: Path, _patch: pytest.MonkeyPatch) -> object:
         with zipfile.ZipFile(folder / "logs.zip", "w") as packed:
@@ -747,6 +759,7 @@ CASES: dict[str, Pair] = {
     "a damaged workbook": (workbook(700), workbook(None)),
     "a workbook that unpacks to much": (book(SHEET, _LARGEST=100), book(SHEET, _LARGEST=1 << 20)),
     "a .mat without columns": (mat({"a": 1.0}), mat({"t_s": T, "Fx_N": T, "Fz_N": T + 1})),
+    "an object in a .mat": (file(mat_object(), "log.mat"), mat({"t_s": T, "Fx_N": T, "Fz_N": T + 1})),
     "a cut .mat": (
         mat({"t_s": T, "Fx_N": T, "Fz_N": T + 1}, 300),
         mat({"t_s": T, "Fx_N": T, "Fz_N": T + 1}),
