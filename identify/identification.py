@@ -25,7 +25,7 @@ from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
 from identify.base.stages import stage, timing_stages
 from identify.bench.next_log import Advice, advised, next_logs
-from identify.diagnosis.choice import Choice
+from identify.diagnosis.effect_choice import Choice
 from identify.diagnosis.explain import explain
 from identify.diagnosis.findings import Findings, against_data
 from identify.diagnosis.selection import choose_from_data

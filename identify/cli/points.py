@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from identify.base.result import LogResult, Result
 from identify.cli.common import CommandLineError, pairs, quantity
-from identify.diagnosis.selection_numbers import choose_from_numbers
+from identify.diagnosis.effect_choice import choose_from_numbers
 from identify.prediction.axes import Site
 from identify.prediction.draws import OperatingPoint
 from identify.prediction.orbit import check_calculable

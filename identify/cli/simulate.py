@@ -73,8 +73,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from data_io import Record, write_csv, write_hdf5
     from identify.base.document import to_dict
     from identify.base.wording import wrapped
-    from identify.diagnosis.choice import effects_result
-    from identify.diagnosis.selection_numbers import choose_from_numbers
+    from identify.diagnosis.effect_choice import choose_from_numbers, effects_result
     from identify.simulation.cost import cost
     from identify.simulation.simulate import simulate
 

@@ -1,14 +1,15 @@
 """Why a fit misfits, or why an answer that fits is none to rely on: the most likely cause, with its number and remedy.
 
-The score test ranks all that the fit took as stated. The first is set free and fitted again, for its value, and to see
+The score test ranks all that the fit took as stated. What leads is set free and fitted again, for its value, and to see
 whether it does explain the data: a cause is named only where it does, together with what these data do not tell apart
 from it. Where it does not, or the next one is as likely, that is fitted again too. The other scores are a table.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +21,8 @@ from identify.base.progress import Progress
 from identify.base.result import CauseResult
 from identify.base.wording import START_VALUES
 from identify.diagnosis.findings import Findings
-from identify.diagnosis.fitted import Fitted, as_it_ended, described
-from identify.diagnosis.nested import fit_from_values, fit_model
+from identify.diagnosis.fitted import Fitted, fit_beside, fit_model
 from identify.diagnosis.quantities import (
-    AVERAGE,
     EFFECTS,
     Suggestion,
     held_quantities,
@@ -48,46 +47,29 @@ from identify.scene import Scene
 Array = NDArray[np.float64]
 
 MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)
-CLEAR = 16.0  # score that noise does not reach
+CLEAR = 16.0  # fall of chi^2 that noise does not reach
 REMAINS = 0.1  # share of a misfit that may remain where its cause is named
-SMOOTHED_REMAINS = 0.5  # the same where the signal was smoothed
-NEAR_SCORE = 0.9  # of the leading score: a second class as near as that is fitted again as well
+SMOOTHED_REMAINS = 0.5  # the same where the signal was smoothed, and with it the noise that the misfit is measured by
 REACH = np.log(4.0)  # how far a ratio is moved
 MATTERS = 0.05  # of its size by which a parameter must move for an answer that fits to be refused
-TREATED = 0.8  # of the leading score: a treatment of the signal that explains as much is named first
-NEAR = 3.0  # sum of squares per sample (in noise variances) up to which a motion is one to start from
 TRIES = 3  # quantities that are fitted again at most
 ROUNDS = 6  # solves with a quantity moved, each from the step of the one before
 SETTLED = 0.3  # standard errors: a step that is smaller is the last one
-FIRM = 8.0  # of the priors that hold a motion of the model near the values at which a search was lost
-OBEYS = 1e-6  # largest row of a motion of the model
 REMEMBERED = 2.0  # samples that count as one: noise that a treatment of the signal may have left
 LISTED = 12  # causes in the table
 
 
 @dataclass(frozen=True)
-class _Refit:
-    """A quantity set free and fitted again: how far it moved, the fit, and the search that this was of."""
+class _Cause:
+    """A quantity set free and fitted again: how far it moved, the standard error of that, the fit, the search that this
+    was of, and what looks like it there with how far that would move."""
 
     score: Score
     size: float
     attempt: Attempt
     unknowns: Unknowns
-
-
-@dataclass(frozen=True)
-class _Cause:
-    """A quantity that explains the data with how far it moved and the standard error of that, and what looks like it at
-    the answer with it."""
-
-    refit: _Refit
-    error: float
-    alike: tuple[tuple[Score, float], ...]
-
-    @property
-    def others(self) -> list[tuple[Score, float, float]]:
-        """What looks like it: the score, how far that would move, and the standard error."""
-        return [(score, size, score.error) for score, size in self.alike]
+    error: float = np.inf
+    alike: tuple[tuple[Score, float], ...] = ()
 
 
 def explain(
@@ -111,47 +93,45 @@ def explain(
     elif attempt is None or findings.status not in (Status.CONVERGED, Status.AT_BOUND) or not _doubtful(findings):
         return findings, None
     progress("looking for what is wrong", 0.95)
-    return _looked_for(findings, scene, read, list(prepared), attempt)
+    return _looked_for(findings, scene, read, Fitted(scene, findings.unknowns, tuple(prepared), attempt))
 
 
 def _looked_for(
-    findings: Findings, scene: Scene, read: Sequence[Record], prepared: list[Prepared], attempt: Attempt
+    findings: Findings, scene: Scene, read: Sequence[Record], ended: Fitted
 ) -> tuple[Findings, Attempt | None]:
     """The findings with the cause that the score test names, where setting it free confirms it."""
-    unknowns = findings.unknowns
-    fits = described(as_it_ended(scene, unknowns, prepared, attempt))
-    motion = _motion(prepared, unknowns, attempt)
-    try:
-        table = score_table(motion.solved, held_quantities(motion, unknowns), _inflation(attempt))
-    except np.linalg.LinAlgError:
-        return _unexplained(findings, prepared), None
+    attempt, unknowns = ended.attempt, ended.unknowns
+    assert attempt is not None
+    fits = _within_noise(attempt) or ended.fits
+    table = _scores(attempt, held_quantities(attempt, unknowns))
+    if table is None:
+        return _unexplained(findings, ended.prepared), None
     causes, tries = list[_Cause](), 0
     for score in _in_order(table):
-        if any(_is(score, one) for known in causes for one, _ in known.alike):
+        # What passes as autocorrelated noise may yet be a misfit that another cause has not.
+        settled = any(replace(ended, attempt=cause.attempt).fits for cause in causes)
+        as_likely = score.score > ALIKE**2 * table.scores[0].score
+        if tries == TRIES or (settled and not as_likely) or not may_run(Strategy.CAUSES):
+            break
+        if any(_is(score, one) for cause in causes for one, _ in cause.alike):
             continue
-        settled = any(_within_noise(cause.refit.attempt) for cause in causes)
-        if tries == TRIES or (settled and score.score < NEAR_SCORE * table.scores[0].score):
-            break
-        if not may_run(Strategy.CAUSES):
-            break
         tries += 1
         with as_one_trial(Strategy.CAUSES, score.column.name):
-            tried = _refitted(scene, read, as_it_ended(scene, unknowns, prepared, motion), score)
-        if tried is None or not _explains(tried, attempt, fits=fits):
+            cause = _refitted(scene, read, ended, score)
+        if cause is None or not _explains(cause, attempt, fits=fits):
             continue
-        cause = _with_alike(tried)
-        if (better := _as_stated(cause, prepared, unknowns, attempt)) is not None:
+        cause = _with_alike(cause)
+        if (better := _as_stated(cause, ended)) is not None:
             return findings, better
         causes.append(cause)
-        if score.column.name == AVERAGE:
+        if score.column.whole:
             break
-    causes.sort(key=lambda cause: cause.refit.attempt.excess)
-    causes = [each for each in causes if each.refit.attempt.excess < causes[0].refit.attempt.excess + CLEAR]
-    rows = _rows(scene, motion, unknowns, table, causes)
+    causes.sort(key=lambda cause: cause.attempt.excess)
+    causes = [each for each in causes if each.attempt.excess < causes[0].attempt.excess + CLEAR]
+    findings = replace(findings, causes=_rows(scene, attempt, unknowns, table, causes))
     if causes:
-        return _caused(replace(findings, causes=rows), scene, motion, causes, fits=fits), None
-    refused = findings.status in MISFITS
-    return replace(_unexplained(findings, prepared) if refused else findings, causes=rows), None
+        return _caused(findings, scene, causes, fits=fits), None
+    return _unexplained(findings, ended.prepared) if findings.status in MISFITS else findings, None
 
 
 def _is(one: Score, other: Score) -> bool:
@@ -159,45 +139,36 @@ def _is(one: Score, other: Score) -> bool:
 
 
 def _in_order(table: ScoreTable) -> list[Score]:
-    """The quantities that noise does not explain, in the order in which they are fitted again.
+    """The quantities that noise does not explain, in the order in which they are fitted again: first one of each class,
+    by its highest score, and of a class that which has to move least, in units of what is usual."""
+    classes = [sorted((one for one in some if one.score > CLEAR), key=_unusual) for some in table.classes()]
+    return [one for row in zip_longest(*classes) for one in row if one is not None]
 
-    Those that look like the leading one come by kind: what was done to the signal, what the scene says of a parameter,
-    what is a parameter of the model and takes one fit, then the others; far from the truth their scores differ by
-    little, and mean less.
-    """
-    clear = [one for one in table.scores if one.score > CLEAR]
-    leading = clear[0].score if clear else 0.0
 
-    def rank(one: Score) -> tuple[bool, int, float]:
-        near = one.score > ALIKE**2 * leading
-        name = one.column.name
-        kind = 1 if name not in RIG_PARAMETERS and one.column.parameter else 2 if name in RIG_PARAMETERS else 3
-        if name == AVERAGE:
-            near, kind = one.score > TREATED * leading, 0
-        return not near, kind if near else 0, -one.score
+def _unusual(score: Score) -> float:
+    """A move in units of what is usual for its quantity; none for what the noise shows by itself."""
+    return 0.0 if score.column.whole else abs(score.step) / score.column.usual
 
-    return sorted(clear, key=rank)
+
+def _scores(attempt: Attempt, columns: Sequence[Column], held: Sequence[int] = ()) -> ScoreTable | None:
+    """The scores at an attempt; None where its optimality conditions are singular."""
+    try:
+        return score_table(attempt.solved, columns, _inflation(attempt), held)
+    except np.linalg.LinAlgError:
+        return None
 
 
 def _inflation(attempt: Attempt) -> float:
     return largest_inflation(attempt, noise_of(attempt).colours)
 
 
-def _motion(prepared: list[Prepared], unknowns: Unknowns, attempt: Attempt) -> Attempt:
-    """The attempt, or where it ended in no motion of the model one near it, if there is one."""
-    if attempt.solved.solution.constraint_violation < OBEYS:
-        return attempt
-    near = replace(unknowns, start=np.clip(attempt.solved.theta, unknowns.lower, unknowns.upper))
-    return solve_from(prepared, list(attempt.log_numbers), near, FIRM) or attempt
-
-
 # ----------------------------------------------------------------------------------------------------------------------
-# The first quantity of a class set free: a parameter of the model among the others, anything else by steps, each from
-# the score at the answer with the step before.
+# What leads, set free: a parameter of the model among the others, anything else by steps, each from the score at the
+# answer with the step before.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def _refitted(scene: Scene, read: Sequence[Record], ended: Fitted, score: Score) -> _Refit | None:
+def _refitted(scene: Scene, read: Sequence[Record], ended: Fitted, score: Score) -> _Cause | None:
     """None where that leads to no answer of the same logs."""
     name = score.column.name
     if name in ended.unknowns.names:
@@ -206,11 +177,13 @@ def _refitted(scene: Scene, read: Sequence[Record], ended: Fitted, score: Score)
         found = _with_effect(scene, read, ended, score)
     else:
         found = _moved(ended, score)
-    return found if found is not None and set(found.attempt.log_numbers) >= set(ended.logs) else None
+    if found is None or not np.isfinite(found.attempt.excess):
+        return None
+    return found if set(found.attempt.log_numbers) >= set(ended.logs) else None
 
 
-def _set_free(ended: Fitted, score: Score) -> _Refit | None:
-    """The fit with a parameter free: from a motion that nearly fits, from the data, or from where the score points."""
+def _set_free(ended: Fitted, score: Score) -> _Cause | None:
+    """The fit with a parameter free: from the data, and where that does not fit from where the score points."""
     attempt, unknowns, prepared = ended.attempt, ended.unknowns, list(ended.prepared)
     assert attempt is not None
     i = unknowns.names.index(score.column.name)
@@ -219,29 +192,17 @@ def _set_free(ended: Fitted, score: Score) -> _Refit | None:
     theta = attempt.solved.theta.copy()
     theta[np.flatnonzero(unknowns.free)] += score.shift
     theta[i] = before + score.step
-    known, moved = (replace(freed, start=np.clip(at, freed.lower, freed.upper)) for at in (attempt.solved.theta, theta))
+    moved = replace(freed, start=np.clip(theta, freed.lower, freed.upper))
     data = replace(freed, start=np.where(np.arange(theta.size) == i, moved.start, freed.start))
-    numbers = list(attempt.log_numbers)
-    ways: list[Callable[[], Attempt | None]] = [
-        lambda: search(SearchProblem(prepared, data, thorough=False))[0],
-        lambda: solve_from(prepared, numbers, moved),
-    ]
-    if attempt.excess < NEAR * ended.samples:  # its motion is nearly that of the data
-        ways.insert(0, lambda: solve_again(attempt, known))
-    found: Attempt | None = None
-    for way in ways:
-        other = way()
-        if other is not None and (found is None or other.excess < found.excess):
-            found = other
-        if found is not None and _within_noise(found):
-            break
-    if found is None or not np.isfinite(found.excess):
-        return None
+    found, _ = search(SearchProblem(prepared, data, thorough=False))
+    if found is None or not _within_noise(found):
+        other = solve_again(attempt, moved)
+        found = other if found is None or other.excess < found.excess else found
     stated = float(unknowns.prior_mean[i]) if score.column.prior else before
-    return _Refit(score, float(found.solved.theta[i]) - stated, found, freed)
+    return _Cause(score, float(found.solved.theta[i]) - stated, found, freed)
 
 
-def _with_effect(scene: Scene, read: Sequence[Record], ended: Fitted, score: Score) -> _Refit | None:
+def _with_effect(scene: Scene, read: Sequence[Record], ended: Fitted, score: Score) -> _Cause | None:
     """The fit with the effect that brings a quantity."""
     effect, name = EFFECTS[score.column.name]
     more = scene.with_effects((*scene.effects, effect))
@@ -253,50 +214,42 @@ def _with_effect(scene: Scene, read: Sequence[Record], ended: Fitted, score: Sco
         parameters["reference_force"] = replace(parameters["reference_force"], fixed=at)
     more = replace(more, parameters=parameters)
     try:
-        found = fit_from_values(ended, more, read)
+        found = fit_beside(ended, more, read)
         if found.attempt is None or not _within_noise(found.attempt):
             other = fit_model(more, read, thorough=False)
             found = other if other.excess < found.excess else found
     except (FitError, SceneError):
         return None
-    if found.attempt is None or not np.isfinite(found.excess):
+    if found.attempt is None:
         return None
     size = float(found.attempt.solved.theta[found.unknowns.names.index(name)])
-    logarithmic = found.model.parameter(name).scale == "log"
-    return _Refit(score, float(np.exp(size)) if logarithmic else size, found.attempt, found.unknowns)
+    logarithmic = found.unknowns.model.parameter(name).scale == "log"
+    return _Cause(score, float(np.exp(size)) if logarithmic else size, found.attempt, found.unknowns)
 
 
 def _without_restraint(unknowns: Unknowns, i: int, theta: float) -> Unknowns:
     """The search in which parameter i is free, whatever the scene says of it, from theta."""
     declared = unknowns.model.parameters[i]
-    logarithmic = declared.scale == "log"
-    low, high = unknowns.lower.copy(), unknowns.upper.copy()
+    with np.errstate(divide="ignore"):
+        ends = np.array([declared.lower, declared.upper])
+        low, high = np.log(ends) if declared.scale == "log" else ends
     if declared.name in RIG_PARAMETERS:
-        low[i], high[i] = theta - REACH, theta + REACH
-    else:
-        low[i] = (
-            np.log(declared.lower)
-            if logarithmic and declared.lower > 0.0
-            else -np.inf
-            if logarithmic
-            else declared.lower
-        )
-        high[i] = np.log(declared.upper) if logarithmic else declared.upper
-    free, sd, start, walls = (
-        unknowns.free.copy(),
-        unknowns.prior_sd.copy(),
-        unknowns.start.copy(),
-        unknowns.walls.copy(),
-    )
-    free[i], sd[i], start[i], walls[:, i] = True, np.inf, theta, False
-    about = np.where(np.arange(free.size) == i, -1, unknowns.prior_about)
-    ties = tuple(tie for tie in unknowns.ties if tie[0] != i)
+        low, high = theta - REACH, theta + REACH
+    at = np.arange(unknowns.free.size) == i
     return replace(
-        unknowns, free=free, prior_sd=sd, start=start, lower=low, upper=high, walls=walls, prior_about=about, ties=ties
+        unknowns,
+        free=unknowns.free | at,
+        start=np.where(at, theta, unknowns.start),
+        lower=np.where(at, low, unknowns.lower),
+        upper=np.where(at, high, unknowns.upper),
+        prior_sd=np.where(at, np.inf, unknowns.prior_sd),
+        prior_about=np.where(at, -1, unknowns.prior_about),
+        walls=unknowns.walls & ~at,
+        ties=tuple(tie for tie in unknowns.ties if tie[0] != i),
     )
 
 
-def _moved(ended: Fitted, score: Score) -> _Refit | None:
+def _moved(ended: Fitted, score: Score) -> _Cause | None:
     """The fit with a quantity that is none of the model moved, from step to step."""
     best, unknowns, column = ended.attempt, ended.unknowns, score.column
     assert best is not None and column.change is not None
@@ -331,15 +284,7 @@ def _moved(ended: Fitted, score: Score) -> _Refit | None:
         if abs(step.step) < SETTLED * step.error:
             break
         size = _within_reach(column, size + step.step)
-    return _Refit(score, size, best, unknowns)
-
-
-def _scores(attempt: Attempt, columns: Sequence[Column], held: Sequence[int] = ()) -> ScoreTable | None:
-    """The scores at an attempt; None where its optimality conditions are singular."""
-    try:
-        return score_table(attempt.solved, columns, _inflation(attempt), held)
-    except np.linalg.LinAlgError:
-        return None
+    return _Cause(score, size, best, unknowns)
 
 
 def _within_reach(column: Column, size: float) -> float:
@@ -352,60 +297,56 @@ def _within_reach(column: Column, size: float) -> float:
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def _explains(tried: _Refit, attempt: Attempt, *, fits: bool) -> bool:
-    """Whether little is left of the misfit; of an answer that fits already, whether it fits the better."""
+def _explains(cause: _Cause, attempt: Attempt, *, fits: bool) -> bool:
+    """Whether little is left of the misfit; of an answer that fits already, whether it fits clearly better."""
     if fits:
-        return bool(tried.attempt.excess < attempt.excess)
-    # The noise of a smoothed log is measured wrongly as well: that the signal was smoothed its noise has shown already.
-    remains = SMOOTHED_REMAINS if tried.score.column.name == AVERAGE else REMAINS
-    return _within_noise(tried.attempt) or bool(tried.attempt.excess < remains * attempt.excess)
+        return bool(cause.attempt.excess < attempt.excess - CLEAR * _inflation(attempt))
+    remains = SMOOTHED_REMAINS if cause.score.column.whole else REMAINS
+    return _within_noise(cause.attempt) or bool(cause.attempt.excess < remains * attempt.excess)
 
 
 def _within_noise(attempt: Attempt) -> bool:
     return attempt.gate.status is Status.CONVERGED
 
 
-def _with_alike(tried: _Refit) -> _Cause:
-    """A refit with the standard error of its quantity, and what looks like that at its answer, where the model
+def _with_alike(cause: _Cause) -> _Cause:
+    """A cause with the standard error of its quantity, and what looks like that at its answer, where the model
     describes the data."""
-    attempt, unknowns, name, size = tried.attempt, tried.unknowns, tried.score.column.name, tried.size
-    name, unit = EFFECTS.get(name, ("", name))[1], 1.0
+    attempt, unknowns, name, size, unit = cause.attempt, cause.unknowns, cause.score.column.name, cause.size, 1.0
+    name = EFFECTS.get(name, ("", name))[1]
     held: tuple[int, ...] = ()
     if name in unknowns.names:
         i = unknowns.names.index(name)
-        held, free = unknowns_of(attempt, i), unknowns.free.copy()
-        free[i] = False
-        unknowns = replace(unknowns, free=free)
-        if tried.score.column.name in EFFECTS and unknowns.logarithmic[i]:
-            size, unit = 1.0, tried.size  # its column is of the logarithm, of which nothing is no value
+        held = unknowns_of(attempt, i)
+        if cause.score.column.name in EFFECTS and unknowns.logarithmic[i]:
+            size, unit = 1.0, cause.size  # its column is of the logarithm, of which nothing is no value
+        unknowns = replace(unknowns, free=unknowns.free & (np.arange(unknowns.free.size) != i))
     table = _scores(attempt, held_quantities(attempt, unknowns), held)
     of = [] if table is None else [(one.column.name, one.log) for one in table.scores]
-    if table is None or (name, tried.score.log) not in of:
-        return _Cause(tried, np.inf, ())
-    mine = of.index((name, tried.score.log))
+    if table is None or (name, cause.score.log) not in of:
+        return cause
+    mine = of.index((name, cause.score.log))
     ratio = table.information[mine] / np.diag(table.information)
     near = np.flatnonzero(np.abs(table.correlation[mine]) > ALIKE).tolist()
     alike = tuple((table.scores[j], float(size * ratio[j])) for j in near if j != mine)
-    return _Cause(tried, unit * table.scores[mine].error, alike)
+    return replace(cause, error=unit * table.scores[mine].error, alike=alike)
 
 
-def _as_stated(cause: _Cause, prepared: list[Prepared], unknowns: Unknowns, attempt: Attempt) -> Attempt | None:
-    """The answer of the model as it is stated that lies beside a refit, where that is nearer to the data than the one
+def _as_stated(cause: _Cause, ended: Fitted) -> Attempt | None:
+    """The answer of the model as it is stated that lies beside a cause, where that is nearer to the data than the one
     that was found: the misfit was the search's, and what was set free only led elsewhere."""
-    tried = cause.refit
-    beside = tried.attempt.excess + _inflation(tried.attempt) * (tried.size / cause.error) ** 2
+    attempt, unknowns = ended.attempt, ended.unknowns
+    assert attempt is not None
+    beside = cause.attempt.excess + _inflation(cause.attempt) * (cause.size / cause.error) ** 2
     if not beside < 0.5 * attempt.excess:
         return None
-    theta = dict(zip(tried.unknowns.names, tried.attempt.solved.theta.tolist(), strict=True))
-    start = [
-        theta[name] if free else old
-        for name, free, old in zip(unknowns.names, unknowns.free, unknowns.start, strict=True)
-    ]
-    at = replace(unknowns, start=np.clip(np.array(start), unknowns.lower, unknowns.upper))
-    back = solve_from(prepared, list(attempt.log_numbers), at)
+    theta = dict(zip(cause.unknowns.names, cause.attempt.solved.theta.tolist(), strict=True))
+    start = np.where(unknowns.free, [theta[name] for name in unknowns.names], unknowns.start)
+    at = replace(unknowns, start=np.clip(start, unknowns.lower, unknowns.upper))
+    back = solve_from(list(ended.prepared), list(attempt.log_numbers), at)
     if back is None or not set(back.log_numbers) >= set(attempt.log_numbers):
         return None
-    return back if attempt.excess - back.excess > max(CLEAR, REMAINS * attempt.excess) else None
+    return back if back.excess < 0.5 * attempt.excess else None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -413,22 +354,22 @@ def _as_stated(cause: _Cause, prepared: list[Prepared], unknowns: Unknowns, atte
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def _suggestions(scene: Scene, motion: Attempt, unknowns: Unknowns, cause: _Cause) -> list[Suggestion]:
+def _suggestions(scene: Scene, attempt: Attempt, unknowns: Unknowns, cause: _Cause) -> list[Suggestion]:
     """What the data suggest of a cause, and of each quantity that looks like it."""
-    out = [suggestion(scene, motion, unknowns, cause.refit.score, cause.refit.size, cause.error)]
-    out += [suggestion(scene, motion, unknowns, one, size, one.error) for one, size in cause.alike]
+    out = [suggestion(scene, attempt, unknowns, cause.score, cause.size, cause.error)]
+    out += [suggestion(scene, attempt, unknowns, one, size, one.error) for one, size in cause.alike]
     return out + [series for one in out if (series := in_series(scene, one)) is not None]
 
 
-def _caused(findings: Findings, scene: Scene, motion: Attempt, causes: Sequence[_Cause], *, fits: bool) -> Findings:
+def _caused(findings: Findings, scene: Scene, causes: Sequence[_Cause], *, fits: bool) -> Findings:
     """The findings of a fit whose cause is known, that first."""
-    attempt, best = findings.attempt, causes[0].refit
+    attempt, best = findings.attempt, causes[0]
     assert attempt is not None
-    named = {each.words: each for cause in causes for each in _suggestions(scene, motion, findings.unknowns, cause)}
+    named = {each.words: each for cause in causes for each in _suggestions(scene, attempt, findings.unknowns, cause)}
     apart = ", which these data cannot tell apart" if len(named) > 1 else ""
     words, remedies = ", or ".join(named), "; or ".join(dict.fromkeys(each.remedy for each in named.values()))
     if not fits:
-        share = f"but for {100.0 * best.attempt.excess / attempt.excess:.2g} % of it"
+        share = f"but for {100.0 * max(best.attempt.excess, 0.0) / attempt.excess:.2g} % of it"
         left = "within the noise" if _within_noise(best.attempt) else share
         message = (
             f"{words}{apart and f'{apart},'} explains the misfit {left}: {remedies}; as stated the model does not "
@@ -443,38 +384,38 @@ def _caused(findings: Findings, scene: Scene, motion: Attempt, causes: Sequence[
     return replace(findings, status=Status.MODEL_MISFIT if refused else findings.status, message=message)
 
 
-def _farthest(findings: Findings, scene: Scene, best: _Refit) -> tuple[float, str]:
+def _farthest(findings: Findings, scene: Scene, best: _Cause) -> tuple[float, str]:
     """By how much of its size the parameter moves that moves most, of those the data tell, and its name."""
     unknowns, attempt = findings.unknowns, findings.attempt
     assert attempt is not None
-    here, there = (
+    before, after = (
         dict(zip(u.names, u.values(a.solved.theta, u.base(stated_rig(scene))).tolist(), strict=True))
         for u, a in ((unknowns, attempt), (best.unknowns, best.attempt))
     )
-    told = {e.name for e in findings.estimates if e.verdict in ("identified", "weak")} - {best.score.column.name}
-    size = dict(zip(here, sizes(unknowns, np.array(list(here.values()))).tolist(), strict=True))
-    moves = [(abs(there[name] - here[name]) / max(size[name], 1e-300), name) for name in told]
+    known = {e.name for e in findings.estimates if e.verdict in ("identified", "weak")} - {best.score.column.name}
+    size = dict(zip(before, sizes(unknowns, np.array(list(before.values()))).tolist(), strict=True))
+    moves = [(abs(after[name] - before[name]) / max(size[name], 1e-300), name) for name in known]
     return max(moves, default=(0.0, ""))
 
 
 def _rows(
-    scene: Scene, motion: Attempt, unknowns: Unknowns, table: ScoreTable, causes: Sequence[_Cause]
+    scene: Scene, attempt: Attempt, unknowns: Unknowns, table: ScoreTable, causes: Sequence[_Cause]
 ) -> tuple[CauseResult, ...]:
     """The scores that noise does not explain, as the result lists them: causes first, with their refitted values."""
-    known = {}
+    known, named = {}, {(cause.score.column.name, cause.score.log) for cause in causes}
     for cause in causes:
-        for score, size, error in ((cause.refit.score, cause.refit.size, cause.error), *cause.others):
+        refitted = (cause.score, cause.size, cause.error)
+        for score, size, error in (refitted, *((one, size, one.error) for one, size in cause.alike)):
             known[score.column.name, score.log] = size, error
-    named = {(cause.refit.score.column.name, cause.refit.score.log) for cause in causes}
     classes = [[one for one in some if one.score > CLEAR] for some in table.classes()]
     classes.sort(key=lambda some: not any((one.column.name, one.log) in named for one in some))
     out = []
     for number, some in enumerate(classes, 1):
         for one in sorted(some, key=lambda each: (each.column.name, each.log) not in named):
             size, error = known.get((one.column.name, one.log), (one.step, one.error))
-            said = suggestion(scene, motion, unknowns, one, size, error)
-            values = said.stated, said.suggested, said.standard_error
-            out.append(CauseResult(said.quantity, said.log, number, one.score, *values))
+            asked = suggestion(scene, attempt, unknowns, one, size, error)
+            values = asked.stated, asked.suggested, asked.standard_error
+            out.append(CauseResult(asked.quantity, asked.log, number, one.score, *values))
     return tuple(out[:LISTED])
 
 
@@ -511,36 +452,29 @@ SPOILS = (
     "load_ripple",
     "friction_drift",
 )
-TOLD = 2  # of them
+SEEN = 2  # of them that are named
 
 
 def _unexplained(findings: Findings, prepared: Sequence[Prepared]) -> Findings:
     """A misfit that nothing explains that was stated, with what the quality gate saw before the fit."""
-    seen: dict[str, str] = {}
-    for log in prepared:
-        for finding in log.judgement.findings if log.left_out is None else ():
-            if finding.code in SPOILS and finding.severity != "info":
-                seen.setdefault(finding.code, f"{log.entry.path.name}: {finding.message}")
-    told = [seen[code] for code in SPOILS if code in seen][:TOLD]
-    gate = None if findings.attempt is None else findings.attempt.gate
-    more = (
-        []
-        if gate is None or not gate.possible_causes or cut_short() or findings.status is Status.SOLVER_FAILED
-        else [gate.possible_causes]
-    )
-    more += [f"before the fit this was seen: {'; '.join(told)}"] if told else []
-    missing = (
-        []
-        if findings.attempt is None
-        else [i for i in required_logs(prepared) if i not in findings.attempt.log_numbers]
-    )
-    if missing and findings.attempt is not None and _within_noise(retested(findings.attempt)):
+    attempt, seen, more = findings.attempt, dict[str, str](), list[str]()
+    missing = [] if attempt is None else [i for i in required_logs(prepared) if i not in attempt.log_numbers]
+    if missing and attempt is not None and _within_noise(retested(attempt)):
         names = listed([prepared[i].name for i in missing])
         message = (
             f"no answer of all logs was found: that of the others does not stick-slip as {names} does, and nothing "
             f"that was stated stands out in them: check what [[logs]] says of {names}, fit it alone, or {START_VALUES}"
         )
         return replace(findings, status=Status.SOLVER_FAILED, message=message)
+    for log in prepared:
+        for finding in log.judgement.findings if log.left_out is None else ():
+            if finding.code in SPOILS and finding.severity != "info":
+                seen.setdefault(finding.code, f"{log.entry.path.name}: {finding.message}")
+    if attempt is not None and attempt.gate.possible_causes and findings.status is not Status.SOLVER_FAILED:
+        more += [] if cut_short() else [attempt.gate.possible_causes]
+    if seen:
+        before = "; ".join([seen[code] for code in SPOILS if code in seen][:SEEN])
+        more.append(f"before the fit this was seen: {before}")
     return replace(findings, message="; ".join([findings.message, *more]))
 
 

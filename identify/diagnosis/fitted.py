@@ -1,4 +1,4 @@
-"""One model on the data: what a fit of it came to, comparable with fits of other models."""
+"""One model on the data: what a fit of it came to, and another model fitted from where that one ended."""
 
 from __future__ import annotations
 
@@ -8,32 +8,37 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.outcome import Status
-from identify.estimation.attempt import Attempt, usable
+from data_io import Record
+from identify.estimation.attempt import Attempt, solve_from, usable
+from identify.estimation.search import SearchProblem, alike, search
 from identify.logs.prepare import Prepared
+from identify.logs.prepared_scene import prepare_scene
 from identify.logs.unknowns import Unknowns
 from identify.model.model import Model
 from identify.scene import Scene
+from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 
+Array = NDArray[np.float64]
+
 MISFIT = 3.0  # standard deviations of the sum of squares that are still noise
+COST_CUTOFF = 1000.0  # half chi^2 above that of a model beyond which another one is not followed further
 
 
 @dataclass(frozen=True)
 class Fitted:
     """One model on the data: its scene, search space and prepared logs; the attempt (None where nothing could be
-    tried); excess: the sum of squares in noise variances less the number of samples (infinite without an answer)."""
+    tried)."""
 
     scene: Scene
     unknowns: Unknowns
     prepared: tuple[Prepared, ...]
     attempt: Attempt | None
-    excess: float
 
     @property
-    def model(self) -> Model:
-        """The composed model."""
-        return self.unknowns.model
+    def excess(self) -> float:
+        """Sum of squares in noise variances less the number of samples; infinite without a motion of the model."""
+        return np.inf if self.attempt is None else self.attempt.excess
 
     @property
     def samples(self) -> int:
@@ -46,47 +51,68 @@ class Fitted:
         return () if self.attempt is None else self.attempt.log_numbers
 
     @property
-    def complete(self) -> bool:
-        """Whether all logs that can be used took part."""
-        return set(self.logs) >= set(usable(list(self.prepared)))
-
-    @property
     def searched(self) -> int:
         """Number of free parameters, with those every log has for itself."""
-        logs = len(self.attempt.log_numbers) if self.attempt is not None else len(self.prepared)
+        logs = len(self.logs) if self.attempt is not None else len(self.prepared)
         return int(np.count_nonzero(self.unknowns.free)) + (logs - 1) * int(np.count_nonzero(self.unknowns.own))
 
-
-def as_it_ended(scene: Scene, unknowns: Unknowns, prepared: Sequence[Prepared], attempt: Attempt | None) -> Fitted:
-    """A fit as it ended, whether the solver succeeded or not."""
-    excess = np.inf if attempt is None else 2.0 * attempt.solved.solution.cost - attempt.solved.problem.samples
-    return Fitted(scene, unknowns, tuple(prepared), attempt, float(excess))
-
-
-def fits(fitted: Fitted) -> bool:
-    """Whether the misfit is about noise."""
-    if fitted.attempt is None:
-        return False
-    return bool(fitted.excess < MISFIT * np.sqrt(2.0 * fitted.samples))
+    @property
+    def fits(self) -> bool:
+        """Whether the misfit is about noise."""
+        return self.excess < MISFIT * np.sqrt(2.0 * max(self.samples, 1))
 
 
-def described(fitted: Fitted) -> bool:
-    """Whether the misfit is about noise, one with a memory too."""
-    accepted = fitted.attempt is not None and fitted.attempt.gate.status is Status.CONVERGED
-    return accepted or fits(fitted)
+def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True) -> Fitted:
+    """Fit one scene to its records; where the first start fails, from more of them if it is to be thorough."""
+    made = prepare_scene(scene, records)
+    attempt, _ = search(SearchProblem(made.logs, made.unknowns, thorough=False))
+    failed = attempt is not None and not attempt.solved.solution.success
+    # Unlike cycles leave no other start to try.
+    more = attempt is None or (failed and alike([made.logs[i] for i in usable(made.logs)]))
+    if thorough and more:
+        attempt, _ = search(SearchProblem(made.logs, made.unknowns))
+    return Fitted(scene, made.unknowns, tuple(made.logs), attempt)
+
+
+def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
+    """Fit a model from the motion of another one, and where that does not fit also from its parameters alone: the
+    motion of a misfit can hold back what would describe the data. Of all logs of the other one, or none."""
+    made = prepare_scene(scene, records)
+    prepared, unknowns, known = made.logs, made.unknowns, other.attempt
+    if known is None:
+        return fit_model(scene, records, thorough=False)
+    cutoff = known.solved.solution.cost + COST_CUTOFF
+    best = Fitted(scene, unknowns, tuple(prepared), _from_motion(other, prepared, unknowns, cutoff))
+    if best.fits:
+        return best
+    at = replace(unknowns, start=values_of(other, unknowns))
+    placed = replace(best, attempt=solve_from(prepared, usable(prepared), at, cost_cutoff=cutoff))
+    return placed if placed.logs == other.logs and placed.excess < best.excess else best
+
+
+def _from_motion(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, cost_cutoff: float) -> Attempt | None:
+    """A model solved from the motion of another one; None where its states do not allow that."""
+    known = other.attempt
+    if known is None or (unknowns.model.clamped is None and other.unknowns.model.clamped is not None):
+        return None
+    logs, trajectories, unknowns = taken_over(other, prepared, unknowns)
+    try:
+        data, soft = [log.data for log in logs], unknowns.with_weak_priors()
+        solved = solve_in_passes(data, trajectories, soft, cost_cutoff=cost_cutoff)
+    except (ValueError, FloatingPointError):
+        return None
+    return replace(known, fitted_logs=tuple(logs), solved=solved)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Logs, motion and start of a model as another model left them.
 # ----------------------------------------------------------------------------------------------------------------------
 
-Array = NDArray[np.float64]
-
 
 def values_of(other: Fitted, unknowns: Unknowns) -> Array:
     """The start of a model (n_p,) with what another one searched where that ended."""
     assert other.attempt is not None
-    names = other.model.parameter_names
+    names = other.unknowns.names
     theta = dict(zip(names, other.attempt.solved.theta.tolist(), strict=True))
     searched = dict(zip(names, other.unknowns.free.tolist(), strict=True))
     for index, to, base in other.unknowns.ties:  # what followed another parameter goes on from there
@@ -100,27 +126,15 @@ def taken_over(
     other: Fitted, prepared: Sequence[Prepared], unknowns: Unknowns
 ) -> tuple[list[Prepared], list[ShootingTrajectory], Unknowns]:
     """Logs, motion and start of a model as another one left them."""
-    known, small, large = other.attempt, unknowns.model, other.model
+    known = other.attempt
     assert known is not None
-    start = values_of(other, unknowns)
-    logs = [
-        replace(
-            prepared[i], fit_mode=cut.fit_mode, data=replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end)
-        )
-        for i, cut in zip(known.log_numbers, known.fitted_logs, strict=True)
-    ]
-    trajectories = [
-        _translated(g, large, small, large_p)
-        for g, large_p in zip(
-            known.solved.trajectories,
-            (
-                other.unknowns.values(g.theta(known.solved.theta), log.data.base)
-                for g, log in zip(known.solved.trajectories, known.fitted_logs, strict=True)
-            ),
-            strict=True,
-        )
-    ]
-    return logs, trajectories, replace(unknowns, start=start)
+    logs, trajectories = list[Prepared](), list[ShootingTrajectory]()
+    for i, cut, motion in zip(known.log_numbers, known.fitted_logs, known.solved.trajectories, strict=True):
+        data = replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end)
+        logs.append(replace(prepared[i], fit_mode=cut.fit_mode, data=data))
+        p = other.unknowns.values(motion.theta(known.solved.theta), cut.data.base)
+        trajectories.append(_translated(motion, other.unknowns.model, unknowns.model, p))
+    return logs, trajectories, replace(unknowns, start=values_of(other, unknowns))
 
 
 def _translated(trajectory: ShootingTrajectory, large: Model, small: Model, p: Array) -> ShootingTrajectory:
@@ -140,10 +154,8 @@ def _translated(trajectory: ShootingTrajectory, large: Model, small: Model, p: A
         if lags and x.size:
             flat = x.reshape(-1, x.shape[-1])
             u = np.tile([0.0, 1.0, 1.0, 0.0], (flat.shape[0], 1))
-            shown = np.array(large.load(flat.T, np.repeat(p[:, None], flat.shape[0], axis=1), u.T)).reshape(
-                x.shape[:-1]
-            )
-            out[..., lags] = shown[..., None]
+            shown = large.load(flat.T, np.repeat(p[:, None], flat.shape[0], axis=1), u.T)
+            out[..., lags] = np.array(shown).reshape(x.shape[:-1])[..., None]
         for name in set(names) - {s.name for s in small.states}:
             if name == large.series_state:
                 out[..., 0] -= x[..., names.index(name)]
@@ -153,9 +165,4 @@ def _translated(trajectory: ShootingTrajectory, large: Model, small: Model, p: A
     if own.size:
         at = [large.parameter_names.index(n) if n in large.parameter_names else -1 for n in small.parameter_names]
         own = np.where(np.array(at) >= 0, own[at], np.nan)
-    return replace(
-        trajectory,
-        start=states(trajectory.start),
-        nodes=states(trajectory.nodes),
-        own=own,
-    )
+    return replace(trajectory, start=states(trajectory.start), nodes=states(trajectory.nodes), own=own)

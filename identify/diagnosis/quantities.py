@@ -28,6 +28,7 @@ EFFECTS = {
     "force_zero": ("force_sensor", "sensor_offset"),
 }  # the effect, and its parameter, that a quantity is
 WIDEST = 60  # samples of an average that is looked for
+USUAL, EXPONENT = 0.05, 0.3  # errors of zeros, of the load, and exponents that are no surprise
 VARIED = 0.02  # relative range of the normal force below which nothing can be told of what it does
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -140,19 +141,20 @@ def held_quantities(attempt: Attempt, unknowns: Unknowns) -> list[Column]:
     for i, declared in enumerate(unknowns.model.parameters):
         if declared.kind != "given" and is_held(unknowns, attempt, i):
             change = parameter(i, logarithmic=declared.scale == "log")
-            out.append(Column(declared.name, change, DIFFERENCE, parameter=True))
+            out.append(Column(declared.name, change, DIFFERENCE, usual=declared.spread))
         elif unknowns.free[i] and np.isfinite(unknowns.prior_sd[i]) and unknowns.prior_about[i] < 0:
-            out.append(Column(declared.name, None, 1.0, parameter=True, prior=unknowns_of(attempt, i)))
+            usual, mine = float(unknowns.prior_sd[i]), unknowns_of(attempt, i)
+            out.append(Column(declared.name, None, 1.0, usual=usual, prior=mine))
     out.append(Column("drive_speed", drive_speed, DIFFERENCE, of="both"))
     out.append(Column("force_gain", force_gain, DIFFERENCE, of="both"))
     out.append(Column("load_gain", load_gain, DIFFERENCE, of="single"))
     if np.ptp(loads) > VARIED * load:
-        out.append(Column("load_zero", load_zero, DIFFERENCE * load))
-        out.append(Column("force_zero", force_zero, DIFFERENCE * load))
-        out.append(Column("load_exponent", load_exponent(load), DIFFERENCE))
+        out.append(Column("load_zero", load_zero, DIFFERENCE * load, usual=USUAL * load))
+        out.append(Column("force_zero", force_zero, DIFFERENCE * load, usual=USUAL * load))
+        out.append(Column("load_exponent", load_exponent(load), DIFFERENCE, usual=EXPONENT))
     mass, stiffness = (logs[0].base[names.index(name)] for name in ("mass", "stiffness"))
     natural = float(np.sqrt(mass / stiffness))
-    out += [Column("sensor_lag", sensor_lag, share * natural, positive=True) for share in LAGS]
+    out += [Column("sensor_lag", sensor_lag, share * natural, positive=True, usual=natural) for share in LAGS]
     out = [c for c in out if c.name not in EFFECTS or EFFECTS[c.name][0] not in unknowns.model.effects]
     width = min(_width(log, curve) for log, curve in zip(logs, attempt.solved.fitted, strict=True))
     return out + ([Column(AVERAGE, moving_average, float(width), whole=True)] if width > 1 else [])

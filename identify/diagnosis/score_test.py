@@ -42,7 +42,7 @@ class Column:
     change: what its move does to a log; None for the mean of the prior of the unknowns `prior`. size: of the difference
     that stands for the derivative, finite where the quantity is not differentiable at its value; of: all logs together,
     single ones, or both; positive: it can only grow; whole: it is there, with that size, or it is not;
-    parameter: it is one of the model.
+    usual: size of an error that is no surprise.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Column:
     positive: bool = False
     whole: bool = False
     at: float = 0.0
-    parameter: bool = False
+    usual: float = 0.05
     prior: tuple[int, ...] = ()
 
 

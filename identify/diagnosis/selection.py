@@ -1,14 +1,15 @@
-"""effects = "auto" with logs: forward by what an effect promises to gain, backward by the Schwarz criterion.
+"""effects = "auto" with logs: forward by what an effect promises to gain, backward by the Schwarz criterion (BIC).
 
-What the logs plainly show is fitted first. The effect whose addition promises the largest fall of the cost is fitted
+What the logs plainly call for is fitted first. The effect whose addition promises the largest fall of chi^2 is fitted,
 and stays if it pays for its parameters; then every effect that stays is left out in turn, or exchanged for one that it
-may stand in for, as long as the criterion falls.
+may stand in for, as long as the criterion falls. All models are parts of one: an absent effect is held at its null
+values, so that functions are built once and sums compare exactly (Schwarz, Ann. Statist. 6, 461, 1978).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,21 +17,21 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.base.budget import time_is_up
 from identify.base.progress import Notice, Progress, to_nobody
-from identify.diagnosis.choice import Choice, EffectReason, Screen, price, screen
-from identify.diagnosis.compared_models import ALWAYS, ComparedModels
-from identify.diagnosis.fitted import Fitted, fits
-from identify.diagnosis.nested import fit_larger, fit_model, fit_smaller, promise
-from identify.diagnosis.quantities import EFFECTS, held_quantities
-from identify.diagnosis.score_test import score_table
-from identify.diagnosis.selection_numbers import better, penalty, statistic
+from identify.base.result import EffectReason
+from identify.base.wording import three_figures
+from identify.diagnosis.effect_choice import Choice, price
+from identify.diagnosis.fitted import Fitted, fit_beside, fit_model, taken_over
 from identify.effects import ALL
 from identify.estimation.known_early import prefit_warnings, wrong_unit
 from identify.estimation.search import alike
+from identify.logs.loads import swing
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
 from identify.logs.rhythms import SpectralLine, rhythms
 from identify.scene import Scene
 from identify.scene.variant import scene_with
+from identify.shooting.shooting import shooting_problem
+from identify.shooting.solve import solve
 
 Array = NDArray[np.float64]
 
@@ -50,10 +51,14 @@ MIMICS = (
     ("occlusion", "load_dependence"),
     ("velocity_weakening", "load_dependence"),
 )
-CLEARER = 1.0  # by which another model must be better, if it has not fewer parameters
-PLAIN = 200.0  # a statistic that no mimic has
-ROUNDS = 4  # of adding, exchanging and leaving out
+PLAIN = 200.0  # fall of chi^2 that no mimic makes up for
+ALWAYS = ("inertia",)
+# Effects whose null values are numbers: held there, they are absent.
+HELD = ("velocity_weakening", "direct_effect", "load_dependence", "occlusion", "excitation", "finger_motion")
+BY_NAME = {effect.name: effect for effect in ALL}
 LOOKED_AT = (*ALWAYS, "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
+GLANCE = 8  # iterations that show whether an effect is worth a fit
+CLOSED = 1e-2  # largest row of a trajectory that hangs together well enough for that
 NO_TIME = "the time limit ended the comparison before it was asked whether the data need it: a longer --time-limit"
 NOT_COMPARED = "not compared: cycles differ so among themselves, or from the rig, that no sum of squares tells which"
 UNASKED = {
@@ -69,12 +74,14 @@ UNASKED = {
 def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress | None = None) -> Choice:
     """The effects that the logs of a scene call for, each with its reason.
 
-    Args:
-        scene: its effects are to be chosen ("auto"); records: its logs, in their order.
+    Parameters
+    ----------
+    scene: its effects are to be chosen ("auto"); records: its logs, in their order.
 
-    Raises:
-        FitError: a log of which nothing is left.
-        SceneError: what the scene says does not go together.
+    Raises
+    ------
+    FitError: a log of which nothing is left.
+    SceneError: what the scene says does not go together.
     """
     report = progress or to_nobody
     report("looking at the logs", 0.0)
@@ -85,132 +92,98 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
         notes = {effect.name: NOT_COMPARED for effect in ALL if effect.name not in ALWAYS}
         return _choice([e for e in LOOKED_AT if e not in ALWAYS], (), {}, notes)
     lines, left = rhythms(prepared)
-    looks = screen(prepared, lines)
-    asked = tuple(look.effect for look in looks if look.asked)
-    starts = {name: value for look in looks if look.asked for name, value in look.starts}
-    scene = with_one_noise(scene, prepared, lines, left)
-    walk = _Walk(ComparedModels(scene, tuple(records), asked, starts), report)
-    finished = walk.run([look.effect for look in looks if look.asked and look.sure])
-    notes = {} if finished else {e: NO_TIME for e in asked if e not in walk.gains}
-    return replace(_choice(walk.kept, looks, walk.gains, notes), unfinished=not finished)
+    candidates = candidates_of(prepared, lines)
+    comparison = _Comparison(with_one_noise(scene, prepared, lines, left), tuple(records), candidates, report)
+    finished = comparison.run()
+    notes = {} if finished else {e: NO_TIME for e in comparison.tried if e not in comparison.gains}
+    return replace(_choice(comparison.kept, candidates, comparison.gains, notes), unfinished=not finished)
 
 
-class _Walk:
-    """From what the logs plainly show to the effects that pay: those kept, their fit, and per effect what it gains and
-    what its parameters ask for."""
+# ----------------------------------------------------------------------------------------------------------------------
+# What the logs call for before anything is fitted.
+# ----------------------------------------------------------------------------------------------------------------------
 
-    def __init__(self, models: ComparedModels, report: Progress) -> None:
-        self._models, self._report = models, report
-        self.kept: list[str] = []
-        self.gains: dict[str, tuple[float, float]] = {}
-
-    def run(self, sure: Sequence[str]) -> bool:
-        """Whether the time sufficed."""
-        self._report("fitting all that plainly matters", 0.1)
-        self.kept, self.best = list(sure), fit_model(self._models.of(sure), self._models.records)
-        self._begin_elsewhere()
-        for _ in range(ROUNDS):
-            before = set(self.kept)
-            self._add()
-            self._leave_out()
-            self._exchange()
-            if time_is_up():
-                return False
-            if set(self.kept) == before:
-                return True
-        return True
-
-    def _begin_elsewhere(self) -> None:
-        """Where what is plain misfits, one effect less or more: one that is not there takes the others with it."""
-        sure, asked = list(self.kept), self._models.asked
-        others = [[e for e in sure if e != less] for less in sure]
-        others += [[*sure, more] for more in asked if more not in sure]
-        for kept in others:
-            if fits(self.best) or time_is_up():
-                return
-            self._report(f"fitting {', '.join(kept)}", 0.2)
-            other = fit_model(self._models.of(kept), self._models.records, thorough=False)
-            if other.excess / max(other.samples, 1) < self.best.excess / max(self.best.samples, 1):
-                self.kept, self.best = kept, other
-
-    def _add(self) -> None:
-        """Fit the effects in the order of what they promise; the first that pays is taken in, and the rest asked
-        anew."""
-        rest = [e for e in self._models.asked if e not in self.kept]
-        while rest and not time_is_up():
-            self._report(f"with {', '.join(rest)}", 0.3)
-            models = {e: self._models.of([*self.kept, e]) for e in rest}
-            scored = _scores(self.best)
-            hopes = {e: scored.get(e) or promise(self.best, models[e], self._models.records) for e in rest}
-            # What no few iterations tell comes last.
-            for effect in sorted(rest, key=lambda e: -hopes[e] if np.isfinite(hopes[e]) else 0.0):
-                least = float(np.log(max(self.best.samples, 2)))
-                self.gains[effect] = (max(hopes[effect], 0.0), least)
-                if not hopes[effect] > least or time_is_up():
-                    return
-                other = fit_larger(self.best, models[effect], self._models.records)
-                self.gains[effect] = (statistic(other, self.best), penalty(other, self.best))
-                if better(other, self.best) > 0.0:
-                    self.kept, self.best = [*self.kept, effect], other
-                    rest.remove(effect)
-                    break
-            else:
-                return
-
-    def _exchange(self) -> None:
-        """Put an effect in the place of one that it may stand in for, where that makes a better model."""
-        for out, into in (pair for both in MIMICS for pair in (both, both[::-1])):
-            if out not in self.kept or into in self.kept or time_is_up():
-                continue
-            if self.gains.get(out, (0.0, 0.0))[0] > PLAIN:
-                continue
-            if into not in self._models.asked and into != "linear_weakening":
-                continue
-            kept = [into if e == out else e for e in self.kept]
-            self._report(f"{into} in the place of {out}", 0.5)
-            other = fit_larger(self.best, self._models.of(kept), self._models.records)
-            least = CLEARER if other.searched >= self.best.searched else 0.0
-            if better(other, self.best) > least:
-                self.gains[out] = (0.0, penalty(self.best, other))
-                self.kept, self.best = kept, other
-
-    def _leave_out(self) -> None:
-        """Leave out what does not pay, the one that pays least first, until all that stays does."""
-        while not time_is_up():
-            smaller: dict[str, Fitted] = {}
-            for effect in self.kept:
-                self._report(f"without {effect}", 0.6)
-                rest = [e for e in self.kept if e != effect]
-                models = self._models.of(rest)
-                smaller[effect] = fit_smaller(self.best, models, self._models.records, thorough=False)
-                self.gains[effect] = (statistic(self.best, smaller[effect]), penalty(self.best, smaller[effect]))
-                if time_is_up():
-                    return
-            losers = [e for e in self.kept if self.gains[e][0] < self.gains[e][1]]
-            if not losers:
-                return
-            worst = max(losers, key=lambda e: better(smaller[e], self.best))
-            self.kept, self.best = [e for e in self.kept if e != worst], smaller[worst]
+CLEAR = 3.0  # standard errors by which a stick slope must differ from k v_0
+SOFTER = 0.005  # share of the rig's stiffness that it must lack at least
+SPAN = 0.03  # by which the normal force must vary (as a share) to tell how friction depends on it
+LOAD_VARIES = 2e-3  # half range of the normal force over its mean from which its course counts
+SLIP_SAMPLES = 6.0  # per slip: fewer cannot tell a lag or a direct effect
+BANDS = {"breathing": (0.05, 0.5), "pulse": (0.5, 3.0), "tremor": (4.0, 20.0)}  # of a live finger [Hz]
 
 
-def _scores(fitted: Fitted) -> dict[str, float]:
-    """The scores of the effects that are a column of the score test, at a fit that lacks them."""
-    if fitted.attempt is None:
-        return {}
-    try:
-        table = score_table(fitted.attempt.solved, held_quantities(fitted.attempt, fitted.unknowns))
-    except np.linalg.LinAlgError:
-        return {}
-    of_all = {one.column.name: one for one in table.scores if one.log is None}
-    out = {effect: of_all[name].score for name, (effect, _) in EFFECTS.items() if name in of_all}
-    softer = of_all.get("stiffness")
-    if softer is not None and softer.step < 0.0:
-        out["skin_compliance"] = softer.score
-    return out
+@dataclass(frozen=True)
+class Candidate:
+    """One effect: whether the fits try it, and whether from the first of them; a sentence; where its parameters start
+    (SI)."""
+
+    effect: str
+    tried: bool
+    first: bool
+    sentence: str
+    starts: Mapping[str, float] = field(default_factory=dict)
+
+
+def candidates_of(prepared: Sequence[Prepared], lines: Sequence[SpectralLine]) -> tuple[Candidate, ...]:
+    """One look at the logs per effect, in the order in which they are tried; lines: the rhythms of the sticks."""
+    loads = np.array([log.data.mean_normal_force for log in prepared])
+    within = max(swing(log.data.normal_force, log.data.begin, log.data.end) for log in prepared)
+    varies = max(float(np.ptp(loads) / 2 / np.mean(loads)), within)
+    middle = float(np.exp(np.mean(np.log(loads))))
+    samples = max((log.segmentation.samples_per_slip for log in prepared if log.segmentation.count), default=0.0)
+    resolved, damped = samples >= SLIP_SAMPLES, any(log.rig.damping > 0.0 for log in prepared)
+    slips = f"slips hold {samples:.3g} samples{'' if resolved else ', too few to tell how they start'}"
+    natural = float(np.mean([log.rig.half_period for log in prepared])) / np.pi
+    finger = [line for line in lines if any(low <= line.frequency <= high for low, high in BANDS.values())]
+    vibration = [line for line in lines if line not in finger]
+
+    def swings(found: Sequence[SpectralLine], nothing: str) -> str:
+        return f"the sticks swing at {', '.join(f'{line.frequency:.4g} Hz' for line in found)}" if found else nothing
+
+    def plain(effect: str, tried: bool, sentence: str, **starts: float) -> Candidate:
+        return Candidate(effect, tried, tried, sentence, starts)
+
+    return (
+        plain("hysteresis_damping", damped, f"the rig {'has a' if damped else 'states no'} damping"),
+        plain("contact_ageing", True, "the paper's model has it"),
+        plain("velocity_weakening", True, "the paper's model has it"),
+        Candidate("direct_effect", resolved, False, slips),
+        plain(
+            "load_dependence",
+            varies >= SPAN,
+            f"the normal force varies by ± {100 * varies:.2g} %",
+            reference_force=middle,
+            load_exponent=0.0,
+        ),
+        plain("varying_normal_force", within >= LOAD_VARIES, f"within a log the load varies by ± {100 * within:.2g} %"),
+        Candidate("occlusion", True, False, "the friction level may drift along the logs", {"occlusion_level": 0.0}),
+        plain("finger_motion", bool(finger), swings(finger, "no rhythm of a finger in the sticks")),
+        plain("excitation", bool(vibration), swings(vibration, "no vibration in the sticks")),
+        _skin(prepared),
+        Candidate("sensor_lag", resolved, False, slips, {"lag_time": 0.1 * natural}),
+    )
+
+
+def _skin(prepared: Sequence[Prepared]) -> Candidate:
+    """Whether sticks rise more slowly than with stiffness times drive speed."""
+    ratios, weights = [], []
+    for log in prepared:
+        slope = log.segmentation.stick_slope
+        if slope is not None and log.data.drive_speed != 0.0:
+            ratios.append(slope[0] / (log.rig.stiffness * log.data.drive_speed))
+            weights.append(max(log.segmentation.stick_slopes.size, 1) / max(slope[1], 1e-3) ** 2)
+    if not ratios:
+        return Candidate("skin_compliance", False, False, "no stick shows its slope")
+    ratio, error = float(np.average(ratios, weights=weights)), float(1.0 / np.sqrt(np.sum(weights)))
+    rises = f"the sticks rise with {100 * ratio:.4g} ± {100 * error:.2g} % of k v_0"
+    if not ratio < 1.0 - SOFTER:
+        return Candidate("skin_compliance", False, False, f"{rises}: nothing gives in series")
+    skin = float(np.mean([log.rig.stiffness for log in prepared])) * ratio / (1.0 - ratio)
+    sentence = f"{rises}: something of {three_figures(skin)} N/m gives in series"
+    return Candidate("skin_compliance", True, ratio < 1.0 - CLEAR * error, sentence, {"skin_stiffness": skin})
 
 
 def with_one_noise(scene: Scene, prepared: Sequence[Prepared], lines: Sequence[SpectralLine], left: Array) -> Scene:
-    """The scene with the noise of logs whose sticks swing said once for all models: what is estimated from the sticks
+    """The scene with the noise of logs whose sticks swing stated once for all models: what is estimated from the sticks
     counts the swings in where a model lacks them, and no two sums could be compared.
 
     Args:
@@ -226,40 +199,170 @@ def with_one_noise(scene: Scene, prepared: Sequence[Prepared], lines: Sequence[S
 
 
 # ----------------------------------------------------------------------------------------------------------------------
+# The comparison.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+class _Comparison:
+    """From what the logs plainly call for to the effects that pay: those kept, their fit, and per effect by how much it
+    lowers chi^2 and what its parameters ask for."""
+
+    def __init__(
+        self, scene: Scene, records: tuple[Record, ...], candidates: Sequence[Candidate], report: Progress
+    ) -> None:
+        self._scene, self._records, self._report = scene, records, report
+        self._starts = {name: value for one in candidates if one.tried for name, value in one.starts.items()}
+        self.tried = [one.effect for one in candidates if one.tried]
+        self.kept = [one.effect for one in candidates if one.first]
+        self.gains: dict[str, tuple[float, float]] = {}
+
+    def run(self) -> bool:
+        """Whether the time sufficed."""
+        self._report("fitting all that plainly matters", 0.1)
+        self.best = fit_model(self._with(self.kept), self._records)
+        before: set[str] = set()
+        while set(self.kept) != before:
+            before = set(self.kept)
+            self._add()
+            self._leave_out()
+            self._exchange()
+            if time_is_up():
+                return False
+        return True
+
+    def _with(self, effects: Iterable[str]) -> Scene:
+        """The scene of a subset of effects: the others that can be are held at their null values."""
+        present = {*ALWAYS, *effects}
+        roles = {BY_NAME[name].role for name in present} - {""}
+        held = [n for n in HELD if n in self.tried and n not in present and BY_NAME[n].role not in roles]
+        made = scene_with(self._scene, [e.name for e in ALL if e.name in present or e.name in held], self._starts)
+        shared = {q.name for name in present for q in BY_NAME[name].parameters}
+        parameters = dict(made.parameters)
+        for effect in (BY_NAME[name] for name in held):
+            for q in effect.parameters:
+                if q.name in parameters and q.name not in shared:
+                    absent = replace(parameters[q.name], start=None, prior_mean=None, prior_sd=None)
+                    parameters[q.name] = replace(absent, fixed=effect.null.get(q.name, q.default))
+        return replace(made, parameters=parameters)
+
+    def _add(self) -> None:
+        """Fit the effects in the order of what they promise; the first that pays is taken in, and the rest looked at
+        again."""
+        rest = [e for e in self.tried if e not in self.kept]
+        while rest and not time_is_up():
+            self._report(f"with {', '.join(rest)}", 0.3)
+            scenes = {effect: self._with([*self.kept, effect]) for effect in rest}
+            promised = {effect: _promise(self.best, scenes[effect], self._records) for effect in rest}
+            least, taken = float(np.log(max(self.best.samples, 2))), ""
+            # What no few iterations tell comes last.
+            for effect in sorted(rest, key=lambda e: -promised[e] if np.isfinite(promised[e]) else 0.0):
+                self.gains[effect] = (max(promised[effect], 0.0), least)
+                if not promised[effect] > least or time_is_up():
+                    return
+                other = fit_beside(self.best, scenes[effect], self._records)
+                self.gains[effect] = (_fall(other, self.best), _penalty(other, self.best))
+                if _bic(other, self.best) < 0.0:
+                    self.kept, self.best, taken = [*self.kept, effect], other, effect
+                    break
+            if not taken:
+                return
+            rest.remove(taken)
+
+    def _leave_out(self) -> None:
+        """Leave out what does not pay, the one that pays least first, until all that stays does."""
+        while not time_is_up():
+            smaller: dict[str, Fitted] = {}
+            for effect in self.kept:
+                self._report(f"without {effect}", 0.6)
+                scene = self._with([e for e in self.kept if e != effect])
+                smaller[effect] = fit_beside(self.best, scene, self._records)
+                self.gains[effect] = (_fall(self.best, smaller[effect]), _penalty(self.best, smaller[effect]))
+                if time_is_up():
+                    return
+            losers = [e for e in self.kept if self.gains[e][0] < self.gains[e][1]]
+            if not losers:
+                return
+            worst = min(losers, key=lambda e: _bic(smaller[e], self.best))
+            self.kept, self.best = [e for e in self.kept if e != worst], smaller[worst]
+
+    def _exchange(self) -> None:
+        """Put an effect in the place of one that it may stand in for, where that makes a better model."""
+        for out, into in (pair for both in MIMICS for pair in (both, both[::-1])):
+            possible = into in self.tried or into == "linear_weakening"
+            if out not in self.kept or into in self.kept or not possible or time_is_up():
+                continue
+            if self.gains.get(out, (0.0, 0.0))[0] > PLAIN:
+                continue
+            kept = [into if e == out else e for e in self.kept]
+            self._report(f"{into} in the place of {out}", 0.5)
+            other = fit_beside(self.best, self._with(kept), self._records)
+            if _bic(other, self.best) < 0.0:
+                self.gains[out] = (0.0, _penalty(self.best, other))
+                self.kept, self.best = kept, other
+
+
+def _promise(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> float:
+    """About how much chi^2 would fall with one more effect: a few iterations, on the solution's grid."""
+    if smaller.attempt is None:
+        return np.inf
+    made, solved = prepare_scene(scene, records), smaller.attempt.solved
+    logs, trajectories, unknowns = taken_over(smaller, made.logs, made.unknowns)
+    problem = shooting_problem([log.data for log in logs], trajectories, unknowns.with_weak_priors(), solved.grid)
+    tried = solve(problem, tolerance=1e-3, mu_init=1e-6, iterations=GLANCE)
+    return 2.0 * (solved.solution.cost - tried.cost) if tried.constraint_violation < CLOSED else np.inf
+
+
+def _fall(larger: Fitted, smaller: Fitted) -> float:
+    """Fall of chi^2 from a smaller to a larger model; the level of the noise is that which the larger one leaves."""
+    if not np.isfinite(larger.excess):
+        return 0.0 if not np.isfinite(smaller.excess) else -np.inf
+    return float((smaller.excess - larger.excess) / max(1.0, 1.0 + larger.excess / larger.samples))
+
+
+def _penalty(larger: Fitted, smaller: Fitted) -> float:
+    """What the parameters of an effect must gain at least: the logarithm of the number of samples, for each."""
+    return max(larger.searched - smaller.searched, 1) * float(np.log(max(larger.samples, 2)))
+
+
+def _bic(other: Fitted, than: Fitted) -> float:
+    """Difference of the Schwarz criterion of two models: below 0 the first is the better one."""
+    if not np.isfinite(other.excess):
+        return np.inf
+    more = other.searched - than.searched
+    return more * float(np.log(max(other.samples, 2))) - (_fall(other, than) if more >= 0 else -_fall(than, other))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
 # One reason per effect, in the order of their table.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
 def _choice(
     kept: Sequence[str],
-    looks: Sequence[Screen],
-    gains: dict[str, tuple[float, float]],
-    notes: dict[str, str],
+    candidates: Sequence[Candidate],
+    gains: Mapping[str, tuple[float, float]],
+    notes: Mapping[str, str],
 ) -> Choice:
     effects = tuple(e.name for e in ALL if e.name in (*ALWAYS, *kept))
-    by_name = {look.effect: look for look in looks}
+    looks = {one.effect: one for one in candidates}
     out = []
     for name in (effect.name for effect in ALL):
-        stays, cost, look = name in effects, price(name, effects), by_name.get(name)
-        gain = gains.get(name)
+        stays, look, gain = name in effects, looks.get(name), gains.get(name)
+        worth = _worth(gain, stays=stays)
         if name in ALWAYS:
             sentence = "the equation of motion of a stick-slip record needs it"
         elif name in notes:
             sentence = notes[name]
-        elif look is not None and look.asked:
-            sentence = f"{look.sentence}; {_said(gain, stays=stays)}"
-        elif gain is not None:
-            sentence = _said(gain, stays=stays)
         elif look is not None:
-            sentence = look.sentence
+            sentence = f"{look.sentence}; {worth}" if look.tried else look.sentence
         else:
-            sentence = UNASKED.get(name, "a law that nothing calls for")
+            sentence = worth if gain is not None else UNASKED.get(name, "a law that nothing calls for")
         number = None if gain is None or not np.isfinite(gain[0]) else gain[0]
-        out.append(EffectReason(name, stays, sentence, cost=cost, statistic=number))
+        out.append(EffectReason(name, stays, sentence, cost=price(name, effects), statistic=number))
     return Choice(effects, tuple(out))
 
 
-def _said(gain: tuple[float, float] | None, *, stays: bool) -> str:
+def _worth(gain: tuple[float, float] | None, *, stays: bool) -> str:
     if gain is None:
         return "it was tried"
     if not np.isfinite(gain[0]):

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import TypeGuard
 
 import numpy as np
@@ -24,12 +25,14 @@ from identify.estimation.attempt import (
     Attempt,
     gated,
     place_on,
+    solve_again,
     solve_from,
     usable,
 )
 from identify.estimation.covariance import information
 from identify.estimation.goodness_of_fit import loads_stand_in
-from identify.estimation.starts import Sources, slips_one_by_one, starts_of
+from identify.estimation.residual_autocorrelation import MORE
+from identify.estimation.starts import Sources, own_starts, slips_one_by_one, starts_of
 from identify.estimation.stick_strength import with_own_strengths, with_strengths
 from identify.estimation.strategies import Strategy, may_run, run_strategy
 from identify.logs.prepare import Prepared, settled_part
@@ -42,6 +45,7 @@ Array = NDArray[np.float64]
 
 REQUIRED_CYCLES = 3  # of a log that an answer has to describe
 STARTS = 4  # feature starts that are solved at most
+FIRM = 1000.0  # of the priors about a start, in units of the weakest: a logarithm stays within a tenth
 COST_CUTOFF = 8.0  # cost per residual of a start that no solve will save
 INFORMATION_FLOOR = 1e-12  # of the largest information: what a group tells less of is taken from the others
 
@@ -89,6 +93,8 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
         # What passes as autocorrelated noise may yet be a misfit that another start has not.
         if _fits(best) and best.gate.level == 1.0 and expected <= set(best.log_numbers):
             break
+    if able and _is_lost(best) and alike([prepared[i] for i in starting]):
+        best = _better(best, run_strategy(Strategy.HELD_NEAR, lambda: _held_near(problem, starting), logs=starting))
     if not _fits(best) and able:
         best = run_strategy(Strategy.STEADY_PARTS, lambda: _levels_only(problem, able), logs=able) or best
     if best is not None:
@@ -189,6 +195,21 @@ def _forms(log: Prepared) -> Iterator[Prepared]:
         yield settled
 
 
+def _held_near(problem: SearchProblem, starting: list[int]) -> Attempt | None:
+    """A motion of the model near the start of the data, solved under firm priors about it and then without them: where
+    something that is stated is wrong, the parameters run off to make up for it, and no motion is left that says what.
+    """
+    prepared, unknowns = problem.prepared, problem.unknowns
+    for theta in islice(own_starts([prepared[i] for i in starting], unknowns), STARTS):
+        near = solve_from(prepared, starting, replace(unknowns, start=theta).within_region(FIRM))
+        if near is not None and np.isfinite(near.excess):
+            free = solve_again(near, replace(unknowns, start=near.solved.theta))
+            return min(near, free, key=lambda each: each.excess)
+        if time_is_up():
+            break
+    return None
+
+
 def _levels_only(problem: SearchProblem, able: list[int]) -> Attempt | None:
     """The answer of the steady ends of logs that slide in the end, where the way there is not described; None where
     that does not fit either, or some log has no such end."""
@@ -286,13 +307,20 @@ def _fits(attempt: Attempt | None) -> TypeGuard[Attempt]:
     return attempt is not None and attempt.gate.status is Status.CONVERGED
 
 
+def _is_lost(best: Attempt | None) -> bool:
+    """Whether a search ended in no motion of the model, or in one that no noise, however autocorrelated, takes so far
+    from the data."""
+    return best is None or not np.isfinite(best.excess) or not best.gate.chi2_per_sample < 1.0 + MORE
+
+
 def _better(best: Attempt | None, attempt: Attempt | None) -> Attempt | None:
     if attempt is None or best is None:
         return attempt if best is None else best
 
-    def rank(a: Attempt) -> tuple[bool, int, float]:
+    def rank(a: Attempt) -> tuple[bool, int, bool, float]:
         chi2 = a.gate.chi2_per_sample
-        return not _fits(a), -len(a.log_numbers), abs(chi2 - 1.0) if np.isfinite(chi2) else np.inf
+        off = abs(chi2 - 1.0) if np.isfinite(chi2) else np.inf
+        return not _fits(a), -len(a.log_numbers), not np.isfinite(a.excess), off
 
     return min(best, attempt, key=rank)
 

@@ -27,6 +27,7 @@ class Strategy(Enum):
     PIECES_FIRST = "pieces first", "a log repeats itself within a programme", "solves what repeats, then the whole log"
     FEATURE_START = "feature start", "always", "solves from the start whose settled cycle is that of the data"
     FURTHER_STARTS = "further feature starts", "the first start did not fit", "solves from up to three more of these"
+    HELD_NEAR = "held near a start", "nothing fitted", "solves under firm priors about a start, then without them"
     STEADY_PARTS = "steady parts", "logs end in steady sliding and nothing fitted", "fits the level of their last part"
     GROUP_BY_GROUP = "group by group", "parameters differ between groups", "solves each group, then all together"
     # From an attempt that does not fit to one that does.

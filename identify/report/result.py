@@ -29,7 +29,7 @@ from identify.base.result import (
     ToleranceResult,
     WorstCycle,
 )
-from identify.diagnosis.choice import Choice, as_listed, effects_result
+from identify.diagnosis.effect_choice import Choice, as_listed, effects_result
 from identify.diagnosis.findings import Findings, held_results
 from identify.diagnosis.quantities import DIFFERENCE, load_gain, parameter
 from identify.diagnosis.score_test import Column, marginal_covariance

@@ -27,10 +27,6 @@ from tests.support.document_check import check_document
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
 
-search_ends_elsewhere = pytest.mark.xfail(
-    reason="the search with a trust region ends elsewhere on these logs, and the cause is not named", strict=False
-)
-
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
 ALONE = (3,)  # where one log is enough
 
@@ -134,9 +130,6 @@ def test_a_wrong_speed_of_one_log_is_named_with_the_log(records):
     assert "in all logs" not in found.message.partition(" explains")[0]
 
 
-@pytest.mark.xfail(
-    reason="the search with a trust region ends elsewhere on these logs; the cause is not named", strict=False
-)
 def test_a_wrong_load_of_one_log_is_named_with_the_log(records):
     """As the load of the one, or the other way round of the other: which of both, no data tell."""
     wrong = [replace(records[0], normal_force=1.03 * records[0].normal_force), records[1]]
@@ -184,9 +177,6 @@ def test_what_the_scene_says_of_a_parameter_is_named_where_the_data_contradict_i
     assert float(number) * (1e-6 if unit == "µm" else 1.0) == pytest.approx(DEMO[name], rel=0.15)
 
 
-@pytest.mark.xfail(
-    reason="the search with a trust region ends elsewhere on these logs; the cause is not named", strict=False
-)
 def test_a_tie_that_the_data_contradict_is_named(records):
     others = {name: {"fixed": DEMO[name]} for name in ("D", "t_cr", "a")}  # which could make up for it
     found = explained(scene(mu_k0={"tie": {"to": "mu_s", "offset": -0.21}}, **others), records)
@@ -202,9 +192,7 @@ def test_nothing_is_asked_of_what_is_right(records, stated):
     assert (out.status, out.message, out.causes, better) == (found.status, found.message, (), None)
 
 
-@pytest.mark.xfail(
-    reason="the search with a trust region ends elsewhere on these logs; the cause is not named", strict=False
-)
+@pytest.mark.slow
 def test_another_law_is_not_blamed_on_the_rig():
     """Friction that rises at once with speed, which the scene does not say: no quantity of the rig explains it."""
     logs = simulated(effects=(*MAIN, "direct_effect"), more=(("direct_strength", 0.02), ("direct_speed", 1e-4)))

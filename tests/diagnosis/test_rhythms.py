@@ -10,7 +10,7 @@ import pytest
 
 from data_io import Record
 from identify.base.outcome import Status
-from identify.diagnosis.nested import fit_model
+from identify.diagnosis.fitted import fit_model
 from identify.diagnosis.selection import with_one_noise
 from identify.effects import MAIN
 from identify.estimation.preview import preview

@@ -2,7 +2,7 @@
 
 import pytest
 
-from identify.diagnosis.selection_numbers import choose_from_numbers
+from identify.diagnosis.effect_choice import choose_from_numbers
 from identify.effects import ALL
 from identify.scene import Scene
 from identify.scene.variant import scene_with

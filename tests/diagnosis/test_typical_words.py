@@ -1,6 +1,6 @@
 """Sizes are said without a power of ten where that is as short."""
 
-from identify.diagnosis.choice import as_listed
+from identify.diagnosis.effect_choice import as_listed
 from identify.effects import MAIN
 
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}

@@ -11,8 +11,7 @@ import pytest
 from experiments.effect_draws import NOISE, RIG, draw
 from experiments.study_problem import DEMO, scene_of, simulated_case
 from identify.base.outcome import Status
-from identify.diagnosis.fitted import Fitted
-from identify.diagnosis.nested import fit_model
+from identify.diagnosis.fitted import Fitted, fit_model
 from identify.estimation import multistart as room
 from identify.scene import Scene
 

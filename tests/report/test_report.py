@@ -18,7 +18,7 @@ from identify.base.document import to_dict
 from identify.base.outcome import Status
 from identify.base.result import EffectReason, ParameterResult
 from identify.base.wording import DASH, decimals, ends_text, number, quantity, speed
-from identify.diagnosis.choice import Choice, effects_result
+from identify.diagnosis.effect_choice import Choice, effects_result
 from identify.effects import ALL
 from identify.report import write_report
 from identify.report.finished import Fit
