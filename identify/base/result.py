@@ -20,14 +20,13 @@ Interval = tuple[float | None, float | None]  # an end that is open is None
 @dataclass(frozen=True)
 class Number:
     """One number of an answer; validity: where it holds, in words; interval: 95 %, None without one; reason: why an end
-    is open; interval_from: "draws" where it is no straight line's; group: of the logs it is told of."""
+    is open; group: of the logs it is told of."""
 
     value: float | None
     unit: str = ""
     interval: Interval | None = None
     validity: str = ""
     reason: str = field(default="", metadata=OMITTED)
-    interval_from: str = field(default="", metadata=OMITTED)
     group: str = field(default="", metadata=OMITTED)
 
     @property

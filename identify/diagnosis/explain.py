@@ -24,6 +24,7 @@ from identify.diagnosis.findings import Findings
 from identify.diagnosis.fitted import Fitted, fit_beside, fit_model
 from identify.diagnosis.quantities import (
     EFFECTS,
+    REACH,
     Suggestion,
     held_quantities,
     in_series,
@@ -50,7 +51,6 @@ MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)
 CLEAR = 16.0  # fall of chi^2 that noise does not reach
 REMAINS = 0.1  # share of a misfit that may remain where its cause is named
 SMOOTHED_REMAINS = 0.5  # the same where the signal was smoothed, and with it the noise that the misfit is measured by
-REACH = np.log(4.0)  # how far a ratio is moved
 MATTERS = 0.05  # of its size by which a parameter must move for an answer that fits to be refused
 TRIES = 3  # quantities that are fitted again at most
 ROUNDS = 6  # solves with a quantity moved, each from the step of the one before
@@ -169,7 +169,7 @@ def _inflation(attempt: Attempt) -> float:
 
 
 def _refitted(scene: Scene, read: Sequence[Record], ended: Fitted, score: Score) -> _Cause | None:
-    """None where that leads to no answer of the same logs."""
+    """None where that leads to no answer of the same logs, or farther off than any statement is."""
     name = score.column.name
     if name in ended.unknowns.names:
         found = _set_free(ended, score)
@@ -177,7 +177,7 @@ def _refitted(scene: Scene, read: Sequence[Record], ended: Fitted, score: Score)
         found = _with_effect(scene, read, ended, score)
     else:
         found = _moved(ended, score)
-    if found is None or not np.isfinite(found.attempt.excess):
+    if found is None or not np.isfinite(found.attempt.excess) or not abs(found.size) < score.column.most:
         return None
     return found if set(found.attempt.log_numbers) >= set(ended.logs) else None
 
@@ -253,7 +253,7 @@ def _moved(ended: Fitted, score: Score) -> _Cause | None:
     """The fit with a quantity that is none of the model moved, from step to step."""
     best, unknowns, column = ended.attempt, ended.unknowns, score.column
     assert best is not None and column.change is not None
-    size, known = _within_reach(column, score.step), np.inf
+    size, known = float(np.clip(score.step, -column.most, column.most)), np.inf
     theta = best.solved.theta.copy()
     theta[np.flatnonzero(unknowns.free)] += score.shift * size / score.step
     at = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
@@ -283,13 +283,8 @@ def _moved(ended: Fitted, score: Score) -> _Cause | None:
             return None
         if abs(step.step) < SETTLED * step.error:
             break
-        size = _within_reach(column, size + step.step)
+        size = float(np.clip(size + step.step, -column.most, column.most))
     return _Cause(score, size, best, unknowns)
-
-
-def _within_reach(column: Column, size: float) -> float:
-    """A size that is not beyond what is looked for; ratios are moved by their logarithm."""
-    return size if column.whole or column.name == "load_zero" else float(np.clip(size, -REACH, REACH))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

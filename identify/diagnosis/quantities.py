@@ -20,6 +20,7 @@ from identify.scene import Scene
 Array = NDArray[np.float64]
 
 DIFFERENCE = 1e-5  # relative, of what is differentiable
+REACH = float(np.log(4.0))  # how far a ratio is moved
 LAGS = (0.03, 0.1, 0.3)  # of sqrt(m/k): a lag is no small change of a curve with kinks
 AVERAGE = "moving_average"
 EFFECTS = {
@@ -141,20 +142,22 @@ def held_quantities(attempt: Attempt, unknowns: Unknowns) -> list[Column]:
     for i, declared in enumerate(unknowns.model.parameters):
         if declared.kind != "given" and is_held(unknowns, attempt, i):
             change = parameter(i, logarithmic=declared.scale == "log")
-            out.append(Column(declared.name, change, DIFFERENCE, usual=declared.spread))
+            most = REACH if declared.name in RIG_PARAMETERS else np.inf
+            out.append(Column(declared.name, change, DIFFERENCE, usual=declared.spread, most=most))
         elif unknowns.free[i] and np.isfinite(unknowns.prior_sd[i]) and unknowns.prior_about[i] < 0:
             usual, mine = float(unknowns.prior_sd[i]), unknowns_of(attempt, i)
             out.append(Column(declared.name, None, 1.0, usual=usual, prior=mine))
-    out.append(Column("drive_speed", drive_speed, DIFFERENCE, of="both"))
-    out.append(Column("force_gain", force_gain, DIFFERENCE, of="both"))
-    out.append(Column("load_gain", load_gain, DIFFERENCE, of="single"))
+    out.append(Column("drive_speed", drive_speed, DIFFERENCE, of="both", most=REACH))
+    out.append(Column("force_gain", force_gain, DIFFERENCE, of="both", most=REACH))
+    out.append(Column("load_gain", load_gain, DIFFERENCE, of="single", most=REACH))
     if np.ptp(loads) > VARIED * load:
         out.append(Column("load_zero", load_zero, DIFFERENCE * load, usual=USUAL * load))
         out.append(Column("force_zero", force_zero, DIFFERENCE * load, usual=USUAL * load))
         out.append(Column("load_exponent", load_exponent(load), DIFFERENCE, usual=EXPONENT))
     mass, stiffness = (logs[0].base[names.index(name)] for name in ("mass", "stiffness"))
     natural = float(np.sqrt(mass / stiffness))
-    out += [Column("sensor_lag", sensor_lag, share * natural, positive=True, usual=natural) for share in LAGS]
+    half = np.pi * natural  # what lags by a slip or more shows none
+    out += [Column("sensor_lag", sensor_lag, s * natural, positive=True, usual=natural, most=half) for s in LAGS]
     out = [c for c in out if c.name not in EFFECTS or EFFECTS[c.name][0] not in unknowns.model.effects]
     width = min(_width(log, curve) for log, curve in zip(logs, attempt.solved.fitted, strict=True))
     return out + ([Column(AVERAGE, moving_average, float(width), whole=True)] if width > 1 else [])

@@ -42,7 +42,7 @@ class Column:
     change: what its move does to a log; None for the mean of the prior of the unknowns `prior`. size: of the difference
     that stands for the derivative, finite where the quantity is not differentiable at its value; of: all logs together,
     single ones, or both; positive: it can only grow; whole: it is there, with that size, or it is not;
-    usual: size of an error that is no surprise.
+    usual: size of an error that is no surprise; most: what is farther off is no answer.
     """
 
     name: str
@@ -53,6 +53,7 @@ class Column:
     whole: bool = False
     at: float = 0.0
     usual: float = 0.05
+    most: float = np.inf
     prior: tuple[int, ...] = ()
 
 

@@ -12,16 +12,14 @@ from data_io import Record
 from identify.base.errors import FitError
 from identify.estimation.attempt import as_far_as_placed
 from identify.estimation.known_early import prefit_warnings, wrong_unit
+from identify.estimation.starts import features_of, own_starts
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
 from identify.logs.unknowns import Unknowns, user_start
-from identify.logs.vibration import quieted
 from identify.scene import Scene
-from identify.shooting.features import extract
 from identify.shooting.grid import COARSE_GRID
 from identify.shooting.placing import place
 from identify.shooting.shooting import shooting_problem
-from identify.shooting.starts import candidates, fit_features
 
 Array = NDArray[np.float64]
 
@@ -78,15 +76,9 @@ def _start(scene: Scene, prepared: list[Prepared], unknowns: Unknowns) -> tuple[
     if user_start(scene):
         return unknowns.start, "the start values of the scene"
     able = [log for log in prepared if log.left_out is None]
-    features = [(extract(log.data, log.falls, log.rig.half_period), log.data.base) for log in able]
-    found = [f for f, _ in features if f is not None]
-    bases = [base for f, base in features if f is not None]
-    if not found:
+    if not features_of(able)[0]:
         return unknowns.start, "the defaults: no log shows enough cycles to start from"
-    settled = quieted(unknowns)
-    starts = fit_features(settled, found, bases, candidates(unknowns, found, bases))
-    theta = np.where(settled.free, starts[0].theta, unknowns.start)
-    return theta, "the mean cycle of each log"
+    return next(own_starts(able, unknowns)), "the mean cycle of each log"
 
 
 def _seen(log: Prepared, unknowns: Unknowns, theta: Array) -> PreviewLog:
@@ -104,7 +96,7 @@ def _seen(log: Prepared, unknowns: Unknowns, theta: Array) -> PreviewLog:
             trajectory = problem.fitted(problem.start)[0]
             inside = np.isfinite(trajectory) & log.used
             off = float(np.sqrt(np.mean((trajectory - log.force)[inside] ** 2))) if np.any(inside) else float("nan")
-            told = f"the start is off by {1e3 * off:.3g} mN (rms); the noise is {_noise(log):.3g} mN"
+            told = f"the start is off by {1e3 * off:.3g} mN (rms); the noise is {1e3 * log.data.noise:.3g} mN"
     return PreviewLog(
         log.name,
         log.data.drive_speed,
@@ -116,7 +108,3 @@ def _seen(log: Prepared, unknowns: Unknowns, theta: Array) -> PreviewLog:
         cycles.arrest,
         f"{cycles.count} cycles found" + (f"; {told}" if told else ""),
     )
-
-
-def _noise(log: Prepared) -> float:
-    return 1e3 * log.data.noise
