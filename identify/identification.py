@@ -35,11 +35,10 @@ from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import certainty
 from identify.estimation.estimator import EstimationTask, Estimator
 from identify.estimation.hints import what_is_held
-from identify.estimation.known_early import prefit_warnings, wrong_unit
 from identify.estimation.multistart import multistart_around
 from identify.estimation.search import SearchProblem, alike, search
 from identify.estimation.starts import Sources
-from identify.estimation.status_words import at_bounds, ended, underivable, untried
+from identify.estimation.status_words import at_bounds, ended, prefit_warnings, underivable, untried, wrong_unit
 from identify.estimation.stick_strength import with_strengths
 from identify.estimation.strategies import Strategy, Trace, Trial, run_strategy, tracing
 from identify.logs.prepare import Prepared

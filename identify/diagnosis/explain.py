@@ -35,9 +35,8 @@ from identify.diagnosis.score_test import ALIKE, Column, Score, ScoreTable, scor
 from identify.estimation.agreement import largest_inflation, noise_of
 from identify.estimation.attempt import Attempt, retested, solve_again, solve_from
 from identify.estimation.covariance import sizes
-from identify.estimation.known_early import wrong_unit
 from identify.estimation.search import SearchProblem, required_logs, search
-from identify.estimation.status_words import EXCHANGE
+from identify.estimation.status_words import EXCHANGE, wrong_unit
 from identify.estimation.strategies import Strategy, as_one_trial, cut_short, may_run
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig

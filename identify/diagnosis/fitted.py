@@ -75,15 +75,15 @@ def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True)
 
 
 def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
-    """Fit a model from the motion of another one, and where that does not fit also from its parameters alone: the
-    motion of a misfit can hold back what would describe the data. Of all logs of the other one, or none."""
+    """Fit a model from the motion of another one; where that misfits, where its states allow none, or the drive
+    vibrates, also from its parameters alone: the motion of a misfit can hold back what would describe the data."""
     made = prepare_scene(scene, records)
     prepared, unknowns, known = made.logs, made.unknowns, other.attempt
     if known is None:
         return fit_model(scene, records, thorough=False)
     cutoff = known.solved.solution.cost + COST_CUTOFF
     best = Fitted(scene, unknowns, tuple(prepared), _from_motion(other, prepared, unknowns, cutoff))
-    if best.fits:
+    if best.fits or (best.attempt is not None and other.fits and not unknowns.model.vibrates):
         return best
     at = replace(unknowns, start=values_of(other, unknowns))
     placed = replace(best, attempt=solve_from(prepared, usable(prepared), at, cost_cutoff=cutoff))

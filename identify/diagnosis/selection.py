@@ -22,8 +22,8 @@ from identify.base.wording import three_figures
 from identify.diagnosis.effect_choice import Choice, price
 from identify.diagnosis.fitted import Fitted, fit_beside, fit_model, taken_over
 from identify.effects import ALL
-from identify.estimation.known_early import prefit_warnings, wrong_unit
 from identify.estimation.search import alike
+from identify.estimation.status_words import prefit_warnings, wrong_unit
 from identify.logs.loads import swing
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
@@ -220,15 +220,14 @@ class _Comparison:
         """Whether the time sufficed."""
         self._report("fitting all that plainly matters", 0.1)
         self.best = fit_model(self._with(self.kept), self._records)
-        before: set[str] = set()
-        while set(self.kept) != before:
+        while not time_is_up():
+            self._leave_out()
             before = set(self.kept)
             self._add()
-            self._leave_out()
             self._exchange()
-            if time_is_up():
-                return False
-        return True
+            if set(self.kept) == before:
+                return not time_is_up()
+        return False
 
     def _with(self, effects: Iterable[str]) -> Scene:
         """The scene of a subset of effects: the others that can be are held at their null values."""
@@ -254,9 +253,9 @@ class _Comparison:
             scenes = {effect: self._with([*self.kept, effect]) for effect in rest}
             promised = {effect: _promise(self.best, scenes[effect], self._records) for effect in rest}
             least, taken = float(np.log(max(self.best.samples, 2))), ""
+            self.gains |= {effect: (max(promised[effect], 0.0), least) for effect in rest}
             # What no few iterations tell comes last.
             for effect in sorted(rest, key=lambda e: -promised[e] if np.isfinite(promised[e]) else 0.0):
-                self.gains[effect] = (max(promised[effect], 0.0), least)
                 if not promised[effect] > least or time_is_up():
                     return
                 other = fit_beside(self.best, scenes[effect], self._records)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from data_io import Record
 from identify.base.errors import FitError
 from identify.estimation.attempt import as_far_as_placed
-from identify.estimation.known_early import prefit_warnings, wrong_unit
 from identify.estimation.starts import features_of, own_starts
+from identify.estimation.status_words import prefit_warnings, wrong_unit
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
 from identify.logs.unknowns import Unknowns, user_start

@@ -10,7 +10,7 @@ from data_io import Record
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import Scene, fit
 from identify.effects import MAIN
-from identify.estimation.known_early import wrong_unit
+from identify.estimation.status_words import wrong_unit
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.unknowns import from_scene
 

@@ -8,7 +8,7 @@ import pytest
 from identify import Scene
 from identify.base.errors import SceneError
 from identify.base.wording import START_VALUES
-from identify.estimation.known_early import prefit_warnings
+from identify.estimation.status_words import prefit_warnings
 from identify.examples import SCENE
 from identify.logs.prepare import prepare
 from identify.logs.scene_records import with_drives, with_records
