@@ -76,7 +76,8 @@ def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True)
 
 def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
     """Fit a model from the motion of another one; where that misfits, where its states allow none, or the drive
-    vibrates, also from its parameters alone: the motion of a misfit can hold back what would describe the data."""
+    vibrates, also from its parameters alone, and in the end from the data: the motion of a misfit can hold back what
+    would describe them."""
     made = prepare_scene(scene, records)
     prepared, unknowns, known = made.logs, made.unknowns, other.attempt
     if known is None:
@@ -87,7 +88,11 @@ def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted
         return best
     at = replace(unknowns, start=values_of(other, unknowns))
     placed = replace(best, attempt=solve_from(prepared, usable(prepared), at, cost_cutoff=cutoff))
-    return placed if placed.logs == other.logs and placed.excess < best.excess else best
+    best = placed if placed.logs == other.logs and placed.excess < best.excess else best
+    if np.isfinite(best.excess) or other.fits:
+        return best
+    searched = fit_model(scene, records, thorough=False)
+    return searched if searched.logs == other.logs else best
 
 
 def _from_motion(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, cost_cutoff: float) -> Attempt | None:
