@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.estimation.attempt import Attempt, solve_from, usable
+from identify.estimation.attempt import Attempt, retested, solve_from, usable
 from identify.estimation.search import SearchProblem, alike, search
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
@@ -106,7 +106,7 @@ def _from_motion(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, co
         solved = solve_in_passes(data, trajectories, soft, cost_cutoff=cost_cutoff)
     except (ValueError, FloatingPointError):
         return None
-    return replace(known, fitted_logs=tuple(logs), solved=solved)
+    return retested(replace(known, fitted_logs=tuple(logs), solved=solved))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
