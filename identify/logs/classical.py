@@ -33,10 +33,14 @@ DEFINITIONS: Mapping[str, str] = {
     "first_breakaway_coefficient": "force peak that ends the first loading from rest, over the normal force there",
     "static_peak_coefficient": "mean over slips of the force peak before the slip over the normal force there, "
     "the first breakaway apart",
-    "kinetic_mean_coefficient": "mean over slips of the middle between force peak and valley, where the undamped "
-    "slip is symmetric, over the normal force; without slips the mean of steady sliding",
+    "kinetic_mean_coefficient": "mean over time from the first breakaway on, as the standards of films, papers and "
+    "plastics have it (ISO 8295, ASTM D1894)",
+    "slip_middle_coefficient": "mean over slips of the middle between force peak and valley, where the undamped "
+    "slip is symmetric, over the normal force",
+    "static_rest_s": "median over the same slips of the time from the valley before to the peak: a static coefficient "
+    "is that of a rest so long",
     "sliding_mean_coefficient": "mean over the samples that slide without stick-slip",
-    "drop_N": "mean over slips of force peak minus following valley",
+    "drop_N": "mean over slips of force peak minus following valley, the first breakaway apart",
     "stick_slope_N_per_s": "median over sticks of the slope of the straight middle of the force rise",
     "stick_stiffness_N_per_m": "stick slope over drive speed: machine, holder and contact in series",
     "ringing_Hz": "natural frequency with which the force swings while the mass slips, told once a log, in the stroke "
@@ -233,9 +237,10 @@ def _loads(load: Array) -> tuple[Figures, Reasons]:
 
 
 def _coefficients(part: _Part) -> tuple[Figures, Reasons]:
-    names = ("mean_coefficient", "first_breakaway_coefficient", "static_peak_coefficient", "kinetic_mean_coefficient")
-    keys = [key for name in (*names, "sliding_mean_coefficient") for key in (name, f"{name}_sd")]
+    names = ("mean", "first_breakaway", "static_peak", "kinetic_mean", "slip_middle", "sliding_mean")
+    keys = [key for name in names for key in (f"{name}_coefficient", f"{name}_coefficient_sd")]
     keys.remove("first_breakaway_coefficient_sd")
+    keys.append("static_rest_s")
     told: Figures = dict.fromkeys(keys)
     if np.count_nonzero(part.good) < FEWEST_ROWS:
         return told, {}
@@ -255,11 +260,11 @@ def _coefficients(part: _Part) -> tuple[Figures, Reasons]:
     _put(told, "static_peak_coefficient", peaks[1:] if loaded else peaks)
     _put(told, "sliding_mean_coefficient", coefficient[moving][part.good[moving] & (phase[moving] == SLIDING)])
     told["first_breakaway_coefficient"] = breakaway
-    if cycles.count:
-        _put(told, "kinetic_mean_coefficient", middles)
-    else:
-        told["kinetic_mean_coefficient"] = told["sliding_mean_coefficient"]
-        told["kinetic_mean_coefficient_sd"] = told["sliding_mean_coefficient_sd"]
+    for ending in ("", "_sd"):
+        told[f"kinetic_mean_coefficient{ending}"] = told[f"mean_coefficient{ending}"]
+    _put(told, "slip_middle_coefficient", middles)
+    if cycles.count > 1:
+        told["static_rest_s"] = float(np.median(cycles.onset[1:] - cycles.arrest[:-1]))
     return told, _coefficient_reasons(cycles)
 
 
@@ -292,7 +297,7 @@ def _steady(load: Array) -> Array:
 
 
 def _coefficient_reasons(cycles: DetectedCycles) -> Reasons:
-    few = "one slip has no standard deviation" if cycles.count else "no slip, no steady sliding"
+    few = "one slip has no standard deviation" if cycles.count else "no slip"
     peaks = "the only slip is the first breakaway" if cycles.count else "no slip"
     return {
         "mean_coefficient": "nothing slides here",
@@ -300,8 +305,11 @@ def _coefficient_reasons(cycles: DetectedCycles) -> Reasons:
         "first_breakaway_coefficient": "the record does not start with loading from rest",
         "static_peak_coefficient": peaks,
         "static_peak_coefficient_sd": peaks if cycles.count < 2 else "one slip has no standard deviation",
-        "kinetic_mean_coefficient": few,
-        "kinetic_mean_coefficient_sd": few,
+        "kinetic_mean_coefficient": "nothing slides here",
+        "kinetic_mean_coefficient_sd": "nothing slides here",
+        "slip_middle_coefficient": few,
+        "slip_middle_coefficient_sd": few,
+        "static_rest_s": "no slip follows another",
         "sliding_mean_coefficient": "no sliding without stick-slip",
         "sliding_mean_coefficient_sd": "no sliding without stick-slip",
     }
@@ -334,10 +342,11 @@ def _first_peak(part: _Part, load: Array, knee: int) -> float | None:
 
 def _slips(part: _Part) -> tuple[Figures, Reasons]:
     found = part.found
-    drop, period = found.drop_mean_and_sd, found.period_mean_and_sd
+    period, drops = found.period_mean_and_sd, found.cycles.drop
+    drops = drops[1:] if _begins_loading(part) else drops  # a first rest of any length is no scatter
     told: Figures = {
-        "drop_N": drop[0] if drop else None,
-        "drop_sd_N": drop[1] if drop and found.count > 1 else None,
+        "drop_N": float(np.mean(drops)) if drops.size else None,
+        "drop_sd_N": float(np.std(drops, ddof=1)) if drops.size > 1 else None,
         "frequency_Hz": 1.0 / period[0] if period and period[0] > 0 else None,
         "frequency_sd_Hz": period[1] / period[0] ** 2 if period and found.count > 2 else None,
         "samples_per_slip": found.samples_per_slip if found.count else None,

@@ -100,7 +100,9 @@ def _measured(entries: Sequence[FitEntry], logs: Sequence[LogResult]) -> tuple[I
             "scenes: drive speed",
         ),
         *_coefficients(entries, "static coefficient", "static_peak_coefficient", "logs: force peaks before slips"),
-        *_coefficients(entries, "kinetic coefficient", "kinetic_mean_coefficient", "logs: middle of the slips"),
+        *_coefficients(
+            entries, "kinetic coefficient", "kinetic_mean_coefficient", "logs: mean over time after breakaway"
+        ),
         Item("number of tests", f"{len(logs)} logs in {len(entries)} fits" if logs else "", "batch"),
         Item(
             "method of calculation",
