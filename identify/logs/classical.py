@@ -40,7 +40,7 @@ DEFINITIONS: Mapping[str, str] = {
     "static_rest_s": "median over the same slips of the time from the valley before to the peak: a static coefficient "
     "is that of a rest so long",
     "sliding_mean_coefficient": "mean over the samples that slide without stick-slip",
-    "drop_N": "mean over slips of force peak minus following valley, the first breakaway apart",
+    "drop_N": "mean over slips of force peak minus following valley, the first breakaway apart where others follow",
     "stick_slope_N_per_s": "median over sticks of the slope of the straight middle of the force rise",
     "stick_stiffness_N_per_m": "stick slope over drive speed: machine, holder and contact in series",
     "ringing_Hz": "natural frequency with which the force swings while the mass slips, told once a log, in the stroke "
@@ -342,11 +342,10 @@ def _first_peak(part: _Part, load: Array, knee: int) -> float | None:
 
 def _slips(part: _Part) -> tuple[Figures, Reasons]:
     found = part.found
-    period, drops = found.period_mean_and_sd, found.cycles.drop
-    drops = drops[1:] if _begins_loading(part) else drops  # a first rest of any length is no scatter
+    drop, period = found.drop_mean_and_sd, found.period_mean_and_sd
     told: Figures = {
-        "drop_N": float(np.mean(drops)) if drops.size else None,
-        "drop_sd_N": float(np.std(drops, ddof=1)) if drops.size > 1 else None,
+        "drop_N": drop[0] if drop else None,
+        "drop_sd_N": drop[1] if drop and found.count > 1 else None,
         "frequency_Hz": 1.0 / period[0] if period and period[0] > 0 else None,
         "frequency_sd_Hz": period[1] / period[0] ** 2 if period and found.count > 2 else None,
         "samples_per_slip": found.samples_per_slip if found.count else None,

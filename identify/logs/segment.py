@@ -118,8 +118,10 @@ class Segmentation:
 
     @property
     def drop_mean_and_sd(self) -> tuple[float, float] | None:
-        """Mean and standard deviation of the drops [N]; None without cycles."""
-        return _mean_and_sd(self.cycles.drop)
+        """Mean and standard deviation of the drops [N], the first breakaway apart where slips follow it: its rest is of
+        any length; None without cycles."""
+        apart = self.count > 1 and self.loading_slope is not None
+        return _mean_and_sd(self.cycles.drop[1:] if apart else self.cycles.drop)
 
     @property
     def period_mean_and_sd(self) -> tuple[float, float] | None:

@@ -8,7 +8,6 @@ import pytest
 from identify.base.document import from_document
 from identify.base.result import ClassicalTable, LogResult, Result
 from identify.base.wording import quantity, three_figures, told_apart
-from identify.cli import main as cli
 from identify.prediction.point_prediction import PointPrediction
 from identify.prediction.wording import amplitude_text, said, stability_text
 from identify.report.report_page import render_page
@@ -171,26 +170,6 @@ def test_logs_that_took_no_part_are_named_in_the_terminal(capsys):
     logs[1]["reason_left_out"] = "fast.csv shows no complete stick-slip cycle"
     out = summary(Result.from_dict({**fit.result, "logs": logs}))
     assert "log 2 took no part: fast.csv shows no complete stick-slip cycle" in out and "log 1 took" not in out
-
-
-SCENE = """
-effects = ["inertia"]
-[rig]
-mass = "0.2 kg"
-stiffness = "1470 N/m"
-"""
-
-
-def test_a_log_that_is_not_there_is_said_before_anything_else(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.toml").write_text(SCENE, encoding="utf-8")
-    (tmp_path / "b.toml").write_text(SCENE + '[[logs]]\npath = "gone.csv"\n', encoding="utf-8")
-    for arguments in (["gone.csv", "--scene", "a.toml"], ["--scene", "b.toml"]):
-        assert cli.main(["fit", *arguments]) == 2
-        err = capsys.readouterr().err
-        assert "gone.csv: there is no such log" in err and "drive speed" not in err
-    assert cli.main(["fit", "gone.csv", "--scene", "none.toml"]) == 2
-    assert "no such scene file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
