@@ -1,17 +1,24 @@
 """Measured stick-slip records, paper on paper, which are not part of the project: their scenes, sticks and halves.
 
 Mass and stiffness are estimated within wide bounds by the plain fit, as the records' description advises; the estimator
-of uneven records, which takes over where cycles differ, finds the mass, and takes the stiffness as stated.
+of uneven records, which takes over where cycles differ, finds the mass, and takes the stiffness from the sticks.
+
+    python experiments/measured_records.py
+
+prints the mass and the strength of every record and of its halves, whatever mass and damping the scene states.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from identify.effects import MAIN
 from identify.logs.prepare import prepare
@@ -20,7 +27,8 @@ from identify.logs.unknowns import from_scene
 from identify.scene import Scene
 from identify.uneven.estimator import maximise
 from identify.uneven.events import Sticks, sticks_of
-from identify.uneven.slip_functions import PARAMETERS
+from identify.uneven.slip_functions import THETA
+from identify.uneven.transfer import mass_of, pooled_mass
 
 Array = NDArray[np.float64]
 
@@ -28,17 +36,17 @@ RECORDS = Path(__file__).resolve().parents[2] / "shared" / "data" / "paper_on_pa
 MASS = 0.019  # [kg], from the ringing
 FILES = ("k168_v42", "k168_v1100", "k1002_v42", "k1002_v4300")
 TOGETHER = (("k168_v42", "k168_v1100"), ("k1002_v42", "k1002_v4300"))
-COMPARED = [i for i, name in enumerate(PARAMETERS) if name != "t_cr"]
+COMPARED = [i for i, name in enumerate(THETA) if name != "t_cr"]
 
 
-def scene_of(names: Sequence[str], folder: Path = RECORDS) -> Scene:
+def scene_of(names: Sequence[str], folder: Path = RECORDS, mass: float = MASS, zeta: float = 0.02) -> Scene:
     """The scene of records of one spring; stiffness [N/m] and drive speed [um/s] stand in the file names."""
     stiffness = float(names[0].split("_")[0][1:])
     document = {
         "effects": [*MAIN, "varying_normal_force"],
-        "rig": {"mass": MASS, "stiffness": stiffness, "zeta": 0.02},
+        "rig": {"mass": mass, "stiffness": stiffness, "zeta": zeta},
         "parameters": {
-            "mass": {"lower": 0.3 * MASS, "upper": 2.5 * MASS},
+            "mass": {"lower": 0.3 * mass, "upper": 2.5 * mass},
             "stiffness": {"lower": 0.6 * stiffness, "upper": 1.6 * stiffness},
         },
         "logs": [{"path": str(folder / f"{n}.csv"), "drive_speed": 1e-6 * float(n.split("_v")[1])} for n in names],
@@ -46,9 +54,9 @@ def scene_of(names: Sequence[str], folder: Path = RECORDS) -> Scene:
     return Scene.from_document(document)
 
 
-def sticks_in(name: str, folder: Path = RECORDS) -> Sticks:
-    """The sticks and slips of one record."""
-    scene, records = with_records(scene_of((name,), folder), None)
+def sticks_in(name: str, folder: Path = RECORDS, mass: float = MASS, zeta: float = 0.02) -> Sticks:
+    """The sticks and slips of one record, in a scene that states this mass and damping."""
+    scene, records = with_records(scene_of((name,), folder, mass, zeta), None)
     return sticks_of(prepare(scene, scene.logs[0], records[0], from_scene(scene)))
 
 
@@ -61,3 +69,44 @@ def halves(sticks: Sticks) -> tuple[float, float]:
     spread = (first.covariance + second.covariance)[np.ix_(COMPARED, COMPARED)]
     statistic = float(gap @ np.linalg.solve(spread, gap))
     return statistic, float(chi2.sf(statistic, len(COMPARED)))
+
+
+def main() -> None:
+    """Print masses [g] and strengths with their 95 % intervals, and by how much masses of records differ."""
+    for mass, zeta in ((0.010, 0.01), (0.020, 0.2), (0.030, 0.01), (0.030, 0.2)):
+        print(f"the scene states {1e3 * mass:.0f} g and zeta {zeta:g}")
+        records, maxima = [], []
+        for name in FILES:
+            sticks = sticks_in(name, mass=mass, zeta=zeta)
+            rows = np.arange(sticks.count)
+            for part, chosen in (
+                ("whole", rows),
+                ("first", rows[: rows.size // 2]),
+                ("second", rows[rows.size // 2 :]),
+            ):
+                maximum = maximise([sticks.part(chosen)])
+                if not maximum.converged:
+                    print(f"  {name:12} {part:7} no maximum", flush=True)
+                    continue
+                found = mass_of(maximum, sticks.rig.error)
+                value, low, high = (1e3 * number for number in (found.value, found.lower, found.upper))
+                strength = [np.exp(maximum.theta[0]), *np.exp(maximum.interval(np.eye(len(THETA))[0]))]
+                length = np.exp(np.array([1.0, -1.0]) @ maximum.theta[:2])
+                print(
+                    f"  {name:12} {part:7} {value:5.1f} g ({low:.1f} to {high:.1f}), strength {strength[0]:.4f} "
+                    f"({strength[1]:.4f} to {strength[2]:.4f}), length {1e6 * length:.1f} um",
+                    flush=True,
+                )
+                if part == "whole":
+                    records.append(sticks)
+                    maxima.append(maximum)
+        together = pooled_mass(records, maxima)
+        chi_squared, freedom, chance = together.scatter[0]
+        value, low, high = (1e3 * number for number in (together.value, together.lower, together.upper))
+        print(
+            f"  one mass: {value:.1f} g ({low:.1f} to {high:.1f}), chi2 {chi_squared:.2f} for {freedom}, p {chance:.3f}"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,5 +1,9 @@
 """Records of an uneven track by chance, from the equations alone: nothing of the estimator is used to draw them.
 
+    python experiments/uneven_records.py [tracks per case [first seed [case ...]]]
+
+fits such records with an estimator that is told of a rig unlike theirs, and counts intervals that hold the truth.
+
 The friction level is a Brownian path along the track with fine roughness (Ornstein-Uhlenbeck) on it, both fields of
 position; every stick has a strength of its own. Sticks are advanced in closed form, slips in steps far shorter than
 the samples, many records side by side. Forces are over the load until the record is made.
@@ -7,16 +11,25 @@ the samples, many records side by side. Forces are over the load until the recor
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record
 from identify.effects import MAIN
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
+from identify.uneven.estimator import maximise
+from identify.uneven.events import sticks_of
+from identify.uneven.slip_functions import THETA
+from identify.uneven.transfer import mass_of
 
 Array = NDArray[np.float64]
 
@@ -33,7 +46,7 @@ class Pair:
     [1/m], level [1], level_wander [1/sqrt(m)], roughness [1] and its length [m]; mass [kg], stiffness [N/m], damping
     [N s/m], drive_speed [m/s], load [N], noise of a sample [N], rate [Hz]; renewal: "linear" with sliding, "state"
     (in proportion to what is left), "delayed" (linear after `delay` [m]); direct: friction per e-fold of the sliding
-    speed beyond 0.1 mm/s [1]."""
+    speed beyond 0.1 mm/s [1]; speed_slope: friction per sliding speed [s/m]."""
 
     strength: float = 0.03
     scatter: float = 0.25
@@ -53,6 +66,7 @@ class Pair:
     renewal: str = "linear"
     delay: float = 0.0
     direct: float = 0.0
+    speed_slope: float = 0.0
 
 
 SOFT = Pair()
@@ -63,6 +77,18 @@ CASES = {
     "stiff": STIFF,
     "stiff, rough": replace(STIFF, roughness=0.015),
 }
+# Unlike what a scene states and unlike the law: damping, friction that changes with speed, other weakening.
+OTHERS = {
+    "damped": replace(STIFF, damping=0.85),
+    "hardly damped": replace(STIFF, damping=0.008),
+    "rises with speed": replace(STIFF, speed_slope=6.0),  # as a damping ratio of 0.21
+    "falls with speed": replace(STIFF, speed_slope=-3.0),
+    "soft, rises with speed": replace(SOFT, speed_slope=2.0),
+    "direct effect": replace(STIFF, direct=0.004),
+    "renewed in proportion": replace(STIFF, renewal="state"),
+    "delayed": replace(STIFF, renewal="delayed", delay=2e-6),
+}
+STATED_ZETA = 0.05
 
 
 @dataclass(frozen=True)
@@ -147,7 +173,7 @@ class _Tracks:
                     draws[..., n] = self.random[n].standard_normal((DRAWN, 2))
             fine_draw, slow_draw = draws[i % DRAWN]
             left = strength * self._law(u / regained * pair.weakening_rate, u)
-            left = left + pair.direct * np.log1p(v / DIRECT_SPEED)
+            left = left + pair.direct * np.log1p(v / DIRECT_SPEED) + pair.speed_slope * v
             force = self.force + self.rate * t - self.stiffness * u - self.damping * v
             v_next = v + STEP * (force - slow - fine - left) / self.mass
             started |= v_next > 2.0 * pair.drive_speed
@@ -223,3 +249,47 @@ def truth_of(pair: Pair, rest: float) -> Array:
     strength = pair.strength * -np.expm1(-rest / pair.creep_time)
     scales = (pair.level_wander, max(pair.scatter, 1e-6), max(pair.roughness, 1e-6))
     return np.log([strength, pair.weakening_rate, pair.creep_time, pair.mass, *scales])
+
+
+def covered(pair: Pair, cycles: int, seeds: list[int]) -> list[dict[str, tuple[float, bool, float]]]:
+    """Of every record, by quantity: error of the logarithm, whether the interval holds the truth, and the factor from
+    its lower to its upper end. The mass that the scene states is wrong by half, and the damping ratio STATED_ZETA."""
+    stated = replace(pair, mass=1.5 * pair.mass, damping=2.0 * STATED_ZETA * float(np.sqrt(pair.stiffness * pair.mass)))
+    out: list[dict[str, tuple[float, bool, float]]] = []
+    for track in simulated(pair, cycles, seeds):
+        sticks = sticks_of(prepared(stated, track.record))
+        maximum = maximise([sticks])
+        if not maximum.converged:
+            out.append({})
+            continue
+        truth = dict(zip(THETA, truth_of(pair, sticks.usual_rest), strict=False))
+        rows = {name: np.eye(len(THETA))[THETA.index(name)] for name in ("strength", "weakening_rate", "t_cr")}
+        ends = {name: (float(row @ maximum.theta), *maximum.interval(row)) for name, row in rows.items()}
+        mass = mass_of(maximum, sticks.rig.error)
+        ends["mass"] = float(np.log(mass.value)), float(np.log(mass.lower)), float(np.log(mass.upper))
+        truth["effective"], ends["effective"] = float(np.log(np.median(track.effective))), ends["strength"]
+        out.append(
+            {
+                name: (value - truth[name], low <= truth[name] <= high, float(np.exp(high - low)))
+                for name, (value, low, high) in ends.items()
+            }
+        )
+    return out
+
+
+def main(count: int = 10, seed: int = 5000, cases: Sequence[str] = ()) -> None:
+    """Print mean error of the logarithm, share of intervals that hold, and the usual factor between their ends."""
+    for name, pair in (CASES | OTHERS).items():
+        if cases and name not in cases:
+            continue
+        found = [one for one in covered(pair, 50, list(range(seed, seed + count))) if one]
+        cells = []
+        for quantity in found[0]:
+            errors, hold, factors = (np.array([one[quantity][i] for one in found]) for i in range(3))
+            cells.append(f"{quantity} {errors.mean():+.2f} / {hold.mean():.2f} / x{np.median(factors):.2f}")
+        print(f"{name:24} {len(found)} of {count}: " + "; ".join(cells), flush=True)
+
+
+if __name__ == "__main__":
+    numbers = dict(zip(("count", "seed"), map(int, sys.argv[1:3]), strict=False))
+    main(**numbers, cases=sys.argv[3:])

@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from identify.uneven.events import RigConstants
 from identify.uneven.likelihood import ODD_WANDER
-from identify.uneven.slip_functions import LAW, MET, ODD, ROUGHNESS_LENGTH, slip_functions
+from identify.uneven.slip_functions import MET, ODD, PARAMETERS, ROUGHNESS_LENGTH, slip_functions
 
 Array = NDArray[np.float64]
 
 CYCLES, SETTLING = 6, 2
-SETS, CHAINS = 40, 60  # sets of parameters, and chains of cycles for each
+SETS, CHAINS = 40, 30  # sets of parameters, and chains of cycles for each
 SEEN = 0.5e-6  # [m] of sliding from which a slip is followed in steps
-STEP = 0.06
+STEP = 0.1
 LONGEST = 12.0  # half periods after which a slip that has not ended is given up
 RECORDS = 10  # of each set of parameters, whose medians tell how far one is off by chance
 QUANTILES = (0.05, 0.5, 0.95)
@@ -79,7 +79,7 @@ def drawn_distributions(
     """Static peak [1], drop [1] and period [s] of the fitted pair on a rig.
 
     Args:
-        theta: logarithms of the estimator's parameters (7,), and their covariance (7, 7).
+        theta: the estimator's parameters (10,), and their covariance (10, 10).
     """
     random = np.random.default_rng(seed)
     values, vectors = np.linalg.eigh(covariance)
@@ -109,8 +109,8 @@ class _Chains:
     def __init__(self, rig: RigConstants, begin: Begin, theta: Array, random: np.random.Generator) -> None:
         self.rig, self.begin, self.random = rig, begin, random
         size = theta.shape[1]
-        self.theta, self.functions = np.ascontiguousarray(theta.T), slip_functions(LAW)
-        _, _, _, self.mass, self.wander, self.scatter, self.rough = np.exp(theta)
+        self.theta, self.functions = np.ascontiguousarray(theta.T), slip_functions()
+        self.mass, self.wander, self.scatter, self.rough = np.exp(theta[3 : len(PARAMETERS)])
         self.over_load = np.tile(rig.over_load(0.0), (size, 1))
         picked = random.integers(begin.level.size, size=size)
         self.level, self.force, self.left = begin.level[picked], begin.force[picked], np.zeros(size)
@@ -154,22 +154,23 @@ class _Chains:
         """How long every mass slides [s]; force, level and strength left are what they are after it."""
         rig, f, size = self.rig, self.functions, self.level.size
         odd = np.where(self.random.random(size) < ODD, ODD_WANDER, 1.0)
-        same = np.ones(size)
-        stick = np.column_stack([SEEN * same, self.force, rest, self.begin.usual_rest * same, same])
+        same, drive = np.ones(size), rig.drive_speed
+        seen = SEEN * rig.stiffness * same  # in units of the force
+        stick = np.column_stack([seen, self.force, rest, self.begin.usual_rest * same, same])
         met = f.met([self.theta, self.over_load, stick])[0]
         met[:, len(MET) + f.own.index("gamma")] += (usual - met[:, MET.index("regained")]) / met[:, MET.index("full")]
         met[:, MET.index("onset")], met[:, MET.index("regained")] = self.force, usual
-        place = np.column_stack([np.log(strength), odd**2, SEEN * same])
+        place = np.column_stack([np.log(strength), odd**2, seen])
         begun = f.begin([self.theta, met, self.over_load, place])[0]
         x, kept = begun[:, : len(f.states)].copy(), begun[:, f.state_size :].copy()
         speed, worn, change, fine = (f.states.index(n) for n in ("sliding_speed", "gamma", "level_change", "fine"))
-        t, start = met[:, MET.index("earlier")].copy(), x[:, 0] - rig.drive_speed * met[:, MET.index("earlier")] + SEEN
+        t, start = met[:, MET.index("earlier")].copy(), x[:, 0] - drive * met[:, MET.index("earlier")] + SEEN
         h = STEP * np.sqrt(self.mass / rig.load / rig.stiffness)
         moving = np.ones(size, bool)
         for _ in range(int(LONGEST * np.pi / STEP)):
             rows = np.flatnonzero(moving)
             now, dt = x[rows], h[rows]
-            pace = np.maximum(now[:, speed], 0.1 * rig.drive_speed)
+            pace = np.maximum(now[:, speed], 0.1 * drive)
             q = np.minimum(pace * dt / ROUGHNESS_LENGTH, 50.0)
             draws = self.random.standard_normal((2, rows.size))
             now[:, fine] = np.exp(-q) * now[:, fine] + self.rough[rows] * np.sqrt(-np.expm1(-2.0 * q)) * draws[0]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.logs.prepare import Prepared
+from identify.logs.segment import DetectedCycles
 
 Array = NDArray[np.float64]
 
@@ -20,32 +21,40 @@ BENT = 2.0  # of the rate of all sticks: by how much a stick's end differs from 
 ENOUGH = 25  # samples for the level of a line
 SMOOTHED = 3  # samples about an end of a slip whose mean is compared with a line
 NOISE = 1.15  # of the sticks' noise: that of a slip, whose samples are also jittered in time
-FINEST = 0.1  # of sqrt(m/k) between two samples: denser ones are averaged, so that a slip costs the same at any rate
+FINEST = 0.2  # of the slips' pace between two samples: denser ones are averaged, so that a slip costs the same
 LEAST_SAMPLES = 6  # of a slip that is followed sample by sample
-UNSEEN = 1e-5  # of a slip that is not followed: sliding at its onset
+UNSEEN = 1e-5  # of a slip that is not followed: fallen at its onset
+QUARTERS = 3.0 / np.pi  # of the time from a quarter to three quarters of a drop: sqrt(m/k), on half a cosine
+SURE_OF_SPRING = 0.02  # of a stiffness, beside what its sticks scatter and how far they are from the stated one
 LOST = 3.0  # times the typical stick: a longer one hides a cycle that was not seen
 
 
 @dataclass(frozen=True)
 class RigConstants:
-    """The rig over the load: stiffness [1/m], damping [s/m], mass as stated [s^2/m]; rate of the sticks [1/s]; and the
-    load [N]."""
+    """What a record itself shows of its rig, over the load.
+
+    Attributes:
+        stiffness: rate of the sticks over the drive speed [1/m]; rate: of the sticks [1/s]; load [N].
+        stated: the stiffness of the scene [1/m], or that of the sticks where something soft is in series with it.
+        error: relative standard error of the stiffness: how sticks scatter, and how far they are from what is stated.
+        pace: sqrt(m/k) as the course of the falls has it [s].
+    """
 
     stiffness: float
-    damping: float
-    mass: float
     rate: float
     load: float = 1.0
+    stated: float = 0.0
+    error: float = SURE_OF_SPRING
+    pace: float = 0.0
 
     @property
     def drive_speed(self) -> float:
-        """Speed at which the spring is loaded, as the sticks show it [m/s]."""
+        """Speed at which the spring is loaded [m/s]."""
         return self.rate / self.stiffness
 
     def over_load(self, noise: float) -> tuple[float, ...]:
         """As functions of a slip take it, as `slip_functions.RIG` has it; noise: sd of a sample [1]."""
-        hysteresis = self.damping * float(np.sqrt(self.stiffness / self.mass))
-        return self.stiffness, hysteresis, self.drive_speed, noise, self.load
+        return self.stiffness, self.rate, noise, self.load
 
 
 @dataclass(frozen=True)
@@ -53,10 +62,10 @@ class Sticks:
     """What is seen of every cycle (c,), forces over the load [1].
 
     number: of the cycle in the record, from 1; follows: the cycle before is the one in the row before; anchor: time
-    of the first sample off the stick line [s]; line: the stick line there; slid: sliding so far [m]; rest: time
-    from the arrest before to the anchor [s], NaN where that arrest was not seen; last: time of the last sample above
-    the line of the next stick [s]; above: by how much; arrest: the next line at the arrest; end: sliding at the arrest
-    [m]; time, force, counts (c, n): the samples of a slip from the anchor to the last one, padded at the end, from the
+    of the first sample off the stick line [s]; line: the stick line there; fallen: below it; rest: time from the arrest
+    before to the anchor [s], NaN where that arrest was not seen; last: time of the last sample above the line of the
+    next stick [s]; above: by how much; arrest: the next line at the arrest; end: fallen below the stick line there;
+    time, force, counts (c, n): the samples of a slip from the anchor to the last one, padded at the end, from the
     anchor [s]; samples (c,): how many; noise: sd of a sample [1]; usual_rest: the rest after which the strength is told
     [s], the same for all records of a fit.
     """
@@ -65,7 +74,7 @@ class Sticks:
     follows: NDArray[np.bool_]
     anchor: Array
     line: Array
-    slid: Array
+    fallen: Array
     rest: Array
     last: Array
     above: Array
@@ -117,16 +126,15 @@ def sticks_of(log: Prepared, in_series: bool = False) -> Sticks:
     mean = data.mean_normal_force
     load = data.normal_force.at(data.time)
     slope = log.segmentation.stick_slope
-    rate = (slope[0] if slope is not None else log.rig.stiffness * data.drive_speed) / mean
-    rig = RigConstants(
-        rate / data.drive_speed if in_series else log.rig.stiffness / mean,
-        log.rig.damping * float(np.sqrt(log.rig.mass / log.rig.stiffness)) / mean,
-        log.rig.mass / mean,
-        rate,
-        mean,
-    )
+    speed, scatter = data.drive_speed, slope[1] / np.sqrt(max(cycles.count, 1)) if slope is not None else 0.0
+    rate = (slope[0] if slope is not None else log.rig.stiffness * speed) / mean
+    stated = rate / speed if in_series else log.rig.stiffness / mean
+    force, used = data.force / load, data.weight > 0.0
+    pace = _pace(data.time[used], force[used], cycles)
+    error = float(np.linalg.norm([SURE_OF_SPRING, scatter, np.log(rate / speed / stated)]))
+    rig = RigConstants(rate / speed, rate, mean, stated, error, pace)
     resolved = log.segmentation.samples_per_slip >= LEAST_SAMPLES
-    trace = _Trace(data.time, data.force / load, data.weight > 0.0, data.noise / mean, rig, resolved)
+    trace = _Trace(data.time, force, used, data.noise / mean, rig, resolved)
     first = log.entry.skip_cycles
     rows: list[_Row] = []
     for j in range(first, cycles.count):
@@ -138,11 +146,35 @@ def sticks_of(log: Prepared, in_series: bool = False) -> Sticks:
     return _assembled(rows, trace.noise, rig)
 
 
-def of_one_rest(records: Sequence[Sticks]) -> list[Sticks]:
-    """Records of one pair with the strength told after the same rest, the median of all: faster records rest for
-    shorter, and are weaker for that."""
+def of_one_body(records: Sequence[Sticks], tolerance: float | None = None) -> list[Sticks]:
+    """Records of one pair and slider: with the strength told after the same rest, the median of all (faster records
+    rest for shorter, and are weaker for that), and with one stiffness where one is stated: the mean of what their
+    sticks show, and where the scene states a tolerance (relative) of its own one, of both by their errors."""
     rests = np.concatenate([sticks.rest[np.isfinite(sticks.rest)] for sticks in records])
-    return [replace(sticks, usual_rest=float(np.median(rests))) for sticks in records] if rests.size else list(records)
+    usual = float(np.median(rests)) if rests.size else records[0].usual_rest
+    ratios = np.log([sticks.rig.stiffness / sticks.rig.stated for sticks in records])
+    error = float(np.sqrt(np.mean([sticks.rig.error**2 for sticks in records]) + np.var(ratios)))
+    shown = np.mean(ratios)
+    if tolerance:
+        weight = error**-2 / (error**-2 + tolerance**-2)
+        shown, error = weight * shown, weight**0.5 * error
+    rigs = [replace(sticks.rig, stiffness=float(np.exp(shown)) * sticks.rig.stated, error=error) for sticks in records]
+    return [replace(sticks, usual_rest=usual, rig=rig) for sticks, rig in zip(records, rigs, strict=True)]
+
+
+def _pace(time: Array, force: Array, cycles: DetectedCycles) -> float:
+    """Median of sqrt(m/k) over the cycles, by the time in which the force falls from a quarter to three quarters."""
+    paces = []
+    for start, stop in zip(cycles.onset, cycles.arrest, strict=True):
+        low, high = np.searchsorted(time, [start, stop])
+        if high - low < 2:
+            continue
+        t, fall = time[low : high + 1], np.maximum.accumulate(-force[low : high + 1])
+        quarters = fall[0] + (fall[-1] - fall[0]) * np.array([0.25, 0.75])
+        first, last = np.interp(quarters, fall, t)
+        paces.append(QUARTERS * (last - first))
+    rough = float(np.median(cycles.arrest - cycles.onset)) / np.pi if cycles.count else 1.0
+    return float(np.median(paces)) if paces and np.median(paces) > 0.0 else rough
 
 
 @dataclass(frozen=True)
@@ -152,7 +184,7 @@ class _Row:
     number: int
     anchor: float
     line: float
-    slid: float
+    fallen: float
     last: float
     above: float
     arrest: float
@@ -206,21 +238,21 @@ class _Trace:
         first, last = int(on_line[-1]) + 1, middle + int(down[0]) - 1
         if last - first < 1:
             return None
-        rig, above = self.rig, float(smooth[last] - settled(time[last]))
+        above = float(smooth[last] - settled(time[last]))
         if above <= 0.0:
             return None
         # The rest of the way to the arrest, decelerated as an undamped slip of that drop is.
-        left = float(np.sqrt(rig.mass / rig.stiffness * 4.0 * above / drop))
+        left = self.rig.pace * float(np.sqrt(4.0 * above / drop))
         stopped = min(float(time[last]) + left, arrest + lasting)
         onset, stopped_at = float(rising(time[first])), float(settled(stopped))
-        end = (onset + rig.rate * (stopped - float(time[first])) - stopped_at) / rig.stiffness
-        if not end > off[first] / rig.stiffness > 0.0 or onset <= stopped_at:
+        end = onset + self.rig.rate * (stopped - float(time[first])) - stopped_at
+        if not end > off[first] > 0.0 or onset <= stopped_at:
             return None
         return _Row(
             number,
             float(time[first]),
             onset,
-            float(off[first]) / rig.stiffness,
+            float(off[first]),
             float(time[last]),
             above,
             stopped_at,
@@ -230,18 +262,18 @@ class _Trace:
             force[first : last + 1],
         )
 
-    def _ends(self, number: int, fall: float, rising: _Line, settled: _Line) -> _Row | None:
+    def _ends(self, number: int, fall: float, rising: StickLine, settled: StickLine) -> _Row | None:
         """A cycle of which only the ends of the slip are seen, half a half period before and after its middle."""
-        rig, half = self.rig, 0.5 * np.pi * float(np.sqrt(self.rig.mass / self.rig.stiffness))
+        half = 0.5 * np.pi * self.rig.pace
         begin, stop = fall - half, fall + half
         onset, arrest = float(rising(begin)), float(settled(stop))
-        end = (onset + rig.rate * (stop - begin) - arrest) / rig.stiffness
+        end = onset + self.rig.rate * (stop - begin) - arrest
         if onset - arrest < CLEAR * self.noise:
             return None
         seen = np.array([0.0]), np.array([onset])
         return _Row(number, begin, onset, UNSEEN * end, begin, 0.0, arrest, stop, end, *seen)
 
-    def _line(self, start: float, stop: float) -> _Line | None:
+    def _line(self, start: float, stop: float) -> StickLine | None:
         """A line through the samples from start to stop that spikes do not draw away; its slope near the rate of all
         sticks."""
         low, high = np.searchsorted(self.time, [start, stop])
@@ -259,7 +291,7 @@ class _Trace:
             moved = time - centre
             slope = float(weight @ (moved * (force - middle)) + firm * self.rig.rate) / float(weight @ moved**2 + firm)
             level = float(middle - slope * centre)
-        return _Line(at, level, slope)
+        return StickLine(at, level, slope)
 
     def _enough(self) -> float:
         """Time that enough samples take [s]."""
@@ -267,18 +299,21 @@ class _Trace:
 
 
 @dataclass(frozen=True)
-class _Line:
+class StickLine:
+    """The straight line of a stick near a slip: its level at a time [s], and slope."""
+
     at: float
     level: float
     slope: float
 
     def __call__(self, time: Array | float) -> Array:
+        """Force over the load at times [s]."""
         return np.asarray(self.level + self.slope * (np.asarray(time) - self.at))
 
 
 def _assembled(rows: list[_Row], noise: float, rig: RigConstants) -> Sticks:
     """Rows side by side; samples much denser than the motion are averaged."""
-    thin = [_averaged(row.time, row.force, FINEST * np.sqrt(rig.mass / rig.stiffness)) for row in rows]
+    thin = [_averaged(row.time, row.force, FINEST * rig.pace) for row in rows]
     longest = max((time.size for time, _, _ in thin), default=0)
     time, force = np.zeros((len(rows), longest)), np.zeros((len(rows), longest))
     counts = np.zeros((len(rows), longest), bool)
@@ -310,7 +345,7 @@ def _assembled(rows: list[_Row], noise: float, rig: RigConstants) -> Sticks:
     )
 
 
-_COLUMNS = ("anchor", "line", "slid", "last", "above", "arrest", "end")
+_COLUMNS = ("anchor", "line", "fallen", "last", "above", "arrest", "end")
 
 
 def _averaged(time: Array, force: Array, step: float) -> tuple[Array, Array, float]:

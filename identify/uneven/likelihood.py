@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.uneven.events import Sticks
-from identify.uneven.slip_functions import CYCLE, LAW, MET, chain_functions, slip_functions
+from identify.uneven.slip_functions import CYCLE, MET, chain_functions, slip_functions
 
 Array = NDArray[np.float64]
 
-NODES = 11  # of a stick's strength, in cycles whose strength is about known
+NODES = 9  # of a stick's strength, in cycles whose strength is about known
+REACH = 4.0  # deviations of its logarithm, to either side
 ODD_WANDER = 4.0  # by how much more the level wanders in odd slips
 FIRST_LEVEL = 1.0  # of the drop: sd of the level where no cycle is seen before
 LEAST_WANDER = 1e-4  # of the variance that the wander makes of the level in a slip: it is not known better after it
@@ -47,7 +48,7 @@ class Nodes:
     @staticmethod
     def about(mean: Array, sd: Array, count: int = NODES) -> Nodes:
         """As far as a strength with this mean and sd of its logarithm, each (c,), may lie."""
-        return Nodes(mean[:, None] + sd[:, None] * np.linspace(-5.0, 5.0, count))
+        return Nodes(mean[:, None] + sd[:, None] * np.linspace(-REACH, REACH, count))
 
 
 @dataclass(frozen=True)
@@ -65,13 +66,13 @@ class Cycles:
 
 
 class Likelihood:
-    """Of one record, at nodes of its sticks' strengths; law: effects of its friction and rig, by name."""
+    """Of one record, at nodes of its sticks' strengths."""
 
-    def __init__(self, sticks: Sticks, nodes: Nodes, law: tuple[str, ...] = LAW) -> None:
+    def __init__(self, sticks: Sticks, nodes: Nodes) -> None:
         count, width = nodes.log_strength.shape
         self.sticks, self.nodes = sticks, nodes
-        self.functions = slip_functions(law)
-        self.chain, self.chain_back = chain_functions(law, width)
+        self.functions = slip_functions()
+        self.chain, self.chain_back = chain_functions(width)
         self.block = 2 * width
         order = np.argsort(-sticks.samples, kind="stable")
         self.order, self.back = order, np.argsort(order)
@@ -79,17 +80,17 @@ class Likelihood:
         self.rig = np.array(sticks.rig.over_load(sticks.noise))
         known = np.isfinite(sticks.rest) & sticks.follows
         rest = np.where(known, sticks.rest, np.median(sticks.rest[known]) if known.any() else sticks.usual_rest)
-        self.stick = np.column_stack([sticks.slid, sticks.line, rest, np.full(count, sticks.usual_rest), known])
+        self.stick = np.column_stack([sticks.fallen, sticks.line, rest, np.full(count, sticks.usual_rest), known])
         place = np.empty((count, 2, width, 3))
         place[..., 0] = nodes.log_strength[:, None, :]
         place[..., 1] = np.array([1.0, ODD_WANDER**2])[:, None]
-        place[..., 2] = sticks.slid[:, None, None]
+        place[..., 2] = sticks.fallen[:, None, None]
         self.place = place[order].reshape(-1, 3)
         f, resolved = self.functions, sticks.resolved
         self.ended, self.ended_back = (f.arrest, f.arrest_back) if resolved else (f.whole, f.whole_back)
         self.end = self._lanes(np.column_stack([sticks.above if resolved else sticks.end, sticks.arrest]))
         self.first_level = np.column_stack([0.5 * (sticks.line + sticks.arrest), (FIRST_LEVEL * sticks.drop) ** 2])
-        self.least = LEAST_WANDER * sticks.end
+        self.least = LEAST_WANDER * sticks.end / sticks.rig.stiffness
 
     def _lanes(self, per_cycle: Array) -> Array:
         """Rows (c, m) of cycles for every lane (l, m)."""
@@ -100,7 +101,7 @@ class Likelihood:
         return lanes.reshape(self.order.size, self.block, -1)[self.back]
 
     def __call__(self, theta: Array) -> Cycles:
-        """Of every cycle, given those before; theta (p,): logarithms of the law's names, SI."""
+        """Of every cycle, given those before; theta (p,): as THETA has it."""
         return self._forward(theta).cycles
 
     def with_scores(self, theta: Array) -> tuple[Cycles, Array]:

@@ -11,23 +11,27 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 import casadi as ca
 
-from identify.base.compiled import Compiled, Mapped, compiled
+from identify.base.compiled import Compiled, Mapped
 from identify.effects import ALL
 from identify.effects.quantities import Effect, Expression, Parameter, Situation, State, Terms
 from identify.model.composition import Composition
 from identify.model.model import assemble
 
-# Logarithms of these are searched, in this order; after them those of a law's own parameters.
+# Logarithms of these are searched, in this order.
 PARAMETERS = ("strength", "weakening_rate", "t_cr", "mass", "level_wander", "strength_scatter", "level_roughness")
-# Over the load: [1/m], h [1/m], [m/s], sd of a sample [1]; and the load itself [N].
-RIG = ("stiffness", "damping", "drive_speed", "noise", "load")
-LAW = ("inertia", "hysteresis_damping", "contact_ageing")
+# Searched along with them, by their priors: logarithm of the damping ratio of the rig; the damping ratio that friction
+# in proportion to sliding speed makes; and how the weakening bends.
+NUISANCES = ("damping", "speed_term", "weakening_shape")
+THETA = (*PARAMETERS, *NUISANCES)
+# Over the load: [1/m], rate of the sticks [1/s], sd of a sample [1]; and the load itself [N].
+RIG = ("stiffness", "rate", "noise", "load")
 ROUGHNESS_LENGTH = 6e-6  # [m] 3 to 8 um fit measured records about equally
+LAW = ("inertia", "hysteresis_damping", "contact_ageing")
 ROUNDED = 0.05  # of a saturated contact: over which the end of the weakening is rounded, for smooth derivatives
 START_SPEED = (0.5, 0.3)  # sd of the speed at the first sample: of itself, and of the drive speed
 HUBER = 4.0  # sd beyond which an innovation counts by its size, not its square
@@ -36,40 +40,57 @@ ODD = 0.05  # share of odd slips
 FIRST_SLID, ONSET_STEPS = 1e-6, 32  # of the sliding at the first sample: where the onset is followed from; steps to it
 WHOLE_STEPS = 12  # in which a slip is followed of which only the ends are seen, finer towards its onset
 MET = ("onset", "earlier", "speed", "regained", "rate", "full")  # and the law's states at the first sample, and slopes
+OF_THE_RIG = ("mass", "damping", "speed_slope", "shape")
+KEPT = ("stick_factor", "level", "full", "begun", "D", "wandering", "rough", *OF_THE_RIG)  # by a lane, through its slip
 CYCLE = ("log_strength", "log_strength_sd", "level", "odd")  # found of a cycle, after it was seen
 NOISES = ("level_path", "level_bridge", "fine_end", "fine_mean")
 
 
 class Track(Effect):
     """What differs along the track: this stick's factor of strength, the level's change since the onset, and the fine
-    roughness. Contacts do not age while they slide: with ageing, the creep time is learnt from how slips begin."""
+    roughness; and what the effects leave open of a slip: friction in proportion to speed, and the shape of the
+    weakening. Contacts do not age while they slide: with ageing, the creep time is learnt from how slips begin.
+
+    Of what a stick had at its onset (`begun`), the share g is left: dg/du = -(1 + s (1 - 2 g))/D, s = tanh(shape): for
+    s = 0 it falls in proportion to sliding, for s = -1 exponentially, for s = 1 it stays and then falls.
+    """
 
     name = "track"
     says = "what differs from stick to stick"
     source = "docs/validation.md, Real surfaces"
-    parameters = (Parameter("stick_factor", "", -10.0, 10.0, 0.0, "", "logarithm of a stick's strength", "linear"),)
+    parameters = (
+        Parameter("stick_factor", "", -10.0, 10.0, 0.0, "", "logarithm of a stick's strength", "linear"),
+        Parameter("speed_slope", "s/m", -1e9, 1e9, 0.0, "", "friction per sliding speed", "linear"),
+        Parameter("shape", "", -10.0, 10.0, 0.0, "", "how the weakening bends", "linear"),
+        Parameter("begun", "", 0.0, 1.0, 1.0, "", "what a stick had regained at its onset", "linear"),
+    )
     states = (State("level_change", "", 0.0), State("fine", "", 0.0))
 
     def terms(self, s: Situation) -> Terms:
         """Level and strength; a clock that runs against time, so that nothing ages."""
-        return Terms(excess=s.x.level_change + s.x.fine, strength=s.p.stick_factor, clock=-s.time)
+        weakening = 1.0 + ca.tanh(s.p.shape) * (1.0 - 2.0 * s.x.gamma / s.p.begun)
+        return Terms(
+            excess=s.x.level_change + s.x.fine + s.p.speed_slope * s.v,
+            strength=s.p.stick_factor,
+            clock=-s.time,
+            rates={"gamma": -s.v / s.p.D * weakening},
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class SlipFunctions:
-    """Of one law, for many lanes at once; names: what is searched, in the order of theta (logarithms, SI).
+    """For many lanes at once; theta (10,) as THETA has it.
 
-    met: (theta, rig, stick (5,): slid [m], line [1], rest [s], usual rest [s], 1 where the rest is known) -> MET;
-    begin: (theta, rig, met, place (3,): log strength, variance factor of the wander, slid) -> state of the filter and
+    met: (theta, rig, stick (5,): fallen [1], line [1], rest [s], usual rest [s], 1 where the rest is known) -> MET;
+    begin: (theta, rig, met, place (3,): log strength, variance factor of the wander, fallen) -> state of the filter and
     what a lane keeps; step: (state, kept, rig, sample (2,): time step [s], force [1]) -> state; arrest: (state, kept,
     rig, end (2,): height above the next line [1], that line [1]) -> log likelihood, level's change, its variance;
-    whole: the same of a slip that was not followed, from its begin; end (2,): its sliding [m], the next line [1].
+    whole: the same of a slip that was not followed, from its begin; end (2,): fallen at its end [1], the next line [1].
     aged: (theta, contact (3,): rest [s], usual rest [s], strength left before [1]) -> usual strength after the rest,
     and after a long one; motion: (state of the model, kept, rig) -> its rate [1/s].
     *_back: (arguments, derivatives by the result) -> derivatives by all arguments that depend on theta.
     """
 
-    names: tuple[str, ...]
     met: Mapped
     met_back: Mapped
     begin: Mapped
@@ -110,48 +131,52 @@ def _ends(given: Sequence[ca.SX]) -> list[int]:
 class _Slip:
     """The composed model with a track, and the symbols its functions are made of."""
 
-    def __init__(self, law: tuple[str, ...]) -> None:
-        effects = tuple(effect for effect in ALL if effect.name in law)
+    def __init__(self) -> None:
+        effects = tuple(effect for effect in ALL if effect.name in LAW)
         self.m = Composition((*effects, Track()))
-        self.plain = assemble(law)
-        m, names = self.m, self.m.names
-        self.own = [n for n in names if n not in ("elongation", "sliding_speed", *(s.name for s in Track.states))]
-        searched = {"mu_s", "mu_k0", "D", "t_cr", "stiffness", "mass", "damping", "stick_factor"}
-        self.extra = [p.name for p in m.parameters if p.name not in searched and p.kind == "friction"]
-        self.names = (*PARAMETERS, *self.extra)
-        self.theta, self.rig = ca.SX.sym("theta", len(self.names)), ca.SX.sym("rig", len(RIG))
-        self.value = dict(zip(self.names, ca.vertsplit(ca.exp(self.theta)), strict=True))
-        self.k, self.h, self.drive, self.noise, load = ca.vertsplit(self.rig)
+        self.plain = assemble(LAW)
+        self.own = ["gamma"]  # states of the law
+        self.theta, self.rig = ca.SX.sym("theta", len(THETA)), ca.SX.sym("rig", len(RIG))
+        self.k, self.drive_rate, self.noise, load = ca.vertsplit(self.rig)
+        k = self.k
+        theta = dict(zip(THETA, ca.vertsplit(self.theta), strict=True))
+        self.value = {name: ca.exp(theta[name]) for name in PARAMETERS}
         self.value["mass"] /= load
+        self.value["damping"] = 2.0 * k * ca.exp(theta["damping"])
+        self.value["speed_slope"] = theta["speed_term"] * 2.0 * ca.sqrt(k * self.value["mass"])
+        self.value["shape"] = theta["weakening_shape"]
+        m = self.m
         self.slip = ca.Function("slip", [m.x, m.p, m.u], [m.motion(held=False)])
         self.shown = ca.Function("shown", [m.x, m.p, m.u], [m.shown(m.x, m.rig(m.x, m.speed(m.x))[0])])
         self.pull = ca.Function("pull", [m.x, m.p, m.u], [m.rig(m.x, 0.0)[0]])
-        # What a lane keeps through its slip.
-        self.kept_names = ("stick_factor", "level", "full", "D", "mass", "wandering", "rough", *self.extra)
-        self.kept = ca.SX.sym("kept", len(self.kept_names))
+        self.kept = ca.SX.sym("kept", len(KEPT))
 
     def keeps(self) -> dict[str, ca.SX]:
-        return dict(zip(self.kept_names, ca.vertsplit(self.kept), strict=True))
+        return dict(zip(KEPT, ca.vertsplit(self.kept), strict=True))
 
-    def inputs(self) -> ca.SX:
+    def inputs(self, kept: Mapping[str, Expression]) -> ca.SX:
         """Inputs of the model: drive speed, load, direction, time."""
-        return ca.vertcat(self.drive, 1.0, 1.0, 0.0)
+        return ca.vertcat(self.drive_rate / self.k, 1.0, 1.0, 0.0)
 
     def parameters(self, kept: Mapping[str, Expression]) -> ca.SX:
         """Parameters of the model of one stick."""
         values = {q.name: ca.SX(q.default) for q in self.m.parameters} | {
-            name: kept[name] for name in ("stick_factor", "D", "mass", *self.extra)
+            name: kept[name] for name in ("stick_factor", "begun", "D", *OF_THE_RIG)
         }
         values |= {"mu_k0": kept["level"], "mu_s": kept["level"] + kept["full"]}
-        values |= {"stiffness": self.k, "damping": self.h, "t_cr": ca.SX(1.0)}  # nothing ages in a slip
+        values |= {"stiffness": self.k, "t_cr": ca.SX(1.0)}  # nothing ages in a slip
         return ca.vertcat(*(values[q.name] for q in self.m.parameters))
 
-    def rate(self, x: ca.SX, p: ca.SX) -> ca.SX:
+    def rate(self, x: ca.SX, kept: Mapping[str, Expression]) -> ca.SX:
         """dx/dt in a slip; a worn contact stays worn, rounded."""
         x, i = ca.SX(x), self.m.clamped
         if i is not None:
             x[i] = _rounded(x[i])
-        return self.slip(x, p, self.inputs())
+        return self.slip(x, self.parameters(kept), self.inputs(kept))
+
+    def pulled(self, x: ca.SX, kept: Mapping[str, Expression]) -> ca.SX:
+        """Force of the rig on a mass at rest."""
+        return self.pull(x, self.parameters(kept), self.inputs(kept))
 
     def state(self, **values: Expression) -> ca.SX:
         return ca.vertcat(*(values.get(name, 0.0) for name in self.m.names))
@@ -169,14 +194,14 @@ class _Slip:
         place = [s.name for s in self.plain.states].index("gamma")
         x[place] = left
         p = ca.vertcat(*(self.value["t_cr"] if q.name == "t_cr" else ca.SX(q.default) for q in self.plain.parameters))
-        return full * self.plain.rest(x, p, self.inputs(), rest)[place]
+        return full * self.plain.rest(x, p, self.inputs(self.value), rest)[place]
 
     def onset(self, slid: ca.SX, kept: Mapping[str, Expression], worn: Mapping[str, Expression]) -> ca.SX:
         """Time from rest [s], speed [m/s] and the law's states after so much sliding [m]; over the logarithm of the
         sliding, from where the pull alone has moved the mass."""
-        p, rate = self.parameters(kept), self.k * self.drive
+        rate, drive = self.drive_rate, self.drive_rate / self.k
         balance = kept["level"] + kept["full"] * ca.exp(kept["stick_factor"]) * _rounded(worn["gamma"])
-        start = (balance - self.pull(self.state(**worn), p, self.inputs())) / self.k
+        start = (balance - self.pulled(self.state(**worn), kept)) / self.k
         first = FIRST_SLID * slid
         time = (6.0 * kept["mass"] * first / rate) ** (1.0 / 3.0)
         y = ca.vertcat(time, 0.5 * rate * time**2 / kept["mass"], *(worn[name] for name in self.own))
@@ -184,8 +209,8 @@ class _Slip:
         def slope(log_slid: Expression, y: ca.SX) -> ca.SX:
             u = first * ca.exp(log_slid)
             own = {name: y[2 + i] for i, name in enumerate(self.own)}
-            x = self.state(elongation=start + self.drive * y[0] - u, sliding_speed=y[1], **own)
-            dx = self.rate(x, p)
+            x = self.state(elongation=start + drive * y[0] - u, sliding_speed=y[1], **own)
+            dx = self.rate(x, kept)
             changes = [self.at(dx, name) for name in ("sliding_speed", *self.own)]
             return u / y[1] * ca.vertcat(1.0, *changes)
 
@@ -207,17 +232,19 @@ class _Slip:
 
     def motion(self) -> Mapped:
         """The model in a slip."""
-        result = self.rate(self.m.x, self.parameters(self.keeps()))
+        result = self.rate(self.m.x, self.keeps())
         return Mapped(ca.Function("motion", [self.m.x, self.kept, self.rig], [ca.densify(result)]))
 
     def met(self) -> tuple[Mapped, Mapped]:
         """The onset of every stick."""
         stick = ca.SX.sym("stick", 5)
-        slid, line, rest, usual, known = ca.vertsplit(stick)
+        fallen, line, rest, usual, known = ca.vertsplit(stick)
+        slid = fallen / self.k
         full, time = self.full_strength(usual), ca.SX.sym("time")
         worn = {s.name: ca.SX(s.start) for s in self.m.states if s.name in self.own}
         first = self.regained(1.0, 0.0, rest)
         kept = {**self.value, "stick_factor": 0.0, "level": 0.0, "full": full, "D": full / self.value["weakening_rate"]}
+        kept["begun"] = first
         y = self.onset(slid, kept, {**worn, "gamma": first})
         strength = self.regained(full, 0.0, time)
         rested = ca.fmax(rest - y[0], 1e-3 * usual)
@@ -227,7 +254,7 @@ class _Slip:
         n = len(self.own)
         own = y[2 : 2 + n]
         own[self.own.index("gamma")] += strength / full - first
-        onset = line - self.k * self.drive * y[0]
+        onset = line - self.drive_rate * y[0]
         result = ca.vertcat(onset, y[0], y[1], strength, growth, full, own, y[2 + n :])
         return _both("met", [self.theta, self.rig, stick], result, 1)
 
@@ -236,29 +263,31 @@ class _Slip:
         n = len(self.own)
         met, place = ca.SX.sym("met", len(MET) + 2 * n), ca.SX.sym("place", 3)
         onset, earlier, speed, strength, _, full = ca.vertsplit(met[: len(MET)])
-        eta, odd, slid = ca.vertsplit(place)
+        eta, odd, fallen = ca.vertsplit(place)
+        k = self.k
+        slid, drive = fallen / k, self.drive_rate / k
         kept = {
             **self.value,
             "stick_factor": eta - ca.log(full * _rounded(strength / full)),
             "level": onset - ca.exp(eta),
             "full": full,
+            "begun": strength / full,
             "D": full / self.value["weakening_rate"],
             "wandering": odd * self.value["level_wander"] ** 2,
             "rough": self.value["level_roughness"] ** 2,
         }
         own = dict(zip(self.own, ca.vertsplit(met[len(MET) : len(MET) + n]), strict=True))
         slopes = dict(zip(self.own, ca.vertsplit(met[len(MET) + n :]), strict=True))
-        p = self.parameters(kept)
-        start = (onset - self.pull(self.state(**own), p, self.inputs())) / self.k
-        x = self.state(elongation=start + self.drive * earlier - slid, sliding_speed=speed, **own)
+        start = (onset - self.pulled(self.state(**own), kept)) / k
+        x = self.state(elongation=start + drive * earlier - slid, sliding_speed=speed, **own)
         along = self.state(elongation=-1.0, **slopes)
         spread = self.state(
-            sliding_speed=(START_SPEED[0] * speed + START_SPEED[1] * self.drive) ** 2,
+            sliding_speed=(START_SPEED[0] * speed + START_SPEED[1] * drive) ** 2,
             level_change=kept["wandering"] * slid,
             fine=-kept["rough"] * ca.expm1(-2.0 * slid / ROUGHNESS_LENGTH),
         )
-        covariance = along @ along.T * (self.noise / self.k) ** 2 + ca.diag(spread)
-        result = ca.vertcat(x, _upper(covariance), 0.0, *(kept[name] for name in self.kept_names))
+        covariance = along @ along.T * (self.noise / k) ** 2 + ca.diag(spread)
+        result = ca.vertcat(x, _upper(covariance), 0.0, *(kept[name] for name in KEPT))
         return _both("begin", [self.theta, met, self.rig, place], result, 2)
 
     def sliding(
@@ -282,21 +311,22 @@ class _Slip:
         h, force = ca.vertsplit(sample)
         x, covariance, total, state = _filter_state(n)
         kept, noises = self.keeps(), ca.SX.sym("noises", len(NOISES))
-        p, v, b, fine = self.parameters(kept), *(self.at(x, q) for q in ("sliding_speed", "level_change", "fine"))
-        speed = 0.5 * (v + ca.sqrt(v * v + self.drive**2))
+        v, b, fine = (self.at(x, q) for q in ("sliding_speed", "level_change", "fine"))
+        p, u = self.parameters(kept), self.inputs(kept)
+        speed = 0.5 * (v + ca.sqrt(v * v + u[0] ** 2))
         i, j = (self.m.names.index(q) for q in ("level_change", "fine"))
         mean = ca.SX(x)
         (mean[i], mean[j]), ends, spread = self.sliding(b, fine, speed * h, kept, noises)
-        middle = mean + 0.5 * h * self.rate(mean, p)
-        after = x + h * self.rate(middle, p)
+        middle = mean + 0.5 * h * self.rate(mean, kept)
+        after = x + h * self.rate(middle, kept)
         after[i], after[j] = ends
         forward, noisy, after = (
             ca.substitute(q, noises, ca.SX.zeros(len(NOISES)))
             for q in (ca.jacobian(after, x), ca.jacobian(after, noises), after)
         )
         covariance = _symmetric(_upper(forward @ covariance @ forward.T + noisy @ spread @ noisy.T), n)
-        shown = self.shown(after, p, self.inputs())
-        seen = ca.substitute(ca.jacobian(self.shown(x, p, self.inputs()), x), x, after)
+        shown = self.shown(after, p, u)
+        seen = ca.substitute(ca.jacobian(self.shown(x, p, u), x), x, after)
         result = _seen(after, covariance, total, force - shown, seen, self.noise**2)
         return _both("step", [state, self.kept, self.rig, sample], result, 2)
 
@@ -307,24 +337,30 @@ class _Slip:
         above, line = ca.vertsplit(end)
         x, covariance, total, state = _filter_state(n)
         kept, noises = self.keeps(), ca.SX.sym("noises", len(NOISES))
-        damping = self.pull(ca.SX.zeros(n), self.parameters(kept), self.inputs()) / self.drive
+        k, damping = self.k, self.damper(kept)
         speed = self.at(x, "sliding_speed")
-        means, ends, spread = self.sliding(self.at(x, "level_change"), self.at(x, "fine"), above / self.k, kept, noises)
-        slowing = kept["level"] + sum(means) - line - 0.5 * above
-        excess = 0.5 * kept["mass"] * speed**2 - slowing * (above + damping * speed) / self.k
-        known, path = self.noise * slowing / self.k, (ends, noises, spread)
+        means, ends, spread = self.sliding(self.at(x, "level_change"), self.at(x, "fine"), above / k, kept, noises)
+        by_speed = 2.0 / 3.0 * kept["speed_slope"] * speed  # over a way on which the mass is slowed evenly
+        slowing = kept["level"] + sum(means) + by_speed - line - 0.5 * above
+        excess = 0.5 * kept["mass"] * speed**2 - slowing * (above + damping * speed) / k
+        known, path = self.noise * slowing / k, (ends, noises, spread)
         result = self.stopped((x, covariance, total), excess, known, path, line)
         return _both("arrest", [state, self.kept, self.rig, end], result, 2)
+
+    def damper(self, kept: Mapping[str, Expression]) -> ca.SX:
+        """Force of the rig per speed of the mass [s/m]."""
+        return self.pulled(ca.SX.zeros(len(self.m.names)), kept) * self.k / self.drive_rate
 
     def whole(self) -> tuple[Mapped, Mapped]:
         """A slip of which only onset and arrest are seen: from rest to rest, friction takes what the spring gives. The
         speed on the way, which damping and laws ask for, is that of half a period of the undamped mass."""
         n, end = len(self.m.names), ca.SX.sym("end", 2)
-        way, line = ca.vertsplit(end)
+        fallen, line = ca.vertsplit(end)
         x, _, _, state = _filter_state(n)
         kept, noises = self.keeps(), ca.SX.sym("noises", len(NOISES))
-        p, fastest = self.parameters(kept), ca.sqrt(self.k / kept["mass"]) * way
-        damping = self.pull(ca.SX.zeros(n), p, self.inputs()) / self.drive
+        k, damping = self.k, self.damper(kept)
+        way = fallen / k
+        fastest = ca.sqrt(k / kept["mass"]) * way
         own: dict[str, Expression] = {name: self.at(x, name) for name in self.own}
         mean_friction: Expression = 0.0
         for i in range(WHOLE_STEPS):
@@ -332,16 +368,16 @@ class _Slip:
             speed = fastest * math.sqrt(middle * (1.0 - middle))
 
             def slid(own: Mapping[str, Expression], share: float, speed: ca.SX = speed) -> tuple[Any, ca.SX]:
-                rate = self.rate(self.state(sliding_speed=speed, **own), p)
+                rate = self.rate(self.state(sliding_speed=speed, **own), kept)
                 return {name: share * way / speed * self.at(rate, name) for name in own}, rate
 
             half = {name: own[name] + change for name, change in slid(own, middle - begin)[0].items()}
             changes, rate = slid(half, stop - begin)
             own = {name: own[name] + change for name, change in changes.items()}
-            friction = damping * (self.drive - speed) - kept["mass"] * self.at(rate, "sliding_speed")
+            friction = self.drive_rate / k * damping - damping * speed - kept["mass"] * self.at(rate, "sliding_speed")
             mean_friction += (stop - begin) * friction
         means, ends, spread = self.sliding(ca.SX(0.0), ca.SX(0.0), way, kept, noises)
-        onset = self.pull(self.state(elongation=self.at(x, "elongation")), p, self.inputs())
+        onset = self.pulled(self.state(elongation=self.at(x, "elongation")), kept)
         excess = 0.5 * (onset + line) - damping * fastest * ca.pi / 8.0 - mean_friction - sum(means)
         result = self.stopped((x, ca.SX.zeros(n, n), ca.SX(0.0)), excess, self.noise, (ends, noises, spread), line)
         return _both("whole", [state, self.kept, self.rig, end], result, 2)
@@ -379,7 +415,7 @@ class _Slip:
         variance = spread[0, 0] - spread[0, 1] ** 2 / (strongest**2 + spread[1, 1])
         return ca.vertcat(total + ca.log(strongest), level + spread[0, 1] / strongest, variance)
 
-    def chain(self, nodes: int) -> tuple[Compiled, Compiled]:
+    def chain(self, nodes: int) -> tuple[ca.Function, ca.Function]:
         """A cycle after the one before: the level that this left, the stick's time, and its slip.
 
         (level before (2,): mean and variance; met, without the law's states; slips (6 n,): log likelihood, change and
@@ -392,7 +428,7 @@ class _Slip:
         scatter, strength = self.value["strength_scatter"], ca.exp(eta)
         level, z = onset - strength, (eta - ca.log(regained)) / scatter
         # The rate at which spots of that strength are met while the contact strengthens: long sticks are strong spots.
-        usual = self.k * self.drive / strength
+        usual = self.drive_rate / strength
         hazard = usual - growth / regained
         hazard = 0.5 * (hazard + ca.sqrt(hazard**2 + (LEAST_HAZARD * usual) ** 2))
         joint = ca.log(hazard) - 0.5 * z**2 - ca.log(scatter) + eta + ca.log(weight)
@@ -415,8 +451,8 @@ class _Slip:
         seed = ca.SX.sym("seed", 3)
         back = ca.jtimes(result, ca.vertcat(*given[:4]), seed, True)
         return (
-            compiled(ca.Function("chain", given, [ca.densify(ca.vertcat(result, *cycle))])),
-            compiled(ca.Function("chain_back", [*given, seed], [ca.densify(back)])),
+            ca.Function("chain", given, [ca.densify(ca.vertcat(result, *cycle))]),
+            ca.Function("chain_back", [*given, seed], [ca.densify(back)]),
         )
 
 
@@ -456,13 +492,12 @@ def _seen(x: ca.SX, covariance: ca.SX, total: ca.SX, off: ca.SX, by_x: ca.SX, no
     return ca.vertcat(x + gains * (off / (far * variance)), _upper(covariance - gains @ gains.T / variance), total)
 
 
-@lru_cache(maxsize=16)
-def slip_functions(law: tuple[str, ...]) -> SlipFunctions:
-    """The functions of one law, effects by name."""
-    slip = _Slip(law)
+@cache
+def slip_functions() -> SlipFunctions:
+    """The functions of the law of the effects on a track."""
+    slip = _Slip()
     n = len(slip.m.names)
     return SlipFunctions(
-        slip.names,
         *slip.met(),
         *slip.begin(),
         *slip.step(),
@@ -476,6 +511,12 @@ def slip_functions(law: tuple[str, ...]) -> SlipFunctions:
     )
 
 
-def chain_functions(law: tuple[str, ...], nodes: int) -> tuple[Compiled, Compiled]:
+@cache
+def _chain(nodes: int) -> tuple[ca.Function, ca.Function]:
+    return _Slip().chain(nodes)
+
+
+def chain_functions(nodes: int) -> tuple[Compiled, Compiled]:
     """From cycle to cycle, for so many nodes of a stick's strength, and back; they hold buffers, so one per thread."""
-    return _Slip(law).chain(nodes)
+    there, back = _chain(nodes)
+    return Compiled(there), Compiled(back)

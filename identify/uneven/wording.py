@@ -21,6 +21,7 @@ NO_MAXIMUM = (
     "cycles differ, and the estimator of uneven records found no most likely answer: look for events that are no slips "
     "(stickslip inspect --plot), or take a window of steady stick-slip"
 )
+ONE_RECORD = "one record alone; others of the same slider would tell whether it has one mass in all"
 CUT_SHORT = "the time limit ended the estimate of uneven records: a longer one, or a window of fewer cycles, tells"
 # Parts of an answer that are left out, and said, where there is no time for them.
 DESCRIBED, COMPARED, LEFT_OUT = "cycles described one by one", "records compared with each other", "leave-one-out"
@@ -38,7 +39,10 @@ _MEANT = {
     "weakening scales with the strength is not told and moves it by about 13 %",
     "strength_scatter": "scatter of the strength from stick to stick, as a share",
     "weakening_length": "sliding in which the strength is lost",
-    "mass": "from the course of the slips; damping is taken as stated",
+    "mass": "from the course of the slips; the interval holds what is open of damping, stiffness, friction that "
+    "changes with sliding speed and the law of weakening; what [rig] states as nominal is not used",
+    "stiffness": "from the slope of the sticks over the drive speed; its error holds how far that is from [rig]",
+    "damping": "h of the rig, from the course of the slips; friction that rises with sliding speed looks alike",
     "level_wander": "random walk of the friction level along the track",
     "level_roughness": "scatter of the friction level over a few micrometres",
     "t_cr": "from the strength against the rest of each stick",
@@ -164,6 +168,56 @@ def transferred(name: str, speed: float, holds: bool) -> str:
     return f"Drop or period of {name} ({at}) are not as the other records predict them: what is told does not transfer."
 
 
+def one_mass(
+    names: Sequence[str], each: Sequence[tuple[float, float, float]], chi2: float, freedom: int, probability: float
+) -> str:
+    """The masses of records of one slider [kg], and how they scatter."""
+    masses = "; ".join(
+        f"{name} {three_figures(1e3 * value)} ({three_figures(1e3 * low)} to {three_figures(1e3 * high)}) g"
+        for name, (value, low, high) in zip(names, each, strict=True)
+    )
+    return f"Mass by record: {masses}; {_scatter(chi2, freedom, probability)}."
+
+
+def no_one_mass(chi2: float, freedom: int, probability: float) -> str:
+    """Why no mass is told where records of one slider differ in it."""
+    return (
+        f"these records do not show one mass ({_scatter(chi2, freedom, probability)}): fit them by themselves, and "
+        "weigh what moves"
+    )
+
+
+def _scatter(chi2: float, freedom: int, probability: float) -> str:
+    return f"their scatter has χ² {three_figures(chi2)} for {freedom} degree(s) of freedom, p {probability:.2g}"
+
+
+def of_bounds(names: Sequence[str]) -> list[str]:
+    """What becomes of what [parameters] says of the rig beside a fixed value and a prior."""
+    if not names:
+        return []
+    return [
+        f"{', '.join(names)} under [parameters]: estimated from the data alone, without its start value and bounds."
+    ]
+
+
+def of_effects(unused: Sequence[str], velocity_laws: set[str]) -> list[str]:
+    """What becomes of effects of the scene that the estimator does not follow."""
+    out = []
+    laws = [name for name in unused if name in velocity_laws]
+    others = [name for name in unused if name not in velocity_laws]
+    if laws:
+        out.append(
+            f"{', '.join(laws)}: within these slips only a change of friction in proportion to sliding speed is "
+            "estimated, of either sign, and what it leaves open is in the intervals."
+        )
+    if others:
+        out.append(
+            f"Not used: {', '.join(others)}. The estimator of uneven records does not know these effects of the scene; "
+            "what they do to the force counts as friction."
+        )
+    return out
+
+
 def notes(logs: Sequence[Prepared], records: Sequence[Sticks], mass: tuple[float, float, float] | None) -> list[str]:
     """What the reader has to know of the rig and of cycles that were left out; mass: found, with its interval [kg]."""
     out = []
@@ -172,8 +226,7 @@ def notes(logs: Sequence[Prepared], records: Sequence[Sticks], mass: tuple[float
         found, low, high = (three_figures(1e3 * value) for value in mass)
         out.append(
             f"The slips show a moving mass of {found} g ({low} to {high}), while [rig] states "
-            f"{three_figures(1e3 * stated_mass)} g: weigh what moves, or judge it from a ringing of the rig. Where it "
-            "is surely as stated, friction does not fall linearly with sliding, and the mass makes up for it."
+            f"{three_figures(1e3 * stated_mass)} g: weigh what moves, or judge it from a ringing of the rig."
         )
     for log, sticks in zip(logs, records, strict=True):
         stated = log.rig.stiffness * log.data.drive_speed / log.data.mean_normal_force

@@ -12,22 +12,30 @@ from experiments import run_uneven_prediction
 from experiments.uneven_records import STIFF, prepared, scene_of, simulated, truth_of
 from identify import fit
 from identify.base.errors import FitError
+from identify.logs.unknowns import from_scene
 from identify.report import write_report
 from identify.report.stored_result import plain
+from identify.scene import Scene
 from identify.studies.fits import FitEntry, values
 from identify.uneven import transfer
-from identify.uneven.answer import UnevenEstimator
-from identify.uneven.creep import creep_interval
+from identify.uneven.answer import UnevenEstimator, creep_interval, stated_rig
 from identify.uneven.estimator import maximise
-from identify.uneven.events import RigConstants, of_one_rest, sticks_of
+from identify.uneven.events import RigConstants, of_one_body, sticks_of
 from identify.uneven.likelihood import Likelihood, Nodes
-from identify.uneven.slip_functions import LAW, MET, PARAMETERS, slip_functions
-from identify.uneven.transfer import APART, agreement
+from identify.uneven.slip_functions import MET, PARAMETERS, THETA, slip_functions
+from identify.uneven.transfer import APART, LAW_ERROR, agreement, mass_of, pooled_mass
+from identify.uneven.wording import of_effects
 from tests.support.document_check import validator
 
 pytestmark = pytest.mark.usefixtures("shared_machine_code", "no_further_logs")
 
 TOLD = [PARAMETERS.index(name) for name in ("strength", "weakening_rate", "mass")]
+LAW = len(PARAMETERS)
+ROWS = dict(zip(THETA, np.eye(len(THETA)), strict=True))
+
+
+def lies_within(value, ends):
+    return ends[0] <= value <= ends[1]
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +56,10 @@ def test_strength_weakening_and_mass_are_recovered(maxima):
     found = np.array([maximum.theta for _, maximum in maxima])
     sd = np.sqrt([np.diag(maximum.covariance) for _, maximum in maxima])
     assert all(maximum.converged for _, maximum in maxima)
-    assert sd[:, TOLD].max() < 0.15
-    assert np.abs((found - truths) / sd)[:, TOLD].max() < 3.5
-    assert np.abs((found - truths)[:, TOLD].mean(axis=0)).max() < 0.1
+    assert all(sd[:, PARAMETERS.index("mass")] < 0.1) and sd[:, TOLD].max() < 0.5
+    for (_, maximum), truth in zip(maxima, truths, strict=True):
+        assert all(lies_within(truth[PARAMETERS.index(n)], maximum.interval(ROWS[n])) for n in ("strength", "mass"))
+    assert np.abs((found[:, :LAW] - truths)[:, TOLD].mean(axis=0)).max() < 0.25
 
 
 def test_onsets_and_cycles_are_those_of_the_track(tracks, maxima):
@@ -76,34 +85,38 @@ def test_slips_that_are_not_followed_tell_strength_and_wander_alone(tracks, maxi
     truths = np.array([truth_of(STIFF, sticks.usual_rest) for sticks in coarse])
     sd = np.sqrt([np.diag(maximum.covariance) for maximum in found])
     assert all(maximum.converged for maximum in found)
-    assert np.abs(np.array([m.theta for m in found]) - truths)[:, told[0]].max() < 0.25 and sd[:, told[0]].max() < 0.15
-    assert np.abs((np.array([m.theta for m in found]) - truths) / sd)[:, told].max() < 3.5
+    theta = np.array([m.theta[:LAW] for m in found])
+    assert np.abs(theta - truths)[:, told[0]].max() < 0.25 and sd[:, told[0]].max() < 0.6
+    assert np.abs((theta - truths) / sd[:, :LAW])[:, told].max() < 3.5
 
 
 def test_the_work_of_a_slip_is_that_of_its_course():
     """From rest to rest by the equation of motion: the level after it is the one that friction had."""
-    rig, weakening, strength, level = RigConstants(558.0, 0.2, 0.06, 558.0 * 42e-6), 2000.0, 0.026, 0.3
+    rig, weakening, strength, level = RigConstants(558.0, 558.0 * 42e-6), 2000.0, 0.026, 0.3
+    damping, mass = 0.2, 0.06
 
     def motion(t, state):
         u, v = state
         left = max(strength - weakening * u, 0.0)
-        pull = level + strength + rig.rate * t - rig.stiffness * u - rig.damping * v
-        return v, (pull - level - left) / rig.mass
+        pull = level + strength + rig.rate * t - rig.stiffness * u - damping * v
+        return v, (pull - level - left) / mass
 
     stops = lambda t, state: state[1] - 1e-7 + (1.0 if state[0] < 3e-5 else 0.0)  # noqa: E731
     stops.terminal = True
     end = solve_ivp(motion, (0.0, 1.0), (0.0, 0.0), events=stops, rtol=1e-9, atol=1e-14, max_step=1e-4)
     way = float(end.y[0, -1])
     line = level + strength + rig.rate * end.t[-1] - rig.stiffness * way
-    functions, over_load = slip_functions(LAW), np.array([rig.over_load(1e-6)])
+    functions, over_load = slip_functions(), np.array([rig.over_load(1e-6)])
+    zeta = damping / (2.0 * np.sqrt(rig.stiffness * mass))
 
     def change(rate):
-        theta = np.log([strength, rate, 1.0, rig.mass, 0.3, 0.2, 1e-4])[None, :]
-        met = functions.met([theta, over_load, np.array([[1e-5 * way, level + strength, 2.0, 2.0, 1.0]])])[0]
-        place = np.array([[np.log(strength), 1.0, 1e-5 * way]])
+        theta = np.append(np.log([strength, rate, 1.0, mass, 0.3, 0.2, 1e-4, zeta]), [0.0, 0.0])[None, :]
+        fallen = rig.stiffness * way
+        met = functions.met([theta, over_load, np.array([[1e-5 * fallen, level + strength, 2.0, 2.0, 1.0]])])[0]
+        place = np.array([[np.log(strength), 1.0, 1e-5 * fallen]])
         begun = functions.begin([theta, met, over_load, place])[0]
         state, kept = begun[:, : functions.state_size], begun[:, functions.state_size :]
-        return functions.whole([state, kept, over_load, np.array([[way, line]])])[0][0, 1]
+        return functions.whole([state, kept, over_load, np.array([[fallen, line]])])[0][0, 1]
 
     by_weakening = 0.5 * strength**2 / weakening / way  # of the mean friction
     # The drive pulls on while a slip begins, which is neglected: 0.02 /s for 30 ms, 2 % of the strength.
@@ -123,14 +136,65 @@ def test_a_mass_that_is_stated_wrong_is_found(maxima):
         assert gap > 3.0 * np.sqrt(other.covariance[place, place] + maximum.covariance[place, place])
 
 
+def test_nominal_values_of_the_scene_move_nothing(tracks, maxima):
+    (sticks, maximum), heavier = maxima[0], replace(STIFF, mass=1.7 * STIFF.mass, damping=10.0 * STIFF.damping)
+    elsewhere = sticks_of(prepared(heavier, tracks[0].record))
+    assert elsewhere.count == sticks.count and elsewhere.rig.pace == pytest.approx(sticks.rig.pace, rel=0.05)
+    assert maximise([elsewhere]).theta[TOLD] == pytest.approx(maximum.theta[TOLD], abs=0.05)
+
+
+def test_every_start_is_kept_with_what_it_reached(maxima):
+    _, maximum = maxima[0]
+    assert len(maximum.starts) == 3 and max(maximum.starts) - min(maximum.starts) < 20.0
+
+
+def test_what_a_scene_states_with_a_tolerance_is_a_prior_and_a_nominal_value_is_none():
+    document = scene_of(STIFF).as_document()
+    loose = Scene.from_document(document)
+    assert stated_rig(loose, from_scene(loose)) == {}
+    tight = Scene.from_document(document | {"rig": document["rig"] | {"mass": {"value": "20 g", "tolerance": "5 %"}}})
+    assert stated_rig(tight, from_scene(tight))["mass"] == pytest.approx((np.log(0.020), 0.05))
+
+
+def test_the_interval_holds_the_answers_with_nuisances_free_and_at_the_means_of_their_priors(maxima):
+    _, maximum = maxima[0]
+    low, high = maximum.interval(ROWS["strength"])
+    for theta in (maximum.theta, maximum.held):
+        assert low < theta[0] < high
+    assert maximum.held[LAW:] == pytest.approx(maximum.prior.mean[LAW:])
+    farther = replace(maximum, held=maximum.held + ROWS["strength"])
+    assert farther.interval(ROWS["strength"])[1] == pytest.approx(max(high, high + 1.0), abs=0.7)
+
+
+def test_masses_of_records_are_pooled_with_their_scatter(maxima):
+    """Against the closed form of a weighted mean of two equal masses, and a third one off by a factor of four."""
+    sticks, maximum = maxima[0]
+    alike = pooled_mass([sticks, sticks], [maximum, maximum])
+    one = mass_of(maximum, sticks.rig.error)
+    assert alike.scatter[0] == pytest.approx((0.0, 1, 1.0), abs=1e-9) and alike.shared
+    assert one.lower < alike.lower < alike.upper < one.upper
+    off = replace(
+        maximum, theta=maximum.theta + np.log(4.0) * ROWS["mass"], held=maximum.held + np.log(4.0) * ROWS["mass"]
+    )
+    apart = pooled_mass([sticks, sticks], [maximum, off])
+    sd = np.log(one.upper / one.lower) / (2.0 * maximum.quantile)
+    assert sd > LAW_ERROR and apart.scatter[0][0] == pytest.approx(np.log(4.0) ** 2 / (2.0 * sd**2), rel=0.2)
+    assert not apart.shared
+
+
+def test_effects_that_are_not_followed_are_said():
+    velocity, other = of_effects(["velocity_weakening", "sensor_lag"], {"velocity_weakening"})
+    assert "in proportion to sliding speed" in velocity and other.startswith("Not used: sensor_lag")
+    assert of_effects([], {"velocity_weakening"}) == []
+
+
 def test_a_creep_time_beyond_all_rests_is_no_bound(maxima):
     sticks, maximum = maxima[0]
-    told = creep_interval([sticks], maximum)
-    assert told.upper is not None and told.upper < 100.0 * sticks.usual_rest
+    _, upper = creep_interval([sticks], maximum)
+    assert upper is not None and upper < 100.0 * sticks.usual_rest
     place, unknown = PARAMETERS.index("t_cr"), maximum.covariance.copy()
     unknown[place, place] = 50.0**2  # of its logarithm
-    beyond = creep_interval([sticks], replace(maximum, covariance=unknown))
-    assert beyond.lower is None and beyond.upper is None
+    assert creep_interval([sticks], replace(maximum, covariance=unknown)) == (None, None)
 
 
 def test_late_anchors_lose_the_strength(maxima):
@@ -154,13 +218,13 @@ def test_late_anchors_lose_the_strength(maxima):
 
 
 def test_the_onset_grows_as_the_equation_of_motion_says():
-    rig, slid = RigConstants(stiffness=3300.0, damping=0.5, mass=0.06, rate=0.14), 2e-6
-    for weakening, mass in ((7000.0, 0.06), (4500.0, 0.05)):
-        theta = np.log([0.05, weakening, 0.1, mass, 1.0, 0.2, 0.01])
-        stick = np.array([[slid, 0.3, 1.0, 1.0, 1.0]])
-        met = slip_functions(LAW).met([theta[None, :], np.array([rig.over_load(0.0)]), stick])[0][0]
+    rig, slid, zeta = RigConstants(stiffness=3300.0, rate=0.14), 2e-6, 0.018
+    for weakening, mass, speed_term in ((7000.0, 0.06, 0.0), (4500.0, 0.05, 0.0), (7000.0, 0.06, 0.2)):
+        theta = np.append(np.log([0.05, weakening, 0.1, mass, 1.0, 0.2, 0.01, zeta]), [speed_term, 0.0])
+        stick = np.array([[rig.stiffness * slid, 0.3, 1.0, 1.0, 1.0]])
+        met = slip_functions().met([theta[None, :], np.array([rig.over_load(0.0)]), stick])[0][0]
         time, speed = met[MET.index("earlier")], met[MET.index("speed")]
-        damping = rig.damping * np.sqrt(mass / rig.mass)  # h over the natural frequency
+        damping = 2.0 * (zeta + speed_term) * np.sqrt(rig.stiffness * mass)
 
         def motion(t, state, weakening=weakening, mass=mass, damping=damping):
             u, v = state
@@ -206,9 +270,12 @@ def test_a_fit_tells_quantities_with_verdicts(answer):
         assert low < told[name]["value"] < high and told[name]["verdict"] in ("identified", "weak")
         # Student's t: as many degrees of freedom as there are cycles beyond the parameters.
         freedom = len(result["uneven_cycles"][0]["cycle"]) - len(PARAMETERS)
-        off = stats.t(freedom).ppf(0.975) * told[name]["standard_error"] / told[name]["value"]
-        assert freedom < 30 and (high, low) == pytest.approx(told[name]["value"] * np.exp([off, -off]))
-    assert told["mass"]["value"] == pytest.approx(STIFF.mass, rel=0.15)
+        wide = 2.0 * stats.t(freedom).ppf(0.975) * told[name]["standard_error"] / told[name]["value"]
+        assert freedom < 30 and np.log(high / low) == pytest.approx(wide)
+    assert told["mass"]["value"] == pytest.approx(STIFF.mass, rel=0.2) and told["mass"]["verdict"] == "weak"
+    assert told["stiffness"]["value"] == pytest.approx(STIFF.stiffness, rel=0.03)
+    assert told["damping"]["verdict"] in ("weak", "bounded") and len(result["starts"]) == 3
+    assert any("velocity_weakening" in note for note in result["notes"])
     drop = result["distributions"]["drop"]["quantiles"]
     assert drop["5"]["value"] < drop["50"]["value"] < drop["95"]["value"]
     assert any("Extrapolated" in note for note in result["notes"])
@@ -227,8 +294,9 @@ def test_something_soft_in_series_is_in_the_stiffness_that_slips_feel():
     softer = replace(STIFF, stiffness=STIFF.stiffness * 0.7)  # rig and skin in series; the scene states the rig alone
     log = prepared(STIFF, simulated(softer, 24, [5])[0].record)
     stated, shown = (sticks_of(log, in_series=series).rig for series in (False, True))
-    assert stated.stiffness == pytest.approx(STIFF.stiffness / STIFF.load)
-    assert shown.stiffness == pytest.approx(softer.stiffness / STIFF.load, rel=0.03)
+    for rig in (stated, shown):
+        assert rig.stiffness == pytest.approx(softer.stiffness / STIFF.load, rel=0.03)
+    assert shown.error < 0.03 and stated.error == pytest.approx(-np.log(0.7), abs=0.03)
     assert shown.drive_speed == pytest.approx(STIFF.drive_speed)
 
 
@@ -236,7 +304,7 @@ def test_a_law_that_cannot_be_followed_ends_without_a_maximum(maxima):
     sticks, maximum = maxima[0]
     lost = maximum.theta.copy()
     lost[PARAMETERS.index("mass")] = -400.0
-    assert not maximise([sticks], lost).converged
+    assert not maximise([sticks], start=lost).converged
 
 
 def test_what_only_the_course_of_a_slip_tells_is_withheld_without_it(tracks):
@@ -306,12 +374,12 @@ def test_records_of_two_speeds_and_loads_share_strength_and_mass(tracks, maxima)
     slow, found = maxima[0]
     assert other.usual_rest < 0.5 * slow.usual_rest
     alone = [found, maximise([other])]  # the likelihood by itself does not hang on the rest for which strength is told
-    joint = maximise(of_one_rest([slow, other]))
+    joint = maximise(of_one_body([slow, other]))
     assert joint.converged and agreement(joint, alone) > APART
     assert agreement(maximise([slow, other]), alone) < APART, "each with the strength after its own rests"
     error, sd = (
-        joint.theta - truth_of(STIFF, of_one_rest([slow, other])[0].usual_rest),
-        np.sqrt(np.diag(joint.covariance)),
+        joint.theta[:LAW] - truth_of(STIFF, of_one_body([slow, other])[0].usual_rest),
+        np.sqrt(np.diag(joint.covariance))[:LAW],
     )
     told = [*TOLD, PARAMETERS.index("t_cr")]
     assert np.abs(error / sd)[told].max() < 3.0
@@ -326,7 +394,7 @@ def test_a_record_is_not_predicted_by_others_without_a_maximum(maxima, monkeypat
     unknown = np.full_like(found[0].covariance, np.nan)
     cut = replace(found[0], converged=False, in_time=False, covariance=unknown)
     monkeypatch.setattr(transfer, "maximise", lambda *_: cut)
-    assert transfer.left_out([0, 1, 2], elsewhere, found, 0) == []
+    assert transfer.left_out([0, 1, 2], elsewhere, found, {}, 0) == []
 
 
 def test_compare_pools_what_uneven_pairs_have(answer):
