@@ -73,6 +73,7 @@ class Maximum:
             the sandwich's; held (10,): the greatest posterior with the nuisances at the means of their priors.
         log_likelihood: without the prior; scores (c, 10); converged; in_time: whether the search ended before its time
             was up; evaluations: passes over the records; nodes: per record.
+        bias (3,): standard error of the nuisances beyond their covariance.
         starts: logarithm of the posterior, up to a constant, that the first steps from every start reached.
     """
 
@@ -86,6 +87,7 @@ class Maximum:
     in_time: bool
     evaluations: int
     nodes: tuple[Nodes, ...]
+    bias: Array
     starts: tuple[float, ...]
 
     @property
@@ -95,11 +97,13 @@ class Maximum:
 
     def interval(self, row: Array, more: float = 0.0) -> tuple[float, float]:
         """Ends of the 95 % interval of row @ theta (10,): the hull of what is known where the nuisances are free, and
-        where they are at the means of their priors; more: standard error from elsewhere."""
+        where they are at the means of their priors, with the bias of the free ones; more: standard error from
+        elsewhere."""
         known = self.covariance
-        across = known[:, LAW:] @ np.linalg.solve(known[LAW:, LAW:], known[LAW:])
+        goes_with = known[:, LAW:] @ np.linalg.inv(known[LAW:, LAW:])
+        free, held = known + goes_with @ np.diag(self.bias**2) @ goes_with.T, known - goes_with @ known[LAW:]
         ends: list[float] = []
-        for theta, covariance in ((self.theta, known), (self.held, known - across)):
+        for theta, covariance in ((self.theta, free), (self.held, held)):
             own = max(float(row @ covariance @ row), 0.0)
             off = self.quantile * float(np.sqrt(own + more**2))
             ends += [float(row @ theta) - off, float(row @ theta) + off]
@@ -251,6 +255,7 @@ def maximise(
         in_time=best.in_time,
         evaluations=sum(own.passes for own, _ in tried),
         nodes=objective.nodes,
+        bias=BIAS * objective.free[LAW:],
         starts=tuple(climbed.value for _, climbed in tried),
     )
     if not best.converged:
@@ -288,7 +293,7 @@ def _settled(objective: Objective, theta: Array, until: float) -> Climbed:
 def _covariance(objective: Objective, theta: Array) -> tuple[Array, Array, float]:
     """Covariance, scores (c, p) and log likelihood. Per parameter the larger deviation counts: of the Hessian, and of
     the sandwich with neighbouring cycles' scores correlated (Newey and West 1987), for few cycles after MacKinnon and
-    White (1985). What is not free keeps its prior, and what is goes with it; so does BIAS."""
+    White (1985). What is not free keeps its prior, and what is goes with it."""
     free = objective.free
     prior = objective.prior.precision
     value, _, scores = objective.slope(theta)
@@ -312,10 +317,7 @@ def _covariance(objective: Objective, theta: Array) -> tuple[Array, Array, float
     covariance[both] = inverse * np.outer(scale, scale)
     goes_with = np.eye(theta.size)
     goes_with[np.ix_(free, ~free)] = -inverse @ information[np.ix_(free, ~free)]
-    covariance = goes_with @ covariance @ goes_with.T
-    goes_with = covariance[:, LAW:] @ np.linalg.inv(covariance[LAW:, LAW:])
-    covariance += goes_with @ np.diag(BIAS**2 * free[LAW:]) @ goes_with.T
-    return covariance, scores, value - objective.prior.logarithm(theta)[0]
+    return goes_with @ covariance @ goes_with.T, scores, value - objective.prior.logarithm(theta)[0]
 
 
 def _long_run(scores: Array) -> Array:

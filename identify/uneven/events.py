@@ -99,11 +99,6 @@ class Sticks:
         return bool(np.any(self.samples > 1))
 
     @property
-    def onset(self) -> Array:
-        """Force at the anchor, on the stick line (c,)."""
-        return self.line
-
-    @property
     def drop(self) -> Array:
         """From the stick line at the onset to that of the next stick at the arrest (c,)."""
         return self.line - self.arrest

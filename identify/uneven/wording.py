@@ -139,7 +139,7 @@ def answered(logs: Sequence[Prepared], cycles: int, withheld: str) -> str:
         f"one to the next), so {cycles} cycles were described one by one instead of by one friction pair"
     )
     if withheld:
-        return f"{differ}; only mass and level are told: {withheld}"
+        return f"{differ}; strength and weakening length are not told: {withheld}"
     return (
         f"{differ}; strength, weakening length and their scatter hold for this drive speed, stiffness and load, and "
         "are no basis for others"
@@ -155,8 +155,8 @@ def apart(values: Sequence[tuple[str, float, float, float]]) -> str:
         for name, strength, length, sd in values
     )
     return (
-        "cycles differ, and these records do not share one strength, weakening and mass, so that nothing holds for all "
-        f"of them ({told}); fit the records of each drive speed and stiffness by themselves"
+        f"these records do not share one strength, weakening and level ({told}), so that none is told of all of them: "
+        "fit the records of each drive speed and stiffness by themselves"
     )
 
 
