@@ -382,9 +382,11 @@ def within(record: Record, window: tuple[float, float] | None) -> Record:
     if (first, last) == (0, len(record)):
         return record
     if last - first < 2:
+        inside = begin <= window[0] and window[1] <= begin + float(record.time[-1])
         raise record.error(
             f"the window {window[0]:g} to {window[1]:g} s holds {max(last - first, 0)} row(s); the log runs from "
-            f"{begin:.6g} to {begin + record.time[-1]:.6g} s{zero_of_times(record)}; move the window inside"
+            f"{begin:.6g} to {begin + record.time[-1]:.6g} s{zero_of_times(record)}; "
+            f"{'widen the window' if inside else 'move the window inside'}"
         )
     columns = {name: values[first:last] for name, values in record.columns().items()}
     steps = [

@@ -156,16 +156,17 @@ def fit_and_report(
 ) -> Fit:
     """Fit a scene with progress, write its folder whole, say the summary."""
     from identify.base.compiled import keep
-    from identify.cli.folder import result_folder
+    from identify.cli.folder import result_folder, stamp
     from identify.cli.progress import Progress
     from identify.identification import fit
     from identify.report import write_report
     from identify.report.summary import summary
     from identify.shooting.accuracy import DEFAULT_OPTIONS
 
+    before = stamp(out)
     with Progress(terminal.notes, terminal.progress) as progress:
         outcome = fit(scene, progress=progress, starts=starts, asked=asked or DEFAULT_OPTIONS)
-        with result_folder(out) as folder:
+        with result_folder(out, since=before) as folder:
             progress("writing the report")
             write_report(outcome, folder)
     keep()  # the next fit of this kind finds its functions compiled

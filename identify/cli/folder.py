@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import tempfile
@@ -9,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from identify.cli.common import CommandLineError
 from identify.cli.interrupt import check_interrupted, unfinished
@@ -80,15 +82,30 @@ def _holds_a_result(folder: Path, kind: Kind) -> bool:
     return isinstance(document, dict) and "schema" in document and "status" in document
 
 
+Stamp = tuple[int, int] | None
+
+
+def stamp(out: Path) -> Stamp:
+    """What tells a folder from another one of its name; None where there is none."""
+    try:
+        told = out.stat()
+    except OSError:
+        return None
+    return told.st_dev, told.st_ino
+
+
 @contextmanager
-def result_folder(out: Path, kind: Kind = RESULT) -> Iterator[Path]:
+def result_folder(out: Path, kind: Kind = RESULT, since: Stamp | Literal["now"] = "now") -> Iterator[Path]:
     """A temporary folder beside `out` to write into; it takes the place of `out` when all went well.
 
+    since: the stamp that `out` had when the work began; what another command wrote there since is not replaced.
+
     Raises:
-        CommandLineError: `out` must not be replaced.
+        CommandLineError: `out` must not be replaced; a result that was written is then kept beside it.
     """
     check_replaceable(out, kind)
     out = Path(os.path.realpath(out))
+    before = stamp(out) if since == "now" else since
     out.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".part", dir=out.parent))
     with unfinished(temporary):
@@ -96,6 +113,12 @@ def result_folder(out: Path, kind: Kind = RESULT) -> Iterator[Path]:
         fresh.mkdir()
         yield fresh
         check_interrupted()
+        if stamp(out) != before:
+            free = next(f for i in itertools.count(2) if not (f := out.with_name(f"{out.name}-{i}")).exists())
+            fresh.rename(free)
+            raise CommandLineError(
+                f"--out {out.name}: another command has written there meanwhile; this result stands in {free}"
+            )
         _swap(fresh, out, temporary / "before")
 
 

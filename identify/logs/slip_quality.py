@@ -22,6 +22,7 @@ FEWEST_SLIPS = 4
 FEWEST_SAMPLES = 5.0  # per slip: with fewer, its shape is not seen
 BEFORE, AFTER = 1.0, 2.0  # of a slip, that are looked at about its middle
 OF_STICK = 0.6  # of a stick, that may follow the slip
+SLOWEST = 1.0  # interval of samples [s]: of stick-slip, a slower one may be that of a wrong unit
 PER_SAMPLE = 2  # points of the mean slip
 MOST_CYCLES = 60  # that are compared with a sine
 MOST_SAMPLES = 1000  # of each of them
@@ -316,18 +317,24 @@ def _spikes(part: RecordPart, limits: Thresholds) -> Finding | None:
     return Finding("spikes", severity or "info", text + advice)
 
 
+def _faster(wanted: float, held: float) -> str:
+    return f"{max(wanted / max(held, 0.1), 1.1):.2g} times as fast"
+
+
 def _samples(found: Segmentation, limits: Thresholds) -> list[Finding]:
     notes = []
     if found.count and (severity := limits.severity("samples_per_slip", found.samples_per_slip)):
         text = (
             f"a slip holds {found.samples_per_slip:.2g} samples: what depends on fast sliding, a and delta_mu_k, is "
-            f"hardly told; sample {limits['samples_per_slip'] / max(found.samples_per_slip, 0.1):.2g} times as fast"
+            f"hardly told; sample {_faster(limits['samples_per_slip'], found.samples_per_slip)}"
         )
+        if found.sample_interval > SLOWEST:
+            text += f", or check the unit of the time: rows are {found.sample_interval:.3g} s apart"
         notes.append(Finding("samples_per_slip", severity, text))
     if found.count > 1 and (severity := limits.severity("samples_per_cycle", found.samples_per_cycle)):
         text = (
             f"a cycle of stick and slip holds {found.samples_per_cycle:.2g} samples; sample "
-            f"{limits['samples_per_cycle'] / max(found.samples_per_cycle, 0.1):.2g} times as fast"
+            f"{_faster(limits['samples_per_cycle'], found.samples_per_cycle)}"
         )
         notes.append(Finding("samples_per_cycle", severity, text))
     return notes
