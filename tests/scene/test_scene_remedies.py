@@ -169,7 +169,7 @@ def _file_cases(folder):
     yield lambda: Scene.from_toml(folder / "none.toml"), "give an existing one", good
     yield written(GOOD.encode("utf-16")), "save the scene file as UTF-8", good
     yield written(GOOD.replace("[rig]", "[rig")), "mend that line", good
-    for name in (r"C:\Users\me\slow.csv", r"C:\new\slow.csv"):
+    for name in (r"C:\Users\me\slow.csv", r"C:\new\slow.csv", r"C:\new\table.csv"):
         text = re.sub(r'path = "[^"]*"', lambda _, name=name: f'path = "{name}"', GOOD, count=1)
         yield written(text), "write paths of Windows within '", written(text.replace(f'"{name}"', f"'{name}'"))
     yield written('{"schema": 1, "status": "converged"}'), "it is a result of stickslip fit", good
@@ -210,6 +210,7 @@ def _file_cases(folder):
         lambda: LogEntry(log, drive_speed=1e-3),
     )
     yield lambda: Initial(gamma=2.0), "between 0 and 1", lambda: Initial(gamma=1.0)
+    yield lambda: Scene.of(3), "expected a Scene, the path of a scene file, or its tables", lambda: Scene.of(scene)
 
 
 def test_a_refused_file_or_override_is_taken_with_the_remedy_that_is_named(tmp_path):
