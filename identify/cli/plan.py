@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from identify.base.errors import IdentifyError
 from identify.cli.common import NOT_SUCCEEDED, Answer, CommandLineError, Terminal, file_to_write, positives
 
 if TYPE_CHECKING:
@@ -47,9 +48,9 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     from data_io.atomic import atomic_write
     from identify.bench.plan_words import plan_document, plan_text, stated_drives, step_table
 
-    made, source = _planned(arguments, choices)
+    made, source, existing = _planned(arguments, choices)
     terminal.say(plan_text(made, source))
-    document = plan_document(made) | {"source": source}
+    document = plan_document(made) | {"source": source} | ({"existing_result": str(existing)} if existing else {})
     if out is not None and made.logs:
         with atomic_write(out) as handle:
             handle.write(step_table(made))
@@ -62,8 +63,9 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     return Answer(0 if enough else NOT_SUCCEEDED, {"status": "done" if enough else "nothing_to_add", **document})
 
 
-def _planned(arguments: Namespace, choices: Choices) -> tuple[RecordingPlan, str]:
-    """The plan of a fit, or of a scene with what its logs are expected to tell; and what it is of, in a sentence.
+def _planned(arguments: Namespace, choices: Choices) -> tuple[RecordingPlan, str, Path | None]:
+    """The plan of a fit, or of a scene with what its logs are expected to tell; what it is of, in a sentence; and the
+    result that stands beside the scene.
 
     A fit of the scene as it stands takes the place of its values.
 
@@ -81,27 +83,30 @@ def _planned(arguments: Namespace, choices: Choices) -> tuple[RecordingPlan, str
         result = read_result(Path(arguments.source))
         if not result.converged:
             raise CommandLineError(f"{arguments.source} tells no pair ({result.message}); plan from the scene instead")
-        return plan(scene_of(result, arguments.source), (), choices, result), ""
+        return plan(scene_of(result, arguments.source), (), choices, result), "", None
     scene, source = Scene.from_toml(arguments.source, arguments.set), ""
     path = existing_result(scene)
     if path is not None:
-        result = read_result(path)
-        fitted = scene_of(result, path)
-        why = _why_unused(result, fitted, scene)
+        try:
+            result = read_result(path)
+            fitted = scene_of(result, path)
+            why = _why_unused(result, fitted, scene)
+        except IdentifyError as error:  # no result, or one of another version
+            why = str(error)
         if not why:
             if scene.rig.normal_force and not choices.loads:
                 choices = replace(choices, loads=(scene.rig.normal_force,))
             made = plan(replace(fitted, rig=scene.rig), (), choices, result)
-            return made, f"From the fit of this scene in {path}."
+            return made, f"From the fit of this scene in {path}.", path
         source = f"The fit in {path} is not used: {why}."
     if not scene.logs:
-        return plan(scene, (), choices), source
+        return plan(scene, (), choices), source, path
     prepared = prepare_scene(*with_records(scene, None))
     logs = [log for log in prepared.logs if log.left_out is None]
     source = (
         source or "The logs of this scene are not fitted yet: fit them first, and the plan starts from their result."
     )
-    return plan(prepared.scene, logs, choices), source
+    return plan(prepared.scene, logs, choices), source, path
 
 
 def _why_unused(result: Result, fitted: Scene, scene: Scene) -> str:

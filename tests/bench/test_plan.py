@@ -141,7 +141,8 @@ def test_a_fit_that_does_not_stand_for_the_scene_is_offered_not_used(tmp_path, m
     (folder / "result.json").write_text(as_json(fit.result))
     assert cli.main(["plan", "pair.toml", "--speed", "1 mm/s", "--hold", "1 s", "--json"]) in (0, 3)
     document = json.loads(capsys.readouterr().out)
-    assert why in document["source"] and document["measured"] == [] and "a" in document["assumed"]
+    assert why in document["source"] and document["existing_result"].endswith("result.json")
+    assert document["measured"] == [] and "a" in document["assumed"]
 
 
 def test_a_fit_that_chose_its_effects_stands_for_its_scene(tmp_path, monkeypatch, capsys):
