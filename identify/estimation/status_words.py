@@ -56,12 +56,6 @@ def untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status,
             "changes, are as stated, and mass, stiffness and damping; where the force does not change with the speed, "
             "take a window of one speed of each log"
         )
-    overdamped = next((zeta for log in taken if (zeta := 0.5 * log.rig.damping / log.rig.stiffness) > 1.0), None)
-    if overdamped is not None:
-        return Status.MODEL_MISFIT, (
-            f"no start reproduces the stick-slip of these logs: a damping ratio of {three_figures(overdamped)} lets no "
-            f"slip ring; where {three_figures(overdamped)} % is meant, state zeta = {three_figures(overdamped / 100.0)}"
-        )
     if taken:
         return Status.MODEL_MISFIT, (
             "no start reproduces the stick-slip of these logs: with this mass, stiffness and drive speed the model "
@@ -71,10 +65,6 @@ def untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status,
     # What is wrong with a log that is rejected, or of which all cycles are skipped, no other test would mend. One that
     # was stopped before its first slip says its own: recorded slower, it would slip later still.
     slower = ", and record slower, with a softer spring or at a higher load"
-    windows = [log for log in prepared if log.entry.window is not None]
-    if windows:
-        spans = ", ".join(f"{log.name} {three_figures(log.data.end - log.data.begin)} s" for log in windows)
-        return Status.NO_CYCLES, f"there is nothing to fit in the windows stated ({spans}): {reason}; take longer ones"
     remedy = slower if any(log.never_slips and not log.judgement.ends_loading for log in prepared) else ""
     if any(log.judgement.swapped for log in prepared):
         remedy = f"{remedy}; {EXCHANGE}"
