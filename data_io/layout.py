@@ -101,7 +101,8 @@ def _has_row_names(text: str, start: int, delimiter: str, header: Header) -> boo
     as R's write.table writes them."""
     if "time" not in header.roles:
         return False
-    rows = [split(line, delimiter) for _, line in itertools.islice(lines_from(text, start), _ROW_NAMES)]
+    own = BLANKS if delimiter == WIDE else delimiter
+    rows = [split(line, own) for _, line in itertools.islice(lines_from(text, start), _ROW_NAMES)]
     place = header.roles["time"] + 1
     if len(rows) < 2 or any(len(row) != len(header.names) + 1 or not is_number(row[place]) for row in rows):
         return False

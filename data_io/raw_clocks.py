@@ -67,7 +67,7 @@ def _counted_on(part: Part, clock: int) -> tuple[Part, list[Finding]]:
     time = part.columns[clock]
     change = np.diff(time)
     falls = np.flatnonzero(change < 0.0)
-    if not falls.size or falls.size * 2 > time.size:
+    if not falls.size or falls.size >= np.count_nonzero(change > 0.0):
         return part, []
     usual = float(np.median(thinned(change[change > 0.0])))
     for most in _COUNTS:
