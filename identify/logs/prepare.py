@@ -102,16 +102,19 @@ class Prepared:
         good = self.used if np.any(self.used) else np.ones(self.record.time.size, bool)
         return float(self.record.time[int(np.argmax(good))])
 
+    @property
+    def used_until(self) -> float:
+        """Time of the last sample that counts [s]: of a stroke, its end."""
+        return float(self.record.time[int(self.used.size - 1 - np.argmax(self.used[::-1]))])
+
     def share_from(self, since: float) -> float:
         """Which share of what counts of the record, by time, lies from `since` [s] on."""
-        end = float(self.record.time[int(self.used.size - 1 - np.argmax(self.used[::-1]))])
-        return max(end - since, 0.0) / max(end - self.segmented_from, 1e-300)
+        return max(self.used_until - since, 0.0) / max(self.used_until - self.segmented_from, 1e-300)
 
     @property
     def rests_on(self) -> str:
         """Which part of the record an answer rests on, in words; "" where it is nearly all of it."""
-        first = self.segmented_from
-        whole = self.share_from(first) * (float(self.record.time[-1]) - first)
+        whole = self.used_until - self.segmented_from
         share = (self.data.end - self.data.begin) / whole if whole > 0.0 else 1.0
         if share >= NEARLY_ALL:
             return ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from data_io import Record
 from identify import Scene, fit
 from identify.logs import prepare as preparing
+from identify.logs.parting import parted
 from identify.logs.prepare import prepare, settled_part
 from identify.logs.unknowns import from_scene
 
@@ -68,3 +70,16 @@ def test_without_the_scatter_of_the_record_the_interval_misses_it(monkeypatch: p
 def test_a_record_that_slides_throughout_counts_whole() -> None:
     message = fit(scene_of(), [two_levels(1.0)]).result["message"]
     assert message.startswith("from all of a.csv: sliding throughout: ") and "0.34 ±" in message
+
+
+def test_the_share_of_a_stroke_is_of_the_stroke_and_not_of_what_is_left_of_the_record() -> None:
+    """Three equal strokes that slide: none is told a third, or half, of the record."""
+    time = np.arange(6000) / 200.0
+    forth = (time // 10.0) % 2 == 0
+    force = np.where(forth, 3.4, -3.4) + 0.01 * np.random.default_rng(1).standard_normal(time.size)
+    scene, record = scene_of(), Record(time, np.full(time.size, 10.0), force)
+    entry = replace(scene.logs[0], drive_speed=((0.0, 1e-3), (10.0, -1e-3), (20.0, 1e-3)))
+    strokes, records = parted(replace(scene, logs=(entry,)), [record])
+    assert len(strokes.logs) == 3
+    for log, own in zip(strokes.logs, records, strict=True):
+        assert prepare(strokes, log, own, from_scene(strokes)).rests_on == ""
