@@ -12,7 +12,7 @@ from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.stages import of_which, stage
 from identify.estimation.goodness_of_fit import Gate, pass_gate
-from identify.logs.prepare import Prepared, cut_in_last_stick
+from identify.logs.prepare import Prepared, beginning, cut_in_last_stick
 from identify.logs.unknowns import Unknowns
 from identify.shooting.following import follow, glide
 from identify.shooting.grid import COARSE_GRID
@@ -29,6 +29,7 @@ CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for 
 OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver stalled
 BETTER = 2.0  # squares in noise variances by which another motion must fit better to be taken
 MOVES = 2  # how often the motion is simulated from an answer
+HORIZONS = (0.125, 0.25, 0.5, 1.0)  # shares of a course before it slides steadily, each solved from the one before
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,18 @@ def solve_placed(
     prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float = np.inf
 ) -> Attempt:
     """Solve from a start that is placed on some of the logs, one at least; then from the motion simulated at the
-    answer, where its sequence of phases is another one. The one that fits better is kept."""
+    answer, where its sequence of phases is another one; courses that are not met by way of their beginnings. The one
+    that fits better is kept."""
+    attempt = _moved(prepared, placed, unknowns, cost_cutoff)
+    courses = any(log.fit_mode.name == "continuous" for log in attempt.fitted_logs)
+    if attempt.gate.status is Status.CONVERGED or attempt.solved.solution.cost > cost_cutoff or not courses:
+        return attempt
+    extended = _by_horizons(prepared, attempt.log_numbers, unknowns)
+    return extended if extended is not None and _is_better(extended, attempt) else attempt
+
+
+def _moved(prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float) -> Attempt:
+    """Solve from a start, and from the motion simulated at the answer."""
     attempt = _solved(placed, unknowns, cost_cutoff)
     for _ in range(MOVES):
         solved = attempt.solved
@@ -98,6 +110,23 @@ def _is_better(other: Attempt, attempt: Attempt) -> bool:
     """Whether another motion is the one to take: of two the one that fits, else the one that fits clearly better."""
     converged = [a.gate.status is Status.CONVERGED for a in (other, attempt)]
     return converged[0] if converged[0] != converged[1] else other.excess < attempt.excess - BETTER
+
+
+def _by_horizons(prepared: list[Prepared], numbers: Sequence[int], unknowns: Unknowns) -> Attempt | None:
+    """Solve with short beginnings of the courses, then with longer ones, each from the answer before; None where a
+    beginning is not met. Parameters that are off make another sequence of sticks and slips in the long run, which no
+    solve leaves again; over a few of them it is that of the data."""
+    attempt: Attempt | None = None
+    for share in HORIZONS:
+        logs = [beginning(log, share) if log.fit_mode.name == "continuous" else log for log in prepared]
+        placed = place_on(logs, list(numbers), unknowns)
+        if len(placed) < len(numbers) or time_is_up():
+            return None
+        attempt = _moved(logs, placed, unknowns, np.inf)
+        if not abs(attempt.gate.chi2_per_sample - 1.0) < CREEPING:
+            return None
+        unknowns = replace(unknowns, start=attempt.solved.theta)
+    return attempt
 
 
 def _solved(placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float) -> Attempt:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.stages import stage
-from identify.estimation.attempt import place_on
-from identify.logs.prepare import Prepared
+from identify.estimation.attempt import HORIZONS, place_on
+from identify.logs.prepare import Prepared, beginning
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import quieted
 from identify.shooting.features import Features, extract, extract_one_by_one
@@ -29,8 +29,9 @@ MISSING = 1e6  # cost per residual of a log on which a start cannot be placed
 
 
 def ranked(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Array]) -> list[Start]:
-    """Thetas (n_p,) by the cost per residual of the motions that follow from them; those that can be placed on fewer
-    logs last, those that can on none left out."""
+    """Thetas (n_p,) by the cost per residual of the motions that follow from them, of courses by that of their first
+    beginning; those that can be placed on fewer logs last, those that can on none left out."""
+    prepared = [beginning(log, HORIZONS[0]) if log.fit_mode.name == "continuous" else log for log in prepared]
     out = []
     for theta in tried:
         at = replace(unknowns, start=theta)

@@ -369,6 +369,14 @@ def settled_part(prepared: Prepared) -> Prepared | None:
     return replace(prepared, data=data, fit_mode=replace(prepared.fit_mode, name="sliding"), pieces=())
 
 
+def beginning(prepared: Prepared, share: float) -> Prepared:
+    """The log cut to this share of what comes before it slides steadily; all of it for 1."""
+    data, settled = prepared.data, prepared.fit_mode.steady_since
+    changing = data.end if settled is None or not data.begin < settled < data.end else settled
+    end = data.begin + share * (changing - data.begin) if share < 1.0 else data.end
+    return replace(prepared, data=replace(data, end=end))
+
+
 def _as_sure_as_its_level(log: Prepared, data: LogData) -> LogData:
     """The data of a steady end, whose load counts as no surer than the level that it stands for: where less than half
     of what slides has settled, the rest of it slid at another."""
