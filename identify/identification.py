@@ -28,6 +28,7 @@ from identify.bench.next_log import Advice, advised, next_logs
 from identify.diagnosis.effect_choice import Choice
 from identify.diagnosis.explain import explain
 from identify.diagnosis.findings import Findings, against_data
+from identify.diagnosis.quantities import smoothed
 from identify.diagnosis.selection import choose_from_data
 from identify.effects import ALL
 from identify.estimation.agreement import largest_inflation
@@ -313,6 +314,8 @@ def _estimated(task: Task, sources: Sources, progress: Progress) -> tuple[list[P
     with stage("intervals"):
         progress("intervals", 0.9)
         findings = _quantified(task, prepared, attempt, left_out, progress)
+        if findings.status is Status.CONVERGED and findings.attempt and (average := smoothed(findings.attempt)):
+            return prepared, replace(findings, status=Status.MODEL_MISFIT, message=average)
         findings, better = explain(findings, task.scene, task.records, prepared, progress)
         if better is not None:  # another optimum of the same model
             left_out = {i: why for i, why in left_out.items() if i not in better.log_numbers}

@@ -175,6 +175,37 @@ def _width(log: LogData, curve: Array) -> int:
     return flat[0] | 1 if flat else 1
 
 
+EQUAL, NONE = 0.75, 0.25  # of the first increment: what those within an average are at least, those behind it at most
+SHOWS = 9.0  # squares in noise variances by which an average changes a curve: three standard deviations
+
+
+def smoothed(attempt: Attempt) -> str | None:
+    """A sentence where the noise of a log is that of a moving average which its curve would show, whatever the model
+    makes of it: a damping that is wrong by as much looks like one. None where no log is such.
+
+    Noise of an average over w samples has a triangular autocorrelation: the increments of the mean square of
+    differences are alike up to w and none behind it, while those of a lag or of noise with a memory fall off gradually.
+    """
+    for log, curve in zip(attempt.fitted_logs, attempt.solved.fitted, strict=True):
+        data = log.data
+        left = np.where(data.weight > 0.0, data.force - curve, np.nan)
+        squares = [float(np.nanmean((left[k:] - left[:-k]) ** 2)) for k in range(1, min(WIDEST, left.size // 2))]
+        rises = np.diff([0.0, *squares]) / squares[0]
+        width = int(np.argmax(rises < 0.5)) if np.any(rises < 0.5) else 1
+        behind = rises[width : width + 3]
+        if width < 3 or np.min(rises[:width]) < EQUAL or np.max(np.abs(behind)) > NONE:
+            continue
+        shown = np.where(np.isfinite(curve), curve, data.force)
+        change = np.where(np.isfinite(curve), _averaged(data, shown, width) - shown, 0.0)
+        if float(np.sum(data.weight * change**2)) > SHOWS:
+            return (
+                f"{log.name}: its noise is that of a moving average over {width} samples, which would change the force "
+                "by more than the noise, and the model takes every sample as measured by itself: "
+                f"{REMEDIES[AVERAGE]}"
+            )
+    return None
+
+
 def is_held(unknowns: Unknowns, attempt: Attempt, i: int) -> bool:
     """Whether parameter i is held at a value other than none: fixed, tied, or at a bound that the scene gives."""
     theta = attempt.solved.theta
