@@ -170,6 +170,8 @@ def _without_breaks(text: str) -> str:
     for i, line in enumerate(lines):
         if line.strip() and _is_numbers(line):
             break
+        if line.startswith("#"):  # a comment has no cells
+            continue
         below = lines[i + 1 : i + 1 + _MOST_BREAKS]
         for beyond, more in enumerate(below, 1):
             if not _OPEN_CELL.search(line):

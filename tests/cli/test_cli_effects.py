@@ -81,6 +81,7 @@ def test_wrong_scenes_end_in_one_sentence(scene_file, capsys):
         assert words in refused(capsys, "simulate", "--scene", path, *SIMULATE)
 
 
+@pytest.mark.slow
 def test_extrapolation_is_allowed_where_the_scene_says_so(scene_file, capsys):
     more = "[parameters]\nlowest_speed = '5 mm/s'"
     path = scene_file(["inertia", "power_law"], more, "extrapolate = ['power_law']")

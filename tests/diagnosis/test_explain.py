@@ -130,6 +130,7 @@ def test_a_wrong_speed_of_one_log_is_named_with_the_log(records):
     assert "in all logs" not in found.message.partition(" explains")[0]
 
 
+@pytest.mark.slow
 def test_a_wrong_load_of_one_log_is_named_with_the_log(records):
     """As the load of the one, or the other way round of the other: which of both, no data tell."""
     wrong = [replace(records[0], normal_force=1.03 * records[0].normal_force), records[1]]

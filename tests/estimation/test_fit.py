@@ -105,7 +105,7 @@ def test_curves_of_a_fit(demo):
         assert np.max(slip.sliding_speed) > 2 * curves.drive_speed
 
 
-@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("number", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_random_pairs_are_recovered(number):
     line = SAMPLES["usual"].one(number)
     assert line["right"] and not line["false"], line["message"]

@@ -80,7 +80,9 @@ def test_the_limit_is_that_of_one_parameter():
     assert pytest.approx(chi2.ppf(0.95, 1)) == CRITICAL
 
 
-@pytest.mark.parametrize("name", ["mu_k0", "D", "a", "mass"])
+@pytest.mark.parametrize(
+    "name", ["D", *(pytest.param(name, marks=pytest.mark.slow) for name in ("mu_k0", "a", "mass"))]
+)
 def test_at_both_ends_the_data_and_the_prior_object_as_they_should(pair, name):
     attempt, unknowns, sizes = pair
     index = unknowns.names.index(name)

@@ -55,6 +55,7 @@ def test_where_nothing_vibrates_the_answer_stands():
     assert room.multistart_around(first.attempt, first.prepared, first.unknowns) is first.attempt
 
 
+@pytest.mark.slow
 def test_starts_lie_around_a_neighbour_where_there_is_no_answer(monkeypatch):
     first = _first()
     assert first.attempt is not None

@@ -113,6 +113,7 @@ def _held(seed, holds, limit):
     return fit(scene, [Record(time, np.full(time.size, 1.0), force)]).result
 
 
+@pytest.mark.slow
 def test_a_hold_series_whose_sticks_scatter_by_half_a_percent_is_fitted():
     result = _held(5, tuple((t + 0.1, length) for t, length in HOLDS[:4]), 600.0)
     assert result["status"] == "converged", result["message"]

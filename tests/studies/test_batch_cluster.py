@@ -45,7 +45,7 @@ def cluster(folder, seconds=0.02, workers=2):
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": ROOT, "env": environment(seconds)}
     processes = [subprocess.Popen([*SCHEDULER, "--scheduler-file", str(told)], **quiet)]
     try:
-        wait_for(told.exists, 60)
+        wait_for(lambda: told.exists() and told.stat().st_size > 0, 60)  # it is made before it is filled
         command = [*WORKER, "--scheduler-file", str(told), "--local-directory", str(folder)]
         processes += [subprocess.Popen(command, **quiet) for _ in range(workers)]
         yield json.loads(told.read_text())["address"], processes
