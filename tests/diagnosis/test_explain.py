@@ -100,6 +100,7 @@ def test_a_wrong_mass_is_the_first_sentence_and_stands_in_the_result(case, one_t
     assert Result.from_dict(result).causes[0].number == 1
 
 
+@pytest.mark.slow
 def test_a_wrong_stiffness_is_named_with_what_looks_the_same(records):
     found = explained(scene(RIG | {"stiffness": 1764.0}), records)
     assert found.message.startswith("a stiffness of 1470 N/m instead of 1760 N/m, or ")
