@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 CRITICAL = chi_square(LEVEL, 1)  # of the likelihood ratio 2 (cost - smallest cost), one degree of freedom
 BETTER = 0.5  # by which 2 cost must be smaller for a point to count as lower than the answer
-REACH_LOG = 1.15 * float(np.log(WEAK))  # of a logarithm: farther off, a verdict asks for nothing more
+REACH_LOG = 3.0 * float(np.log(WEAK))  # of a logarithm: farther than a verdict asks, ends of others hang on open ones
 REACH_STEP, REACH_VALUE = 0.9, 1.05 * (1.0 - 1.0 / WEAK)  # of a coefficient: of mu_s - mu_k0, and of its own value
 CLOSE = 0.05  # of a side, by which an end is extrapolated
 FAR = 1.3  # of the root of the critical ratio: from a point no farther, an end is interpolated
