@@ -169,10 +169,15 @@ def _width(log: LogData, curve: Array) -> int:
     The mean square of the difference of samples k apart grows in proportion to k up to the width of an average, and no
     more from there; for white noise it does not grow at all, and for a slow misfit by little from one k to the next.
     """
+    small = np.flatnonzero(_increments(log, curve) < 0.5)
+    return int(small[0]) | 1 if small.size else 1
+
+
+def _increments(log: LogData, curve: Array) -> Array:
+    """By how much the mean square of the difference of residuals k apart grows with k = 1, 2, ..., over its first."""
     left = np.where(log.weight > 0.0, log.force - curve, np.nan)
     squares = [float(np.nanmean((left[k:] - left[:-k]) ** 2)) for k in range(1, min(WIDEST, left.size // 2))]
-    flat = [k for k in range(1, len(squares)) if squares[k] - squares[k - 1] < 0.5 * squares[0]]
-    return flat[0] | 1 if flat else 1
+    return np.asarray(np.diff([0.0, *squares]) / max([1e-300, *squares[:1]]))
 
 
 EQUAL, NONE = 0.75, 0.25  # of the first increment: what those within an average are at least, those behind it at most
@@ -188,15 +193,12 @@ def smoothed(attempt: Attempt) -> str | None:
     """
     for log, curve in zip(attempt.fitted_logs, attempt.solved.fitted, strict=True):
         data = log.data
-        left = np.where(data.weight > 0.0, data.force - curve, np.nan)
-        squares = [float(np.nanmean((left[k:] - left[:-k]) ** 2)) for k in range(1, min(WIDEST, left.size // 2))]
-        rises = np.diff([0.0, *squares]) / squares[0]
+        rises = _increments(data, curve)
         width = int(np.argmax(rises < 0.5)) if np.any(rises < 0.5) else 1
-        behind = rises[width : width + 3]
-        if width < 3 or np.min(rises[:width]) < EQUAL or np.max(np.abs(behind)) > NONE:
+        if width < 3 or np.min(rises[:width]) < EQUAL or np.max(np.abs(rises[width : width + 3])) > NONE:
             continue
         shown = np.where(np.isfinite(curve), curve, data.force)
-        change = np.where(np.isfinite(curve), _averaged(data, shown, width) - shown, 0.0)
+        change = np.where(np.isfinite(curve), _averaged(data, shown, width | 1) - shown, 0.0)
         if float(np.sum(data.weight * change**2)) > SHOWS:
             return (
                 f"{log.name}: its noise is that of a moving average over {width} samples, which would change the force "

@@ -24,7 +24,7 @@ def attempt_of(made):
     return SimpleNamespace(fitted_logs=(log,), solved=SimpleNamespace(fitted=[force]))
 
 
-@pytest.mark.parametrize("width", [3, 5, 11])
+@pytest.mark.parametrize("width", [3, 4, 5, 8, 11])
 def test_the_width_of_an_average_is_in_its_noise(width):
     told = smoothed(attempt_of(lambda white: np.convolve(white, np.ones(width) / width, "same")))
     assert told is not None and f"over {width} samples" in told
