@@ -1,6 +1,6 @@
-"""The page of hard cases (docs/hard_cases.md): each green against its truth from outside, or refused by name.
+"""The hard cases of the simulation: each green against its truth from outside, or refused by name.
 
-python experiments/run_hard_cases.py > docs/hard_cases.md
+python experiments/run_hard_cases.py
 """
 
 from __future__ import annotations

@@ -128,7 +128,7 @@ def test_the_page_of_thresholds_is_the_table(repository):
     for limit in LIMITS:
         row = f"| `{limit.name}` | {limit.value:g} | {limit.unit or '-'} | {limit.severity} | {limit.meaning} |"
         assert row in page, row
-    table = page.partition("## What is said besides")[0]
+    table = page.partition("## Findings")[0]
     assert table.count("| `") == len(LIMITS)
 
 
