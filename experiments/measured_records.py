@@ -25,10 +25,9 @@ from identify.logs.prepare import prepare
 from identify.logs.scene_records import with_records
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
-from identify.uneven.estimator import maximise
+from identify.uneven.estimator import mass_of, maximise, pooled_mass
 from identify.uneven.events import Sticks, sticks_of
 from identify.uneven.slip_functions import THETA
-from identify.uneven.transfer import mass_of, pooled_mass
 
 Array = NDArray[np.float64]
 
@@ -101,7 +100,7 @@ def main() -> None:
                     records.append(sticks)
                     maxima.append(maximum)
         together = pooled_mass(records, maxima)
-        chi_squared, freedom, chance = together.scatter[0]
+        chi_squared, freedom, chance = together.scatter or (0.0, 0, 1.0)
         value, low, high = (1e3 * number for number in (together.value, together.lower, together.upper))
         print(
             f"  one mass: {value:.1f} g ({low:.1f} to {high:.1f}), chi2 {chi_squared:.2f} for {freedom}, p {chance:.3f}"

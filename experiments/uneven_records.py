@@ -26,10 +26,9 @@ from identify.effects import MAIN
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
-from identify.uneven.estimator import maximise
+from identify.uneven.estimator import mass_of, maximise
 from identify.uneven.events import sticks_of
 from identify.uneven.slip_functions import THETA
-from identify.uneven.transfer import mass_of
 
 Array = NDArray[np.float64]
 

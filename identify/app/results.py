@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from identify.app.curves import MOST_POINTS, STRETCHES
 from identify.app.folder import Folder, PageError, read_json
 from identify.base.result import Result
-from identify.report.report_wording import NOT_FOR, distribution_lines, headline, is_uneven, odd_slips
+from identify.report.report_wording import NOT_FOR, distribution_lines, headline, is_uneven
 from identify.report.stored_result import plain
 from identify.report.summary import accuracy_text, tolerances_text
 
@@ -54,14 +54,13 @@ def fit_seen(folder: Folder, name: str) -> dict[str, Any]:
 
 
 def _uneven(result: Result) -> dict[str, Any]:
-    """Of a pair whose cycles differ: the headline and what it is not for, how peak, drop and period are spread, the odd
-    slips, strength over rest (of every stick, and the typical curve with its band)."""
+    """Of a pair whose cycles differ: the headline and what it is not for, how peak, drop and period are spread,
+    strength over rest (of every stick, and the typical curve with its band)."""
     document: Mapping[str, Any] = result.more
     return {
         "headline": headline(result),
         "not_for": NOT_FOR,
         "spread": list(distribution_lines(result)),
-        "odd": odd_slips(result),
         "sticks": [{key: cycles[key] for key in ("log", "rest_s", "strength")} for cycles in document["uneven_cycles"]],
         "typical": document["strength_against_rest"],
     }

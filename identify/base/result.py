@@ -420,17 +420,9 @@ class DistributionResult:
 
 
 @dataclass(frozen=True)
-class OddSlip:
-    """A slip (from 1) of a log (from 1) whose level changed by more than its wander explains."""
-
-    log: int
-    cycle: int
-
-
-@dataclass(frozen=True)
 class UnevenCycles:
     """What is known of every cycle of a log (from 1), one value each: onset and rest before it [s], force at the onset
-    and its drop [N], strength and level over the load, probability that it is odd."""
+    and its drop [N], strength and level over the load."""
 
     log: int
     cycle: tuple[int, ...]
@@ -440,7 +432,6 @@ class UnevenCycles:
     drop: tuple[float, ...]
     strength: tuple[float | None, ...]
     level: tuple[float | None, ...]
-    odd: tuple[float | None, ...]
 
 
 @dataclass(frozen=True)
@@ -459,7 +450,6 @@ class UnevenResult:
 
     distributions: Mapping[str, DistributionResult] = field(default_factory=dict)
     strength_against_rest: StrengthCurve | None = None
-    odd_slips: tuple[OddSlip, ...] = ()
     uneven_cycles: tuple[UnevenCycles, ...] = ()
 
     @staticmethod

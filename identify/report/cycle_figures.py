@@ -129,7 +129,7 @@ def _histogram(axes: Axes, values: Sequence[Array], unit: str, name: str) -> Non
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Uneven records: onsets and the slow level along a record with its odd slips, and strength against rest.
+# Uneven records: onsets and the slow level along a record, and strength against rest.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
@@ -140,9 +140,8 @@ def draw_uneven(uneven: UnevenResult) -> Iterator[tuple[int, Drawing]]:
 
 
 def _draw(cycles: UnevenCycles, curve: StrengthCurve | None) -> Drawing:
-    names = ("cycle", "onset_s", "rest_s", "onset", "drop", "strength", "level", "odd")
+    names = ("cycle", "onset_s", "rest_s", "onset", "drop", "strength", "level")
     column = {name: np.array(getattr(cycles, name), dtype=np.float64) for name in names}
-    odd = column["odd"] > 0.9
     figure = Figure(figsize=(WIDE, 3.0))
     grid = figure.add_gridspec(1, 2, width_ratios=(1.9, 1.0), left=0.06, right=0.992, top=0.9, bottom=0.16, wspace=0.18)
     along = figure.add_subplot(grid[0, 0])
@@ -151,10 +150,6 @@ def _draw(cycles: UnevenCycles, curve: StrengthCurve | None) -> Drawing:
     along.plot(time, column["onset"], "o", color=ONSET, markersize=3.4, label="onset")
     along.plot(time, column["onset"] - column["drop"], "o", color=ARREST, markersize=2.6, label="arrest")
     along.plot(time, column["level"], color=FITTED, linewidth=1.1, label="slow level")
-    if odd.any():
-        along.plot(time[odd], column["onset"][odd], "x", color="black", markersize=8, label="odd slip")
-        for number, x, y in zip(column["cycle"][odd], time[odd], column["onset"][odd], strict=True):
-            along.annotate(f"{number:.0f}", (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7.5)
     headroom(along, 0.12)
     along.legend(loc="upper left", ncols=4)
     frame(along, "time (s)", "", "friction over load")
@@ -168,14 +163,13 @@ def _draw(cycles: UnevenCycles, curve: StrengthCurve | None) -> Drawing:
     against.set_ylim(bottom=0.0)
     against.set_xlim(left=0.0)
     frame(against, "rest before the slip (s)", "", "strength over load")
-    numbered = "; odd slips are numbered: their level changed by more than the wander explains" if odd.any() else ""
     return Drawing(
         name=f"log_{cycles.log}_uneven",
         figure=figure,
         alt=f"Onsets, arrests and slow level of the {time.size} cycles of log {cycles.log}, and their strengths "
         "against the rest before them.",
-        caption="Left: friction over the load at onsets and arrests, and the slow level that the cycles follow"
-        f"{numbered}. Right: strength of every stick "
+        caption="Left: friction over the load at onsets and arrests, and the slow level that the cycles follow. Right: "
+        "strength of every stick "
         "(onset above the slow level) against its rest; line and band: the usual strength, within the rests seen. A "
         "stick is long because the spot was strong, so the points rise more steeply than the line.",
         wide=True,

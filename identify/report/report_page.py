@@ -46,7 +46,6 @@ from identify.report.report_wording import (
     TIMING_WORDS,
     distribution_lines,
     is_uneven,
-    odd_slips,
     plain_symbol,
     solver_words,
     with_group,
@@ -107,7 +106,7 @@ def banner(result: Result) -> Banner:
     words = STATUS[Status(result.status)]
     if is_uneven(result):
         rests_on = result.message.split("; ")[0]
-        message = f"{rests_on[0].upper()}{rests_on[1:]}. {NOT_FOR} {DRAWN} {odd_slips(result)}".strip()
+        message = f"{rests_on[0].upper()}{rests_on[1:]}. {NOT_FOR} {DRAWN}"
         return Banner("fair", "described cycle by cycle", headline_of(result), message, _tiles(result))
     kind, headline = ("good", words.headline) if result.converged else ("bad", words.headline)
     doubtful = [name for name, entry in result.parameters.items() if entry.verdict in ("not identifiable", "at bound")]

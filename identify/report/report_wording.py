@@ -259,13 +259,3 @@ def distribution_lines(result: Result) -> Iterator[tuple[str, str, str]]:
 def _range(entry: DistributionResult, unit: str) -> str:
     low, high = (quantity(entry.quantiles[q].value, unit, 2) for q in ("5", "95"))
     return f"{low} to {high}"
-
-
-def odd_slips(result: Result) -> str:
-    """The odd slips by number; "" where there is none."""
-    odd = UnevenResult.of(result).odd_slips
-    if not odd:
-        return ""
-    many = len({slip.log for slip in odd}) > 1
-    named = ", ".join(f"{slip.cycle} of log {slip.log}" if many else str(slip.cycle) for slip in odd)
-    return f"Odd slips, whose level changed by more than the wander explains: cycle {named}."

@@ -8,7 +8,7 @@ from identify.base.result import AccuracyResult, LevelCost, Result, ToleranceRes
 from identify.base.wording import columns, wrapped
 from identify.estimation.tolerances import TOLERANCE_WORDS
 from identify.report.report_tables import parameter_table
-from identify.report.report_wording import NOT_FOR, distribution_lines, is_uneven, odd_slips
+from identify.report.report_wording import NOT_FOR, distribution_lines, is_uneven
 
 
 def summary(result: Result) -> str:
@@ -33,7 +33,7 @@ def _lines(result: Result) -> Iterator[str]:
         if spreads := [list(line) for line in distribution_lines(result)]:
             yield columns([["", "median (95 % interval)", "nine of ten drawn cycles"], *spreads])
             yield ""
-        yield from (wrapped(line, "  ") for line in (odd_slips(result), NOT_FOR) if line)
+        yield wrapped(NOT_FOR, "  ")
         yield ""
     if result.effects.chosen == "auto":
         yield wrapped(f"effects chosen: {', '.join(result.effects.names)}", "  ")

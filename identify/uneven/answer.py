@@ -1,4 +1,4 @@
-"""The estimator of uneven records: from prepared logs to what is told of the pair, with verdicts and reasons."""
+"""The estimator of uneven records: from prepared logs to parameters of the pair, with verdicts and reasons."""
 
 from __future__ import annotations
 
@@ -20,25 +20,34 @@ from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS
 from identify.scene import Scene
 from identify.uneven import wording
-from identify.uneven.drawn import Begin, Distribution, drawn_distributions
-from identify.uneven.estimator import Maximum, Objective, maximise
-from identify.uneven.events import Sticks, of_one_body, sticks_of
+from identify.uneven.drawn import Begin, drawn_distributions
+from identify.uneven.estimator import (
+    APART,
+    LAW,
+    Mass,
+    Maximum,
+    Objective,
+    agreement,
+    mass_of,
+    maximise,
+    pooled_mass,
+)
+from identify.uneven.events import LEAST_SAMPLES, Sticks, of_one_body, sticks_of
 from identify.uneven.likelihood import Cycles, Likelihood
-from identify.uneven.slip_functions import LAW, PARAMETERS, THETA, slip_functions
-from identify.uneven.transfer import APART, Mass, agreement, alone, mass_of, pooled_mass
-from identify.uneven.transfer import left_out as left_out_in_turn
+from identify.uneven.slip_functions import PARAMETERS, THETA, slip_functions
 
 Array = NDArray[np.float64]
 
-SCALES = ("strength", "strength_scatter", "weakening_length", "level_wander", "level_roughness")  # told as logarithms
-FEWEST = 12  # cycles of a log from which scatter and wander are told
+SCALES = ("strength", "strength_scatter", "weakening_length", "level_wander", "level_roughness")  # pooled as logarithms
+FEWEST = 12  # cycles of a log for an estimate of scatter and wander
 IDENTIFIED, WEAK = 1.2, 3.0  # factors within which both ends of an interval lie
 LARGEST_SCATTER = 0.6  # of the logarithm of the strength: beyond it the law of a stick is none
-ODD_FROM = 0.9  # probability from which a slip is named odd
-VELOCITY_LAW = "velocity law"  # role of the effects by which kinetic friction depends on velocity
-USED = {*LAW, "friction_heterogeneity", "varying_normal_force", "skin_compliance"}  # effects that are followed
 CREEP_REACH = 3.0  # logarithm of creep time over typical rest, or its inverse, beyond which none is looked for
 AT_RESTS = 25  # places of the curve of strength against rest
+USED = {  # effects that are followed
+    *("inertia", "hysteresis_damping", "contact_ageing", "friction_heterogeneity", "varying_normal_force"),
+    "skin_compliance",
+}
 # Unit, weights of entries of theta in its logarithm, and the power of the stiffness with which it goes.
 QUANTITIES: Mapping[str, tuple[str, Mapping[str, float], float]] = {
     "strength": ("", {"strength": 1.0}, 0.0),
@@ -49,13 +58,12 @@ QUANTITIES: Mapping[str, tuple[str, Mapping[str, float], float]] = {
     "level_roughness": ("", {"level_roughness": 1.0}, 0.0),
     "damping": ("N/m", {"damping": 1.0}, 1.0),
 }
-BY_SLIPS = ("weakening_length", "mass", "damping")  # only the course of a slip tells them
 BY_LAW = ("strength", "strength_scatter", "weakening_length")
 
 
 @dataclass(frozen=True)
 class UnevenLog:
-    """One log as the estimator saw it: number (from 0), sticks and slips, what the likelihood finds of them."""
+    """One log of an estimate: number (from 0), sticks and slips, what the likelihood makes of them."""
 
     number: int
     log: Prepared
@@ -72,19 +80,22 @@ class UnevenEstimator:
     def estimate(self, task: EstimationTask) -> Estimated:
         """Strength, its scatter, weakening length, mass, wander and roughness of the level, creep time as a bound, and
         distributions of static peak, drop and period."""
-        left_out = {i: log.left_out for i, log in enumerate(task.logs) if log.left_out is not None}
+        left_out: dict[int, str] = {}
         taken: list[tuple[int, Sticks]] = []
         for number, log in enumerate(task.logs):
-            if number in left_out:
-                continue
-            reason: str | None = wording.not_cycling(log.name) if log.fit_mode.name != "cycles" else None
-            sticks = None if reason else sticks_of(log, in_series=bool(task.unknowns.model.series_state))
-            if sticks is not None and sticks.count < FEWEST:
-                reason = wording.too_few(log.name, sticks.count, log.segmentation.count, FEWEST)
-            if reason is None and sticks is not None:
-                taken.append((number, sticks))
-            else:
+            sticks, reason = None, log.left_out
+            if reason is None and log.fit_mode.name != "cycles":
+                reason = wording.not_cycling(log.name)
+            elif reason is None and log.segmentation.samples_per_slip < LEAST_SAMPLES:
+                reason = wording.not_resolved(log.name, log.segmentation.samples_per_slip, LEAST_SAMPLES)
+            elif reason is None:
+                sticks = sticks_of(log, in_series=bool(task.unknowns.model.series_state))
+                if sticks.count < FEWEST:
+                    reason = wording.too_few(log.name, sticks.count, log.segmentation.count, FEWEST)
+            if sticks is None or reason is not None:
                 left_out[number] = reason or ""
+            else:
+                taken.append((number, sticks))
         if not taken:
             return Estimated(Status.NO_CYCLES, "; ".join(left_out.values()), (), left_out=left_out)
         task.progress("cycles that differ", 0.6)
@@ -96,11 +107,11 @@ class UnevenEstimator:
                 no_time_for(wording.DESCRIBED)
             why = wording.NO_MAXIMUM if maximum.in_time else wording.CUT_SHORT
             return Estimated(Status.SOLVER_FAILED, why, (), left_out=left_out)
-        seen = [
+        logs = [
             UnevenLog(number, task.logs[number], sticks, Likelihood(sticks, nodes)(maximum.theta))
             for (number, _), sticks, nodes in zip(taken, records, maximum.nodes, strict=True)
         ]
-        return described(seen, maximum, task, stated, left_out)
+        return described(logs, maximum, task, stated, left_out)
 
 
 def stated_rig(scene: Scene, unknowns: Unknowns) -> dict[str, tuple[float, float]]:
@@ -117,92 +128,88 @@ def stated_rig(scene: Scene, unknowns: Unknowns) -> dict[str, tuple[float, float
 
 
 def described(
-    seen: Sequence[UnevenLog],
+    logs: Sequence[UnevenLog],
     maximum: Maximum,
     task: EstimationTask,
     stated: Mapping[str, tuple[float, float]],
     left_out: Mapping[int, str],
 ) -> Estimated:
     """What follows from the maximum of the posterior, quantity by quantity."""
-    records, rest = [s.sticks for s in seen], seen[0].sticks.usual_rest
-    maxima = alone(records, maximum, stated) if len(seen) > 1 and in_time(wording.COMPARED) else []
-    if not all(m.in_time for m in maxima):
-        no_time_for(wording.COMPARED)
-    if not all(m.in_time and m.converged for m in maxima):
-        maxima = []
-    transfer = left_out_in_turn([s.number for s in seen], records, maxima, stated, task.seed) if maxima else []
+    records, rest = [log.sticks for log in logs], logs[0].sticks.usual_rest
+    maxima: list[Maximum] = []
+    if len(logs) > 1 and in_time(wording.COMPARED):
+        maxima = [maximise([sticks], stated, maximum.theta) for sticks in records]
+        if not all(m.in_time for m in maxima):
+            no_time_for(wording.COMPARED)
+        maxima = maxima if all(m.in_time and m.converged for m in maxima) else []
     mass = pooled_mass(records, maxima) if maxima else mass_of(maximum, records[0].rig.error)
-    apart = _apart(seen, maxima) if maxima and agreement(maximum, maxima) < APART else ""
+    apart = _apart(logs, maxima) if maxima and agreement(maximum, maxima) < APART else ""
     withheld = apart or why_withheld(maximum, records)
     refused = dict.fromkeys(set(QUANTITIES) - {"mass"} if apart else BY_LAW, withheld) if withheld else {}
-    if not any(sticks.resolved for sticks in records):
-        refused |= dict.fromkeys(BY_SLIPS, wording.NOT_FOLLOWED)
-    if not mass.shared:
-        refused["mass"] = wording.no_one_mass(*mass.scatter[0])
-    creep = creep_interval(records, maximum) if not withheld and in_time(wording.CREEP) else (None, None)
-    untold = withheld or ("" if in_time(wording.CREEP) else wording.CUT_SHORT)
+    if mass.scatter and mass.scatter[-1] < APART:
+        refused["mass"] = wording.no_one_mass(*mass.scatter)
     own, names, covariance = _quantities(maximum, records, mass, refused, bool(withheld))
-    distributions: dict[str, Any] = {}
-    curve = None
-    if not withheld and in_time(wording.DRAWN):
-        drawn = [_drawn(s, maximum, task.seed) for s in seen]
-        distributions = {d.name: d.to_dict() for d in drawn[0]}
-        curve = strength_against_rest(maximum, records)
+    creep_told = not withheld and in_time(wording.CREEP)
+    creep = creep_interval(records, maximum) if creep_told else (None, None)
+    drawn = not withheld and in_time(wording.DRAWN)
+    none = {"reason": withheld or wording.CUT_SHORT}
     more = {
-        "distributions": distributions or {"reason": withheld or wording.CUT_SHORT},
-        "strength_against_rest": curve or {"reason": withheld or wording.CUT_SHORT},
-        "odd_slips": [{"log": s.number + 1, "cycle": int(c)} for s in seen for c in _odd(s)],
+        "distributions": _distributions(logs[0], maximum, task.seed) if drawn else none,
+        "strength_against_rest": strength_against_rest(maximum, records) if drawn else none,
         "log_likelihood": maximum.log_likelihood,
         "starts": [value if np.isfinite(value) else None for value in maximum.starts],
-        "uneven_cycles": [_cycle_table(s) for s in seen],
-        "transfer": [t.to_dict() for t in transfer],
-        "mass_homogeneity": mass.to_dict() if mass.each else {"reason": wording.ONE_RECORD},
+        "uneven_cycles": [_cycle_table(log) for log in logs],
+        "mass_homogeneity": _homogeneity(mass) or {"reason": wording.ONE_RECORD},
     }
-    logs = [s.log for s in seen]
+    velocity_laws = {effect.name for effect in ALL if effect.role == "velocity law"}
+    unused = [name for name in task.unknowns.model.effects if name not in USED]
+    bounded = [name for name in RIG_PARAMETERS if name in task.scene.parameters and name not in stated]
+    prepared = [log.log for log in logs]
+    untold = withheld or ("" if creep_told else wording.CUT_SHORT)
+    by_speed = not velocity_laws.isdisjoint(task.unknowns.model.effects)
     return Estimated(
         status=Status.CONVERGED,
-        message=wording.answered(logs, sum(s.sticks.count for s in seen), withheld),
-        estimates=[*own, *_of_a_uniform_pair(task.unknowns, creep, rest, untold)],
+        message=wording.answered(prepared, sum(sticks.count for sticks in records), withheld),
+        estimates=[*own, *_of_a_uniform_pair(task.unknowns, _creep_estimate(creep, rest, by_speed), untold)],
         names=names,
         covariance=covariance,
         curves=[None for _ in task.logs],
         left_out=left_out,
         more=more,
         notes=[
-            *wording.notes(logs, records, None if "mass" in refused else (mass.value, mass.lower, mass.upper)),
-            *wording.of_bounds(
-                [name for name in RIG_PARAMETERS if name in task.scene.parameters and name not in stated]
-            ),
-            *wording.of_effects([name for name in task.unknowns.model.effects if name not in USED], _velocity_laws()),
-            *(wording.one_mass([log.name for log in logs], mass.each, *scatter) for scatter in mass.scatter),
-            *(wording.transferred(task.logs[t.number].name, t.drive_speed, t.holds) for t in transfer),
+            *wording.notes(prepared, records, None if "mass" in refused else (mass.value, mass.lower, mass.upper)),
+            *wording.of_scene(bounded, unused, velocity_laws),
+            *([wording.one_mass([log.name for log in prepared], mass.each, *mass.scatter)] if mass.scatter else []),
+            wording.EXTRAPOLATED,
         ],
     )
 
 
-def _velocity_laws() -> set[str]:
-    """Effects by which kinetic friction depends on velocity."""
-    return {effect.name for effect in ALL if effect.role == VELOCITY_LAW}
-
-
-def _apart(seen: Sequence[UnevenLog], maxima: Sequence[Maximum]) -> str:
+def _apart(logs: Sequence[UnevenLog], maxima: Sequence[Maximum]) -> str:
     """A sentence on records that do not share their parameters."""
     values = []
-    for s, maximum in zip(seen, maxima, strict=True):
+    for log, maximum in zip(logs, maxima, strict=True):
         strength, weakening = np.exp(maximum.theta[:2]).tolist()
-        values.append((s.log.name, strength, strength / weakening, float(np.sqrt(maximum.covariance[0, 0]))))
+        values.append((log.log.name, strength, strength / weakening, float(np.sqrt(maximum.covariance[0, 0]))))
     return wording.apart(values)
 
 
+def _homogeneity(mass: Mass) -> dict[str, Any] | None:
+    """As in `mass_homogeneity` of result.json."""
+    if not mass.scatter:
+        return None
+    each = [{"value": value, "interval": [low, high]} for value, low, high in mass.each]
+    names = ("chi2", "degrees_of_freedom", "probability")
+    return {"masses": each, **dict(zip(names, mass.scatter, strict=True))}
+
+
 def why_withheld(maximum: Maximum, records: Sequence[Sticks]) -> str:
-    """Why strength and weakening length are not told; "" where they are. How fast it weakens tells that only where the
-    slips of some record are followed: else the strength is what onset and arrest leave, however fast."""
-    values = dict(zip(PARAMETERS, np.exp(maximum.theta[: len(PARAMETERS)]), strict=True))
-    followed = [sticks for sticks in records if sticks.resolved]
-    if followed and values["weakening_rate"] < max(sticks.rig.stiffness for sticks in followed):
+    """Why strength and weakening length are not given; "" where they are."""
+    values = dict(zip(PARAMETERS, np.exp(maximum.theta[:LAW]), strict=True))
+    if values["weakening_rate"] < max(sticks.rig.stiffness for sticks in records):
         return wording.SLOWER_THAN_SPRING
     length = values["strength"] / values["weakening_rate"]
-    if followed and length < min(sticks.noise / sticks.rig.stiffness for sticks in followed):
+    if length < min(sticks.noise / sticks.rig.stiffness for sticks in records):
         return wording.lost_at_once(length)
     if values["strength_scatter"] > LARGEST_SCATTER:
         return wording.scatters_too_much(values["strength_scatter"])
@@ -215,14 +222,12 @@ def _quantities(
     """The estimates of this estimator, and names and covariance [SI] of those with a standard error.
 
     Args:
-        refused: why a quantity is not told, by its name.
-        withheld: whether the law is: a mass without it is known from no more than the time of a slip.
+        refused: why a quantity has no value, by its name.
+        withheld: whether the law has none: a mass without it is known from no more than the time of a slip.
     """
     rig, rest = records[0].rig, records[0].usual_rest
-    stiffness = rig.stiffness * rig.load
-    factor = float(np.exp(NORMAL * rig.error))
-    ends = stiffness / factor, stiffness * factor
-    estimates = [_estimate("stiffness", "N/m", stiffness, ends, rig.error, "", rest)]
+    stiffness, factor = rig.stiffness * rig.load, float(np.exp(NORMAL * rig.error))
+    estimates = [_estimate("stiffness", "N/m", stiffness, (stiffness / factor, stiffness * factor), rig.error, rest)]
     names, errors = [], []
     for name, (unit, weights, power) in QUANTITIES.items():
         row = np.array([weights.get(entry, 0.0) for entry in THETA])
@@ -233,7 +238,10 @@ def _quantities(
         if name == "mass":
             value, low, high = mass.value, mass.lower, mass.upper
         sd = float(np.log(high / low)) / (2.0 * maximum.quantile)
-        estimate = _estimate(name, unit, value, (low, high), sd, refused.get(name, ""), rest)
+        if name in refused:
+            estimate = _untold(name, unit, refused[name])
+        else:
+            estimate = _estimate(name, unit, value, (low, high), sd, rest)
         if name == "mass" and withheld and estimate.verdict == "identified":
             estimate = replace(estimate, verdict="weak", reason=wording.reason(name, "weak", rest))
         estimates.append(estimate)
@@ -244,12 +252,12 @@ def _quantities(
     return estimates, names, matrix @ maximum.covariance @ matrix.T
 
 
-def _estimate(
-    name: str, unit: str, value: float, ends: tuple[float, float], sd: float, refused: str, rest: float
-) -> Estimate:
+def _untold(name: str, unit: str, reason: str) -> Estimate:
+    return Estimate(name, unit, None, None, None, None, "not identifiable", reason)
+
+
+def _estimate(name: str, unit: str, value: float, ends: tuple[float, float], sd: float, rest: float) -> Estimate:
     """One quantity with the verdict that its interval earns; sd of its logarithm, typical rest [s]."""
-    if refused:
-        return Estimate(name, unit, None, None, None, None, "not identifiable", refused)
     low, high = ends
     widest = max(high / value, value / low)
     if widest <= WEAK:
@@ -257,72 +265,65 @@ def _estimate(
         return Estimate(name, unit, value, value * sd, low, high, verdict, wording.reason(name, verdict, rest))
     if name in ("level_wander", "level_roughness", "strength_scatter", "damping"):
         return Estimate(name, unit, None, None, None, high, "bounded", wording.reason(name, "bounded", rest))
-    return Estimate(
-        name, unit, None, None, None, None, "not identifiable", wording.reason(name, "not identifiable", rest)
-    )
+    return _untold(name, unit, wording.reason(name, "not identifiable", rest))
 
 
-def _of_a_uniform_pair(
-    unknowns: Unknowns, creep: tuple[float | None, float | None], rest: float, withheld: str
-) -> list[Estimate]:
+def _of_a_uniform_pair(unknowns: Unknowns, creep: Estimate, untold: str) -> list[Estimate]:
     """The parameters of a pair whose cycles are alike: without values, each with its reason; the creep time as far as
     the record bounds it."""
-    out = []
+    out, tied = [], {unknowns.names[j] for j, _, _ in unknowns.ties}
     for i, quantity in enumerate(unknowns.model.parameters):
         if quantity.name in RIG_PARAMETERS:
             continue
-        if not unknowns.free[i] and quantity.name not in {unknowns.names[j] for j, _, _ in unknowns.ties}:
+        if not unknowns.free[i] and quantity.name not in tied:
             value = float(unknowns.values(unknowns.start, np.where(unknowns.logarithmic, 1.0, 0.0))[i])
-            out.append(Estimate(quantity.name, quantity.unit, value, None, None, None, "fixed", wording.FIXED_NOT_USED))
-        elif quantity.name == "t_cr" and not withheld:
-            velocity_dependent = not _velocity_laws().isdisjoint(unknowns.model.effects)
-            out.append(_creep_estimate(creep, rest, velocity_dependent))
+            fixed = Estimate(quantity.name, quantity.unit, value, None, None, None, "fixed", wording.FIXED_NOT_USED)
+            out.append(fixed)
+        elif quantity.name == "t_cr":
+            out.append(_untold("t_cr", "s", untold) if untold else creep)
         else:
-            reason = withheld if quantity.name == "t_cr" else wording.of_a_uniform_pair(quantity.name)
-            out.append(Estimate(quantity.name, quantity.unit, None, None, None, None, "not identifiable", reason))
+            out.append(_untold(quantity.name, quantity.unit, wording.of_a_uniform_pair(quantity.name)))
     return out
 
 
 def creep_interval(records: Sequence[Sticks], maximum: Maximum) -> tuple[float | None, float | None]:
     """Ends of the 95 % interval of the creep time [s]; None on a side where a creep time CREEP_REACH away from the
-    typical rest is about as likely, whatever the curvature at the maximum says."""
+    typical rest is about as likely, whatever the curvature at the maximum is."""
     row, typical = np.eye(len(THETA))[THETA.index("t_cr")], float(np.log(records[0].usual_rest))
     objective = Objective(records, maximum.prior, maximum.nodes)
     out: list[float | None] = []
     for side, end in zip((-1.0, 1.0), maximum.interval(row), strict=True):
         beyond = np.where(row > 0.0, typical + side * CREEP_REACH, maximum.theta)
-        found = objective.climb(beyond, objective.free & (row == 0.0))
-        fallen = 2.0 * (maximum.log_likelihood - found.value + maximum.prior.logarithm(found.theta)[0])
-        bounded = fallen > chi_square(LEVEL, 1) and abs(end - typical) < CREEP_REACH
+        optimum = objective.climb(beyond, row == 0.0)
+        ratio = 2.0 * (maximum.log_likelihood - optimum.value + maximum.prior.logarithm(optimum.theta)[0])
+        bounded = ratio > chi_square(LEVEL, 1) and abs(end - typical) < CREEP_REACH
         out.append(float(np.exp(end)) if bounded else None)
     return out[0], out[1]
 
 
-def _creep_estimate(creep: tuple[float | None, float | None], rest: float, velocity_dependent: bool) -> Estimate:
-    """velocity_dependent: part of the strength may be lost to sliding speed instead of regained at rest. Then sticks
-    that are as strong as longer ones say nothing of how long it takes; that strength grows with rest bounds it yet."""
+def _creep_estimate(creep: tuple[float | None, float | None], rest: float, by_speed: bool) -> Estimate:
+    """by_speed: part of the strength may be lost to sliding speed instead of regained at rest. Then sticks that are as
+    strong as longer ones bound nothing; strength that grows with rest still bounds it from below."""
     low, high = creep
-    if velocity_dependent and high is not None:
-        if low is None:
-            why = wording.creep_if_rest_alone(high, rest)
-            return Estimate("t_cr", "s", None, None, None, None, "not identifiable", why)
+    reason = wording.creep(low, high, rest, by_speed)
+    if by_speed:
         high = None
     if low is None and high is None:
-        return Estimate("t_cr", "s", None, None, None, None, "not identifiable", wording.creep_untold(rest))
+        return _untold("t_cr", "s", reason)
     if low is None or high is None:
-        return Estimate("t_cr", "s", None, None, low, high, "bounded", wording.creep_bounded(low, high, rest))
+        return Estimate("t_cr", "s", None, None, low, high, "bounded", reason)
     value, factor = float(np.sqrt(low * high)), float(np.sqrt(high / low))
     if factor > WEAK:
-        return Estimate("t_cr", "s", None, None, low, high, "not identifiable", wording.creep_untold(rest))
-    verdict = "identified" if factor <= IDENTIFIED else "weak"
-    sd = float(np.log(factor)) / NORMAL
-    return Estimate("t_cr", "s", value, value * sd, low, high, verdict, wording.reason("t_cr", verdict, rest))
+        return Estimate("t_cr", "s", None, None, low, high, "not identifiable", wording.creep(None, None, rest, False))
+    return _estimate("t_cr", "s", value, (low, high), float(np.log(factor)) / NORMAL, rest)
 
 
-def _drawn(seen: UnevenLog, maximum: Maximum, seed: int) -> tuple[Distribution, Distribution, Distribution]:
-    sticks = seen.sticks
-    begin = Begin(seen.cycles.level_after, sticks.arrest, float(np.min(sticks.drop)), sticks.usual_rest)
-    return drawn_distributions(sticks.rig, begin, maximum.theta, maximum.covariance, seed)
+def _distributions(log: UnevenLog, maximum: Maximum, seed: int) -> dict[str, Any]:
+    """As in `distributions` of result.json, of the first log."""
+    sticks = log.sticks
+    begin = Begin(log.cycles.level_after, sticks.arrest, float(np.min(sticks.drop)), sticks.usual_rest)
+    drawn = drawn_distributions(sticks.rig, begin, maximum.theta, maximum.covariance, seed)
+    return {distribution.name: distribution.to_dict() for distribution in drawn}
 
 
 def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[str, Any]:
@@ -330,38 +331,28 @@ def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[s
     rests = np.concatenate([sticks.rest[np.isfinite(sticks.rest)] for sticks in records])
     shortest, longest = np.quantile(rests, (0.05, 0.95)).tolist()
     at = np.linspace(shortest, longest, AT_RESTS)
+    contact = np.column_stack([at, np.full(AT_RESTS, records[0].usual_rest), np.zeros(AT_RESTS)])
 
     def logarithm(theta: Array) -> Array:
-        contact = np.column_stack([at, np.full(AT_RESTS, records[0].usual_rest), np.zeros(AT_RESTS)])
         return np.log(slip_functions().aged([np.tile(theta, (AT_RESTS, 1)), contact])[0][:, 0])
 
     middle, step = logarithm(maximum.theta), 1e-4
     slopes = np.array([(logarithm(maximum.theta + step * unit) - middle) / step for unit in np.eye(len(THETA))])
-    sd = np.sqrt(np.einsum("ia,ij,ja->a", slopes, maximum.covariance, slopes))
-    return {
-        "rest_s": at.tolist(),
-        "strength": np.exp(middle).tolist(),
-        "lower": np.exp(middle - maximum.quantile * sd).tolist(),
-        "upper": np.exp(middle + maximum.quantile * sd).tolist(),
-    }
+    off = maximum.quantile * np.sqrt(np.einsum("ia,ij,ja->a", slopes, maximum.covariance, slopes))
+    curves = {"strength": np.exp(middle), "lower": np.exp(middle - off), "upper": np.exp(middle + off)}
+    return {"rest_s": at.tolist(), **{name: values.tolist() for name, values in curves.items()}}
 
 
-def _odd(seen: UnevenLog) -> Array:
-    """Numbers of the odd slips of a log (from 1)."""
-    return np.asarray(seen.sticks.number[seen.cycles.odd > ODD_FROM])
-
-
-def _cycle_table(seen: UnevenLog) -> dict[str, Any]:
+def _cycle_table(log: UnevenLog) -> dict[str, Any]:
     """What is known of every cycle of a log."""
-    sticks, cycles = seen.sticks, seen.cycles
-    return {
-        "log": seen.number + 1,
-        "cycle": sticks.number.tolist(),
-        "onset_s": sticks.anchor.tolist(),
-        "rest_s": sticks.rest.tolist(),
-        "onset": sticks.line.tolist(),
-        "drop": sticks.drop.tolist(),
-        "strength": np.exp(cycles.log_strength).tolist(),
-        "level": cycles.level.tolist(),
-        "odd": cycles.odd.tolist(),
+    sticks, cycles = log.sticks, log.cycles
+    columns = {
+        "cycle": sticks.number,
+        "onset_s": sticks.anchor,
+        "rest_s": sticks.rest,
+        "onset": sticks.line,
+        "drop": sticks.drop,
+        "strength": np.exp(cycles.log_strength),
+        "level": cycles.level,
     }
+    return {"log": log.number + 1, **{name: values.tolist() for name, values in columns.items()}}

@@ -59,10 +59,10 @@ function residualView(host, path, seen, session) {
 }
 
 /** Of a pair whose cycles differ: how peak, drop and period are spread, and strength over the rest before. */
-function unevenView(host, { headline, not_for, spread, odd, sticks, typical }) {
+function unevenView(host, { headline, not_for, spread, sticks, typical }) {
   const plot = element("div", { id: "strength" });
   put(host, element("p", {}, element("strong", {}, headline), ` ${not_for}`), element("div", { class: "columns" },
-    element("div", {}, table(["", { number: "median (95 % interval)" }, { number: "nine of ten cycles" }], spread.map(([name, median, range]) => [name, { number: median }, { number: range }]), { id: "spread", class: "cards" }), odd ? element("p", {}, odd) : null), plot));
+    element("div", {}, table(["", { number: "median (95 % interval)" }, { number: "nine of ten cycles" }], spread.map(([name, median, range]) => [name, { number: median }, { number: range }]), { id: "spread", class: "cards" })), plot));
   const rests = sticks.flatMap((log) => log.rest_s), strengths = sticks.flatMap((log) => log.strength), { rest_s: at, strength, lower, upper } = typical;
   picture(plot, { x: { label: "rest before the slip (s)", range: span(rests) }, y: { label: "strength / load", range: span([...strengths, ...strength]) }, draw: (context, x, y) => {
     rests.forEach((rest, i) => mark(context, x(rest), y(strengths[i]), style("--force"), "circle", 3));
