@@ -106,7 +106,7 @@ class Maximum:
 
 
 @dataclass(frozen=True)
-class Optimum:
+class Ascent:
     """Where a search ended: theta (10,), the logarithm of the posterior there, standard errors of the free entries."""
 
     theta: Array
@@ -144,12 +144,12 @@ class Objective:
         least = min(LEAST_SD, float(np.exp(theta[PARAMETERS.index("strength_scatter")])))
         self._place([Nodes.about(c.log_strength, np.maximum(c.log_strength_sd, least)) for c in cycles])
 
-    def climb(self, theta: Array, free: NDArray[np.bool_], until: float = np.inf, steps: int = STEPS) -> Optimum:
+    def climb(self, theta: Array, free: NDArray[np.bool_], until: float = np.inf, steps: int = STEPS) -> Ascent:
         """To the greatest posterior in the free entries of theta (10,), on the same nodes; until: on the clock of time
         limits [s]."""
         _, _, scores = self.slope(theta)
         if not np.isfinite(scores).all():  # slips that the law cannot be followed through
-            return Optimum(theta)
+            return Ascent(theta)
         inverse = np.linalg.inv((scores.T @ scores + np.diag(self.prior.sd**-2.0))[np.ix_(free, free)])
 
         def whole(part: Array) -> Array:
@@ -174,9 +174,9 @@ class Objective:
             options={"gtol": 0.2, "hess_inv0": 0.5 * (inverse + inverse.T), "maxiter": steps},
         )
         if not (np.isfinite([found.fun, *found.x]).all() and np.isfinite(found.hess_inv).all()):
-            return Optimum(theta)
+            return Ascent(theta)
         converged = bool(found.success or np.all(np.abs(found.jac) < 1.0))
-        return Optimum(whole(found.x), -float(found.fun), np.sqrt(np.diag(inverse)), converged, now() < until)
+        return Ascent(whole(found.x), -float(found.fun), np.sqrt(np.diag(inverse)), converged, now() < until)
 
 
 def features(records: Sequence[Sticks]) -> Array:
@@ -223,7 +223,7 @@ def maximise(
     """
     prior = Prior.of(records, stated or {})
     until, everything = now() + SEARCH_SHARE * seconds_left(), np.ones(len(THETA), bool)
-    screened: list[tuple[Objective, Optimum]] = []
+    screened: list[tuple[Objective, Ascent]] = []
     for theta in starts(records) if start is None else [start]:
         if screened and now() >= until:
             break

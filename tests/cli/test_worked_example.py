@@ -84,5 +84,5 @@ def test_the_fit_answers_what_the_page_says(found):
         assert told["verdict"] == verdict
     for name in ("mu_s", "mu_k0", "D", "t_cr", "delta_mu_k", "a"):
         assert result["parameters"][name]["verdict"] == "not identifiable" and result["parameters"][name]["reason"]
-    bound = float(re.search(r"below (\S+) s if rest alone", result["parameters"]["t_cr"]["reason"])[1])
+    bound = float(re.search(r"below (\S+) s; that is so if", result["parameters"]["t_cr"]["reason"])[1])
     assert f"t_cr would be below {bound:.1f} s" in " ".join(PAGE.split())
