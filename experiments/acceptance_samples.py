@@ -43,6 +43,7 @@ from experiments.study_problem import (
     recovery_case,
     scene_of,
 )
+from experiments.treated_logs import copied, oscillating, specimens, treated
 from experiments.two_materials import scene_of_both, two_materials
 from experiments.uneven_records import CASES as UNEVEN
 from experiments.uneven_records import scene_of as uneven_scene
@@ -104,13 +105,21 @@ class Sample:
 
 
 def fitted(
-    scene: Scene, records: Sequence[Record] | None, truth: Mapping[str, float], required: Sequence[str] = FRICTION
+    scene: Scene,
+    records: Sequence[Record] | None,
+    truth: Mapping[str, float],
+    required: Sequence[str] = FRICTION,
+    published: bool = False,
 ) -> tuple[Line, Mapping[str, Any]]:
-    """A fit from the data alone, judged; and its document (empty where it was refused)."""
+    """A fit from the data alone, judged (by the intervals with all tolerances where `published`, else by those of noise
+    alone); and its document (empty where it was refused)."""
     try:
         result = fit(scene, records).result
     except (IdentifyError, LogError) as refusal:
         return _refused(str(refusal)), {}
+    if published:
+        parameters = {name: {**entry, "interval_rig_exact": None} for name, entry in result["parameters"].items()}
+        return judged({**result, "parameters": parameters}, truth, required), result
     return judged(result, truth, required), result
 
 
@@ -246,6 +255,22 @@ def chosen_effects(number: int) -> Line:
     return line | {"kind": kind, "right": right, "invented": bool(found - set(effects)), "found": sorted(found)}
 
 
+def treated_log(number: int) -> Line:
+    """Logs smoothed or resampled before; right: nothing false, the treatment named unless the answer is right."""
+    (scene, records, truth), kind = treated(number)
+    line, _ = fitted(scene, records, truth, required=())
+    named = bool(re.search("average|smooth|filter|resampl", line["message"]))
+    return line | {"kind": kind, "named": named, "right": not line["false"] and (named or line["right"])}
+
+
+def copied_log(number: int) -> Line:
+    """One log exported again, or a genuine repeat; right: the copy refused by name, the repeat fitted."""
+    (scene, records, truth), kind = copied(number)
+    line, _ = fitted(scene, records, truth, required=())
+    named = "same measurement" in line["message"]
+    return line | {"kind": kind, "named": named, "right": named == (kind != "repeat") and not line["false"]}
+
+
 def regime(number: int) -> Line:
     """The regime of a record as `inspect` has it without and with the rig, and as the fit sees it."""
     from experiments.regimes import looked_at
@@ -364,6 +389,12 @@ SAMPLES: Mapping[str, Sample] = {
     "scatter": Sample(scattered, 60, 12, 0.9),
     "coverage": Sample(coverage, 200, 40, coverage=(0.93, 0.97)),
     "auto": Sample(chosen_effects, 40, 6, 36 / 40),
+    "treated": Sample(treated_log, 210, 35, 0.9),
+    "copies": Sample(copied_log, 40, 10, 38 / 40),
+    "oscillating": Sample(lambda number: fitted(*oscillating(number), required=())[0], 20, 5, coverage=(0.93, 1.0)),
+    "specimens": Sample(
+        lambda number: fitted(*specimens(number), required=(), published=True)[0], 40, 6, coverage=(0.9, 1.0)
+    ),
     "regimes": Sample(regime, 400, 60, 396 / 400),
     "uneven": Sample(uneven, 60, 6),
     "strangers": Sample(strangers_pair, 60, 16, answered=57 / 60, coverage=(0.93, 1.0)),

@@ -180,30 +180,38 @@ def _increments(log: LogData, curve: Array) -> Array:
     return np.asarray(np.diff([0.0, *squares]) / max([1e-300, *squares[:1]]))
 
 
-EQUAL, NONE = 0.75, 0.25  # of the first increment: what those within an average are at least, those behind it at most
+STOPPED = 0.2  # of its median: the least of a power spectrum that a filter made; noise with a memory has 0.4 and more
+LINES, FEWEST = 64, 512  # of that spectrum; samples from which on it tells
 SHOWS = 9.0  # squares in noise variances by which an average changes a curve: three standard deviations
 
 
 def smoothed(attempt: Attempt) -> str | None:
-    """A sentence where the noise of a log is that of a moving average which its curve would show, whatever the model
-    makes of it: a damping that is wrong by as much looks like one. None where no log is such.
+    """A sentence where the noise of a log is that of an averaged, filtered or resampled force, and an average as wide
+    would change its curve, whatever the model makes of it: a wrong damping looks like one. None where no log is such.
 
-    Noise of an average over w samples has a triangular autocorrelation: the increments of the mean square of
-    differences are alike up to w and none behind it, while those of a lag or of noise with a memory fall off gradually.
+    Every such treatment leaves frequencies at which hardly any noise is left (zeros of a moving average, the stop band
+    of a filter), while the spectrum of noise with a memory falls gradually. Its highest over its mean is the width in
+    samples.
     """
+    from scipy.signal import welch  # which takes a third of a second to load
+
     for log, curve in zip(attempt.fitted_logs, attempt.solved.fitted, strict=True):
         data = log.data
-        rises = _increments(data, curve)
-        width = int(np.argmax(rises < 0.5)) if np.any(rises < 0.5) else 1
-        if width < 3 or np.min(rises[:width]) < EQUAL or np.max(np.abs(rises[width : width + 3])) > NONE:
+        used = (data.weight > 0.0) & np.isfinite(curve)
+        if np.count_nonzero(used) < FEWEST:
             continue
+        power = welch((data.force - curve)[used], nperseg=LINES, detrend=False)[1]
+        inner = power[1:-1]
+        if np.min(inner) > STOPPED * np.median(inner):
+            continue
+        width = float(np.max(inner) / np.mean(power))
         shown = np.where(np.isfinite(curve), curve, data.force)
-        change = np.where(np.isfinite(curve), _averaged(data, shown, width | 1) - shown, 0.0)
+        change = np.where(used, _averaged(data, shown, round(width) | 1) - shown, 0.0)
         if float(np.sum(data.weight * change**2)) > SHOWS:
             return (
-                f"{log.name}: its noise is that of a moving average over {width} samples, which would change the force "
-                "by more than the noise, and the model takes every sample as measured by itself: "
-                f"{REMEDIES[AVERAGE]}"
+                f"{log.name}: its noise is that of a force that was smoothed or resampled, like a moving average over "
+                f"{width:.0f} samples, which would change the force by more than the noise, and the model takes every "
+                f"sample as measured by itself: {REMEDIES[AVERAGE]}"
             )
     return None
 

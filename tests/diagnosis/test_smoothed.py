@@ -1,10 +1,11 @@
 """A log that was averaged before it came is refused by name, even where a wrong rig hides it; noise with memory not."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, filtfilt, lfilter, savgol_filter
 
 from identify.diagnosis.quantities import smoothed
 from tests.logs.test_segment import PAIR
@@ -24,10 +25,21 @@ def attempt_of(made):
     return SimpleNamespace(fitted_logs=(log,), solved=SimpleNamespace(fitted=[force]))
 
 
-@pytest.mark.parametrize("width", [3, 4, 5, 8, 11])
-def test_the_width_of_an_average_is_in_its_noise(width):
-    told = smoothed(attempt_of(lambda white: np.convolve(white, np.ones(width) / width, "same")))
-    assert told is not None and f"over {width} samples" in told
+TREATMENTS = {
+    **{f"average of {n}": lambda f, n=n: np.convolve(f, np.ones(n) / n, "same") for n in (3, 4, 5, 8, 11)},
+    "Butterworth": lambda f: filtfilt(*butter(4, 0.1), f),
+    "Savitzky-Golay": lambda f: savgol_filter(f, 15, 2),
+    "resampled finer": lambda f: np.interp(np.arange(f.size) / 1.7, np.arange(f.size), f),
+}
+
+
+@pytest.mark.parametrize("kind", TREATMENTS)
+def test_a_smoothed_force_is_recognised_by_its_noise(kind):
+    told = smoothed(attempt_of(TREATMENTS[kind]))
+    assert told is not None and "smoothed or resampled" in told
+    if kind.startswith("average"):
+        width = int(kind.split()[-1])
+        assert abs(int(re.search(r"over (\d+) samples", told)[1]) / width - 1.0) < 0.35
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.3, 0.6, 0.8, 0.95])
