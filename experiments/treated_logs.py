@@ -39,9 +39,9 @@ def _scene(case: Case, logs: list[float], effects: tuple[str, ...] = MAIN) -> Sc
 
 
 def _blocks(time: Array, force: Array) -> tuple[Array, Array]:
-    """Means of four samples each."""
+    """Means of four samples each; the clock of the first of each."""
     whole = time.size // 4 * 4
-    return time[:whole].reshape(-1, 4).mean(axis=1), force[:whole].reshape(-1, 4).mean(axis=1)
+    return time[:whole:4], force[:whole].reshape(-1, 4).mean(axis=1)
 
 
 def _resampled(time: Array, force: Array) -> tuple[Array, Array]:
@@ -79,7 +79,7 @@ def _lines(record: Record) -> tuple[Array, Array, Array]:
 
 COPIES: Mapping[str, Callable[[Record], Record]] = {
     "rounded": lambda r: replace(r, friction_force=np.round(r.friction_force, 2)),
-    "shifted clock": lambda r: replace(r, time=r.time + 12.345),
+    "shifted clock": lambda r: Record(r.time[7:] - r.time[7], r.normal_force[7:], r.friction_force[7:]),
     "other units": lambda r: replace(r, friction_force=np.round(1e3 * r.friction_force) / 1e3),
     "thinned": lambda r: Record(r.time[::2], r.normal_force[::2], r.friction_force[::2]),
     "resampled": lambda r: Record(*_lines(r)),

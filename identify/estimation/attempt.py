@@ -168,7 +168,8 @@ def _differs(simulated: ShootingTrajectory, trajectory: ShootingTrajectory) -> b
 
 def _with_loads_of(simulated: ShootingTrajectory, trajectory: ShootingTrajectory) -> ShootingTrajectory:
     """A simulated motion with the loads and strengths of the answer, where it has the same parts."""
-    if simulated.parts != trajectory.parts or simulated.slip_parts.size != trajectory.slip_parts.size:
+    counts = [(motion.deviation.size, motion.slip_parts.size) for motion in (simulated, trajectory)]
+    if counts[0] != counts[1]:  # a motion that is nothing but a rest has a part, and no deviation
         return replace(simulated, own=trajectory.own)
     names = ("own", "deviation", "slip_deviation", "strength")
     return replace(simulated, **{name: getattr(trajectory, name) for name in names})
