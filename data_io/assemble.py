@@ -123,7 +123,7 @@ def _account(source: Source, request: Request, part: Part, contents: Contents, s
 def _pressed_negative(run: Sequence[Part]) -> bool:
     """Tell whether the loaded rows of a run press with a negative sign; a small offset before loading says nothing."""
     pieces = [part.columns[part.header.roles["normal_force"]] for part in run
-              if part.rows and "normal_force" in part.header.roles]  # fmt: skip
+              if part.rows and part.header.roles.get("normal_force") in part.columns]  # fmt: skip
     raw = thinned(pieces[0] if len(pieces) == 1 else np.concatenate(pieces or [np.empty(0)]))
     raw = raw[np.isfinite(raw)]
     if np.min(raw, initial=0.0) >= 0:

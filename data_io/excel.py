@@ -4,14 +4,13 @@ import io
 import math
 import zipfile
 import zlib
-from dataclasses import replace
 from datetime import timedelta
 from typing import Any, Final
 
 import numpy as np
 
 from data_io.contents import Contents, Part
-from data_io.source import HEAD, LEAST_SUSPECT, MOST_TIMES, Request, Source
+from data_io.source import LEAST_SUSPECT, MOST_TIMES, Request, Source
 from data_io.table import Table, read_tables
 from data_io.values import LogError
 
@@ -47,9 +46,8 @@ def read(source: Source, request: Request) -> Contents:
     findings = []
     failed: list[LogError] = []
     for number, (title, text) in enumerate(_sheets(source).items(), start=1):
-        sheet = replace(source, held=text, head=text[:HEAD], packing=None)
         try:
-            tables, _ = read_tables(sheet, request)
+            tables, _ = read_tables(source.of_text(text), request)
         except LogError as error:
             failed.append(error)
             continue
@@ -74,7 +72,7 @@ def _refuse_formulas(source: Source, title: str, name: str) -> None:
     """Say where a column is empty because its formulas were never computed. Raises the source's `LogError`."""
     import openpyxl
 
-    book = openpyxl.load_workbook(io.BytesIO(source.data), read_only=True, keep_links=False)
+    book = openpyxl.load_workbook(io.BytesIO(source.read()), read_only=True, keep_links=False)
     rows = book[title].iter_rows(values_only=True, max_row=_LOOKED_AT)
     if any(isinstance(cell, str) and cell.startswith("=") for row in rows for cell in row):
         raise source.error(
@@ -83,12 +81,12 @@ def _refuse_formulas(source: Source, title: str, name: str) -> None:
         )
 
 
-def _sheets(source: Source) -> dict[str, bytes]:
+def _sheets(source: Source) -> dict[str, str]:
     """Return every sheet that holds anything as tab-separated text."""
     import openpyxl
 
     try:
-        data = source.data
+        data = source.read()
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             unpacked = sum(info.file_size for info in archive.infolist())
         if unpacked > min(_LARGEST, max(LEAST_SUSPECT, MOST_TIMES * len(data))):
@@ -106,7 +104,7 @@ def _sheets(source: Source) -> dict[str, bytes]:
     return {title: text for title, text in texts.items() if text}
 
 
-def _as_text(source: Source, sheet: Any, most: int) -> bytes:
+def _as_text(source: Source, sheet: Any, most: int) -> str:
     """Return a sheet as lines of equal width, however far apart single cells stand. Raises the source's `LogError`.
 
     most: cells that may be looked at, those between others as well; a cell that is there takes some bytes of the file.
@@ -129,7 +127,7 @@ def _as_text(source: Source, sheet: Any, most: int) -> bytes:
     for column in _percent_columns(sheet):
         rows = [(*r[:column], _hundredfold(r[column]), *r[column + 1 :]) if column < len(r) else r for r in rows]
     lines = ("\t".join([*map(_cell, row), *[""] * (width - len(row))]) for row in rows)
-    return "".join(line + "\n" for line in lines).encode()
+    return "".join(line + "\n" for line in lines)
 
 
 def _percent_columns(sheet: Any) -> list[int]:

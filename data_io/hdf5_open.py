@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import os
 import signal
 import subprocess
@@ -51,10 +50,10 @@ def opened(source: Source) -> Iterator[h5py.File]:
     """
     import h5py
 
-    target: Any = str(source.path) if source.packing is None else io.BytesIO(source.data)
+    target: Any = source.file()
     _look_first(source, target)
     try:
-        with h5py.File(target, "r", **({"locking": "best-effort"} if source.packing is None else {})) as file:
+        with h5py.File(target, "r", **({"locking": "best-effort"} if source.held is None else {})) as file:
             yield file
     except LogError:
         raise

@@ -1,6 +1,5 @@
 """Files of National Instruments: LabVIEW measurement files, TDMS (npTDMS, optional extra `tdms`), and text."""
 
-import io
 import logging
 import math
 import re
@@ -17,10 +16,9 @@ from data_io.columns import Name, match_names, parse_name, shown, with_unit
 from data_io.contents import Contents, Part
 from data_io.layout import Head, is_row, line_at
 from data_io.own_clocks import CLOCK, with_clocks_of_channels, with_even_clock
-from data_io.segments import Lines, Segment
 from data_io.source import Request, Source
 from data_io.table import Table, read_below, read_tables
-from data_io.text import looks_like_text, split, to_number
+from data_io.text import decode, looks_like_text, split, to_number
 from data_io.values import Finding, FloatArray
 
 # LabVIEW measurement files (.lvm).
@@ -122,20 +120,17 @@ def read_ni_channels(source: Source, request: Request) -> Contents:
     found = _CHANNEL_NAMES.search(source.head)
     assert found is not None
     delimiter = found[1].decode()
-    with source.open() as handle:
-        lines = Lines(source, request, handle)
-        top = lines.segment()
-        told, place, width = _head(source, top.text, delimiter)
-        channels = told.get("channel name", [])
-        if width not in (len(channels), 2 * len(channels)):
-            raise source.error(
-                f"rows of {width} fields were found below {len(channels)} channel names; one field for each, or a time "
-                "and a value for each, were expected; export again"
-            )
-        names = _names(channels, told.get("unit", []), pairs=width == 2 * len(channels))
-        head = Head(match_names(names, request.columns), place, delimiter, width)
-        rest = Segment(top.text[place:].encode(), top.text.count("\n", 0, place) + 1, top.at_end)
-        table = read_below(source, request, lines, rest, head)
+    text = decode(source.read())
+    told, place, width = _head(source, text, delimiter)
+    channels = told.get("channel name", [])
+    if width not in (len(channels), 2 * len(channels)):
+        raise source.error(
+            f"rows of {width} fields were found below {len(channels)} channel names; one field for each, or a time "
+            "and a value for each, were expected; export again"
+        )
+    names = _names(channels, told.get("unit", []), pairs=width == 2 * len(channels))
+    head = Head(match_names(names, request.columns), place, delimiter, width)
+    table = read_below(source, request, text, head)
     part = Part(1, 1, head.header, table.columns)
     starts = seconds_apart(told.get("timestamp", []))
     if width == 2 * len(channels):
@@ -248,7 +243,7 @@ def read_tdms(source: Source, request: Request) -> Contents:
             "or export the file as .lvm or text"
         ) from error
     try:
-        target: Any = str(source.path) if source.packing is None else io.BytesIO(source.data)
+        target: Any = source.file()
         with _heard() as heard, nptdms.TdmsFile.open(target) as file:
             groups = [group for group in file.groups() if any(len(channel) for channel in group.channels())]
             parts = [_tdms_part(source, request, group, dict(file.properties)) for group in groups]

@@ -199,9 +199,8 @@ def with_units(source: Source, request: Request, header: Header, units: Sequence
     return replace(header, names=tuple(names))
 
 
-def numbered_head(text: str, request: Request, *, goes_on: bool = False) -> tuple[Head, int] | None:
-    """Return the head of a file of bare numbers, its columns called "1", "2", ..., if the user named them so, and how
-    many of its rows stand in the text.
+def numbered_head(text: str, request: Request, *, goes_on: bool) -> Head | None:
+    """Return the head of a file of bare numbers, its columns called "1", "2", ..., if the user named them so.
 
     The table is the longest block of rows of equal width, whichever delimiter tells it; other lines stand above it.
     goes_on: more text follows, and rows that lack a column that was named may be settings.
@@ -231,7 +230,7 @@ def numbered_head(text: str, request: Request, *, goes_on: bool = False) -> tupl
         beside = fields[i + 1] if i + 1 < len(fields) else ""
         names.append(Name(str(i + 1), str(i + 1), unit_word(beside) if is_number(fields[i]) else None))
     roles = {role: int(name) - 1 for role, name in wanted.items() if 0 < int(name) <= len(names) and role in KIND}
-    return Head(Header(tuple(names), roles), start, delimiter, width), rows
+    return Head(Header(tuple(names), roles), start, delimiter, width)
 
 
 def _is_numbered_row(fields: Sequence[str], numbers: Sequence[int]) -> bool:

@@ -18,7 +18,6 @@ from data_io.own_clocks import on_one_clock, with_clock_of_rate
 from data_io.raw_clocks import with_sound_clocks
 from data_io.readers import READERS
 from data_io.record import Record, within
-from data_io.segments import LONGEST_LINE
 from data_io.source import Request, Source, load, no_progress, sha256_of_several, sha256_unchanged
 from data_io.text import looks_like_text
 from data_io.units import parse_quantity
@@ -163,11 +162,6 @@ def contents_of(source: Source, request: Request) -> Contents:
             f"from byte {zeros[0]} on (below line {zeros[2]}) {zeros[1]} zero bytes stand in the text, as after a "
             "crash while it was written; rows of numbers were expected; take them out in an editor, or copy it again"
         )
-    if source.packing is not None and not _has_lines(source):
-        raise source.error(
-            "no line ends within the first MiB of what is packed in the file; lines of text or an HDF5 file were "
-            "expected; check what was packed"
-        )
     names = ", ".join(reader.name for reader in READERS)
     raise source.error(
         f"the file begins with {source.head[:12]!r}, which no reader knows ({names}); a text or HDF5 log was expected; "
@@ -188,12 +182,6 @@ def _zeros_in_text(head: bytes) -> tuple[int, int, int] | None:
     if found is None or found.start() < _LEAST_TEXT or not looks_like_text(head[: found.start()]):
         return None
     return found.start(), len(found[0]), head.count(b"\n", 0, found.start())
-
-
-def _has_lines(source: Source) -> bool:
-    with source.open() as handle:
-        first = handle.read(LONGEST_LINE)
-    return b"\n" in first or b"\r" in first
 
 
 def _part_of(request: Request, number: int, count: int) -> Request:

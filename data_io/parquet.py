@@ -1,6 +1,5 @@
 """Parquet tables, read by pyarrow (optional extra `parquet`)."""
 
-import io
 from dataclasses import replace
 from typing import Any, Final
 
@@ -35,7 +34,7 @@ def read(source: Source, request: Request) -> Contents:
             "a Parquet file needs the package pyarrow, which is not installed; install it with pip install pyarrow, "
             "or export the table as CSV"
         ) from error
-    target: Any = str(source.path) if source.packing is None else io.BytesIO(source.data)
+    target: Any = source.file()
     try:
         with pyarrow.parquet.ParquetFile(target, page_checksum_verification=True) as file:
             fields = [field for field in file.schema_arrow if _is_column(field.type)]

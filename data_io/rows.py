@@ -8,7 +8,6 @@ import re
 import warnings
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
-from functools import cache
 from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
@@ -58,15 +57,6 @@ class Above:
     units: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
 
 
-@cache
-def _exact() -> dict[str, Any]:
-    """pandas rounds every number correctly by default since 3.1 and warns about the option since."""
-    import pandas as pd
-
-    rounds = tuple(int(part) for part in pd.__version__.split(".")[:2]) >= (3, 1)
-    return {} if rounds else {"float_precision": "round_trip"}
-
-
 class _Bytes:
     """Bytes as a file that pandas reads. It is no binary file by type: pandas would decode its bytes, and encode them
     again for the parser, which takes longer than parsing."""
@@ -113,7 +103,6 @@ def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | N
             na_filter=False,
             quoting=csv.QUOTE_NONE,
             engine="c",
-            **_exact(),
         )
     except (ValueError, OverflowError):
         return None
@@ -125,19 +114,9 @@ def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | N
     )
     if not whole:
         return None
-    columns = {index: _own(frame, index) for index in map(int, frame.columns) if index < names}
+    columns = {index: frame[index].to_numpy() for index in map(int, frame.columns) if index < names}
     told = "." if head.delimiter != "," and b"." in raw else None
     return Numbers(columns, len(frame), decimal=decimal or told, fields=head.width if len(frame) else None)
-
-
-def _own(frame: pd.DataFrame, index: int) -> FloatArray:
-    """Return a column of a frame that nobody else has, to be written to; pandas hands out what is read-only."""
-    values: FloatArray = frame[index].to_numpy()
-    try:
-        values.flags.writeable = True
-    except ValueError:
-        return values.copy()
-    return values
 
 
 def read_numbers(source: Source, block: str, first_line: int, head: Head, above: Above) -> Numbers:
@@ -336,7 +315,6 @@ def _pandas(block: str, head: Head, decimal: str, width: int, quoted: bool) -> p
                 low_memory=False,
                 quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE,
                 engine="c",
-                **_exact(),
             )
         except pd.errors.EmptyDataError:
             return pd.DataFrame({index: pd.Series(dtype=np.float64) for index in range(width)})
@@ -411,7 +389,7 @@ def _slow_column(
         remarks.append(Finding("column_of_words", "info", text))
         return None
     row = int(np.argmax(bad))
-    if needed and bad.sum() * 2 > bad.size:
+    if needed and bad.sum() * 2 > bad.size and (words_only or bad.sum() > LONGEST_GAP):
         unit = unit_word(str(tokens[row]))
         if unit and all(unit_word(str(token)) for token in tokens[row : row + LONGEST_GAP]):
             raise source.error(

@@ -1,5 +1,6 @@
 """A log file: opened read-only, hashed once, unpacked as a stream where it is packed."""
 
+import contextlib
 import gzip
 import hashlib
 import io
@@ -7,10 +8,9 @@ import os
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Final, cast
+from typing import IO, Final, Self, cast
 
 from data_io.values import LogError
 
@@ -50,37 +50,10 @@ LEAST_SUSPECT: Final = 1 << 25
 """Bytes that may be unpacked whatever they were packed into."""
 MOST_TIMES: Final = 100
 """A log packs to a tenth of its size; what packs to less than one in this many is a trap or holds nothing."""
-
-
-@dataclass(frozen=True)
-class Packing:
-    """How a file is packed: kind ("gz", "zip") and the member of the archive, "" where there is only one stream."""
-
-    kind: str
-    member: str = ""
-
-
-def packing_of(path: Path, head: bytes, member: str | None) -> Packing | None:
-    """Tell by its first bytes how a file is packed, None where it is not. A workbook is a zip, but no packing.
-
-    Raises `LogError` where an archive holds no file, several without a choice, or not the member asked for.
-    """
-    if head.startswith(_GZIP):
-        return Packing("gz")
-    if not head.startswith(_ZIP) or not zipfile.is_zipfile(path):
-        return None
-    names = members(path)
-    if any(name in _EXCEL for name in names):
-        return None
-    if member is None and len(names) == 1:
-        return Packing("zip", names[0])
-    listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
-    if member is None:
-        found = f"the archive holds {len(names)} files ({listed})" if names else "the archive holds no file"
-        raise LogError(f"{path}: {found}; one log was expected; name one, as in {path.name}/<file>, or unpack it")
-    if member not in names:
-        raise LogError(f"{path}: no {member!r} was found in the archive; it holds {listed}; name one of them")
-    return Packing("zip", member)
+HEAD: Final = 65536
+"""Bytes that a reader sees when it is asked whether it can read a file."""
+_LARGEST: Final = 1 << 31
+"""Bytes of a packed file that may be taken into memory."""
 
 
 def members(path: Path) -> list[str]:
@@ -101,109 +74,70 @@ def split_member(path: Path) -> tuple[Path, str | None]:
     return path, None
 
 
-def unpacked(path: Path, packing: Packing | None) -> IO[bytes]:
-    """Open the bytes of a log for reading, unpacked. Reading raises `LogError` for a damaged file or a trap."""
+def _chosen_member(path: Path, member: str | None) -> str | None:
+    """Return the file of a zip archive that is the log, None for a workbook, which is a zip, too. Raises `LogError`."""
+    names = members(path)
+    if any(name in _EXCEL for name in names):
+        return None
+    if member is None and len(names) == 1:
+        return names[0]
+    listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+    if member is None:
+        found = f"the archive holds {len(names)} files ({listed})" if names else "the archive holds no file"
+        raise LogError(f"{path}: {found}; one log was expected; name one, as in {path.name}/<file>, or unpack it")
+    if member not in names:
+        raise LogError(f"{path}: no {member!r} was found in the archive; it holds {listed}; name one of them")
+    return member
+
+
+def _unpacked(path: Path, head: bytes, member: str | None) -> bytes | None:
+    """Return the bytes of a packed log, None where it is not packed. Raises `LogError` for a damaged file or a trap."""
+    member = _chosen_member(path, member) if head.startswith(_ZIP) and zipfile.is_zipfile(path) else None
+    if member is None and not head.startswith(_GZIP):
+        return None
     try:
-        if packing is None:
-            return path.open("rb")
-        stream = _watched(path, packing)
-        if _is_trap(path, packing):
-            while stream.read(1 << 20):  # it is met before its lines are taken apart
-                pass
-            stream = _watched(path, packing)
-        return stream
-    except (OSError, zipfile.BadZipFile, RuntimeError, NotImplementedError, ValueError) as error:
-        raise _damaged(path, packing, error) from error
-
-
-def _watched(path: Path, packing: Packing) -> IO[bytes]:
-    if packing.kind == "gz":
-        return io.BufferedReader(_Watched(path, cast(IO[bytes], gzip.open(path, "rb")), path.stat().st_size))
-    archive = zipfile.ZipFile(path)
-    info = archive.getinfo(packing.member)
-    return io.BufferedReader(_Watched(path, archive.open(info), info.compress_size))
-
-
-def _is_trap(path: Path, packing: Packing) -> bool:
-    """Whether a packed file states a size that no log has; of a gz file that is cut off, its end states any."""
-    if packing.kind == "zip":
-        info = zipfile.ZipFile(path).getinfo(packing.member)
-        return info.file_size > max(LEAST_SUSPECT, MOST_TIMES * info.compress_size)
-    size = path.stat().st_size
-    with path.open("rb") as stream:
-        stream.seek(max(size - 4, 0))
-        return int.from_bytes(stream.read(4), "little") > max(LEAST_SUSPECT, MOST_TIMES * size)
-
-
-class _Watched(io.RawIOBase):
-    """A stream that counts what it unpacks and turns every failure into a sentence."""
-
-    def __init__(self, path: Path, inner: IO[bytes], packed_size: int) -> None:
-        self._path, self._inner, self._most = path, inner, max(LEAST_SUSPECT, MOST_TIMES * packed_size)
-        self._done = 0
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: object) -> int:
-        view = memoryview(buffer)  # type: ignore[arg-type]
-        try:
-            data = self._inner.read(len(view))
-        except (OSError, EOFError, zlib.error, zipfile.BadZipFile, RuntimeError, ValueError) as error:
-            raise _damaged(self._path, None, error) from error
-        self._done += len(data)
-        if self._done > self._most:
-            raise LogError(
-                f"{self._path}: the file unpacks to more than {MOST_TIMES} times its size; a log packs to about a "
-                "tenth; unpack it by other means and look what it holds"
-            )
-        view[: len(data)] = data
-        return len(data)
-
-    def close(self) -> None:
-        self._inner.close()
-        super().close()
-
-
-def _damaged(path: Path, packing: Packing | None, error: Exception) -> LogError:
-    kind = "packed file" if packing is None else f"{packing.kind} file"
-    return LogError(f"{path}: the {kind} is damaged or locked ({error!s:.80}); copy or export it again")
-
-
-HEAD: Final = 65536
-"""Bytes that a reader sees when it is asked whether it can read a file."""
-
-LARGEST_WHOLE: Final = 1 << 31
-"""Bytes of a packed file that may be taken into memory as a whole."""
+        with contextlib.ExitStack() as stack:
+            if member is None:
+                size, stream = path.stat().st_size, cast(IO[bytes], stack.enter_context(gzip.open(path, "rb")))
+            else:
+                archive = stack.enter_context(zipfile.ZipFile(path))
+                size, stream = archive.getinfo(member).compress_size, stack.enter_context(archive.open(member))
+            most = min(_LARGEST, max(LEAST_SUSPECT, MOST_TIMES * size))
+            data = stream.read(most + 1)
+    except (OSError, EOFError, zlib.error, zipfile.BadZipFile, RuntimeError, NotImplementedError, ValueError) as error:
+        raise LogError(
+            f"{path}: the packed file is damaged or locked ({error!s:.80}); copy or export it again"
+        ) from error
+    if len(data) > most:
+        raise LogError(
+            f"{path}: the file unpacks to more than {MOST_TIMES} times its size or {_LARGEST >> 30} GiB; a log packs "
+            "to about a tenth; unpack it by other means and look what it holds"
+        )
+    return data
 
 
 @dataclass(frozen=True)
 class Source:
-    """One log: its path, size [bytes] on disk, how it is packed (None: not), and its first bytes, unpacked."""
+    """One log: its path, size [bytes] on disk, its first bytes, unpacked; held: all bytes where they do not stand in
+    the file as such (packed, or a sheet of a workbook as text), else None."""
 
     path: Path
     size: int
-    packing: Packing | None
     head: bytes = field(repr=False)
     held: bytes | None = field(default=None, repr=False)
-    """Bytes to read instead of the file's: a sheet of a workbook as text."""
 
-    @cached_property
-    def data(self) -> bytes:
-        """All bytes, unpacked; for formats that cannot be streamed. Raises `LogError` where a packed file is huge."""
-        with self.open() as handle:
-            if self.packing is None:
-                return handle.read()
-            data = handle.read(LARGEST_WHOLE + 1)
-        if len(data) > LARGEST_WHOLE:
-            raise self.error(f"more than {LARGEST_WHOLE >> 30} GiB are packed in the file; less fits here; unpack it")
-        return data
+    def read(self) -> bytes:
+        """Return all bytes, unpacked."""
+        return self.path.read_bytes() if self.held is None else self.held
 
-    def open(self) -> IO[bytes]:
-        """Open the unpacked bytes for reading, from the start. A file that is not packed can be sought."""
-        if self.held is not None:
-            return io.BytesIO(self.held)
-        return unpacked(split_member(self.path)[0], self.packing)
+    def file(self) -> str | io.BytesIO:
+        """Return what a library may open: the path, or the unpacked bytes as a file."""
+        return str(self.path) if self.held is None else io.BytesIO(self.held)
+
+    def of_text(self, text: str) -> Self:
+        """Return the same log with a text in place of its bytes."""
+        held = text.encode()
+        return replace(self, held=held, head=held[:HEAD])
 
     def error(self, sentence: str) -> LogError:
         """Return the error of this log with its path in front."""
@@ -258,10 +192,7 @@ def load(path: Path) -> Source:
         raise LogError(f"{path}: the file cannot be opened ({reason}); a readable log is needed; check it") from error
     if not head:
         raise LogError(f"{path}: the file is empty; a log with rows of numbers was expected; export it again")
-    packing = packing_of(archive, head, member)
-    if packing is not None:
-        with unpacked(archive, packing) as stream:
-            head = stream.read(HEAD)
-        if not head:
-            raise LogError(f"{path}: the compressed file is empty; a log was expected; export it again")
-    return Source(path, size, packing, head)
+    held = _unpacked(archive, head, member)
+    if held == b"":
+        raise LogError(f"{path}: the compressed file is empty; a log was expected; export it again")
+    return Source(path, size, head if held is None else held[:HEAD], held)

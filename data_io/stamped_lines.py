@@ -1,13 +1,12 @@
 """Lines that a terminal has stamped with the time of their arrival: `14:03:22.117 -> 0.532,1.98`."""
 
 import re
-from dataclasses import replace
 from typing import Final
 
 from data_io.contents import Contents
 from data_io.delimited import read_delimited
 from data_io.layout import is_row
-from data_io.source import HEAD, Request, Source
+from data_io.source import Request, Source
 from data_io.text import BLANKS, DELIMITERS, decode, is_clock_time, looks_like_text, split
 
 _LINE: Final = re.compile(r"(\[)?([\d:., T/-]{8,32}?)(?(1)\]| ?-?>) ?(?:-?> ?)?(.*)")
@@ -34,13 +33,12 @@ def read_stamped(source: Source, request: Request) -> Contents:
     Quirks: a greeting of the board above the names, or no names; a clock of the board beside the stamps is preferred to
     them, as it does not wait for the line.
     """
-    lines = [(line, _parted(line)) for line in decode(source.data).split("\n")]
+    lines = [(line, _parted(line)) for line in decode(source.read()).split("\n")]
     rests = (parted[1] for _, parted in lines if parted is not None)
     delimiter = next((d for rest in rests for d in DELIMITERS if len(f := split(rest, d)) > 1 and is_row(f)), ",")
     mark = " " if delimiter == BLANKS else delimiter
     text = "\n".join(line if parted is None else _joined(*parted, mark) for line, parted in lines)
-    held = text.encode()
-    return read_delimited(replace(source, held=held, head=held[:HEAD], packing=None), request)
+    return read_delimited(source.of_text(text), request)
 
 
 def _parted(line: str) -> tuple[str, str] | None:

@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -21,16 +21,33 @@ from data_io.columns import (
     with_unit,
     words,
 )
-from data_io.layout import COMMENT, DIGIT, Head, head_at, is_row, line_at, lines_from, numbered_head
+from data_io.layout import COMMENT, DIGIT, LOOKED_AT, Head, head_at, is_row, line_at, lines_from, numbered_head
 from data_io.rows import Above, Numbers, read_block, read_numbers
-from data_io.segments import BLOCK, FIRST, MOST_WORDS, Lines, Segment
 from data_io.source import Request, Source
 from data_io.text import DELIMITERS, TEXT_LINE, decode, is_number_like, over_midnight, split
 from data_io.values import Finding, FloatArray
 
-# A table of numbers while it is read piece by piece, and when it is whole.
-
+BLOCK: Final = 1 << 21
+"""Characters of numbers handed to pandas at once."""
+_THREADS: Final = 2
+_FIRST: Final = 1 << 18
+"""Characters of rows with words among them that are taken at once; four times as many each time these go on."""
+LONGEST_LINE: Final = 1 << 20
+_MOST_WORDS: Final = 1 << 20
+"""Characters without a row of numbers after which no table is waited for any more."""
+_MOST_TABLES: Final = 5000
+"""Steps of the longest test; a text with more headers is no log, and would take minutes to refuse otherwise."""
+_MOST_LOOKED_AT: Final = 20_000
+"""Lines of words in a row in which a header is looked for; more would take seconds."""
+_MOST_ZEROS: Final = 1 << 18
 _MOST_REMARKS: Final = 20
+_MOST_BREAKS: Final = 12
+"""Lines that a quoted header may take."""
+_OPEN_CELL: Final = re.compile(r'(?:^|[,;\t])\s*"[^"]*$')
+"""A quoted cell that begins behind a delimiter and does not end in its line."""
+_NUMBERS: Final = b"0123456789+-.eE,;\t \n"
+_YEARS_2000_TO_2100: Final = (9.5e8, 4.1e9)  # seconds since 1970
+_PARTS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # of a second
 
 
 @dataclass(frozen=True)
@@ -49,65 +66,103 @@ class Table:
         return min((column.size for column in self.columns.values()), default=0)
 
 
+def read_tables(
+    source: Source,
+    request: Request,
+    breaks: re.Pattern[str] | None = None,
+    keep: Sequence[str] = (),
+    never: re.Pattern[str] | None = None,
+    block: int = BLOCK,
+) -> tuple[list[Table], tuple[str, ...]]:
+    """Return every table of a text, and the lines that follow the last one.
+
+    A table is a header row with a role, perhaps a units row, then rows of numbers. Text between rows ends a table where
+    it matches `breaks` or a header follows; other text between rows is left out with a remark. Where the request
+    chooses channels, only these, the columns with a role and those called as in `keep` are read. A line that matches
+    `never` is no header, whatever it names. block: characters read at once. Raises `LogError` where there is no table.
+    """
+    data = source.read()
+    if b"\0" in data and bytes(_MOST_ZEROS) in data.rstrip(b"\0"):
+        raise source.error(
+            "the file holds long stretches of zero bytes; lines of text were expected; copy or export it again"
+        )
+    with ThreadPoolExecutor(_THREADS) as pool:
+        walk = _Walk(source, request, _without_breaks(decode(data)), pool, block)
+        walk.breaks, walk.never, walk.keep = breaks, never, keep
+        del data
+        return walk.tables()
+
+
+def read_below(source: Source, request: Request, text: str, head: Head) -> Table:
+    """Return the table of a text whose head is known. Raises `LogError`."""
+    with ThreadPoolExecutor(_THREADS) as pool:
+        walk = _Walk(source, request, text, pool, BLOCK)
+        return walk.tables(head)[0][0]
+
+
+def wanted_columns(header: Header, request: Request, keep: Sequence[str] = ()) -> frozenset[int] | None:
+    """Return which columns of a header are to be read: None for all, else those with a role and those asked for."""
+    if request.channels is None:
+        return None
+    named = (find_column(header.names, name) for name in (*request.channels, *request.columns.values(), *keep))
+    own = {*header.roles.values(), *header.passed_over.get("time", ()), milliseconds_column(header)}
+    if "friction_force" not in header.roles:
+        own.add(coefficient_column(header))
+    if "time" not in header.roles:
+        own |= {*(distance_columns(header) or ())}
+    names = {header.names[index] for index in own if index is not None}
+    twins = {index for index, name in enumerate(header.names) if name in names}
+    return frozenset(twins | {index for index in named if index is not None})
+
+
 @dataclass
-class OpenTable:
-    """A table whose rows are still being read; wanted: the columns that are kept (None: all); decimal: the mark, as far
-    as its rows tell; units: those that stand in cells, by column."""
+class _OpenTable:
+    """A table whose rows are still being read; wanted: the columns that are kept (None: all)."""
 
     head: Head
     preamble: tuple[str, ...]
     first_line: int
     wanted: frozenset[int] | None
-    decimal: str | None = None
     remarks: list[Finding] = field(default_factory=list)
-    _pieces: list[dict[int, FloatArray]] = field(default_factory=list)
-    _rows: list[int] = field(default_factory=list)
-    _fields: int | None = None
-    _days: list[Mapping[int, FloatArray | None]] = field(default_factory=list)
-    units: dict[int, tuple[str, ...]] = field(default_factory=dict)
-
-    @property
-    def rows(self) -> int:
-        """Number of rows so far."""
-        return sum(self._rows)
+    pieces: list[Numbers] = field(default_factory=list)
+    above: Above = field(default_factory=Above)
 
     def add(self, numbers: Numbers) -> None:
         """Put rows below those that are there."""
         self.remarks += numbers.remarks
-        self.decimal = self.decimal or numbers.decimal
-        self._fields = self._fields or numbers.fields
-        self.units |= numbers.units
         if numbers.rows:
-            kept = numbers.columns.items()
-            self._pieces.append({i: v for i, v in kept if self.wanted is None or i in self.wanted})
-            self._days.append(numbers.days)
-            self._rows.append(numbers.rows)
-
-    def above(self, ending: str | None) -> Above:
-        """Return what the rows so far tell of those below; `ending`: their text where the log ends soon."""
-        return Above(self.decimal, self._fields, frozenset().union(*self._pieces), ending, dict(self.units))
+            kept = {i: v for i, v in numbers.columns.items() if self.wanted is None or i in self.wanted}
+            self.pieces.append(replace(numbers, columns=kept))
+        self.above = Above(
+            self.above.decimal or numbers.decimal,
+            self.above.fields or numbers.fields,
+            self.above.numeric | (set(numbers.columns) if numbers.rows else set()),
+            units={**self.above.units, **numbers.units},
+        )
 
     def close(self) -> Table:
         """Return the whole table; rows at its end that hold nothing, as spreadsheets leave them, are taken away."""
-        header = self.head.header
+        header, pieces = self.head.header, self.pieces
         columns: dict[int, FloatArray] = {}
-        for index in sorted(set().union(*self._pieces)):
-            pieces = [piece.pop(index, None) for piece in self._pieces]
-            filled = [np.full(n, np.nan) if p is None else p for p, n in zip(pieces, self._rows, strict=True)]
-            columns[index] = filled[0] if len(filled) == 1 else np.concatenate(filled)
-        if not self._pieces:
+        for index in sorted({index for piece in pieces for index in piece.columns}):
+            columns[index] = np.concatenate(
+                [
+                    np.full(piece.rows, np.nan) if index not in piece.columns else piece.columns[index]
+                    for piece in pieces
+                ]
+            )
+        if not pieces:
             columns = {index: np.empty(0) for index in range(len(header.names))}
-        end = sum(self._rows)
+        end = sum(piece.rows for piece in pieces)
         if end and all(np.isnan(column[-1]) for column in columns.values()):
             full = np.flatnonzero(np.any([~np.isnan(column) for column in columns.values()], axis=0))
             end = int(full[-1]) + 1 if full.size else 0
             columns = {index: column[:end] for index, column in columns.items()}
-        clocks = set().union(*self._days) & set(columns)
+        clocks = {index for piece in pieces for index in piece.days} & set(columns)
         for index in clocks:
-            days = [piece.get(index) for piece in self._days]
-            dated = [np.full(n, np.nan) if d is None else d for d, n in zip(days, self._rows, strict=True)]
+            dated = [np.full(piece.rows, np.nan) if (d := piece.days.get(index)) is None else d for piece in pieces]
             columns[index] = over_midnight(columns[index], np.concatenate(dated)[:end])
-        for index, units in self.units.items():
+        for index, units in self.above.units.items():
             if header.names[index].unit is None:
                 header = with_unit(header, index, units[0])
         header = _since_1970(_with_clock(header, columns, clocks), columns)
@@ -131,21 +186,16 @@ def _with_clock(header: Header, columns: Mapping[int, FloatArray], clocks: Set[i
     return replace(header, roles=roles, passed_over=passed)
 
 
-_YEARS_2000_TO_2100: Final = (9.5e8, 4.1e9)  # seconds since 1970
-_PARTS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # of a second
-
-
 def _since_1970(header: Header, columns: Mapping[int, FloatArray]) -> Header:
-    """Return a header in which a clock without a unit that counts from 1970, as computers and robots write it, has the
-    one in which it tells a time of our days. A counter of something else may stand there for a while; its rows would
-    then be seconds apart and more, and its unit is asked for."""
+    """Return a header in which a clock without a unit that counts from 1970 has the unit in which it tells a time of
+    our days. A counter of something else may stand there for a while; its rows would then be seconds apart and more."""
     index = header.roles.get("time")
     if index is None or header.names[index].unit is not None or index not in columns:
         return header
     stamps = columns[index][np.isfinite(columns[index])]
     if stamps.size < 2:
         return header
-    low, high = (float(end) for end in (np.min(stamps), np.max(stamps)))
+    low, high = float(np.min(stamps)), float(np.max(stamps))
     apart = (high - low) / (stamps.size - 1)
     for unit, part in _PARTS.items():
         if _YEARS_2000_TO_2100[0] * part < low and high < _YEARS_2000_TO_2100[1] * part and apart < part:
@@ -170,223 +220,220 @@ def _milliseconds_added(header: Header, columns: dict[int, FloatArray], clocks: 
     return [Finding("clock_with_milliseconds", "info", text)]
 
 
-def wanted_columns(header: Header, request: Request, keep: Sequence[str] = ()) -> frozenset[int] | None:
-    """Return which columns of a header are to be read: None for all, else those with a role and those asked for."""
-    if request.channels is None:
-        return None
-    named = (find_column(header.names, name) for name in (*request.channels, *request.columns.values(), *keep))
-    clocks = header.passed_over.get("time", ())
-    own = {header.names[index] for index in (*header.roles.values(), *clocks)}
-    if "friction_force" not in header.roles and (coefficient := coefficient_column(header)) is not None:
-        own.add(header.names[coefficient])
-    if (part := milliseconds_column(header)) is not None:
-        own.add(header.names[part])
-    if "time" not in header.roles and (way := distance_columns(header)) is not None:
-        own |= {header.names[index] for index in way}
-    twins = {index for index, name in enumerate(header.names) if name in own}
-    return frozenset(twins | {index for index in named if index is not None})
+class _Walk:
+    """A text being read from front to back."""
 
+    def __init__(self, source: Source, request: Request, text: str, pool: ThreadPoolExecutor, block: int) -> None:
+        self.source, self.request, self.text, self.pool, self.block = source, request, text, pool, block
+        self.breaks: re.Pattern[str] | None = None
+        self.never: re.Pattern[str] | None = None
+        self.keep: Sequence[str] = ()
+        self._counted = (0, 1)
 
-# Walking the words of a text log: where a table begins, where words stand between its rows, where it ends.
-
-_THREADS: Final = 2
-"""Blocks of numbers that pandas reads at the same time."""
-MOST_TABLES: Final = 5000
-"""Steps of the longest test; a text with more headers is no log, and would take minutes to refuse otherwise."""
-MOST_LOOKED_AT: Final = 20_000
-"""Lines of words in a row in which a header is looked for; more are no log, and would take seconds."""
-
-
-class Walk:
-    """The tables found so far, the one whose rows are being read, and text that waits for what follows it."""
-
-    def __init__(
-        self,
-        source: Source,
-        request: Request,
-        breaks: re.Pattern[str] | None = None,
-        keep: Sequence[str] = (),
-        never: re.Pattern[str] | None = None,
-    ) -> None:
-        self.source, self._request, self._breaks, self._keep, self._never = source, request, breaks, keep, never
-        self._tables: list[Table] = []
-        self._text, self._first_line, self._at_end = "", 1, False
-        self._marks: list[int] = []
-        self._above, self._looked_at = 0, 0
-        self._segment = Segment(b"", 1, False)
-        self.table: OpenTable | None = None
-        self._numbered, self._settings = False, 0
-        self.carry = ""
-
-    def take(self, segment: Segment) -> None:
-        """Walk the next segment. Raises the source's `LogError`."""
-        self._segment = segment
-        self._first_line = segment.first_line - self.carry.count("\n")
-        self._text, self._at_end = self.carry + segment.text, segment.at_end
-        self._marks = [match.start() for match in TEXT_LINE.finditer("\n" + self._text)]
-        self._above, self.carry = 0, ""
-        self._without_settings()
-        i = self._rows(0, 0) if self.table is not None else 0
-        while i < len(self._marks) and self.table is None and not self.carry:
-            head = self._head(i)
-            if head is not None:
-                i = self._begin(head, i)
-                continue
-            i += 1
-            self._looked_at += 1
-            if self._looked_at > MOST_LOOKED_AT:
+    def tables(self, known: Head | None = None) -> tuple[list[Table], tuple[str, ...]]:
+        """Return the tables and the lines below the last one; known: the first head. Raises the source's `LogError`."""
+        tables: list[Table] = []
+        above = 0
+        found = (0, known) if known is not None else self._next_head(above, first=True)
+        while found is not None:
+            place, head = found
+            if len(tables) >= _MOST_TABLES:
                 raise self.source.error(
-                    f"more than {MOST_LOOKED_AT} lines of words in a row were found where a header or rows of numbers "
-                    "were expected; a log was expected; check the file"
+                    f"more than {_MOST_TABLES} header rows were found; one per step was expected; drop repeated ones"
                 )
-        if self.table is None and not self._tables:
-            goes_on = not self._at_end and len(self._text) <= MOST_WORDS
-            if found := numbered_head(self._text, self._request, goes_on=goes_on):
-                self._begin(found[0], -1)
-                self._numbered = True
-        if self.table is None:
-            self._carry_on()
-
-    def _without_settings(self) -> None:
-        """Drop a table without a header that was begun above another, longer one of other rows: settings."""
-        if self.table is None or not self._numbered or self._tables:
-            return
-        layout = self.table.head.delimiter, self.table.head.width
-        last = self._text[self._text.rfind("\n", 0, self._text.rfind("\n")) + 1 :].split("\n")[0]
-        if len(split(last, layout[0])) == layout[1]:
-            return
-        found = numbered_head(self._text, self._request)
-        if found and found[1] > self.table.rows and (found[0].delimiter, found[0].width) != layout:
-            self._settings, self.table = self.table.rows, None
-
-    def finish(self) -> tuple[list[Table], tuple[str, ...]]:
-        """Return the tables and the lines below the last one. Raises the source's `LogError` where there is none."""
-        self._close()
-        if not self._tables:
-            raise self.source.error(_why_no_table(self.carry, self._request))
-        footer = _lines(self.carry)
+            preamble = _lines(self.text[above:place])
+            table = _OpenTable(
+                head, preamble, self._line(head.start), wanted_columns(head.header, self.request, self.keep)
+            )
+            if tables and (rows := [line for line in preamble if _is_lost_row(line)]):
+                text = f"{len(rows)} line(s) of numbers above line {table.first_line} fit no header and were left out"
+                table.remarks.append(Finding("rows_left_out", "warning", text))
+            above = self._read(table, head.start) if head.width else head.start
+            tables.append(table.close())
+            found = self._next_head(above, first=False)
+        if not tables:
+            raise self.source.error(_why_no_table(self.text, self.request))
+        footer = _lines(self.text[above:])
         if rows := [line for line in footer if _is_lost_row(line)]:
             text = f"{len(rows)} line(s) of numbers below the last table were left out: {rows[0]!r:.60}"
-            remarks = (*self._tables[-1].remarks, Finding("rows_left_out", "warning", text))
-            self._tables[-1] = replace(self._tables[-1], remarks=remarks)
-        return self._tables, footer
+            remarks = (*tables[-1].remarks, Finding("rows_left_out", "warning", text))
+            tables[-1] = replace(tables[-1], remarks=remarks)
+        return tables, footer
 
-    def _begin(self, head: Head, i: int) -> int:
-        """Begin the table whose header is mark `i` and read what follows; return the mark at which to go on."""
-        self._looked_at = 0
-        above = _lines(self._text[self._above : self._marks[i] if i >= 0 else head.start])
-        first_line = self._line(head.start)
-        wanted = wanted_columns(head.header, self._request, self._keep)
-        self.table = OpenTable(head, above, first_line, wanted)
-        if self._settings:
-            text = f"{self._settings} rows of another layout above the table were taken for settings"
-            self.table.remarks.append(Finding("settings_above", "info", text))
-        if self._tables and (rows := [line for line in above if _is_lost_row(line)]):
-            text = f"{len(rows)} line(s) of numbers above line {first_line} fit no header and were left out"
-            self.table.remarks.append(Finding("rows_left_out", "warning", text))
-        if len(self._tables) >= MOST_TABLES:
-            raise self.source.error(
-                f"more than {MOST_TABLES} header rows were found; one per step was expected; drop repeated ones"
-            )
-        i += 1
-        if head.width == 0:
-            self._above = head.start
-            self._close()
-            return i
-        while i < len(self._marks) and self._marks[i] < head.start:
-            i += 1
-        return self._rows(head.start, i)
+    def _next_head(self, position: int, *, first: bool) -> tuple[int, Head] | None:
+        """Return where the words above the next table end, and its head; None where there is none."""
+        end = min(len(self.text), position + _MOST_WORDS) if first else len(self.text)
+        for count, place in enumerate(self._text_lines(position, end)):
+            if (head := self._head(place)) is not None:
+                return place, head
+            if count >= _MOST_LOOKED_AT:
+                raise self.source.error(
+                    f"more than {_MOST_LOOKED_AT} lines of words in a row were found where a header or rows of numbers "
+                    "were expected; a log was expected; check the file"
+                )
+        for size in (1 << 17, _MOST_WORDS) if first else ():
+            top, last = self.text[:size], self.text.rstrip()[-LOOKED_AT:].rpartition("\n")[2]
+            head = numbered_head(top, self.request, goes_on=len(top) < len(self.text))
+            if head is not None and (size == _MOST_WORDS or len(split(last, head.delimiter)) == head.width):
+                return head.start, head
+        return None
 
-    def _rows(self, begin: int, i: int) -> int:
-        """Read rows of the open table from `begin` on; close it where it ends; return the mark at which to go on."""
-        table, text = self.table, self._text
-        assert table is not None
-        first_line, pieces = self._line(begin), []
+    def _head(self, place: int) -> Head | None:
+        if self.never is not None and self.never.match(line_at(self.text, place)[0]):
+            return None
+        return head_at(self.source, self.text, place, self.request)
+
+    def _read(self, table: _OpenTable, begin: int) -> int:
+        """Read the rows of a table from a position on; return where it ends."""
+        size = _FIRST
+        while begin < len(self.text):
+            reached = self._read_numbers_only(table, begin)
+            size = min(_FIRST, 4 * self.block) if reached > begin else min(4 * size, 4 * self.block)
+            if reached == len(self.text):
+                return reached
+            stop, resume = self._read_among_words(table, reached, self._line_end(reached + size))
+            if resume is None:
+                return stop
+            begin = resume
+        return begin
+
+    def _read_numbers_only(self, table: _OpenTable, begin: int) -> int:
+        """Read lines that hold nothing but numbers, blocks of them in threads; return where others begin."""
         while True:
-            stop, i = self._next_interruption(table.head, i)
-            pieces.append(text[begin:stop])
-            resume = self._resume(table.head, i)
-            if resume is None or resume[0] >= len(text):
-                break
-            begin, i = resume
-            if skipped := _lines(COMMENT.sub("", text[stop:begin])):
-                text_left = f"text between the rows was left out: {skipped[0]!r:.60}"
-                table.remarks.append(Finding("text_in_rows", "warning", text_left))
-        ending = decode(self._segment.before, start=False) if stop >= len(text) and self._at_end else None
-        table.add(read_numbers(self.source, "".join(pieces), first_line, table.head, table.above(ending)))
-        self._check_units(table)
-        if stop >= len(text):
-            self._above = len(text)
-        elif resume is not None and not self._at_end and len(text) - stop <= MOST_WORDS:
-            self.carry = text[stop:]  # rows may follow these words
-        else:
-            self._above = stop
-            self._close()
-        return i
+            blocks = list(itertools.islice(self._clean_blocks(begin), _THREADS))
+            numbers = self.pool.map(
+                lambda block: read_block(block[0], table.head, table.above.decimal, table.wanted), blocks
+            )
+            for (_, stop), read in zip(blocks, numbers, strict=True):
+                if read is None:
+                    return begin
+                table.add(read)
+                begin = stop
+                self.request.progress(begin / len(self.text))
+            if not blocks:
+                return begin
 
-    def _check_units(self, table: OpenTable) -> None:
+    def _clean_blocks(self, begin: int) -> Iterator[tuple[bytes, int]]:
+        """Yield blocks of whole lines without words, and where each ends; the last line of a log may be cut."""
+        clean = True
+        while clean and (stop := self.text.rfind("\n", begin, begin + self.block) + 1) > begin:
+            raw = self.text[begin:stop].encode()
+            clean = _is_clean(raw)
+            if not clean:
+                raw = raw[: raw.rfind(b"\n", 0, raw.find(raw.translate(None, _NUMBERS)[:1])) + 1]
+                stop = begin + len(raw)
+            if raw:
+                yield raw, stop
+            begin = stop
+
+    def _read_among_words(self, table: _OpenTable, begin: int, end: int) -> tuple[int, int | None]:
+        """Read rows up to about `end`; return where they end, and where those of this table go on (None: nowhere)."""
+        head, pieces, here = table.head, list[str](), begin
+        while True:
+            stop = next((p for p in self._text_lines(here, end) if not self._is_row_of(head, p)), end)
+            pieces.append(self.text[here:stop])
+            if stop == end:
+                resume: int | None = end
+                break
+            resume = self._resume(head, stop)
+            if resume is None:
+                break
+            if skipped := _lines(COMMENT.sub("", self.text[stop:resume])):
+                text = f"text between the rows was left out: {skipped[0]!r:.60}"
+                table.remarks.append(Finding("text_in_rows", "warning", text))
+            here = resume
+            if here >= end:
+                break
+        ending = self.text[max(begin - LOOKED_AT, 0) : begin] if stop >= len(self.text) else None
+        above = replace(table.above, ending=ending)
+        table.add(read_numbers(self.source, "".join(pieces), self._line(begin), head, above))
+        self._check_units(table)
+        self.request.progress(stop / len(self.text))
+        return stop, resume
+
+    def _resume(self, head: Head, place: int) -> int | None:
+        """Return where the rows of the same table go on behind words; None where it ended."""
+        for line_start in itertools.islice(self._text_lines(place, len(self.text)), _MOST_LOOKED_AT):
+            line, after = line_at(self.text, line_start)
+            if (self.breaks is not None and self.breaks.match(line)) or self._head(line_start) is not None:
+                return None
+            position, row = next(lines_from(self.text, after), (len(self.text), ""))
+            if row and TEXT_LINE.match("\n" + row) is None:
+                return position if self._is_row_of(head, position) else None
+        return None
+
+    def _is_row_of(self, head: Head, position: int) -> bool:
+        fields = split(line_at(self.text, position)[0], head.delimiter)
+        return len(fields) == head.width and is_row(fields)
+
+    def _text_lines(self, position: int, end: int) -> Iterator[int]:
+        """Yield where lines begin that are no plain rows of numbers."""
+        if position == 0 and TEXT_LINE.match("\n" + line_at(self.text, 0)[0]):
+            yield 0
+        yield from (match.end() for match in TEXT_LINE.finditer(self.text, max(position - 1, 0), end))
+
+    def _line_end(self, position: int) -> int:
+        """Return where the line at a position ends. Raises the source's `LogError` where that is far."""
+        end = self.text.find("\n", position) + 1 or len(self.text)
+        if end - position > LONGEST_LINE:
+            raise self.source.error(
+                f"no line ends within a MiB below line {self._line(position)}; lines of numbers were expected; check "
+                "the file"
+            )
+        return end
+
+    def _line(self, position: int) -> int:
+        known, line = self._counted
+        line += self.text.count("\n", known, position) - self.text.count("\n", position, known)
+        self._counted = (position, line)
+        return line
+
+    def _check_units(self, table: _OpenTable) -> None:
         """Refuse one unit given for a column whose rows hold several."""
         names, roles = table.head.header.names, table.head.header.roles
-        for index, units in table.units.items():
+        for index, units in table.above.units.items():
             keys = {names[index].raw, names[index].name, *(role for role, place in roles.items() if place == index)}
-            given = next((unit for key, unit in self._request.units.items() if key in keys), None)
+            given = next((unit for key, unit in self.request.units.items() if key in keys), None)
             if given and len(units) > 1:
                 raise self.source.error(
                     f"column {names[index].raw!r} holds {' and '.join(units)} by turns, and {given!r} was given for "
                     "all of it; each row is read in its own unit; leave the unit out that was given"
                 )
 
-    def _close(self) -> None:
-        if self.table is not None:
-            self._tables.append(self.table.close())
-            self.table = None
 
-    def _carry_on(self) -> None:
-        """Keep the text that belongs to no table yet, unless it is too long for words above a table."""
-        self.carry = self._text[self._above :]
-        if len(self.carry) <= MOST_WORDS or self._at_end:
-            return
-        if not self._tables:
-            raise self.source.error(_why_no_table(self.carry, self._request))
-        self.carry = self.carry[self.carry.rfind("\n", 0, len(self.carry) - MOST_WORDS // 4) + 1 :]
+def _without_breaks(text: str) -> str:
+    """Return a text in which the cells of the first header hold no line breaks; empty lines stand for these."""
+    cut = text.rfind("\n", 0, 1 << 15)
+    if '"' not in text[: max(cut, 0)]:
+        return text
+    lines = text[:cut].split("\n")
+    for i, line in enumerate(lines):
+        rows = TEXT_LINE.match("\n" + line) is None or any(is_row(split(line, delimiter)) for delimiter in DELIMITERS)
+        if line.strip() and rows:
+            break
+        if line.startswith("#"):  # a comment has no cells
+            continue
+        below = lines[i + 1 : i + 1 + _MOST_BREAKS]
+        for beyond, more in enumerate(below, 1):
+            if not _OPEN_CELL.search(line):
+                lines[i : i + beyond] = [line, *[""] * (beyond - 1)]
+                break
+            line = f"{line} {more}"
+    return "\n".join(lines) + text[cut:]
 
-    def _next_interruption(self, head: Head, i: int) -> tuple[int, int]:
-        """Return position and mark of the next text line that is no row with a word in it."""
-        while i < len(self._marks):
-            fields = split(line_at(self._text, self._marks[i])[0], head.delimiter)
-            if len(fields) != head.width or not is_row(fields):
-                return self._marks[i], i
-            i += 1
-        return len(self._text), i
 
-    def _resume(self, head: Head, i: int) -> tuple[int, int] | None:
-        """Return where the rows of the same table go on behind text, and the next mark; None if the table ended.
+def _is_clean(raw: bytes) -> bool:
+    """Tell lines without words, faster than by looking at every character: letters stand above the digits.
 
-        Where nothing but words follows, they may go on in the next segment: the end of the text and of the marks.
-        """
-        last = min(i + MOST_LOOKED_AT, len(self._marks))
-        while i < last:
-            line, after = line_at(self._text, self._marks[i])
-            if self._breaks is not None and self._breaks.match(line):
-                return None
-            if self._head(i) is not None:
-                return None
-            i += 1
-            limit = self._marks[i] if i < len(self._marks) else len(self._text)
-            position, row = next(lines_from(self._text, after), (limit, ""))
-            if position < limit:
-                fields = split(row, head.delimiter)
-                return (position, i) if len(fields) == head.width and is_row(fields) else None
-        return (len(self._text), i) if i == len(self._marks) else None
-
-    def _head(self, i: int) -> Head | None:
-        position = self._marks[i]
-        if self._never is not None and self._never.match(line_at(self._text, position)[0]):
-            return None
-        return head_at(self.source, self._text, position, self._request)
-
-    def _line(self, position: int) -> int:
-        return self._first_line + self._text.count("\n", 0, position)
+    What else is no number (brackets, percent signs) pandas will refuse; not a zero byte, a quote or a comment.
+    """
+    if any(mark in raw for mark in (b"\0", b'"', b"#")):
+        return False
+    codes = np.frombuffer(raw, dtype=np.uint8)
+    if codes.max() <= ord("9"):
+        return True
+    high = np.count_nonzero(codes > ord("9"))
+    return bool(high == sum(np.count_nonzero(codes == code) for code in b";eE"))
 
 
 def _is_lost_row(line: str) -> bool:
@@ -403,7 +450,7 @@ def _lines(text: str) -> tuple[str, ...]:
 def _why_no_table(text: str, request: Request) -> str:
     """Say what is missing: rows of numbers, a header row, or the columns the user named."""
     above: list[str] = []
-    for _, line in itertools.islice(lines_from(text, 0), MOST_LOOKED_AT):
+    for _, line in itertools.islice(lines_from(text, 0), _MOST_LOOKED_AT):
         rows = (split(line, d) for d in DELIMITERS) if DIGIT.search(line) else ()
         width = max((len(row) for row in rows if is_row(row)), default=0)
         if width > 1:
@@ -434,60 +481,3 @@ def _why_no_header(above: list[str], width: int, request: Request) -> str:
         f"were expected; number them, as in --columns time=1,friction_force=2{load} --units "
         f'time=s,friction_force=N{load_unit}; a constant load is given with --normal-force "3 N"'
     )
-
-
-def read_tables(
-    source: Source,
-    request: Request,
-    breaks: re.Pattern[str] | None = None,
-    keep: Sequence[str] = (),
-    never: re.Pattern[str] | None = None,
-) -> tuple[list[Table], tuple[str, ...]]:
-    """Return every table of a text, and the lines that follow the last one.
-
-    A table is a header row with a role, perhaps a units row, then rows of numbers. Text between rows ends a table where
-    it matches `breaks` or a header follows; other text between rows is left out with a remark. Where the request
-    chooses channels, only these, the columns with a role and those called as in `keep` are read. A line that matches
-    `never` is no header, whatever it names. Raises `LogError` where there is no table.
-    """
-    with source.open() as handle:
-        walk = Walk(source, request, breaks, keep, never)
-        return _read_all(walk, Lines(source, request, handle))
-
-
-def read_below(source: Source, request: Request, lines: Lines, rest: Segment, head: Head) -> Table:
-    """Return the table whose head is known; `rest` holds its first rows, `lines` the others. Raises `LogError`."""
-    walk = Walk(source, request)
-    walk.table = OpenTable(head, (), rest.first_line, wanted_columns(head.header, request))
-    walk.take(rest)
-    return _read_all(walk, lines)[0][0]
-
-
-def _read_all(walk: Walk, lines: Lines) -> tuple[list[Table], tuple[str, ...]]:
-    with ThreadPoolExecutor(_THREADS) as pool:  # new threads would ask for their memory anew
-        while not lines.at_end:
-            if not _read_fast(walk, lines, pool):
-                walk.take(lines.segment())
-                if walk.table is None:
-                    # what waits for a table is walked again with what follows: in few, larger pieces
-                    lines.size = min(4 * lines.size, BLOCK)
-    return walk.finish()
-
-
-def _read_fast(walk: Walk, lines: Lines, pool: ThreadPoolExecutor) -> bool:
-    """Read the rows that follow as blocks of numbers, in threads; False where words come first, or nothing tells their
-    columns."""
-    table = walk.table
-    if table is None or walk.carry or not lines.may_run:
-        return False
-    blocks = list(itertools.takewhile(len, (lines.numbers() for _ in range(_THREADS))))
-    lines.size = FIRST if blocks else BLOCK  # words in every row: fewer calls of pandas
-    read = pool.map(lambda block: read_block(block, table.head, table.decimal, table.wanted), blocks)
-    for place, numbers in enumerate(read):
-        if numbers is None:
-            lines.give_back(blocks[place:])
-            lines.size = BLOCK
-            return False
-        lines.passed(blocks[place])
-        table.add(numbers)
-    return bool(blocks)

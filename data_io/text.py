@@ -5,6 +5,7 @@ import csv
 import re
 from collections.abc import Sequence
 from datetime import date
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -39,8 +40,9 @@ _EASTERN: Final = (
 """Words by which a text in an encoding of China or Japan is told."""
 _BOMS: Final = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 _GROUP_MARKS: Final = "\u202f\u00a0\u2009'\u2019"
-_BETWEEN_GROUPS: Final = re.compile(rf"(?<=\d)[{_GROUP_MARKS}](?=\d{{3}}(?!\d))")
 """Narrow blanks and apostrophes between thousands."""
+_THOUSAND: Final = re.compile(r"\d{3}(?!\d)")
+_HEAD: Final = 1 << 16
 _LEAST_UNMARKED: Final = 32
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
@@ -63,17 +65,25 @@ def looks_like_text(head: bytes) -> bool:
     return len(head) > 0 and len(_CONTROL.findall(head)) <= len(head) // 200 and b"\0\0" not in head
 
 
-def other_encoding(head: bytes) -> str | None:
+def _encoding(head: bytes) -> str | None:
     """Name the encoding of a text by its first bytes, None for UTF-8 and what is near it.
 
     UTF-16 by its mark, or by the zeros that every other byte then is; GB 18030 or Shift JIS where the bytes are no
     UTF-8 and hold words that logs have in them.
     """
-    if any(head.startswith(mark) for mark, _ in _BOMS):
-        return next((name for mark, name in _BOMS if name != "utf-8" and head.startswith(mark)), None)
+    marked = next((name for mark, name in _BOMS if head.startswith(mark)), None)
+    if marked is not None:
+        return None if marked == "utf-8" else marked
     if (unmarked := _without_mark(head)) is not None:
         return unmarked
-    if head.isascii() or _is_utf8(head):
+    if head.isascii():
+        return None
+    try:
+        head[: max(len(head) - 3, 0)].decode("utf-8")
+    except UnicodeDecodeError as error:
+        if len(head) - error.start < 8:  # a letter that the end cuts
+            return None
+    else:
         return None
     top = head[: head.find(b"\n", len(head) // 2) + 1 or len(head)]
     for encoding in ("gb18030", "cp932"):
@@ -92,26 +102,24 @@ def _without_mark(head: bytes) -> str | None:
     return None
 
 
-def _is_utf8(head: bytes) -> bool:
-    try:
-        head[: max(len(head) - 3, 0)].decode("utf-8")
-    except UnicodeDecodeError as error:
-        return len(head) - error.start < 8  # a letter that the end cuts
-    return True
-
-
-def decode(data: bytes, start: bool = True) -> str:
-    """Decode by byte-order mark (at the start of a log), else UTF-8 with single bytes of cp1252; line ends: newline."""
-    for mark, encoding in _BOMS if start else ():
-        if data.startswith(mark):
-            text = data[len(mark) :].decode(encoding, errors="data_io.cp1252" if encoding == "utf-8" else "replace")
-            break
+def decode(data: bytes) -> str:
+    """Decode a whole log: by byte-order mark, else UTF-8 with single bytes of cp1252. Lines end in a newline; marks
+    between thousands and zero bytes at the end are gone."""
+    encoding = _encoding(data[:_HEAD])
+    if encoding is not None:
+        text = data.decode(encoding, "replace").removeprefix("\ufeff")
     else:
-        text = data.rstrip(b"\0").decode("utf-8", errors="data_io.cp1252")
-    text = text.replace("\u2212", "-") if "\u2212" in text else text
-    if any(mark in text for mark in _GROUP_MARKS):
-        text = _BETWEEN_GROUPS.sub("", text)
-    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+        text = data.removeprefix(codecs.BOM_UTF8).rstrip(b"\0").decode("utf-8", errors="data_io.cp1252")
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if not text.isascii():
+        text = text.replace("\u2212", "-")
+    for mark in _GROUP_MARKS:
+        if mark in text:
+            parts = text.split(mark)
+            gone = (a[-1:].isdecimal() and _THOUSAND.match(b) for a, b in pairwise(parts))
+            text = parts[0] + "".join(("" if one else mark) + part for one, part in zip(gone, parts[1:], strict=True))
+    return text
 
 
 def split(line: str, delimiter: str) -> list[str]:

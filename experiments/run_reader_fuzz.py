@@ -1,8 +1,8 @@
 """Broken logs by the thousand: every file is read as it was written, or refused in a sentence, or read with a warning.
 
-An input is a look-alike of a real format with random numbers, broken in up to three ways and often read in small
-pieces, as long logs are; or one that Hypothesis draws: any bytes, small logs broken byte by byte, sound tables in any
-layout. Looked for: a traceback, more than 2 s of processor time, and a number that is not the one written, without a
+An input is a look-alike of a real format with random numbers, broken in up to three ways; or one that Hypothesis draws:
+any bytes, small logs broken byte by byte, sound tables in any layout. Looked for: a traceback, more than 2 s of
+processor time, and a number that is not the one written, without a
 warning.
 
     python experiments/run_reader_fuzz.py [count [first seed [how many Hypothesis draws]]]
@@ -18,7 +18,6 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +26,7 @@ from hypothesis.strategies import SearchStrategy
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from data_io import LogError, Record, read_log, segments, table
+from data_io import LogError, Record, read_log
 from experiments.drawn_logs import ANY, Drawn, broken, tables
 from experiments.lookalikes import ALL, EXPORTS, TEXTS, LookAlike, Made, rows
 from experiments.machine import describe
@@ -35,7 +34,6 @@ from experiments.mutations import BINARY, ORDER, TEXT, Mutation
 
 WHOLE = 25  # files of each kind, of 20 to 92 rows
 REORDERED = 0.2  # share of the texts
-PIECES = (None, None, 100, 400, 2000)  # bytes
 SLOW = 2.0  # [s] of processor time
 BINARIES = tuple(name for name in ALL if name not in TEXTS)
 CLOCKLESS = ("pair.lvm", "volts.csv")  # without a time column nobody can see that rows moved
@@ -74,28 +72,11 @@ def one(number: int, folder: Path) -> tuple[str, str]:
         data = ways[label].change(data, draw)
     path = folder / kind.file_name
     path.write_bytes(data)
-    size = random.Random(-5 - number).choice(PIECES)
     begun = time.process_time()
-    with pieces(size):
-        outcome = judge(path, kind, made, [ways[label] for label in chosen], data)
+    outcome = judge(path, kind, made, [ways[label] for label in chosen], data)
     if (took := time.process_time() - begun) > SLOW:
         outcome = f"WRONG: {took:.1f} s"
     return f"{name}: {'columns in another order, ' * reordered}{', '.join(chosen)}", outcome
-
-
-@contextmanager
-def pieces(size: int | None) -> Iterator[None]:
-    """Have texts read in pieces of so many bytes, as long ones are; None: as they are, mostly in one piece."""
-    constants = [(segments, name) for name in ("TOP", "FIRST", "AT_ONCE", "BLOCK")]
-    constants += [(table, name) for name in ("FIRST", "BLOCK")]
-    kept = [getattr(module, name) for module, name in constants]
-    for module, name in constants if size is not None else ():
-        setattr(module, name, size)
-    try:
-        yield
-    finally:
-        for (module, name), value in zip(constants, kept, strict=True):
-            setattr(module, name, value)
 
 
 @functools.cache

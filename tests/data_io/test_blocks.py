@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from data_io import read_log, segments, table
-from data_io.values import LogError
+from data_io import LogError, read_log
+from data_io.source import Request, load
+from data_io.table import read_tables
 
 ROWS = 20_000
 HEADER = b"time (s),Fz (N),Fx (N)\n"
@@ -63,13 +64,13 @@ def changed(lines: list[bytes], what: str) -> bytes:
     return whole.replace(b"\n", b"\r\n") if what == "CRLF" else whole
 
 
-def told(path, channels=None):
+def told(path, channels, block):
     try:
-        record = read_log(path, channels=channels)
+        (*tables,), footer = read_tables(load(path), Request(channels=channels), block=block)
     except LogError as error:
-        return str(error), ()
-    columns = {name: values.tobytes() for name, values in record.columns().items()}
-    return columns, sorted((finding.code, finding.message) for finding in record.findings)
+        return str(error)
+    columns = [{i: values.tobytes() for i, values in table.columns.items()} for table in tables]
+    return columns, footer, [sorted((f.code, f.message) for f in table.remarks) for table in tables]
 
 
 KINDS = (
@@ -81,33 +82,25 @@ KINDS = (
 
 @pytest.mark.parametrize("what", KINDS)
 @pytest.mark.parametrize("channels", [None, ()])
-def test_blocks_change_nothing(tmp_path, monkeypatch, lines, what, channels):
+def test_blocks_change_nothing(tmp_path, lines, what, channels):
     path = tmp_path / "log.csv"
     path.write_bytes(changed(lines, what))
-    monkeypatch.setattr(segments, "AT_ONCE", 1 << 16)
-    read_block, taken = table.read_block, []
-    monkeypatch.setattr(table, "read_block", lambda *a: taken.append(read_block(*a)) or taken[-1])
-    in_blocks = told(path, channels)
-    assert sum(numbers is not None for numbers in taken) > 2
-    monkeypatch.setattr(table, "read_block", lambda *_: None)
-    assert told(path, channels) == in_blocks
+    assert told(path, channels, 1 << 16) == told(path, channels, 1 << 21)
 
 
 def test_a_field_too_many_is_not_dropped_in_silence(tmp_path, lines):
     path = tmp_path / "log.csv"
     path.write_bytes(changed(lines, "long rows below"))
-    assert f"line {ROWS // 2 + 2} holds 4 fields" in told(path)[0]
+    with pytest.raises(LogError, match=f"line {ROWS // 2 + 2} holds 4 fields"):
+        read_log(path)
 
 
 @pytest.mark.parametrize("place", range(50, 60))
-def test_points_above_tell_that_a_comma_below_is_no_decimal_mark(tmp_path, monkeypatch, lines, place):
-    pieces = [(segments, name) for name in ("TOP", "FIRST", "AT_ONCE", "BLOCK")] + [(table, "FIRST"), (table, "BLOCK")]
-    for module, name in pieces:
-        monkeypatch.setattr(module, name, 100)
+def test_points_above_tell_that_a_comma_below_is_no_decimal_mark(tmp_path, lines, place):
     rows = [line.replace(b",", b"\t") for line in lines[:100]]
     rows[place] = rows[place].replace(b".", b",")
     path = tmp_path / "log.txt"
     path.write_bytes(HEADER.replace(b",", b"\t") + b"".join(rows))
-    record = read_log(path)
-    assert np.flatnonzero(np.isnan(record.friction_force)).tolist() == [place]
-    assert "text_in_rows" in {finding.code for finding in record.findings}
+    (table,), _ = read_tables(load(path), Request(), block=100)
+    assert np.flatnonzero(np.isnan(table.columns[2])).tolist() == [place]
+    assert "text_in_rows" in {finding.code for finding in table.remarks}

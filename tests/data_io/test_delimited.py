@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from data_io import LogError, read_log
+from data_io.source import Request, load
+from data_io.table import read_tables
 
 N = 12
 TIME = np.arange(N) / 100
@@ -196,19 +198,11 @@ def test_measured_records_are_read_as_they_are():
         np.testing.assert_allclose(record.time + record.metadata["file_time_start"], table[:, 0], rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("size", [200, 1000])
-def test_words_below_every_row_do_not_end_the_table_where_a_piece_ends(tmp_path, monkeypatch, size):
-    from data_io import segments, table
-
-    for constant in ("TOP", "FIRST", "AT_ONCE", "BLOCK", "LARGEST"):
-        monkeypatch.setattr(segments, constant, size)
-    monkeypatch.setattr(table, "FIRST", size)
-    monkeypatch.setattr(table, "BLOCK", size)
-    lines = [f"{i / 100:.2f},1.{i % 10},3\nload applied\n" for i in range(300)]
-    record = read(tmp_path, UNITS_ROW + "".join(lines))
-    np.testing.assert_allclose(record.time, np.arange(300) / 100, atol=1e-12)
-    np.testing.assert_allclose(record.friction_force, 1 + np.arange(300) % 10 / 10, rtol=1e-15)
-    assert {f.code for f in record.findings} == {"text_in_rows"}
+def test_words_below_every_row_do_not_end_the_table_where_a_block_ends(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(UNITS_ROW + "".join(f"{i / 100:.2f},1.{i % 10},3\nload applied\n" for i in range(300)))
+    (table,), _ = read_tables(load(path), Request(), block=200)
+    assert table.rows == 300 and {f.code for f in table.remarks} == {"text_in_rows"}
 
 
 @pytest.mark.parametrize("place", ["in front", "behind", "alone"])

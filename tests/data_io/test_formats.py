@@ -75,22 +75,6 @@ def test_the_judge_of_the_broken_logs_sees_a_wrong_number(tmp_path):
     assert run_reader_fuzz.judge(path, kind, made, [TEXT["cut off"]], b"").startswith("WRONG: row 20")
 
 
-# 64 bytes do not hold the settings above a table, whose longest block of equal width is looked for within one piece.
-IN_PIECES = [(name, size) for name in TEXTS for size in (64, 700) if (name, size) != ("settings", 64)]
-
-
-@pytest.mark.parametrize(("name", "size"), IN_PIECES)
-def test_reading_in_small_pieces_changes_nothing(tmp_path, name, size):
-    kind = ALL[name]
-    path = put(tmp_path, kind, kind.make(rows(300)).data)
-    whole = read_log(path, **kind.options)
-    with run_reader_fuzz.pieces(size):
-        pieces = read_log(path, **kind.options)
-    assert pieces.columns().keys() == whole.columns().keys() and codes(pieces) == codes(whole)
-    for column, values in whole.columns().items():
-        np.testing.assert_array_equal(pieces.columns()[column], values)
-
-
 @pytest.mark.parametrize("name", [name for name in TEXTS if name != "bare tab"])
 def test_chosen_channels_are_those_of_the_whole_log(tmp_path, name):
     kind = ALL[name]
@@ -117,7 +101,7 @@ def test_gigabytes_of_zeros_are_refused_before_memory_goes(tmp_path):
     path = tmp_path / "bomb.txt.gz"
     path.write_bytes(gzip.compress(bytes(1 << 24), 6) * 128)  # 2 GiB
     before, begun = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
-    with pytest.raises(LogError, match="no line ends within the first MiB"):
+    with pytest.raises(LogError, match="100 times"):
         read_log(path)
     head = gzip.compress(b"T,Fx,Fz\ns,N,N\n" + b"0.1,2,3\n" * 100)
     path.write_bytes(head + path.read_bytes())
@@ -353,4 +337,4 @@ def test_reading_says_how_far_it_is(tmp_path):
     path.write_text("T,Fx,Fz\ns,N,N\n" + "".join(f"{i / 100},{i % 7},3\n" for i in range(300_000)))
     told = []
     read_log(path, progress=told.append)
-    assert told == sorted(told) and told[-1] == 1.0 and len(told) >= 3
+    assert told == sorted(told) and told[-1] == 1.0 and len(told) >= 2

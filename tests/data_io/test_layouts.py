@@ -196,16 +196,13 @@ NUMBERED = {
 }
 
 
-@pytest.mark.parametrize(
-    ("setting", "count"), [("{0},{0}", 20), ("{0};{0};{0}", 5_000), ("{0},0.5,3", 5_000), ("{0},0.5,3", 40_000)]
-)
+@pytest.mark.parametrize(("setting", "count"), [("{0},{0}", 20), ("{0};{0};{0}", 5_000), ("{0},0.5,3", 5_000)])
 def test_settings_end_wherever_they_end(tmp_path, setting, count):
     rows = "".join(f"{i / 10}\t{FORCE[i % 120]}\t3.0\n" for i in range(50_000))
     (tmp_path / "a.txt").write_text("".join(setting.format(i) + "\n" for i in range(count)) + rows)
     record = read_log(tmp_path / "a.txt", **NUMBERED)
     assert len(record) == 50_000 and "preamble" in record.metadata
-    lost = record.metadata["preamble"].count("\n") != count - 1
-    assert lost == ("settings_above" in codes(record)), "nothing is dropped without a word"
+    assert record.metadata["preamble"].count("\n") == count - 1, "nothing is dropped without a word"
     np.testing.assert_allclose(record.friction_force[:120], [float(force) for force in FORCE], rtol=1e-12)
 
 

@@ -12,7 +12,6 @@ ELSEWHERE = {
     "read_in_part": "tests/cli/test_partly_read.py",
     "load_trembles": "tests/logs/test_live_load.py",  # so does how the fit takes the load
     "load_varies": "tests/logs/test_prepare.py",  # a warning of the fit: the scene's effects decide it
-    "settings_above": "tests/data_io/test_layouts.py",  # of thousands of rows
     "newest_first": "tests/data_io/test_raw_clocks.py",
     "never_written": "tests/data_io/test_raw_clocks.py",
     "counter_begins_anew": "tests/data_io/test_raw_clocks.py",
