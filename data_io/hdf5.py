@@ -3,41 +3,350 @@
 Instrument: none; acquisition programmes (MATLAB, LabVIEW, h5py) and this project write HDF5. Layout of ours:
 `/run_1/step_1/{time,normal_force,friction_force,...}`, see `data_io.write`; several runs are the logs of an archive.
 Elsewhere every group that holds a time and a friction force is a run, units in the attribute `units`. Quirks: column
-vectors of shape (n, 1), integers and single precision, chunks and compression, names with blanks and umlauts. Only what
-is asked for is read, so that a file may be larger than memory.
+vectors of shape (n, 1), integers and single precision, chunks and compression, names with blanks and umlauts, columns
+of a matrix (`/data:1`) or of a compound (`/table:Fx`). Only what is asked for is read, so that a file may be larger
+than memory. Files are opened so that they can do no harm: read-only, nothing outside followed, none that hangs.
 """
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import os
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from data_io import hdf5_walk
 from data_io.columns import Header, Name, coefficient_column, match_header, role_indices, words
 from data_io.contents import Contents, Part, unit_of
-from data_io.hdf5_open import check_own, children, member, opened, signature_at
-from data_io.hdf5_values import check_memory, check_promise, columns_within, named_within, read_values
-from data_io.source import Request, Source
+from data_io.source import LEAST_SUSPECT, Request, Source, load
 from data_io.units import factor, to_si
-from data_io.values import COLUMN_ROLES, FloatArray, UnitError
-from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, Account, read_account
+from data_io.values import COLUMN_ROLES, FloatArray, LogError, LogTooLargeError, UnitError
+from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, INDEX, Account, Entry, read_account
 
 if TYPE_CHECKING:
     import h5py
 
-_UNIT_NAMES: Final = ("units", "unit", "Units", "Unit")
+_UNITS: Final = ("units", "unit", "Units", "Unit", "column_units")
+_NAMES: Final = ("columns", "column_names", "names", "labels", "channels", "channel_names", "fields", "header")
+"""Attributes in which programmes keep the names of the columns of a matrix."""
+_WIDEST: Final = 256
+"""Columns of the widest matrix: wider ones are pictures and spectra."""
 _SHOWN: Final = 12
 _DEEPEST: Final = 6
 _MOST_GROUPS: Final = 2000
+_BLOCK: Final = 1 << 24
+"""Rows read at a time; progress is told after each."""
+_PATIENCE: Final = 1
+"""Seconds of computing after which a file whose structure is not walked through is given up; a sound one takes
+milliseconds."""
+_LONGEST: Final = 60.0
+"""Seconds of waiting after which it is given up whatever the reason."""
+_BYTES_PER_SECOND: Final = 2e9
+_LONGEST_CHAIN: Final = 16
+_HELD: Final = ("unable to lock file", "already open for write")
+"""What the library says of a file that is sound, but not free."""
+_SHARE: Final = 0.5
+"""Of the free memory, that the columns of one log may take: whoever looks at them needs as much again."""
+_MOST_PACKED: Final = 1100
+"""Times that deflation can pack bytes that are all alike."""
+_MOST_UNWRITTEN: Final = 10
+"""Times the bytes that were written: a logger asks for room, and may stop before it is used."""
+
+# Files opened so that they can do no harm.
+
+
+def signature_at(head: bytes) -> int | None:
+    """Return where the HDF5 signature stands, at the start or behind a user block; None where it does not."""
+    places = (0, *(512 << i for i in range(7)))
+    return next((place for place in places if head[place : place + 8] == b"\x89HDF\r\n\x1a\n"), None)
 
 
 def can_read(head: bytes) -> bool:
     """Tell HDF5 by its signature, at the start or behind a user block."""
     return signature_at(head) is not None
+
+
+@contextmanager
+def opened(source: Source) -> Iterator[h5py.File]:
+    """Open the file read-only. Raises the source's `LogError` for a damaged one.
+
+    A damaged file can send the HDF5 library round in circles, where nothing stops it: its heaps of texts carry no
+    checksum in any version. Another process therefore walks through it first, and is stopped after some seconds.
+    """
+    import h5py
+
+    target: Any = source.file()
+    if hasattr(os, "fork") and hasattr(signal, "SIGXCPU"):  # Windows has no way to limit the computing of a process
+        if isinstance(target, str):
+            found = Path(target).stat()
+            wrong = _wrong_with(os.path.realpath(target), found.st_ino, found.st_size, found.st_mtime_ns)
+        else:
+            wrong = _verdict(_forked(target, source.size))
+        if wrong:
+            raise _damaged(source, wrong)
+    try:
+        with h5py.File(target, "r", **({"locking": "best-effort"} if source.held is None else {})) as file:
+            yield file
+    except LogError:
+        raise
+    except hdf5_walk.LIBRARY_ERRORS as error:
+        reason = str(error).strip("'\"").split("\n")[0]
+        if any(words in reason for words in _HELD):
+            raise source.error(
+                "another program has the HDF5 file open for writing, or ended without closing it; a closed file was "
+                "expected; close it there, or after a crash run: h5clear -s FILE"
+            ) from error
+        raise _damaged(source, reason) from error
+
+
+def _damaged(source: Source, reason: str) -> LogError:
+    return source.error(f"the HDF5 file is damaged ({reason:.120}); an intact one is needed; copy it again")
+
+
+@functools.lru_cache(maxsize=256)
+def _wrong_with(path: str, _inode: int, size: int, _changed: int) -> str:
+    """Say what happens on a walk through a file as it is now, "" where nothing does."""
+    # a copy of this process would inherit the locks of its other threads
+    alone = sys.platform == "linux" and threading.active_count() == 1
+    return _verdict((_forked if alone else _spawned)(path, size))
+
+
+def _verdict(status: int | None) -> str:
+    if status is None or status == -signal.SIGXCPU:
+        return "the library hangs on it"
+    return "the library crashes on it" if status < 0 else ""
+
+
+def _forked(target: Any, size: int) -> int | None:
+    """Walk in a copy of this process; return how it ended (negative: by that signal), None where it did not."""
+    import h5py  # noqa: F401  in the parent, so that every child has it
+
+    child = os.fork()
+    if child == 0:
+        with contextlib.suppress(BaseException):
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            hdf5_walk.limited_walk(target, _PATIENCE + int(size / _BYTES_PER_SECOND))
+        os._exit(0)
+    until, pause = time.monotonic() + _LONGEST, 1e-4
+    while time.monotonic() < until:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(pause)
+        pause = min(2 * pause, 2e-3)  # a sound file takes some 20 ms
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return None
+
+
+def _spawned(path: str, size: int) -> int | None:
+    """The same in a new interpreter, which loads that one file and h5py: half the time of the whole package."""
+    where = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-P", hdf5_walk.__file__, path, str(_PATIENCE + int(size / _BYTES_PER_SECOND))]
+    quiet = subprocess.DEVNULL
+    try:
+        return subprocess.run(
+            command, env=where, timeout=_LONGEST, stdin=quiet, stdout=quiet, stderr=quiet, check=False
+        ).returncode
+    except subprocess.TimeoutExpired:
+        return None
+    except OSError:  # no process can be started here: better an unguarded look than none
+        return 0
+
+
+def _member(source: Source, file: h5py.File, path: str) -> h5py.Group | h5py.Dataset | None:
+    """Return the group or dataset at a path, None where there is none.
+
+    Raises the source's `LogError` for a link into another file: what is not in this file is not followed.
+    """
+    import h5py
+
+    place, parts, links = file["/"], [part for part in path.split("/") if part], 0
+    while parts:
+        name = parts.pop(0)
+        link = place.get(name, getlink=True) if isinstance(place, h5py.Group) else None
+        if isinstance(link, h5py.ExternalLink):
+            raise source.error(
+                f"{path!r} is a link into another file ({link.filename!r}), which is not followed; copy the data into "
+                "one file"
+            )
+        if isinstance(link, h5py.SoftLink):
+            links += 1
+            if links > _LONGEST_CHAIN:
+                return None
+            parts = [part for part in link.path.split("/") if part] + parts
+            place = file["/"] if link.path.startswith("/") else place
+        elif link is None:
+            return None
+        else:
+            place = place[name]
+    return place
+
+
+def _children(group: h5py.Group) -> Iterator[tuple[str, h5py.HLObject]]:
+    """Yield name and object of everything that lies in a group itself; links to elsewhere are passed over."""
+    import h5py
+
+    for name in group:
+        if isinstance(group.get(name, getlink=True), h5py.HardLink):
+            yield name, group[name]
+
+
+# How much memory a log may take, asked before it is read.
+
+
+def check_memory(source: Source, rows: int, columns: int, until: Callable[[int], float] | None) -> None:
+    """Refuse so many float64 numbers where they do not fit into memory. Raises `LogTooLargeError`.
+
+    until: tells the time [s] of a row; None where no part of the rows can be read.
+    """
+    wanted, free = 8 * rows * columns, free_memory()
+    if free is None or wanted <= _SHARE * free:
+        return
+    fewer = " or fewer columns with --channels none" if columns > len(COLUMN_ROLES) - 1 else ""
+    part = f"write a part of its rows to a file of its own{fewer and ', or read'}{fewer.removeprefix(' or')}"
+    if until is not None:
+        stop = f"{until(int(rows * _SHARE * free / wanted) - 1):.4g} s"
+        part = (
+            f'read a part of the log with --window "0 s,{stop}" (in a scene: window = ["0 s", "{stop}"] in its '
+            f"[[logs]]), one step with --step{fewer and ','}{fewer}"
+        )
+    raise LogTooLargeError(
+        f"{source.path}: the columns asked for take {wanted / 1e9:.3g} GB where {free / 1e9:.3g} GB of memory are "
+        f"free; {part}"
+    )
+
+
+def check_promise(source: Source, name: str, promised: int, stored: int, packed: bool) -> None:
+    """Refuse a column that promises so many bytes and holds next to none: no memory is taken for them.
+
+    packed: whether its bytes are compressed. Raises the source's `LogError`.
+    """
+    if promised > max(LEAST_SUSPECT, (_MOST_PACKED if packed else _MOST_UNWRITTEN) * stored):
+        raise source.error(
+            f"the dataset {name!r} promises {promised / 1e6:.4g} MB and holds {stored / 1e6:.3g} MB; was it never "
+            "written to its end? Copy or export it again"
+        )
+
+
+def free_memory() -> int | None:
+    """Return the bytes that this process may still take, by the system and by its own limit (ulimit -v); None where
+    nothing tells."""
+    free: list[int] = []
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        told = re.search(r"MemAvailable:\s*(\d+)", Path("/proc/meminfo").read_text(encoding="ascii"))
+        free += [1024 * int(told[1])] if told else []
+    if sys.platform != "win32":
+        import resource
+
+        limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+        if limit != resource.RLIM_INFINITY:
+            with contextlib.suppress(OSError, ValueError, IndexError):
+                pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+                limit = max(limit - pages * resource.getpagesize(), 0)
+            free.append(limit)
+    return min(free, default=None)
+
+
+# Columns that lie within one dataset: of a matrix by number (`/data:1`), of a compound by name (`/table:Fx`).
+
+
+@dataclass(frozen=True)
+class _ColumnWithin:
+    """A column (n,) of a dataset, read as a dataset is; of a matrix the longer side runs along the rows."""
+
+    dataset: h5py.Dataset
+    key: int | str
+    label: str
+    attrs: dict[str, Any]
+    ndim: int = 2
+    """That of the dataset, which is read otherwise than one that is a column."""
+
+    @property
+    def name(self) -> str:
+        return f"{self.dataset.name}:{self.key + 1 if isinstance(self.key, int) else self.key}"
+
+    @property
+    def size(self) -> int:
+        return int(max(self.dataset.shape))
+
+    @property
+    def shape(self) -> tuple[int]:
+        return (self.size,)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        own: np.dtype[Any] = self.dataset.dtype
+        return own[self.key] if isinstance(self.key, str) else own
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.dataset, name)
+
+    def __getitem__(self, key: Any) -> Any:
+        rows = key[0] if isinstance(key, tuple) and key else slice(None)
+        if isinstance(self.key, str):
+            return np.ravel(self.dataset[self.key])[rows]
+        upright = self.dataset.shape[0] >= self.dataset.shape[1]
+        return self.dataset[rows, self.key] if upright else self.dataset[self.key, rows]
+
+
+def _columns_within(dataset: h5py.Dataset) -> list[_ColumnWithin]:
+    """Return the columns of a compound or of a matrix of numbers; none of anything else."""
+    shape: tuple[int, ...] = tuple(dataset.shape or ())
+    keys: Sequence[int | str] = ()
+    labels: Sequence[str] = ()
+    if dataset.dtype.names and len([size for size in shape if size != 1]) <= 1:
+        kinds = {name: dataset.dtype[name] for name in dataset.dtype.names}
+        keys = labels = [name for name, kind in kinds.items() if kind.kind in "fiu" and not kind.shape]
+    elif len(shape) == 2 and dataset.dtype.kind in "fiu" and shape[0] != shape[1] and 1 < min(shape) <= _WIDEST:
+        keys = range(min(shape))
+        named = (_texts(dataset.attrs.get(key)) for key in _NAMES)
+        base = dataset.name.rpartition("/")[2]
+        labels = next((n for n in named if len(n) == len(keys)), [f"{base}:{i + 1}" for i in keys])
+    units = next((u for key in _UNITS if len(u := _texts(dataset.attrs.get(key))) == len(keys)), None)
+    about = [{} if units is None else {"units": units[place]} for place in range(len(keys))]
+    return [_ColumnWithin(dataset, *column) for column in zip(keys, labels, about, strict=True)]
+
+
+def _texts(value: Any) -> Sequence[str]:
+    """Return an attribute as texts; of one text the words between its commas, of none nothing."""
+    found = [] if value is None else np.ravel(np.asarray(value, dtype=object)).tolist()
+    listed = [part.decode("utf-8", errors="replace") if isinstance(part, bytes) else str(part) for part in found]
+    return listed if len(listed) != 1 else [part.strip() for part in listed[0].split(",")]
+
+
+def _read_values(dataset: h5py.Dataset, rows: slice, tell: Callable[[float], None]) -> FloatArray:
+    """Return the rows of a dataset, which is a column, as float64 (n,). tell: called with the share read."""
+    count = rows.stop - rows.start
+    if dataset.ndim != 1:
+        tell(1.0)
+        return np.asarray(dataset[()], dtype=np.float64).reshape(-1)[rows].copy()
+    if rows == slice(0, dataset.size) and count <= _BLOCK:
+        whole = np.asarray(dataset[()], dtype=np.float64)  # without a selection the library is a third faster
+        tell(1.0)
+        return whole
+    values = np.empty(count)
+    for first in range(0, count, _BLOCK):
+        end = min(first + _BLOCK, count)
+        dataset.read_direct(values, np.s_[rows.start + first : rows.start + end], np.s_[first:end])
+        tell(end / count)
+    return values
+
+
+# What a file holds, and the part of it that was asked for.
 
 
 @dataclass(frozen=True)
@@ -96,7 +405,7 @@ def _read_layout(
     tables = []
     for run, run_group in wanted:
         for step, group in _groups(run_group, "step"):
-            found = [(link, item) for link, item in children(group) if _is_dataset(item)]
+            found = [(link, item) for link, item in _children(group) if _is_dataset(item)]
             names = tuple(Name(name, name, unit) for name, unit in map(_named_column, found))
             header = Header(names, role_indices(names, request.columns))
             parameters = {key: _text(value) for key, value in group.attrs.items()}
@@ -114,7 +423,7 @@ def _tests(source: Source, request: Request, file: h5py.File) -> list[_Table]:
     """Return every group that holds what a log needs, each a run of one step."""
     tables: list[_Table] = []
     for group in _all_groups(file):
-        found = [(link, item) for link, item in children(group) if _is_dataset(item)]
+        found = [(link, item) for link, item in _children(group) if _is_dataset(item)]
         found = [column for link, item in found for column in _columns_of(link, item, request)]
         named = [_named_column(column) for column in found]
         header = match_header([name for name, _ in named], request.columns)
@@ -147,13 +456,13 @@ def _named(source: Source, request: Request, file: h5py.File) -> _Table:
 
 def _dataset_at(source: Source, file: h5py.File, path: str) -> h5py.Dataset | None:
     """Return the dataset at a path, or a column within one (`/data:1`, `/table:Fx`, `/table/Fx`); None for neither."""
-    found = member(source, file, path)
+    found = _member(source, file, path)
     if _is_dataset(found):
         return found
     for mark in (":", "/"):
         outer, _, key = path.rpartition(mark)
-        dataset = member(source, file, outer) if outer else None
-        for column in columns_within(dataset) if _is_dataset(dataset) else ():
+        dataset = _member(source, file, outer) if outer else None
+        for column in _columns_within(dataset) if _is_dataset(dataset) else ():
             if key in (column.label, column.name.rpartition(":")[2]):
                 return column
     return None
@@ -204,8 +513,9 @@ def _columns_of(link: str, item: h5py.Dataset, request: Request) -> list[tuple[s
     """Return name and dataset of what is a column, or the columns within: where they have names or were asked for."""
     if _is_column(item):
         return [(link, item)]
-    wanted = named_within(item) or any(name.startswith(f"{link}:") for name in request.columns.values())
-    return [(column.label, column) for column in columns_within(item)] if wanted else []
+    named = bool(item.dtype.names) or any(key in item.attrs for key in _NAMES)
+    wanted = named or any(name.startswith(f"{link}:") for name in request.columns.values())
+    return [(column.label, column) for column in _columns_within(item)] if wanted else []
 
 
 def _the_run(source: Source, request: Request, tables: Sequence[_Table]) -> int | None:
@@ -241,7 +551,10 @@ def _columns(source: Source, request: Request, table: _Table) -> dict[int, Float
                 f"dataset {data.name!r} holds {data.dtype} of shape {data.shape or ()}; a column of numbers was "
                 "expected; name another one with --columns"
             )
-        check_own(source, data)
+        if data.is_virtual or data.external:
+            raise source.error(
+                f"the numbers of {data.name!r} lie in other files, which are not followed; copy them into one file"
+            )
         stored, packed = data.id.get_storage_size(), data.compression is not None
         check_promise(source, str(data.name), data.size * data.dtype.itemsize, stored, packed)
     if len({datasets[index].size for index in wanted}) > 1:
@@ -266,7 +579,7 @@ def _columns(source: Source, request: Request, table: _Table) -> dict[int, Float
         def tell(share: float, count: int = count) -> None:
             request.progress((count + share) / len(wanted))
 
-        columns[index] = read_values(datasets[index], rows, tell)
+        columns[index] = _read_values(datasets[index], rows, tell)
     return columns
 
 
@@ -303,7 +616,7 @@ def _number_at(dataset: h5py.Dataset, row: int) -> float:
 
 def _groups(parent: h5py.Group, word: str) -> list[tuple[int, h5py.Group]]:
     """Return number and group of `run_1`, `run_2`, ... in the order of their numbers."""
-    found = [(re.fullmatch(rf"{word}_(\d{{1,9}})", name), item) for name, item in children(parent)]
+    found = [(re.fullmatch(rf"{word}_(\d{{1,9}})", name), item) for name, item in _children(parent)]
     return sorted(
         ((int(match[1]), item) for match, item in found if match and not _is_dataset(item)), key=lambda pair: pair[0]
     )
@@ -315,7 +628,7 @@ def _all_groups(file: h5py.File) -> list[h5py.Group]:
 
     found, level = [file["/"]], [file["/"]]
     for _ in range(_DEEPEST):
-        level = [item for group in level for _, item in children(group) if isinstance(item, h5py.Group)]
+        level = [item for group in level for _, item in _children(group) if isinstance(item, h5py.Group)]
         found += level
         if len(found) > _MOST_GROUPS:
             break
@@ -334,7 +647,7 @@ def _is_column(dataset: h5py.Dataset) -> bool:
 
 
 def _unit(dataset: h5py.Dataset) -> str | None:
-    return next((_text(dataset.attrs[name]).strip() for name in _UNIT_NAMES if name in dataset.attrs), None)
+    return next((_text(dataset.attrs[name]).strip() for name in _UNITS if name in dataset.attrs), None)
 
 
 def _text(value: Any) -> str:
@@ -347,7 +660,7 @@ def _text(value: Any) -> str:
 
 
 def _account(source: Source, place: h5py.Group) -> Account:
-    item: Any = member(source, place, f"{place.name}/{ABOUT}") if ABOUT in place else None
+    item: Any = _member(source, place, f"{place.name}/{ABOUT}") if ABOUT in place else None
     if not _is_dataset(item):
         keys = ("source_file", "source_sha256")
         return Account({key: _text(place.attrs[key]) for key in keys if key in place.attrs})
@@ -368,8 +681,23 @@ def _drive_speed(source: Source, place: h5py.Group) -> float | None:
 
 
 def _datasets(file: h5py.File) -> str:
-    there = [item for group in _all_groups(file) for _, item in children(group) if _is_dataset(item)]
-    within = {item.name: [c.name for c in columns_within(item)] for item in there if not _is_column(item)}
+    there = [item for group in _all_groups(file) for _, item in _children(group) if _is_dataset(item)]
+    within = {item.name: [c.name for c in _columns_within(item)] for item in there if not _is_column(item)}
     found = [name for item in there for name in within.get(item.name, []) or [item.name]]
     more = ", ..." if len(found) > _SHOWN else ""
     return f"the datasets are {', '.join(found[:_SHOWN])}{more}" if found else "it holds no datasets"
+
+
+def read_index(path: str | Path) -> tuple[Entry, ...]:
+    """Return the index of an archive, empty for any other file. Raises `LogError` for a damaged one."""
+    source = load(Path(path))
+    if not can_read(source.head):
+        return ()
+    with opened(source) as file:
+        table: Any = dict(_children(file)).get(INDEX)
+        wanted = [field.name for field in fields(Entry)]
+        if not _is_dataset(table) or not set(wanted) <= set(table.dtype.names or ()):
+            return ()
+        rows = table[()][wanted].tolist()
+    plain: list[list[Any]] = [[_text(value) if isinstance(value, bytes) else value for value in row] for row in rows]
+    return tuple(Entry(*row) for row in plain)

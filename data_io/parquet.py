@@ -7,7 +7,7 @@ import numpy as np
 
 from data_io.columns import Name, match_names, parse_name
 from data_io.contents import Contents, Part
-from data_io.hdf5_values import check_memory, check_promise
+from data_io.hdf5 import check_memory, check_promise
 from data_io.source import Request, Source
 from data_io.table import wanted_columns
 from data_io.values import FloatArray

@@ -91,7 +91,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
 def _logs_in(path: str, arguments: Namespace) -> list[tuple[str, Namespace]]:
     """Name and reading options of every log: an archive stands for all logs in it unless a run was chosen."""
     from data_io import LogError
-    from data_io.write import read_index
+    from data_io.hdf5 import read_index
 
     alone = [(path, Namespace(**vars(arguments), path=path))]
     if arguments.test_run is not None or Path(path).suffix.lower() not in (".h5", ".hdf5"):

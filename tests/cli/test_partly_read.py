@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from data_io import LogError, LogTooLargeError, hdf5_values, read_log
+from data_io import LogError, LogTooLargeError, hdf5, read_log
 from identify import Scene, fit
 from identify.base.outcome import Status
 from identify.examples import FOLDER
@@ -36,8 +36,7 @@ def scene(tmp_path):
 
 def tight(monkeypatch, record_bytes):
     """Memory in which the window fits and the whole log does not."""
-    monkeypatch.setattr(hdf5_values, "_SMALL", 0)
-    monkeypatch.setattr(hdf5_values, "free_memory", lambda: int(2 * 0.8 * record_bytes))
+    monkeypatch.setattr(hdf5, "free_memory", lambda: int(2 * 0.8 * record_bytes))
 
 
 def test_the_window_gives_the_fit_of_the_whole(scene, monkeypatch):

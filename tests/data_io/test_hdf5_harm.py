@@ -146,7 +146,7 @@ def test_every_single_bit_of_an_archive_that_flips_is_noticed_or_harmless(tmp_pa
     write_hdf5(record, tmp_path / "log.h5")
     whole = (tmp_path / "log.h5").read_bytes()
     noticed = 0
-    for place in random.integers(0, len(whole), 24):
+    for place in random.integers(0, len(whole), 40):
         data = bytearray(whole)
         data[place] ^= 1 << int(random.integers(0, 8))
         (tmp_path / "bad.h5").write_bytes(data)
