@@ -1,7 +1,7 @@
 """How the drive moved, from a position or speed column: strokes to and fro, rests, and the speed of each piece."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -72,36 +72,6 @@ def motion_of(record: Record, column: str | None = None) -> Motion | None:
     if not any(piece.speed for piece in pieces):
         return None
     return Motion(name, tuple(pieces))
-
-
-def strokes_as_steps(record: Record, column: str | None = None) -> Record:
-    """Return the record with every stroke of the drive as a step of its own; rests belong to the stroke before.
-
-    The parameters of each step say its direction and speed. Raises `LogError` where no position column tells strokes.
-    """
-    motion = motion_of(record, column)
-    if motion is None:
-        lengths = [name for name, unit in record.channel_units.items() if unit == "m"]
-        raise LogError(
-            f"{record.metadata.get('path', 'the record')}: strokes cannot be told, no position moves among "
-            f"the columns in metres ({', '.join(lengths) or 'none'}); name it with --columns position=<name>"
-        )
-    steps = [stroke for step in record.steps for stroke in _strokes_of(step, motion.pieces)]
-    numbered = tuple(replace(step, number=number) for number, step in enumerate(steps, start=1))
-    text = f"{len(steps)} strokes were told by the column {motion.column}; each is a step"
-    return replace(record, steps=numbered, findings=(*record.findings, Finding("split_strokes", "info", text)))
-
-
-def take_step(record: Record, number: int) -> Record:
-    """Return one step of a record on a clock of its own. Raises `LogError` where there is no such step."""
-    step = next((step for step in record.steps if step.number == number), None)
-    if step is None:
-        there = ", ".join(str(step.number) for step in record.steps[:20])
-        path = record.metadata.get("path", "the record")
-        raise LogError(f"{path}: stroke {number} was asked for; the log holds {there}; choose one of them")
-    columns = {name: values[step.start : step.stop] for name, values in record.columns().items()}
-    whole = (step.run, step.number, 0, step.stop - step.start, step.parameters)
-    return Record.from_columns(columns, {**record.about(), "steps": [whole]})
 
 
 def check_drive(
@@ -220,21 +190,3 @@ def _slope(t: FloatArray, x: FloatArray, start: int, stop: int) -> float:
     if b - a < 2:
         return 0.0
     return float(np.polyfit(t[a:b] - t[a], x[a:b] - x[a], 1)[0])
-
-
-def _strokes_of(step: Step, pieces: Sequence[Piece]) -> list[Step]:
-    """Return the strokes of one step; what rests before the first stroke belongs to it."""
-    own = [piece for piece in pieces if step.start <= piece.start < step.stop]
-    moving = [piece for piece in own if piece.speed]
-    strokes: list[Step] = []
-    for piece in moving:
-        way = "forth" if piece.speed > 0 else "back"
-        speed = f"{abs(piece.speed):.6g} m/s"
-        parameters = {**step.parameters, "stroke": way, "stroke speed": speed}
-        if strokes and strokes[-1].parameters["stroke"] == way:
-            continue
-        strokes.append(Step(step.run, step.number, piece.start, step.stop, parameters))
-    if not strokes:
-        return [step]
-    starts = [step.start, *(stroke.start for stroke in strokes[1:]), step.stop]
-    return [replace(s, start=a, stop=b) for s, a, b in zip(strokes, starts, starts[1:], strict=False)]

@@ -13,7 +13,6 @@ import numpy as np
 from data_io.assemble import assemble
 from data_io.contents import Contents, StepSummary, chosen_steps, is_series, joined_contents, logs_at, summaries
 from data_io.derived_columns import with_derived_columns, with_drive_of_rotation
-from data_io.motion import strokes_as_steps, take_step
 from data_io.own_clocks import on_one_clock, with_clock_of_rate
 from data_io.raw_clocks import with_sound_clocks
 from data_io.readers import READERS
@@ -56,8 +55,6 @@ def read_log(
     channels: Sequence[str] | None = None,
     progress: Callable[[float], None] = no_progress,
     window: tuple[float, float] | None = None,
-    strokes: bool = False,
-    stroke: int | None = None,
     exclude: Sequence[tuple[float, float]] = (),
     rate: float | str | None = None,
 ) -> Record:
@@ -75,8 +72,7 @@ def read_log(
     progress: called with the share read so far. Raises `LogError`, one sentence that says what was
     found, what was expected and what to do.
     A folder or a pattern (`stroke_*.txt`) is read as one test whose strokes or steps were exported to files of their
-    own; `logs.zip/slow.txt` is a file in an archive. strokes: each stroke of the drive, told by the position column, is
-    a step; stroke: only this one.
+    own; `logs.zip/slow.txt` is a file in an archive.
     """
     path = Path(path)
     request = Request(
@@ -91,10 +87,7 @@ def read_log(
         tuple((float(start), float(stop)) for start, stop in exclude),
         _above_zero(path, rate, "Hz", "sampling rate"),
     )
-    record = _read_series(path, request) if is_series(path) else _read_one(path, request)
-    if strokes or stroke is not None:
-        record = strokes_as_steps(record)
-    return record if stroke is None else take_step(record, stroke)
+    return _read_series(path, request) if is_series(path) else _read_one(path, request)
 
 
 def _read_one(path: Path, request: Request) -> Record:

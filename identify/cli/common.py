@@ -126,8 +126,6 @@ def add_part_options(parser: ArgumentParser) -> None:
     group = parser.add_argument_group("how much of the logs to read")
     group.add_argument("--window", metavar="START,STOP", help='from the first row on, such as "100 s,2 min"')
     group.add_argument("--channels", metavar="NAME,…", help="which of the other columns to keep; none keeps none")
-    group.add_argument("--strokes", action="store_true", help="each stroke of the drive is a step (position column)")
-    group.add_argument("--stroke", type=int, metavar="N", help="use this stroke of the drive only")
 
 
 def part_options(arguments: Namespace) -> dict[str, Any]:
@@ -144,8 +142,6 @@ def part_options(arguments: Namespace) -> dict[str, Any]:
     return {
         "window": None if times is None else tuple(quantity(time, "s", "--window") for time in times),
         "channels": [] if names == ["none"] else names,
-        "strokes": getattr(arguments, "strokes", False),
-        "stroke": getattr(arguments, "stroke", None),
     }
 
 

@@ -126,10 +126,8 @@ def _zero(value: object, unit: str, where: str) -> float | tuple[float, float]:
     return _span(value, unit, where) if isinstance(value, (list, tuple)) else stated(value, unit, where)
 
 
-def _or_strokes(value: object, unit: str, where: str) -> float | str:
-    """A number, or the word that has it taken from both stroke directions; a pure number may be in percent."""
-    if value == "strokes":
-        return "strokes"
+def _number(value: object, unit: str, where: str) -> float:
+    """A number; a pure one may be in percent."""
     return stated(value, unit, where) if unit else part(value, unit, where)
 
 
@@ -218,8 +216,8 @@ LOG: Mapping[str, Key] = {
     "skip_cycles": Key(read=whole),
     "tare": Key("N", _zero),
     "normal_tare": Key("N", _zero),
-    "crosstalk": Key("", _or_strokes, limit=1.0),
-    "tilt": Key("rad", _or_strokes, limit=math.pi / 4),
+    "crosstalk": Key("", _number, limit=1.0),
+    "tilt": Key("rad", _number, limit=math.pi / 4),
     "flip_sign": Key(read=_truth),
     "labels": Key(read=_words),
     "rate": Key("Hz", sign=POSITIVE),

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 from identify.base.errors import SceneError
 from identify.scene.tables import AREA_LAW, CONTACT, INITIAL, LOG, NOT_NEGATIVE, POSITIVE, RIG, Key, check
@@ -194,9 +193,8 @@ class LogEntry:
     exclude are parts to leave out [s], skip_cycles cycles to drop at the start; tare is a force [N]
     to subtract, or the (start, stop) [s] over which the unloaded force is averaged, normal_tare the same
     of the normal force; crosstalk the share of the normal force that the friction sensor shows, tilt [rad] the angle
-    of the surface (both: or "strokes", from the two directions of the record); flip_sign
-    forces the sign of the friction force (None: from the data); labels are free words; rate [Hz] makes the clock of a
-    log that has none.
+    of the surface; flip_sign forces the sign of the friction force (None: from the data); labels are free words;
+    rate [Hz] makes the clock of a log that has none.
     """
 
     path: Path
@@ -215,8 +213,8 @@ class LogEntry:
     skip_cycles: int = 0
     tare: float | tuple[float, float] | None = None
     normal_tare: float | tuple[float, float] | None = None
-    crosstalk: float | Literal["strokes"] | None = None
-    tilt: float | Literal["strokes"] | None = None
+    crosstalk: float | None = None
+    tilt: float | None = None
     flip_sign: bool | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
     rate: float | None = None

@@ -9,7 +9,6 @@ import pytest
 
 from data_io import LogError, read_log
 from experiments.lookalikes import EXPORTS
-from identify.cli import main as cli
 from identify.logs.scene_records import with_records
 from identify.scene import Scene
 
@@ -212,11 +211,11 @@ def test_a_shorter_table_below_is_no_table(tmp_path):
     assert len(read_log(tmp_path / "a.txt", **NUMBERED)) == 50_000
 
 
-def test_the_position_is_read_where_there_is_no_header(capsys):
-    path = str(CASES / "no_header_position.txt")
-    named = ["--columns", "time=1,friction_force=3,position=2", "--units", "time=ms,friction_force=N,position=mm"]
-    assert cli.main(["inspect", path, *named, "--normal-force", "10 N", "--strokes"]) == 0
-    assert "300 rows in 6 step(s)" in capsys.readouterr().out
+def test_the_position_is_read_where_there_is_no_header():
+    columns = {"time": "1", "friction_force": "3", "position": "2"}
+    units = {"time": "ms", "friction_force": "N", "position": "mm"}
+    record = read_log(CASES / "no_header_position.txt", columns=columns, units=units, normal_force=10.0)
+    assert len(record) == 300 and record.channel_units["position"] == "m"
 
 
 def test_a_number_and_a_word_in_each_row(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data_io import LogError, Record
-from data_io.motion import check_drive, motion_of, strokes_as_steps
+from data_io.motion import check_drive, motion_of
 
 RATE = 200.0
 
@@ -54,17 +54,8 @@ def test_what_does_not_move_tells_nothing():
     assert motion_of(moved([(10, 0.0)])) is None
     record = moved([(10, 0.0)])
     assert check_drive(record, 1.0) == []
-    with pytest.raises(LogError, match="no position moves"):
-        strokes_as_steps(record)
     with pytest.raises(LogError, match="no column 'Y'"):
         motion_of(record, "Y")
-
-
-def test_strokes_become_steps():
-    record = strokes_as_steps(moved([(1, 0.0), (5, 1e-3), (1, 0.0), (5, -1e-3), (5, 1e-3)], 1e-7))
-    assert [step.parameters["stroke"] for step in record.steps] == ["forth", "back", "forth"]
-    assert [record.time[step.start] for step in record.steps] == pytest.approx([0.0, 7.0, 12.0], abs=0.05)
-    assert record.steps[-1].stop == len(record) and record.findings[-1].code == "split_strokes"
 
 
 def test_a_wrong_statement_of_the_drive_is_seen_and_a_right_one_is_not():

@@ -230,17 +230,14 @@ def test_what_was_cut_and_corrected_stands_in_the_account_and_the_raw_record_is_
     assert _prepared(_record()).account.changes == ()
 
 
-def test_crosstalk_and_tilt_of_a_scene_in_percent_degrees_and_by_strokes():
+def test_crosstalk_and_tilt_of_a_scene_in_percent_and_degrees():
     scene = _scene(crosstalk="2 %", tilt="1.5 deg", normal_tare="5 mN")
     (entry,) = scene.logs
     assert (entry.crosstalk, entry.normal_tare) == (0.02, 5e-3) and entry.tilt == pytest.approx(np.radians(1.5))
     assert Scene.from_document(scene.as_document()).logs[0] == replace(entry, path=entry.path.absolute())
-    assert _scene(tilt="strokes").logs[0].tilt == "strokes"
     for wrong in ({"crosstalk": 1.5}, {"tilt": "60 deg"}, {"tilt": "much"}):
         with pytest.raises(SceneError, match=next(iter(wrong))):
             _scene(**wrong)
-    with pytest.raises(FitError, match="goes one way only"):
-        _prepared(_record(), crosstalk="strokes")
 
 
 def test_a_rejected_log_is_left_out_with_its_reason_and_a_threshold_lets_it_in():

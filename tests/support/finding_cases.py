@@ -145,7 +145,6 @@ def driven(stated: float) -> Make:
     return make
 
 
-MOVING = "T,Fx,Fz,X\ns,N,N,mm\n" + "".join(f"{row},{i}\n" for i, row in enumerate(ROWS))
 TWO = "T [s],Ff [N],Fx [N],Fz [N]\n0,{},1,3\n1,2,2,3\n2,3,3,3\n"
 INTERVAL = "Interval,0.01\n\nFx (N),Fz (N)\n1,3\n2,3\n3,3\n"
 CLOCKED = "Interval,0.01\n\nT (s),Fx (N),Fz (N)\n0,1,3\n0.01,2,3\n0.02,3,3\n"
@@ -267,7 +266,6 @@ CASES: dict[str, list[tuple[Make, Make]]] = {
     "normal_force_flipped": [(log(GOOD.replace(",3.0", ",-3.0")), log(GOOD.replace(",3.0", ",-3.0", 19)))],
     "clock_from_interval": [(log(INTERVAL), log(CLOCKED))],
     "joined_files": [(files(2), files(1))],
-    "split_strokes": [(log(MOVING, strokes=True), log(MOVING))],
     "step_gap_unknown": [(log(GOOD + GOOD), log(GOOD + GOOD.replace("\n0.", "\n9.")))],
     "step_overlap": [
         (
