@@ -1,30 +1,97 @@
-"""One rising clock from the clocks of the steps: gaps, repeated and rounded stamps, restarts, starting times."""
+"""Clocks: as loggers leave them, rounded stamps of even ones, gaps and repeated stamps, steps that restart."""
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from data_io.arrays import longest_run, thinned
+from data_io.arrays import longest_run, thinned, true_runs
+from data_io.contents import Contents, Part
 from data_io.record import BLOCK, rising
-from data_io.source import Source
+from data_io.source import Request, Source
 from data_io.values import LONGEST_GAP, Finding, FloatArray
 
-# Time stamps that were written on a grid (decimals, ticks of a timer, single precision): an even clock, rounded.
+# Clocks as loggers leave them: newest row first, rows that were never written, counters that begin anew.
+
+_COUNTS: Final = tuple(2.0**bits * part for part in (1.0, 1e-3, 1e-6) for bits in (16, 24, 32))
+"""What a counter of so many bits holds, in its own counts, thousands and millions of them."""
+
+
+def with_sound_clocks(request: Request, contents: Contents) -> Contents:
+    """Return contents in which the clock of each part goes on from row to row as far as the logger's way is known."""
+    if contents.settled or request.rate is not None:
+        return contents
+    parts, findings = [], list(contents.findings)
+    for part in contents.parts:
+        clock = -1 if part.clocks else part.header.roles.get("time", -1)
+        usable = clock in part.columns and part.rows > 2
+        for repair in (_oldest_first, _written, _counted_on) if usable else ():
+            part, notes = repair(part, clock)
+            findings += notes
+        parts.append(part)
+    return replace(contents, parts=parts, findings=findings)
+
+
+def _oldest_first(part: Part, clock: int) -> tuple[Part, list[Finding]]:
+    """Turn a part over whose clock falls in every row: the newest row stands first."""
+    time = part.columns[clock]
+    if not np.isfinite(time).all() or not (np.diff(time) <= 0.0).all() or time[0] == time[-1]:
+        return part, []
+    columns = {index: values[::-1].copy() for index, values in part.columns.items()}
+    text = "the newest row stands first in the file; the rows were turned over"
+    return replace(part, columns=columns), [Finding("newest_first", "info", text)]
+
+
+def _written(part: Part, clock: int) -> tuple[Part, list[Finding]]:
+    """Leave out rows that were never written: zeros in all columns at the begin, and zeros of the clock behind it."""
+    time = part.columns[clock]
+    start = int(np.argmax(time != 0.0))
+    if not (start > 1 or (time[start] > 0.0 and (time[start:] <= 0.0).any())):
+        return part, []
+    blank = np.all([np.nan_to_num(values[:start]) == 0.0 for values in part.columns.values()], axis=0)
+    never = np.zeros(time.size, dtype=bool)
+    if blank.sum() > 1:  # one may be the begin of a log
+        never[:start] = blank
+    for first, last in true_runs(time[start:] <= 0.0) + start if time[start] > 0.0 else ():
+        never[first:last] = last - first > 1 or last == time.size
+    if not never.any():
+        return part, []
+    columns = {index: values[~never] for index, values in part.columns.items()}
+    text = f"{np.count_nonzero(never)} rows that were never written (zeros) were left out"
+    return replace(part, columns=columns), [Finding("never_written", "info", text)]
+
+
+def _counted_on(part: Part, clock: int) -> tuple[Part, list[Finding]]:
+    """Let a clock go on that counts in 16, 24 or 32 bits and begins anew."""
+    time = part.columns[clock]
+    change = np.diff(time)
+    falls = np.flatnonzero(change < 0.0)
+    if not falls.size or falls.size >= np.count_nonzero(change > 0.0):
+        return part, []
+    usual = float(np.median(thinned(change[change > 0.0])))
+    for most in _COUNTS:
+        over = change[falls] + most
+        if (over > 0.0).all() and (over < (LONGEST_GAP + 1.5) * usual).all() and usual < 1e-3 * most:
+            later: FloatArray = time + most * np.concatenate(([0.0], np.cumsum(change < 0.0)))
+            text = f"the clock is a counter that begins anew at {most:.10g}, {falls.size} time(s); it was counted on"
+            columns = {**part.columns, clock: later}
+            return replace(part, columns=columns), [Finding("counter_begins_anew", "info", text)]
+    return part, []
+
+
+# Stamps of an even clock on a grid: decimals, ticks of a timer, single precision.
 
 _FEWEST: Final = 50  # rows from which an even clock is told from a few odd steps
-_DIGITS: Final = 6  # decimals of the finest rounding that matters to any logger
 _MATTERS: Final = 0.05  # of an interval: a coarser rounding moves samples noticeably
-_EXACT: Final = 1e-3  # of the rounding step by which stamps may miss its multiples
-_NEAR: Final = 0.05  # of a tick by which differences of stamps may miss its multiples: its decimals are rounded too
+_NEAR: Final = 0.05  # of the grid by which intervals may miss its multiples: its decimals are rounded too
 _LEVELS: Final = 12  # different intervals that a rounded even clock has at most; one that jitters has many
 _STAMPS: Final = 20  # different stamps from which the line through rows that share them tells where each belongs
 _ODD: Final = 3  # intervals unlike the usual one that a rounding makes at least; fewer are rows lost or repeated
-_WITHIN: Final = 1.25  # rounding steps that the line through an even clock may miss its stamps by, from end to end
+_WITHIN: Final = 1.25  # steps of the grid that the line through an even clock may miss its stamps by, from end to end
 
 
 def evened(time: FloatArray, of_step: str = "") -> tuple[FloatArray, list[Finding]]:
@@ -41,7 +108,7 @@ def evened(time: FloatArray, of_step: str = "") -> tuple[FloatArray, list[Findin
     if _spread(time) <= _MATTERS * interval:
         return time, []
     change = np.diff(time)
-    step, kind = _rounding(time, change)
+    step = _grid(time)
     if not 2.0 * _MATTERS * interval < step <= max(2.0, time.size / _STAMPS) * interval:
         return time, []
     if np.count_nonzero(np.abs(change - np.median(change)) > _MATTERS * interval) < _ODD:
@@ -51,7 +118,9 @@ def evened(time: FloatArray, of_step: str = "") -> tuple[FloatArray, list[Findin
     even = time[0] + begin + slope * places
     if np.ptp(time - even) > _WITHIN * step:
         return time, []
-    text = f"the time stamps{of_step} are {kind}; they are those of an even clock of {1.0 / slope:.5g} Hz"
+    text = (
+        f"the time stamps{of_step} are rounded to {step:.4g} s; they are those of an even clock of {1.0 / slope:.5g} Hz"
+    )
     return even, [Finding("clock_rounded", "info", f"{text}, which is used")]
 
 
@@ -63,42 +132,21 @@ def _spread(time: FloatArray) -> float:
     return float(ends[:, 1].max() - ends[:, 0].min())
 
 
-def _rounding(time: FloatArray, change: FloatArray) -> tuple[float, str]:
-    """Return the coarsest step [s] to which stamps were rounded, 0 where they lie on no grid, and words for it.
+def _grid(time: FloatArray) -> float:
+    """Return the largest time [s] whose multiples all the intervals are, 0 where there is none.
 
     Of six significant digits the stamps beyond a power of ten keep one decimal less: the coarser step counts.
     """
     late = time[np.searchsorted(time, 10.0 ** np.floor(np.log10(max(float(time[-1]), 1e-12)))) :]
-    late = late if late.size >= _FEWEST else time
-    decimal = next((10.0**-digits for digits in range(_DIGITS + 1) if _multiples(late, 10.0**-digits)), 0.0)
-    tick = _tick(change)
-    single = 0.0
-    if np.array_equal(time, time.astype(np.float32)):
-        single = float(np.spacing(np.float32(np.max(np.abs(time)))))
-    if single >= max(decimal, tick * (1.0 - _NEAR)):
-        return single, f"numbers of single precision, {single:.3g} s apart"
-    if decimal >= tick * (1.0 - _NEAR):
-        return decimal, f"rounded to {decimal:g} s"
-    return tick, f"ticks of {tick:.4g} s"
-
-
-def _multiples(time: FloatArray, step: float) -> bool:
-    """Whether all stamps are whole multiples of a step."""
-    counts = time / step
-    return bool(np.max(np.abs(counts - np.round(counts))) < _EXACT)
-
-
-def _tick(change: FloatArray) -> float:
-    """Return the largest time [s] whose multiples all the intervals are, 0 where there is none."""
-    few = np.sort(thinned(change))
+    change = np.diff(late if late.size >= _FEWEST else time)
     apart = _NEAR * float(np.mean(change))
+    few = np.sort(thinned(change))
     levels = [float(group.mean()) for group in np.split(few, np.flatnonzero(np.diff(few) > apart) + 1)]
     if len(levels) > _LEVELS:
         return 0.0
-    gaps = [*np.diff(levels).tolist(), *(level for level in levels if level > apart)]
-    tick = min(gaps, default=0.0)
-    counts = change / tick if tick > 0 else np.array([0.5])
-    return tick if float(np.max(np.abs(counts - np.round(counts)))) < _NEAR else 0.0
+    grid = min([*np.diff(levels).tolist(), *(level for level in levels if level > apart)], default=0.0)
+    counts = change / grid if grid > 0 else np.array([0.5])
+    return grid if float(np.max(np.abs(counts - np.round(counts)))) < _NEAR else 0.0
 
 
 # One rising clock from the clocks of the steps: gaps in a clock, repeated stamps, restarts, starting times.

@@ -11,10 +11,10 @@ from typing import Final
 import numpy as np
 
 from data_io.assemble import assemble
+from data_io.clock import with_sound_clocks
 from data_io.contents import Contents, StepSummary, chosen_steps, is_series, joined_contents, logs_at, summaries
 from data_io.derived_columns import with_derived_columns, with_drive_of_rotation
 from data_io.own_clocks import on_one_clock, with_clock_of_rate
-from data_io.raw_clocks import with_sound_clocks
 from data_io.readers import READERS
 from data_io.record import Record, within
 from data_io.source import Request, Source, load, no_progress, sha256_of_several, sha256_unchanged

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from data_io import LogError, Record, hdf5_open, hdf5_values, read_log, write_hdf5
+from data_io import LogError, Record, hdf5, read_log, write_hdf5
 
 NAMED = {"time": "/daq/t", "friction_force": "/daq/Fx", "normal_force": "/daq/Fz"}
 
@@ -126,7 +126,7 @@ def test_a_damaged_file_that_hangs_is_refused_in_time(tmp_path):
 
 
 def test_beside_other_threads_the_look_is_taken_by_a_new_interpreter(tmp_path, monkeypatch):
-    monkeypatch.setattr(hdf5_open, "_forked", None)  # must not be asked
+    monkeypatch.setattr(hdf5, "_forked", None)  # must not be asked
     done = threading.Event()
     thread = threading.Thread(target=done.wait)
     thread.start()
@@ -172,15 +172,13 @@ def test_a_file_that_claims_more_than_fits_is_refused_before_memory_goes(tmp_pat
         read_log(path)
 
 
-def test_memory_is_asked_and_small_logs_are_never_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(hdf5_values, "free_memory", lambda: 1000)
+def test_memory_is_asked(tmp_path, monkeypatch):
     path = good(tmp_path / "log.h5")
-    assert len(read_log(path)) == 400
-    monkeypatch.setattr(hdf5_values, "_SMALL", 8 * 3 * 400 - 1)
+    monkeypatch.setattr(hdf5, "free_memory", lambda: 1000)
     with pytest.raises(LogError, match="memory are free"):
         read_log(path)
     assert len(read_log(path, window=(0.5, 20.0))) == 20
-    monkeypatch.setattr(hdf5_values, "free_memory", lambda: 2 * 8 * 3 * 400)
+    monkeypatch.setattr(hdf5, "free_memory", lambda: 2 * 8 * 3 * 400)
     assert len(read_log(path)) == 400
 
 
@@ -202,9 +200,9 @@ def test_odd_names_are_names(tmp_path, name):
 
 def test_a_file_is_walked_through_once_and_again_when_it_has_changed(tmp_path, monkeypatch):
     path, walks = good(tmp_path / "log.h5"), []
-    seen = hdf5_open._forked
-    monkeypatch.setattr(hdf5_open, "_forked", lambda *a: walks.append(a) or seen(*a))
-    monkeypatch.setattr(hdf5_open, "_spawned", lambda *a: walks.append(a) or 0)
+    seen = hdf5._forked
+    monkeypatch.setattr(hdf5, "_forked", lambda *a: walks.append(a) or seen(*a))
+    monkeypatch.setattr(hdf5, "_spawned", lambda *a: walks.append(a) or 0)
     assert read_log(path).time.size == read_log(path).time.size
     assert len(walks) == 1
     with h5py.File(path, "a") as file:
@@ -218,8 +216,8 @@ def test_a_file_that_the_library_hangs_on_is_walked_through_once(tmp_path, monke
     with h5py.File(tmp_path / "log.h5", "w") as file:
         file["Fx"] = np.zeros(4)
     walks = []
-    monkeypatch.setattr(hdf5_open, "_forked", lambda *_: walks.append(0))
-    monkeypatch.setattr(hdf5_open, "_spawned", lambda *_: walks.append(0))
+    monkeypatch.setattr(hdf5, "_forked", lambda *_: walks.append(0))
+    monkeypatch.setattr(hdf5, "_spawned", lambda *_: walks.append(0))
     for _ in range(2):
         with pytest.raises(LogError, match="the library hangs on it"):
             read_log(tmp_path / "log.h5")
