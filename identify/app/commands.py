@@ -37,7 +37,7 @@ KINDS = {
         PageCommand("batch", "source", ("scene", "out"), ("jobs", "time-limit"), (), ("resume",)),
         PageCommand("compare", "fits", ("out",), ("by",)),
         PageCommand("stability", "", ("scene", "result", "plot", "data"), ("points",), ("map", "at", "range"),
-             ("advice", "draws"), out="data"),
+             ("advice",), out="data"),
     )
 }  # fmt: skip
 

@@ -24,12 +24,7 @@ def _part(name: str, help_: str) -> Command:
 def _add_arguments(parser: ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--scene", metavar="SCENE.toml", help="the values of a scene: fixed, else start, else default")
-    source.add_argument(
-        "--result",
-        nargs="+",
-        metavar="result.json",
-        help="the estimates of a fit, with their uncertainty; of several fits of one pair, with their scatter",
-    )
+    source.add_argument("--result", metavar="result.json", help="the estimates of a fit, with their uncertainty")
     parser.add_argument(
         "--at",
         nargs="+",
@@ -60,14 +55,6 @@ def _add_arguments(parser: ArgumentParser) -> None:
         metavar="MARGIN",
         help="the nearest change of speed, stiffness, damping, mass or load that makes sliding steady, with a margin "
         "(default: 20 %%)",
-    )
-    parser.add_argument(
-        "--draws",
-        nargs="?",
-        const=400,
-        type=int,
-        metavar="N",
-        help="probability of stick-slip from N draws of what is uncertain (default: 400)",
     )
     parser.add_argument("--plot", metavar="FILE", help="draw it over drive speed, or the map (png, svg or pdf)")
     group = parser.add_argument_group("maps")

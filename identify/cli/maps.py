@@ -21,9 +21,7 @@ from identify.prediction.maps import (
     chart,
     check_data_path,
     line_map,
-    values_of,
-    write_chart,
-    write_line,
+    write_map,
 )
 from identify.prediction.wording import said
 from identify.report.report_wording import OUTCOMES
@@ -67,7 +65,7 @@ def map_answer(
             from identify.report.draw_map import draw_line
 
             draw_line(answer, plot, part)
-        files = [] if data is None else write_line(answer, site, data)
+        files = [] if data is None else write_map(answer, data)
     else:
         n = GRID if arguments.points is None else arguments.points
         made = chart(site, (names[0], names[1]), ranges, (n, n))
@@ -78,7 +76,7 @@ def map_answer(
 
             others = [tuple(axis(p.site, name).value for name in names) for p in points[1:]]
             draw_map(made, plot, part, Marks([(a, b) for a, b in others], drawn, tested, point.title))
-        files = [] if data is None else write_chart(made, data)
+        files = [] if data is None else write_map(made, data)
     if plot:
         terminal.say(f"plot: {plot}")
     for file in files:
@@ -142,8 +140,8 @@ def _chart_document(made: Chart) -> dict[str, Any]:
         "y": {"name": plane.y.name, "unit": plane.y.unit, "values": plane.y_values.tolist()},
         "shares": made.shares,
         "outcomes": made.outcomes.tolist(),
-        "end_of_stick_slip": [points.tolist() for points in values_of(made, made.sticking)],
-        "loss_of_stability": [points.tolist() for points in values_of(made, made.unstable)],
+        "end_of_stick_slip": [points.tolist() for points in made.values_of(made.sticking)],
+        "loss_of_stability": [points.tolist() for points in made.values_of(made.unstable)],
         "text": chart_text(made),
     }
 
@@ -157,8 +155,8 @@ def _line_document(answer: LineMap) -> dict[str, Any]:
     q = answer.quantity
     return {
         "x": {"name": q.name, "unit": q.unit, "values": answer.values.tolist()},
-        "outcomes": answer.outcomes.tolist(),
-        "figures": {name: values.tolist() for name, values in answer.figures.items()},
+        "outcomes": answer.chart.outcomes[0].tolist(),
+        "figures": {name: values.tolist() for name, (values,) in answer.chart.figures.items()},
         **changes,
         "text": _line_text(answer, changes),
     }
@@ -181,9 +179,8 @@ def _line_text(answer: LineMap, changes: Mapping[str, list[dict[str, Any]]]) -> 
     sentences = [f"Over {q.label} from {low} to {high}:"]
     for key, words in (("end_of_stick_slip", "stick-slip exists"), ("loss_of_stability", "steady sliding is unstable")):
         told = [f"{entry['holds']} {_told(entry)}" for entry in changes[key]]
-        with np.errstate(invalid="ignore"):
-            growing = answer.eigenvalues[:, 0].real >= 0.0
-        everywhere = np.isfinite(answer.figures["drop"]) if key.startswith("end") else growing
+        sticks = key.startswith("end")
+        everywhere = np.isfinite(answer.chart.figures["drop"]) if sticks else answer.chart.growth >= 0.0
         none = "everywhere" if np.all(everywhere) else "nowhere" if not np.any(everywhere) else "in places"
         sentences.append(f"{words} {' and '.join(told) or none};")
     return " ".join(sentences)[:-1] + "."

@@ -3,50 +3,18 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from identify.base.document import Json, to_dict
 from identify.base.wording import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, picture, quantity
 from identify.cli.points import PairAtPoint, one_pair, operating_points, tested_range
 from identify.prediction.point_prediction import NoAnswer, PointPrediction
-from identify.prediction.predict import PredictionCertainty, predict, prediction_certainty, predictions
-from identify.prediction.sources import Tested, existing_result
-from identify.prediction.stabilising import StabilisingAdvice, stabilising_changes
+from identify.prediction.predict import predict, predictions
+from identify.prediction.sources import existing_result
+from identify.prediction.stabilising import stabilising_changes
 from identify.prediction.wording import ranges_text
 from identify.scene import Scene
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What the calculators say beyond the outlook where it is asked for: advice, and how sure the answers are.
-# ----------------------------------------------------------------------------------------------------------------------
-
-Further = Callable[[PairAtPoint, Tested | None], dict[str, PredictionCertainty | StabilisingAdvice]]
-MOST_DRAWS = 100_000
-DRAWS = 100  # of how sure an answer of assumed parameters is
-
-
-def asked_further(arguments: Namespace) -> Further:
-    """A function of an operating point and the tested range that gives {"sureness": …, "advice": …}, as asked for.
-
-    Raises:
-        CommandLineError: a margin or a number of draws without meaning.
-    """
-    margin = None if arguments.advice is None else quantity(arguments.advice, "", "--advice")
-    if margin is not None and not 0.0 < margin < 10.0:
-        raise CommandLineError(f'--advice is {arguments.advice!r}; expected a share above zero: write --advice "20 %"')
-    draws = arguments.draws
-    if draws is not None and not 1 <= draws <= MOST_DRAWS:
-        raise CommandLineError(f"--draws is {draws}; expected 1 to {MOST_DRAWS}: write --draws 400")
-
-    def further(point: PairAtPoint, tested: Tested | None) -> dict[str, PredictionCertainty | StabilisingAdvice]:
-        found: dict[str, PredictionCertainty | StabilisingAdvice] = {}
-        if draws is not None:
-            found["sureness"] = prediction_certainty(point.model, point.at, point.names, draws)
-        if margin is not None:
-            found["advice"] = stabilising_changes(point.model, point.at, point.names, tested, margin)
-        return found
-
-    return further
 
 
 def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
@@ -56,6 +24,9 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
         CommandLineError, SceneError, SimulationError, LogError: one sentence each.
     """
     plot = picture(arguments.plot)
+    margin = None if arguments.advice is None else quantity(arguments.advice, "", "--advice")
+    if margin is not None and not 0.0 < margin < 10.0:
+        raise CommandLineError(f'--advice is {arguments.advice!r}; expected a share above zero: write --advice "20 %"')
     points = operating_points(arguments)
     origins = points[0].origins
     terminal.say(wrapped(origins.text, "", ""))
@@ -69,7 +40,7 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     if arguments.data or arguments.range or arguments.points is not None:
         raise CommandLineError("--data, --range and --points belong to a map; name its quantities: --map drive_speed")
     shown = one_pair(points, "--plot") if plot else points
-    further, tested = asked_further(arguments), tested_range(arguments)
+    tested = tested_range(arguments)
     documents = []
     for point, prediction in zip(points, _predictions(points), strict=True):
         terminal.say(f"{point.title}:")
@@ -77,15 +48,14 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
         document: dict[str, Json] = {"name": point.name, **group, **to_dict(prediction)}
         texts = [prediction.text]  # alone: no answer
         if isinstance(prediction, PointPrediction):
-            found = further(point, tested)
-            if origins.assumed and "sureness" not in found:
-                found["sureness"] = prediction_certainty(point.model, point.at, point.names, DRAWS)
-            document |= {name: to_dict(answer) for name, answer in found.items()}
             own = prediction.stability.text if part == "stability" else prediction.amplitude.text
             if origins.assumed:  # values that nobody measured make ranges, not one number
                 own = ranges_text(prediction, part)
-            texts = [own, prediction.closed_forms.text, *(answer.text for answer in found.values())]
-            texts = [text for text in texts if text != prediction.closed_forms.text or not origins.assumed]
+            texts = [own] if origins.assumed else [own, prediction.closed_forms.text]
+            if margin is not None:
+                advice = stabilising_changes(point.model, point.at, point.names, tested, margin)
+                document["advice"] = to_dict(advice)
+                texts.append(advice.text)
             where = {"drive_speed": point.drive_speed, "normal_force": point.normal_force}
             where["stiffness"] = point.values["stiffness"]
             if tested is not None and (beyond := tested.beyond(where)):

@@ -26,7 +26,6 @@ from identify.prediction.sources import (
     groups_of,
     named,
     pair_of,
-    pooled_result,
     stated,
     ties_of,
     with_tied,
@@ -144,7 +143,8 @@ def operating_points(arguments: Namespace) -> list[PairAtPoint]:
         CommandLineError, SceneError, SimulationError, LogError: one sentence each.
     """
     if arguments.result:
-        result, scene = _fitted([Path(path) for path in arguments.result])
+        result: Result | None
+        result, scene = _fitted(Path(arguments.result))
     else:
         result, scene = None, Scene.from_toml(arguments.scene)
     scene = without(arguments.without, _settled(scene, result))
@@ -162,16 +162,12 @@ def operating_points(arguments: Namespace) -> list[PairAtPoint]:
     return points
 
 
-def _fitted(paths: Sequence[Path]) -> tuple[Result | None, Scene]:
-    """The result and its scene; of several results of one pair the values of all, with the scatter between them."""
-    results = [read_result(path) for path in paths]
-    for path, result in zip(paths, results, strict=True):
-        if not result.converged:
-            raise CommandLineError(f"{path}: this fit has no values ({result.status}); mend the fit first")
-    scene = scene_of(results[0], paths[0])
-    if len(results) == 1:
-        return results[0], scene
-    return pooled_result(results, _settled(scene, results[0]).model), scene
+def _fitted(path: Path) -> tuple[Result, Scene]:
+    """The result and its scene."""
+    result = read_result(path)
+    if not result.converged:
+        raise CommandLineError(f"{path}: this fit has no values ({result.status}); mend the fit first")
+    return result, scene_of(result, path)
 
 
 def points_of(scene: Scene, result: Result) -> list[PairAtPoint]:
@@ -182,7 +178,7 @@ def points_of(scene: Scene, result: Result) -> list[PairAtPoint]:
 def tested_range(arguments: Namespace) -> Tested | None:
     """The range of the logs of a fit, or of a scene that has logs; None where nothing was tested."""
     if arguments.result:
-        return Tested.joined(Tested.of_result(read_result(Path(path))) for path in arguments.result)
+        return Tested.of_result(read_result(Path(arguments.result)))
     scene = Scene.from_toml(arguments.scene)
     if not scene.logs:
         return None

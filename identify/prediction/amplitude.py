@@ -16,27 +16,20 @@ from numpy.typing import ArrayLike, NDArray
 from identify.base.linear import one_plus_two_products
 from identify.base.roots import rising_root
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Exact derivatives of a whole slip by alpha and overshoot (docs/equations.md, section 4), by implicit differentiation.
-#
-# Growth exp(-alpha tau) is divided out where it can be: for alpha near -1 it overflows long before the times do.
-# ----------------------------------------------------------------------------------------------------------------------
-
 Array = NDArray[np.float64]
 Floats = NDArray[np.floating[Any]]  # in longer precision too
 Pair = tuple[Floats, Floats]  # by alpha, by overshoot
 
 
-def _by_alpha(a: Floats, tau: Floats, C: Floats, S: Floats) -> Pair:
-    """Derivatives by alpha of C, S = cos, sin(w_d tau)/w_d."""
-    return a * tau * S, a * (S - tau * C) / ((1 - a) * (1 + a))
-
-
 def end_slopes(a: Floats, A: Floats, eps: Floats, tau: Floats, stop: Floats) -> tuple[Pair, Pair]:
-    """Derivatives of (tau_end, xi_end - xi_o) at the angle eps = 2 pi - w_d tau_end; stop is xi''(tau_end)."""
+    """Derivatives of (tau_end, xi_end - xi_o) at the angle eps = 2 pi - w_d tau_end; stop is xi''(tau_end).
+
+    Implicit differentiation (docs/equations.md, section 4); growth exp(-alpha tau), which overflows for alpha near -1
+    long before the times do, is divided out where it can be.
+    """
     w, decay, phi = np.sqrt((1 - a) * (1 + a)), np.exp(-a * tau), 2 * a + A
     C, S = np.cos(eps), -np.sin(eps) / w
-    C_a, S_a = _by_alpha(a, tau, C, S)
+    C_a, S_a = a * tau * S, a * (S - tau * C) / ((1 - a) * (1 + a))  # by alpha
     # xi'(tau; alpha, A) = 1 differentiated, over exp(-alpha tau).
     rise = -phi * C + (a * phi - 1) * S
     tau_a = (tau * np.exp(a * tau) - (C_a - S - (a + A) * S_a)) / rise
@@ -44,17 +37,6 @@ def end_slopes(a: Floats, A: Floats, eps: Floats, tau: Floats, stop: Floats) -> 
     end_a = tau_a + tau * (2 * a + stop) + decay * (A * C_a + A * S + (1 + a * A) * S_a)
     end_A = np.where(a == 0, -1.0, tau_A + decay * (C + a * S))
     return (tau_a, tau_A), (end_a, end_A)
-
-
-def peak_slopes(a: Floats, A: Floats, tau: Floats, speed: Floats) -> tuple[Pair, Pair]:
-    """Derivatives of the time tau of the peak sliding speed and of that speed over the drive speed."""
-    w, decay = np.sqrt((1 - a) * (1 + a)), np.exp(-a * tau)
-    phi, swing = 2 * a + A, np.hypot(a + A, w)  # xi' is -swing decay there
-    C, S = (a * phi - 1) / swing, phi / swing
-    C_a, S_a = _by_alpha(a, tau, C, S)
-    by_a, level = C_a - S - (a + A) * S_a, A * C_a + A * S + (1 + a * A) * S_a
-    tau_a, tau_A = (2 * a * by_a + level) / swing - 2, -1 / swing**2
-    return (tau_a, tau_A), (-tau * (speed - 1) - decay * by_a, decay * S)
 
 
 Long = NDArray[np.longdouble]
@@ -81,21 +63,6 @@ class Slip:
     peak_to_peak: Array
     time_of_peak_speed: Array
     peak_speed: Array
-
-    @property
-    def distance(self) -> Array:
-        """Slip distance in units of v_0/omega_n: the mass covers in slip what the drive covers in a period."""
-        return self.period
-
-    @property
-    def frequency(self) -> Array:
-        """Cycles per unit of dimensionless time."""
-        return 1 / self.period
-
-    @property
-    def share_in_slip(self) -> Array:
-        """Share of a period spent in slip."""
-        return self.duration / self.period
 
 
 def _pair(alpha: ArrayLike, overshoot: ArrayLike) -> tuple[Array, Array]:
@@ -237,14 +204,10 @@ def _ends(alpha: Array, overshoot: Array, first: Array) -> tuple[Long, Long, Lon
 COLUMNS = tuple(f.name for f in fields(Slip))[1:]  # the numbers of a slip
 
 
-def slip(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
+def slip(alpha: ArrayLike, overshoot: ArrayLike) -> Slip:
     """The whole slip, until the mass sticks again, of a saturated stick (eqs. 13-18).
 
     Args: as for `slip_maximum`. Broadcasts.
-
-    Returns:
-        A `Slip`. With `derivatives` a pair (Slip, {"alpha": {column: derivative}, "overshoot": {...}}) over COLUMNS;
-        those of the duration and of what follows from it grow without bound at the fold.
     """
     a, A = _pair(alpha, overshoot)
     with np.errstate(all="ignore"):
@@ -252,26 +215,13 @@ def slip(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -
         again = status == "restick"
         a, A = a[again], A[again]
         w, phi = np.sqrt((1 - a) * (1 + a)), 2 * a + A
-        eps, tau_end, end_rate = _ends(a, A, first[again])
+        _, tau_end, end_rate = _ends(a, A, first[again])
         duration, stop = tau_end.astype(float), end_rate.astype(float)
         peak_time = np.arctan2(w * phi, a * phi - 1) / w
         speed = 1 + np.hypot(a + A, w) * np.exp(-a * peak_time)
-        half = np.exp(-a * np.pi / w)
-        swing, swing_slopes = slip_maximum(a, A, derivatives=True)
-        drop = phi + stop
-        columns = (duration, -(2 * a + stop), stop, drop, duration + drop, swing[1] * (1 + half), peak_time, speed)
-        values = Slip(_shaped(status, alpha, overshoot), *(_spread(c, again, alpha, overshoot) for c in columns))
-        if not derivatives:
-            return values
-        tau, end = end_slopes(a.astype(np.longdouble), A.astype(np.longdouble), eps, tau_end, end_rate)
-        peak = peak_slopes(a, A, peak_time, speed)
-        by_half = (-half * np.pi / w**3, 0.0)
-        table = {}
-        for i, name in enumerate(("alpha", "overshoot")):
-            drop_i, rise = i - end[i], swing_slopes[name][1] * (1 + half) + swing[1] * by_half[i]
-            slopes = (tau[i], end[i], -2.0 * (1 - i) - end[i], drop_i, tau[i] + drop_i, rise, peak[0][i], peak[1][i])
-            table[name] = {c: _spread(q, again, alpha, overshoot) for c, q in zip(COLUMNS, slopes, strict=True)}
-    return values, table
+        swing, drop = slip_maximum(a, A)[1] * (1 + np.exp(-a * np.pi / w)), phi + stop
+        columns = (duration, -(2 * a + stop), stop, drop, duration + drop, swing, peak_time, speed)
+        return Slip(_shaped(status, alpha, overshoot), *(_spread(c, again, alpha, overshoot) for c in columns))
 
 
 def _spread(values: NDArray[np.floating[Any]], where: NDArray[np.bool_], *like: ArrayLike) -> Any:
@@ -290,8 +240,15 @@ def slip_end(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = Fals
         (time, elongation), broadcast; NaN where the mass never sticks again. With `derivatives` a pair
         ((time, elongation), {"alpha": (...), "overshoot": (...)}); they grow without bound at the fold.
     """
+    whole = slip(alpha, overshoot)
+    values = whole.duration, whole.elongation
     if not derivatives:
-        whole = slip(alpha, overshoot)
-        return whole.duration, whole.elongation
-    whole, table = slip(alpha, overshoot, derivatives=True)
-    return (whole.duration, whole.elongation), {name: (q["duration"], q["elongation"]) for name, q in table.items()}
+        return values
+    a, A = _pair(alpha, overshoot)
+    with np.errstate(all="ignore"):
+        status, first = _status(a, A)
+        again = status == "restick"
+        a, A = a[again], A[again]
+        times, ends = end_slopes(a.astype(np.longdouble), A.astype(np.longdouble), *_ends(a, A, first[again]))
+    shaped = [[_spread(by, again, alpha, overshoot) for by in pair] for pair in (times, ends)]
+    return values, {name: (shaped[0][i], shaped[1][i]) for i, name in enumerate(("alpha", "overshoot"))}

@@ -9,7 +9,7 @@ depends on pressure.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,7 +60,7 @@ class Axis:
         return float(np.log(value)) if self.logarithmic else value / self._size
 
     def value_at(self, place: Any) -> Any:
-        """The value at a coordinate; arrays and complex numbers too."""
+        """The value at a coordinate; arrays too."""
         return np.exp(place) if self.logarithmic else place * self._size
 
     @property
@@ -103,30 +103,29 @@ def axis(site: Site, name: str) -> Axis:
     """A quantity at an operating point.
 
     Raises:
-        SimulationError: one that the model does not have, or an area that nobody said.
+        SimulationError: one that the model does not have, or an area that nobody stated.
     """
     if name not in (*known_axes(site.model), *FOR_ADVICE):
         raise SimulationError(f"{name!r} is no quantity of this model; known are {', '.join(known_axes(site.model))}")
     if name in ("pressure", "area") and site.area is None:
         raise SimulationError(f'the {name} is not known here: give [contact] area = "0.8 cm^2" in the scene')
+    value = float(quantity_of(site, name, site.setting))
     if name in OWN:
-        words, unit, lower, upper, powers = OWN[name]
-    else:
-        p = site.model.parameter(name)
-        words, unit, lower, upper = WORDS.get(name, p.symbol), p.unit, p.lower, p.upper
-        powers = name not in EVEN and p.lower >= 0.0 and _value(site, name) > 0.0
-    return Axis(name, words, unit, _value(site, name), lower, upper, powers)
+        return Axis(name, OWN[name][0], OWN[name][1], value, *OWN[name][2:])
+    p = site.model.parameter(name)
+    powers = name not in EVEN and p.lower >= 0.0 and value > 0.0
+    return Axis(name, WORDS.get(name, p.symbol), p.unit, value, p.lower, p.upper, powers)
 
 
-def _value(site: Site, name: str) -> float:
-    return float(quantity_of(site, name, site.setting))
+def _named(site: Site, settings: Array) -> dict[str, Any]:
+    """Settings (..., n_w) by name: parameters, "normal_force", "drive_speed"."""
+    names = (*site.model.parameter_names, "normal_force", "drive_speed")
+    return dict(zip(names, np.moveaxis(settings, -1, 0), strict=True))
 
 
 def quantity_of(site: Site, name: str, settings: Array) -> Array:
     """The values of a quantity at settings (..., n_w) of a point's contact."""
-    v = dict(
-        zip((*site.model.parameter_names, "normal_force", "drive_speed"), np.moveaxis(settings, -1, 0), strict=True)
-    )
+    v = _named(site, settings)
     if name == "mu_step":
         return np.asarray(v["mu_s"] - v["mu_k0"])
     if name == "zeta":
@@ -137,7 +136,7 @@ def quantity_of(site: Site, name: str, settings: Array) -> Array:
     return np.asarray(v[name.removesuffix("_at_zeta")])
 
 
-def check_axes(site: Site, names: tuple[str, ...]) -> None:
+def check_axes(site: Site, names: Sequence[str]) -> None:
     """Refuse quantities that cannot be moved together.
 
     Raises:
@@ -145,14 +144,13 @@ def check_axes(site: Site, names: tuple[str, ...]) -> None:
     """
     if len(set(names)) < len(names):
         raise SimulationError(f"{names[0]} was named twice; a map needs two different quantities")
-    rivals = (("zeta", "damping"), ("mu_s", "mu_step"))
-    for pair in rivals:
+    for pair in (("zeta", "damping"), ("mu_s", "mu_step")):
         if set(pair) <= set(names):
-            raise SimulationError(f"{pair[0]} and {pair[1]} say the same thing; keep one of them")
+            raise SimulationError(f"{pair[0]} and {pair[1]} are the same thing; keep one of them")
     if "normal_force" in names and {"pressure", "area"} & set(names) and "contact_area" not in site.values:
         raise SimulationError(
-            "at a given normal force this model knows nothing of pressure or area; map pressure against area, or add "
-            "the effect pressure_dependence"
+            "at a given normal force this model does not depend on pressure or area; map pressure against area, or "
+            "add the effect pressure_dependence"
         )
 
 
@@ -165,8 +163,7 @@ def moved(site: Site, changes: Mapping[str, Any], settings: Array | None = None)
 
 def moved_values(site: Site, changes: Mapping[str, Any], settings: Array | None = None) -> dict[str, Any]:
     """The same by name (parameters, "normal_force", "drive_speed")."""
-    names = (*site.model.parameter_names, "normal_force", "drive_speed")
-    now: dict[str, Any] = dict(zip(names, site.setting if settings is None else settings.T, strict=True))
+    now = _named(site, site.setting if settings is None else settings)
     v = now | {name: value for name, value in changes.items() if name in now}
     if "mu_k0" in changes and "mu_s" not in changes:
         v["mu_s"] = changes["mu_k0"] + (now["mu_s"] - now["mu_k0"])

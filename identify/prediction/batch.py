@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -22,6 +23,7 @@ from identify.prediction.orbit import (
     DOUBLINGS,
     FARTHEST,
     RESOLVED,
+    Cycle,
     CycleMap,
     Orbit,
     bounds_at_rest,
@@ -405,42 +407,59 @@ class CycleBatch:
         plain = np.where(first[:, None], after[0], y)
         return np.where(better[:, None], tried.y, plain), multipliers, closed
 
-    def figures(self, y: Array) -> tuple[Array, CycleRows]:
-        """QUANTITIES (n, 9) of the cycles from y (n, n_y), NaN where the mass does not rest, and the cycles.
-
-        Extremes lie between nodes, on cubics through both ends of a step.
-        """
-        from identify.prediction.quantities import quantities
-
+    def figures(self, y: Array) -> Array:
+        """QUANTITIES (n, 9) of the cycles from y (n, n_y), NaN where the mass does not rest."""
         cycles = self.run(y, nodes=True)
-        n, speed = len(self.settings), self.settings[:, -1]
-        constants = np.concatenate([self.settings[:, :-2], np.zeros((n, 5))], axis=1)
-        constants[:, -5], constants[:, -4], constants[:, -3] = speed, 1.0, self.settings[:, -2]
-        highest, lowest, fastest = np.full(n, -np.inf), np.full(n, np.inf), np.full(n, -np.inf)
-        for a, b in zip(cycles.nodes[:-1], cycles.nodes[1:], strict=True):
-            for mode, shown in enumerate(_shown(self.model)):
-                rows = np.flatnonzero((b.t > a.t) & (b.mode == mode))
-                if not rows.size:
-                    continue
-                constants[rows, -4] = b.direction[rows]
-                first, last = (shown([node.x[rows], constants[rows]])[0] for node in (a, b))
-                h = b.t[rows] - a.t[rows]
-                top, bottom = _extremes(first[:, 0], last[:, 0], h * first[:, 1], h * last[:, 1])
-                peak, _ = _extremes(a.x[rows, SPEED], b.x[rows, SPEED], h * first[:, 2], h * last[:, 2])
-                highest[rows], lowest[rows] = np.maximum(highest[rows], top), np.minimum(lowest[rows], bottom)
-                fastest[rows] = np.maximum(fastest[rows], peak)
-        constants[:, -4] = 1.0
-        onset, arrest = (_shown(self.model)[0]([x, constants])[0][:, 0] for x in (cycles.onset, cycles.end))
-        distance = speed * cycles.slip - (cycles.end - cycles.onset)[:, ELONGATION]
-        jump = [onset - arrest, cycles.stick + cycles.slip, cycles.stick, cycles.slip, distance, fastest, onset, arrest]
-        out = np.stack([*jump, highest - lowest], axis=1)
+        out = _figures(self.model, self.settings, cycles)
         for i in np.flatnonzero(cycles.alone & cycles.rests).tolist():
-            map_ = CycleMap.of(self.model, self.settings[i])
-            cycle = map_.run_within(y[i], self.settings[i], float(self.limit[i]))
+            cycle = CycleMap.of(self.model, self.settings[i]).run_within(y[i], self.settings[i], float(self.limit[i]))
             if cycle is not None:
-                out[i] = quantities(map_, cycle, float(speed[i]))
-        out[~cycles.rests] = np.nan
-        return out, cycles
+                out[i] = cycle_figures(self.model, cycle)
+        return out
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What is reported of cycles: extremes lie between nodes, on cubics through both ends of a step.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def cycle_figures(model: Model, cycle: Cycle) -> Array:
+    """QUANTITIES (9,) of one cycle, from the nodes of its slides."""
+    nodes = [
+        Node(part.x[i][None], np.array([part.start + part.t[i]]), *(np.array([q]) for q in where))
+        for part in cycle.slides
+        for where in [(MODES.index(part.mode), part.situated.direction)]
+        for i in range(part.t.size)
+    ]
+    one, (stick, slip) = np.ones(1, dtype=bool), (np.array([q]) for q in (cycle.stick, cycle.slip))
+    start, onset, end = cycle.start[None], cycle.onset[None], cycle.end[None]
+    rows = CycleRows(start, onset, end, stick, slip, one, ~one, ~one, tuple(nodes))
+    return np.asarray(_figures(model, cycle.setting[None], rows)[0])
+
+
+def _figures(model: Model, settings: Array, cycles: CycleRows) -> Array:
+    n, speed = len(settings), settings[:, -1]
+    constants = np.concatenate([settings[:, :-2], np.zeros((n, 5))], axis=1)
+    constants[:, -5], constants[:, -4], constants[:, -3] = speed, 1.0, settings[:, -2]
+    onset, arrest = (_shown(model)[0]([x, constants])[0][:, 0] for x in (cycles.onset, cycles.end))
+    highest, lowest, fastest = np.full(n, -np.inf), np.full(n, np.inf), np.full(n, -np.inf)
+    for a, b in pairwise(cycles.nodes):
+        for mode, shown in enumerate(_shown(model)):
+            rows = np.flatnonzero((b.t > a.t) & (b.mode == mode))
+            if not rows.size:
+                continue
+            constants[rows, -4] = b.direction[rows]
+            first, last = (shown([node.x[rows], constants[rows]])[0] for node in (a, b))
+            h = b.t[rows] - a.t[rows]
+            top, bottom = _extremes(first[:, 0], last[:, 0], h * first[:, 1], h * last[:, 1])
+            peak, _ = _extremes(a.x[rows, SPEED], b.x[rows, SPEED], h * first[:, 2], h * last[:, 2])
+            highest[rows], lowest[rows] = np.maximum(highest[rows], top), np.minimum(lowest[rows], bottom)
+            fastest[rows] = np.maximum(fastest[rows], peak)
+    distance = speed * cycles.slip - (cycles.end - cycles.onset)[:, ELONGATION]
+    jump = [onset - arrest, cycles.stick + cycles.slip, cycles.stick, cycles.slip, distance, fastest, onset, arrest]
+    out = np.stack([*jump, highest - lowest], axis=1)
+    out[~cycles.rests] = np.nan
+    return out
 
 
 def _extremes(v0: Array, v1: Array, d0: Array, d1: Array) -> tuple[Array, Array]:
@@ -455,17 +474,8 @@ def _extremes(v0: Array, v1: Array, d0: Array, d1: Array) -> tuple[Array, Array]
     return np.max(values, axis=0), np.min(values, axis=0)
 
 
-@dataclass(frozen=True)
-class SettledMotion:
-    """What becomes of a motion: it settles on `orbit`; without one it `sticks` irregularly, or slides."""
-
-    orbit: Orbit | None
-    sticks: bool
-
-
-def settle(map_: CycleMap, drive_speed: float) -> SettledMotion:
-    """What the motion from a rested contact settles on at a drive speed [m/s], its orbit closed by Newton's method."""
+def settled_orbit(map_: CycleMap, drive_speed: float) -> Orbit | None:
+    """The orbit on which the motion from a rested contact settles at a drive speed [m/s], closed by Newton's method."""
     batch = CycleBatch(map_.model, map_.setting(drive_speed)[None])
     found = batch.settle(batch.rested())
-    orbit = close(map_, found.y[0], drive_speed, float(batch.growth[0])) if found.periodic[0] else None
-    return SettledMotion(orbit, bool(found.sticks[0]))
+    return close(map_, found.y[0], drive_speed, float(batch.growth[0])) if found.periodic[0] else None

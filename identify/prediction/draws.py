@@ -1,4 +1,4 @@
-"""What a covariance says of answers: draws of operating points, and intervals between the quantiles of their answers.
+"""Intervals of answers under a covariance: draws of operating points, and the quantiles of their answers.
 
 Directions that the covariance leaves open are not drawn along. The point is moved along each of them instead, as far
 as it may well be off: what moves with it is open, and what does not keeps its interval.
@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
-from identify.base.quantiles import LEVEL
 from identify.model.model import Model
-from identify.prediction.axes import admissible
+from identify.prediction.axes import Axis, Site, admissible, moved
+from identify.prediction.search import CLOSER, CLOSEST, QUANTILES, StickTest, growing, locate
 from identify.prediction.wording import listed
 
 Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
-DRAWS = 400
+DRAWS = 200
 LEAST_DRAWS = 40  # that have an answer, for an interval
 WIDEST = 3.0  # standard deviation of a direction, in sizes of its parameters, beyond which it is open
 HALVINGS = 12  # of a move by that much along an open direction, until it is one that a pair can have
@@ -82,30 +81,26 @@ class Draws:
         What is searched by its logarithm (speed and load too) is drawn in it, the rest in its value.
         """
         centre = np.array([values[name] for name in names], dtype=float)
-        logs = [name in POINT or model.parameter(name).scale == "log" for name in names]
-        by_log = (centre > 0.0) & np.array(logs, dtype=bool)
-        spreads = [0.0 if log else model.parameter(name).spread for name, log in zip(names, logs, strict=True)]
+        by_log = np.array([name in POINT or model.parameter(name).scale == "log" for name in names]) & (centre > 0.0)
+        spreads = [0.0 if name in POINT else model.parameter(name).spread for name in names]
         sizes = np.where(by_log, np.abs(centre), np.maximum(np.abs(centre), spreads))
         sizes = np.where(sizes > 0.0, sizes, 1.0)
         scaled = np.asarray(covariance, float) / np.outer(sizes, sizes)
         known = np.isfinite(np.diag(scaled)) & (np.diag(scaled) >= 0.0)
-        inner = scaled[np.ix_(known, known)]
-        known[np.flatnonzero(known)[~np.all(np.isfinite(inner), axis=0)]] = False
+        known &= np.all(np.isfinite(scaled) | ~(known[:, None] & known), axis=0)
         scaled = np.where(np.outer(known, known), scaled, 0.0)
         variances, directions = np.linalg.eigh(0.5 * (scaled + scaled.T))
         sd = np.sqrt(np.maximum(variances, 0.0))
         open_ = [*directions.T[sd >= WIDEST], *np.eye(len(names))[~known]]
-        root = directions * np.where(sd < WIDEST, sd, 0.0)
-        steps = _normal(count, len(names), seed) @ root.T
         order = (*model.parameter_names, "normal_force", "drive_speed")
 
         def settings_of(steps: Array) -> Array:
-            moved = np.where(by_log, centre * np.exp(np.where(by_log, steps, 0.0)), centre + sizes * steps)
+            shifted = np.where(by_log, centre * np.exp(np.where(by_log, steps, 0.0)), centre + sizes * steps)
             columns = {name: np.full(len(steps), float(value)) for name, value in values.items()}
-            columns |= dict(zip(names, moved.T, strict=True))
+            columns |= dict(zip(names, shifted.T, strict=True))
             return np.stack([columns[name] for name in order], axis=1)
 
-        drawn = settings_of(steps)
+        drawn = settings_of(_normal(count, len(names), seed) @ (directions * np.where(sd < WIDEST, sd, 0.0)).T)
         possible = admissible(model, drawn)
         probes = WIDEST * np.array([sign * each for each in open_ for sign in (1.0, -1.0)]).reshape(-1, len(names))
         for _ in range(HALVINGS):
@@ -127,18 +122,37 @@ class Draws:
         Args:
             centre: the answer at the point itself; size: what an answer near zero is measured by.
         """
-        moved = np.abs(answers[self.count :].reshape(-1, 2) - centre) <= NOTICED * max(abs(centre), size)
-        guilty = [each for each, still in zip(self.open, moved, strict=True) if not np.all(still)]
-        named = dict.fromkeys(name for each in guilty for name in each)
+        same = np.abs(answers[self.count :].reshape(-1, 2) - centre) <= NOTICED * max(abs(centre), size)
+        moves = ~np.all(same, axis=1)
+        named = dict.fromkeys(name for each, moving in zip(self.open, moves, strict=True) if moving for name in each)
         if named:
-            return AnswerInterval(None, None, f"these data do not tell {listed([*named])}, on which it depends")
-        told = answers[: self.count]
-        told = told[np.isfinite(told)]
-        if told.size < min(LEAST_DRAWS, self.count + self.refused):
-            why = f"only {told.size} of {self.count + self.refused} draws of what is known have an answer"
-            return AnswerInterval(None, None, why)
-        low, high = np.quantile(told, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+            return AnswerInterval(None, None, f"{listed([*named])}, on which it depends, is not identifiable here")
+        finite = answers[: self.count][np.isfinite(answers[: self.count])]
+        total = self.count + self.refused
+        if finite.size < min(LEAST_DRAWS, total):
+            return AnswerInterval(None, None, f"only {finite.size} of {total} draws have an answer")
+        low, high = np.quantile(finite, QUANTILES)
         return AnswerInterval(float(low), float(high))
+
+    def ends(self, site: Site, q: Axis, place: float, below: bool, start: tuple[Array, Array] | None) -> Array:
+        """Values (n + 2 d,) [SI] of a quantity at which stick-slip ends or sliding loses its stability, NaN where none
+        is found.
+
+        Args:
+            site: the operating point. place: the end of the estimate, as a coordinate. below: whether it holds below
+                it. start: a rest state (n_y,) of stick-slip near the end and the typical one there; None for sliding.
+        """
+
+        def at(rows: NDArray[np.intp], along: Array) -> Array:
+            return moved(site, {q.name: q.value_at(along)}, self.settings[rows])
+
+        expected, ahead = np.full(len(self.settings), place), 1.0 if below else -1.0
+        if start is None:
+            found = locate(growing(self.model, at), expected, ahead, CLOSEST, self.count)
+        else:
+            states = (np.tile(each, (expected.size, 1)) for each in start)
+            found = locate(StickTest(self.model, at, *states, rested=True), expected, ahead, CLOSER, self.count)
+        return np.asarray(q.value_at(found))
 
 
 def _normal(count: int, dimensions: int, seed: int) -> Array:
@@ -147,7 +161,6 @@ def _normal(count: int, dimensions: int, seed: int) -> Array:
     ratio = 1.5
     for _ in range(60):
         ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1))
-    steps = ratio ** -np.arange(1.0, dimensions + 1.0)
     shift = np.random.default_rng(seed).uniform(size=dimensions)
-    uniform = (shift + np.arange(1.0, count + 1.0)[:, None] * steps) % 1.0
+    uniform = (shift + np.arange(1.0, count + 1.0)[:, None] * ratio ** -np.arange(1.0, dimensions + 1.0)) % 1.0
     return np.asarray(ndtri(np.clip(uniform, 1e-12, 1.0 - 1e-12)))

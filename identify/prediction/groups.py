@@ -3,71 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Annotated, Any, Protocol, get_type_hints
+from dataclasses import dataclass
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-
-class RigLike(Protocol):
-    """What the calculators need of a rig, SI: m_s, k and h (zeta = h/2k)."""
-
-    @property
-    def mass(self) -> float:
-        """m_s [kg]."""
-
-    @property
-    def stiffness(self) -> float:
-        """k [N/m]."""
-
-    @property
-    def damping(self) -> float:
-        """h of eq. (1) [N/m]."""
-
-
-class FrictionLike(Protocol):
-    """What the calculators need of a friction law, SI; D = 0 stands for no contact ageing."""
-
-    @property
-    def mu_s(self) -> float:
-        """Static coefficient, saturated."""
-
-    @property
-    def mu_k0(self) -> float:
-        """Kinetic coefficient at slow sliding."""
-
-    @property
-    def delta_mu_k(self) -> float:
-        """Change of the kinetic coefficient to fast sliding."""
-
-    @property
-    def a(self) -> float:
-        """Inverse speed of that change [s/m]."""
-
-    @property
-    def D(self) -> float:  # noqa: N802
-        """Relaxation length [m]."""
-
-    @property
-    def t_cr(self) -> float:
-        """Creep time [s]."""
-
-
-QUANTITIES = (
-    "mass",
-    "stiffness",
-    "damping",
-    "mu_s",
-    "mu_k0",
-    "delta_mu_k",
-    "a",
-    "D",
-    "t_cr",
-    "drive_speed",
-    "normal_force",
-)  # what the eigenvalues are differentiated by
-
+RIG = ("mass", "stiffness", "damping")
+FRICTION = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
+QUANTITIES = (*RIG, *FRICTION, "drive_speed", "normal_force")  # what the calculators take
 
 Numbers = float | NDArray[np.float64]
 
@@ -96,24 +40,20 @@ class Groups:
     z: Annotated[Numbers, "", "damping of steady sliding with the slope of friction; 2 zeta without it"]
     Pi: Annotated[Numbers, "", "friction parameter of steady sliding; unstable above Pi_fc"]
 
-    def sentences(self) -> tuple[str, ...]:
-        """One plain sentence per group, of one operating point."""
-        return tuple(
-            f"{f.name} = {getattr(self, f.name):.4g}{' ' * bool(MEANING[f.name][0])}{MEANING[f.name][0]}: "
-            f"{MEANING[f.name][1]}."
-            for f in fields(self)
-        )
-
 
 MEANING: Mapping[str, tuple[str, str]] = {
     name: hint.__metadata__ for name, hint in get_type_hints(Groups, include_extras=True).items()
 }
-NAMES = tuple(MEANING)
 
 
-def settings(rig: RigLike, friction: FrictionLike, drive_speed: ArrayLike, normal_force: ArrayLike) -> dict[str, Any]:
-    """The arguments of the calculators by name (QUANTITIES), arrays of one shape or floats; speeds without sign."""
-    values = [getattr(rig, name) for name in QUANTITIES[:3]] + [getattr(friction, name) for name in QUANTITIES[3:9]]
+def settings(rig: object, friction: object, drive_speed: ArrayLike, normal_force: ArrayLike) -> dict[str, Any]:
+    """The arguments of the calculators by name (QUANTITIES), arrays of one shape or floats; speeds without sign.
+
+    Args:
+        rig: anything with mass [kg], stiffness [N/m] and damping h [N/m].
+        friction: anything with mu_s, mu_k0, delta_mu_k, a [s/m], D [m], t_cr [s]; D = 0 means no contact ageing.
+    """
+    values = [getattr(rig, name) for name in RIG] + [getattr(friction, name) for name in FRICTION]
     shaped = np.broadcast_arrays(*values, np.abs(drive_speed), normal_force)
     return {name: np.asarray(q, float)[()] for name, q in zip(QUANTITIES, shaped, strict=True)}
 
@@ -125,7 +65,6 @@ def formed(q: Mapping[str, Any]) -> dict[str, Any]:
     omega, zeta = np.sqrt(q["stiffness"] / q["mass"]), q["damping"] / (2 * q["stiffness"])
     force = q["normal_force"] / impedance  # w v0: the groups below hardly know the drive speed
     w, v_a = force / v, q["a"] * v
-    v_cr = np.where(ageing, q["D"] / q["t_cr"], 0.0)
     v_acr = np.where(ageing, v * q["t_cr"] / q["D"], np.inf)
     gamma_0 = np.where(v_acr < 1, 1 - v_acr, 0.0)
     slope = q["delta_mu_k"] * q["a"] * force
@@ -137,7 +76,7 @@ def formed(q: Mapping[str, Any]) -> dict[str, Any]:
         "zeta": zeta,
         "w": w,
         "tau_cr": omega * q["t_cr"],
-        "v_cr": v_cr,
+        "v_cr": np.where(ageing, q["D"] / q["t_cr"], 0.0),
         "v_acr": v_acr,
         "gamma_0": gamma_0,
         "v_a": v_a,
@@ -152,19 +91,12 @@ def formed(q: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def groups(rig: RigLike, friction: FrictionLike, drive_speed: ArrayLike, normal_force: ArrayLike) -> Groups:
+def groups(rig: object, friction: object, drive_speed: ArrayLike, normal_force: ArrayLike) -> Groups:
     """The dimensionless groups of operating points.
 
     Args:
-        rig: mass [kg], stiffness [N/m], damping h [N/m].
-        friction: mu_s, mu_k0, delta_mu_k, a [s/m], D [m], t_cr [s]; D = 0 means no contact ageing.
-        drive_speed: [m/s], sign irrelevant. normal_force: [N]. All of these broadcast.
+        rig, friction: as for `settings`. drive_speed: [m/s], sign irrelevant. normal_force: [N]. All broadcast.
     """
-    q = settings(rig, friction, drive_speed, normal_force)
     with np.errstate(all="ignore"):
-        return Groups(**{name: floated(value) for name, value in formed(q).items()})
-
-
-def floated(value: Any) -> Any:
-    """A number of one operating point as a float, arrays as they are."""
-    return float(value) if np.ndim(value) == 0 else value
+        found = formed(settings(rig, friction, drive_speed, normal_force))
+        return Groups(**{name: float(value) if np.ndim(value) == 0 else value for name, value in found.items()})

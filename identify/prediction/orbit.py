@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import casadi as ca
@@ -67,6 +67,7 @@ def _to_blame(model: Model, what: Callable[[Model], bool]) -> list[str]:
 
 ACCURATE = 1e-8  # relative tolerance of a step: a tenth of it, and less, is left in durations and jumps
 SLIDES_AFTER = 12.0  # half periods sqrt(m/k) pi without coming to rest: the mass slides
+DENSE = 0.08  # natural times sqrt(m/k): longest step, as extremes of a slip are sought between its nodes
 CREEP = 1e-6  # of a half period: a slip this short is no slip, the contact creeps along with the drive
 DOUBLINGS = 60  # of the longest stick that the spring alone allows for
 MOST_TURNS = 200  # of the direction of one slip; more is chatter
@@ -111,26 +112,20 @@ class Cycle:
     setting: Array = field(repr=False)
     slides: tuple[Slide, ...] = field(repr=False)
 
-    @property
-    def turns(self) -> bool:
-        """Whether the mass slid backwards on the way."""
-        return any(part.situated.direction < 0.0 for part in self.slides)
-
 
 @dataclass(frozen=True)
 class Tangent:
     """Derivatives of a cycle by the rest state before it and by its setting, m = n_y + n_w columns in this order.
 
-    end (n_y, m): rest state after it; stick, slip (m,) durations; distance (m,) slid; onset_load, arrest_load (m,):
-    force the load cell sees.
+    end (n_y, m): rest state after it; stick, slip (m,) durations; distance (m,) slid; loads: of the force that the load
+    cell sees at onset and arrest (m,) each.
     """
 
     end: Array
     stick: Array
     slip: Array
     distance: Array
-    onset_load: Array
-    arrest_load: Array
+    loads: tuple[Array, Array]
 
 
 class CycleMap:
@@ -143,7 +138,8 @@ class CycleMap:
         self.model, self.normal_force, self.p = model, float(normal_force), np.asarray(p, float)
         self.rtol = rtol
         self.names = (*model.parameter_names, "normal_force", "drive_speed")
-        self._typical = scales(model, self.p, normal_force)
+        typical = scales(model, self.p, normal_force)
+        self._typical = replace(typical, longest=min(typical.longest, DENSE * typical.time))
         self.time, self.speed = self._typical.time, float(self._typical.state[SPEED])
         self.scale = np.delete(self._typical.state, SPEED)  # typical size of y
 
@@ -151,12 +147,6 @@ class CycleMap:
     def of(model: Model, w: Array) -> CycleMap:
         """The map at a setting w (n_w,), of whatever drive speed."""
         return CycleMap(model, float(w[-2]), w[:-2])
-
-    def at(self, w: Array) -> CycleMap:
-        """The map of the same model at another setting (n_w,); this one where only the drive speed differs."""
-        if w[-2] == self.normal_force and np.array_equal(w[:-2], self.p):
-            return self
-        return CycleMap(self.model, float(w[-2]), w[:-2], self.rtol)
 
     def setting(self, drive_speed: float) -> Array:
         """w (n_w,), as `names`: parameters, normal force [N], drive speed [m/s]."""
@@ -210,26 +200,20 @@ class CycleMap:
         end[SPEED] = 0.0
         distance = w[-1] * slip_slope - (end[ELONGATION] - onset[ELONGATION])
         distance[-1] += cycle.slip
-        rows = self.loads(np.stack([cycle.onset, cycle.end]), w)
-        shown = [_load_slope(row, slope) for row, slope in zip(rows, (onset, end), strict=True)]
-        return Tangent(np.delete(end, SPEED, 0), stick_slope, slip_slope, distance, *shown)
+        rows = self._loads(cycle)
+        shown = [row[1 : onset.shape[0] + 1] @ slope for row, slope in zip(rows, (onset, end), strict=True)]
+        for row, force in zip(rows, shown, strict=True):
+            force[-w.size :] += row[-w.size :]
+        return Tangent(np.delete(end, SPEED, 0), stick_slope, slip_slope, distance, (shown[0], shown[1]))
 
-    def load(self, x: Array, w: Array) -> float:
-        """Force the load cell sees in state x [N]."""
-        return float(self.loads(x[None, :], w)[0, 0])
+    def loads(self, cycle: Cycle) -> tuple[float, float]:
+        """Force the load cell sees at the onset of slip and at the arrest [N]."""
+        onset, arrest = self._loads(cycle)[:, 0].tolist()
+        return onset, arrest
 
-    def loads(self, x: Array, w: Array) -> Array:
-        """Force the load cell sees in states x (n, n_x) [N], and its derivatives by state and setting:
-        (n, 1 + n_x + n_w)."""
-        return _load(self.model)([x, np.repeat(w[None], x.shape[0], 0)])[0]
-
-    def load_slope(self, x: Array, w: Array, moved: Array) -> Array:
-        """Derivatives (m,) of the force in a state whose derivatives are `moved` (n_x, m), the setting last."""
-        return _load_slope(self.loads(x[None, :], w)[0], moved)
-
-    def onset_slopes(self, cycle: Cycle) -> Array:
-        """How the state at the onset (n_x,) moves with the rest state and the setting: (n_x, m)."""
-        return self._stick_slopes(cycle)[1]
+    def _loads(self, cycle: Cycle) -> Array:
+        """The same, and its derivatives by state and setting: (2, 1 + n_x + n_w)."""
+        return _load(self.model)([np.stack([cycle.onset, cycle.end]), np.repeat(cycle.setting[None], 2, 0)])[0]
 
     def _stick_slopes(self, cycle: Cycle) -> tuple[Array, Array]:
         """Derivatives of the stick's duration (m,) and of the onset state (n_x, m) by rest state and setting."""
@@ -239,14 +223,6 @@ class CycleMap:
         free = np.delete(slope[:, :-1], SPEED, 1)
         stick_slope = -free[0] / slope[0, -1] if cycle.stick else np.zeros(free.shape[1])
         return stick_slope, free[1:] + np.outer(slope[1:, -1], stick_slope)
-
-
-def _load_slope(row: Array, moved: Array) -> Array:
-    """Derivatives (m,) of the force of one row of `loads`, in a state whose derivatives are `moved` (n_x, m)."""
-    n = moved.shape[0]
-    out: Array = row[1 : n + 1] @ moved
-    out[n + 1 - row.size :] += row[n + 1 :]
-    return out
 
 
 def _rested(machine: Machine, start: Array, w: Array) -> tuple[float, Array, float]:
@@ -303,19 +279,21 @@ def slide_limits(model: Model, settings: Array, growth: Array) -> Array:
     return np.asarray(waits * half * np.where(zeta > 1.0, 1.0 + zeta, 1.0))
 
 
-def rest_state(x: Array) -> Array:
-    """y of a state at rest."""
-    return np.delete(x, SPEED)
-
-
-def loads(map_: CycleMap, cycle: Cycle) -> tuple[float, float]:
-    """Force the load cell sees at the onset of slip and at the arrest [N]."""
-    return map_.load(cycle.onset, cycle.setting), map_.load(cycle.end, cycle.setting)
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # The periodic orbit: the fixed point of the map from arrest to arrest.
 # ----------------------------------------------------------------------------------------------------------------------
+
+QUANTITIES = {
+    "drop": "N",
+    "period": "s",
+    "stick_duration": "s",
+    "slip_duration": "s",
+    "slip_distance": "m",
+    "peak_speed": "m/s",
+    "onset_force": "N",
+    "arrest_force": "N",
+    "peak_to_valley": "N",
+}  # what is reported of an orbit, and its unit
 
 TOLERANCE = 1e-7  # of the closure of a cycle, in units of normal force / stiffness
 RESOLVED = 1e-2  # share of the jump to which a cycle has to close: jumps that fade away look closed before they are
@@ -325,17 +303,13 @@ MAX_STEPS = 12
 
 @dataclass(frozen=True)
 class Orbit:
-    """A periodic orbit: its cycle, closed to `closure` (units of normal force / stiffness), and how that moves
-    with its start and the drive speed.
-
-    jacobian (n_y, n_y): of the return map, in scaled rest states.
-    """
+    """A periodic orbit: its cycle, and how that moves with its start and its setting; jacobian (n_y, n_y) of the return
+    map, in scaled rest states."""
 
     drive_speed: float
     cycle: Cycle
     tangent: Tangent
     jacobian: Array
-    closure: float
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
@@ -355,23 +329,9 @@ class Orbit:
         return bool(np.abs(self.multipliers[0]) < 1.0)
 
     @property
-    def jump(self) -> float:
-        """How far the spring relaxes in a slip [m]."""
-        return float(abs(self.cycle.onset[ELONGATION] - self.cycle.end[ELONGATION]))
-
-    @property
     def y(self) -> Array:
         """Rest state at the arrest, shape (n_y,)."""
-        return rest_state(self.cycle.start)
-
-
-def orbit_of(map_: CycleMap, cycle: Cycle, tangent: Tangent | None = None) -> Orbit:
-    """A cycle that closes, as an orbit; its tangent is taken where it is not given."""
-    tangent = map_.tangent(cycle) if tangent is None else tangent
-    n = map_.scale.size
-    residual = (rest_state(cycle.end) - rest_state(cycle.start)) / map_.scale
-    slope = tangent.end[:, :n] * map_.scale / map_.scale[:, None]
-    return Orbit(float(cycle.setting[-1]), cycle, tangent, slope, float(np.max(np.abs(residual))))
+        return np.delete(self.cycle.start, SPEED)
 
 
 def close(map_: CycleMap, y: Array, drive_speed: float, growth: float | None = None) -> Orbit | None:
@@ -390,19 +350,26 @@ def close(map_: CycleMap, y: Array, drive_speed: float, growth: float | None = N
             step = np.asarray(0.5 * step)
             y = y - step * map_.scale
             continue
-        orbit, y = orbit_of(map_, cycle), rest_state(cycle.start)
-        if orbit.closure < min(TOLERANCE, RESOLVED * orbit.jump / map_.scale[ELONGATION]):
-            return orbit if np.all(np.isfinite(orbit.jacobian)) else None
-        residual = (rest_state(cycle.end) - y) / map_.scale
-        move = np.linalg.lstsq(np.eye(y.size) - orbit.jacobian, residual, rcond=None)[0]
+        y, tangent = np.delete(cycle.start, SPEED), map_.tangent(cycle)
+        residual = (np.delete(cycle.end, SPEED) - y) / map_.scale
+        jacobian = tangent.end[:, : y.size] * map_.scale / map_.scale[:, None]
+        jump = abs(cycle.onset[ELONGATION] - cycle.end[ELONGATION]) / map_.scale[ELONGATION]
+        if np.max(np.abs(residual)) < min(TOLERANCE, RESOLVED * jump):
+            return Orbit(drive_speed, cycle, tangent, jacobian) if np.all(np.isfinite(jacobian)) else None
+        move = np.linalg.lstsq(np.eye(y.size) - jacobian, residual, rcond=None)[0]
         step = np.asarray(move * min(1.0, FARTHEST / float(np.max(np.abs(move)))))
         y = y + step * map_.scale
     return None
 
 
-def along(scale: Array, tangent: Tangent, jacobian: Array) -> Array:
-    """How the rest state of an orbit, of typical size `scale`, moves with its setting while it stays an orbit:
-    shape (n_y, n_w)."""
-    n = scale.size
-    sizes = scale[:, None]
-    return np.asarray(np.linalg.lstsq(np.eye(n) - jacobian, tangent.end[:, n:] / sizes, rcond=None)[0] * sizes)
+def orbit_slopes(map_: CycleMap, orbit: Orbit, names: Sequence[str]) -> Array:
+    """Derivatives of the first five and the seventh and eighth of QUANTITIES along an orbit, by parameters,
+    "drive_speed" or "normal_force": (7, len(names)).
+
+    Each is q_w + q_y (1 - J)^-1 F_w: the cycle moves with the setting, and with the rest state that closes it.
+    """
+    n, t, sizes = map_.scale.size, orbit.tangent, map_.scale[:, None]
+    onset, arrest = t.loads
+    rows = np.stack([onset - arrest, t.stick + t.slip, t.stick, t.slip, t.distance, onset, arrest])
+    closing = np.linalg.lstsq(np.eye(n) - orbit.jacobian, t.end[:, n:] / sizes, rcond=None)[0] * sizes
+    return np.asarray((rows[:, n:] + rows[:, :n] @ closing)[:, [map_.names.index(name) for name in names]])

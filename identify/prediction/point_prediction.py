@@ -46,7 +46,8 @@ class SpeedWindow:
 
 @dataclass(frozen=True)
 class StabilityAnswer:
-    """What the pair does here and over all drive speeds [m/s]; multipliers: of the orbit here, None without one."""
+    """What the pair does here and over all drive speeds [m/s]; multipliers: of the orbit here, None without one;
+    probability: that stick-slip exists here, the share of the draws of what is uncertain, with its 95 % interval."""
 
     outcome: str
     critical_speed: Number
@@ -58,11 +59,12 @@ class StabilityAnswer:
     multiplier: float | None
     multipliers: tuple[tuple[float, float], ...] | None
     text: str = ""
+    probability: Number = field(default_factory=lambda: Number(None))
 
 
 @dataclass(frozen=True)
 class AmplitudeAnswer:
-    """Size and timing of the jumps, by name of `quantities.QUANTITIES`, and their frequency and share of slip."""
+    """Size and timing of the jumps, by name of `orbit.QUANTITIES`, and their frequency and share of slip."""
 
     numbers: Mapping[str, Number] = field(metadata=FURTHER)
     text: str = ""

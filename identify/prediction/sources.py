@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.document import Json, finite
-from identify.base.errors import SimulationError
-from identify.base.quantiles import LEVEL, NORMAL, student
 from identify.base.result import Correlation, ParameterResult, Result, UnevenResult
 from identify.base.wording import three_figures
-from identify.model.model import Model
 from identify.prediction.wording import listed, said
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, Tie
@@ -186,109 +183,22 @@ def _sentence(told: Sequence[ParameterResult], groups: Groups, name: str) -> str
 def _covariance(result: Result, keys: Mapping[str, str]) -> tuple[tuple[str, ...], Array | None]:
     """Names and covariance [SI] of what was estimated of a pair; None where there is none.
 
-    What the logs do not tell has no standard error: its variance is infinite here, and what depends on it is open. The
-    errors are those of the correlation; older results tell those of the parameters only, which a profile may have
+    What is not identifiable has no standard error: its variance is infinite here, and what depends on it is open. The
+    errors are those of the correlation; older results have those of the parameters only, which a profile may have
     given.
     """
-    told = result.correlation or Correlation()
-    names = tuple(name for name, key in keys.items() if key in told.names)
+    known = result.correlation or Correlation()
+    names = tuple(name for name, key in keys.items() if key in known.names)
     if not names:
         return (), None
     open_ = np.array([result.parameters[keys[name]].standard_error is None for name in names])
-    places = [told.names.index(keys[name]) for name in names]
-    matrix = _errors_squared(result, places) * np.array(told.matrix, dtype=float)[np.ix_(places, places)]
+    places = [known.names.index(keys[name]) for name in names]
+    errors = known.standard_errors or [result.parameters[name].standard_error for name in known.names]
+    sd = np.array([errors[i] for i in places], dtype=float)
+    matrix = np.outer(sd, sd) * np.array(known.matrix, dtype=float)[np.ix_(places, places)]
     matrix[open_, :] = matrix[:, open_] = 0.0
     matrix[open_, open_] = np.inf
     return (names, matrix) if not np.any(np.isnan(matrix)) else ((), None)
-
-
-def _errors_squared(result: Result, places: Sequence[int]) -> Array:
-    """Products (f, f) of the standard errors [SI] at these places of the correlation, NaN where there are none."""
-    told = result.correlation or Correlation()
-    errors = told.standard_errors or [result.parameters[name].standard_error for name in told.names]
-    known = np.array([errors[i] for i in places], dtype=float)
-    return np.outer(known, known)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Several fits of one pair, each with its covariance, as one: their mean, and what one more record would scatter.
-#
-# Random effects by the method of moments: what the estimates scatter beyond their own covariances is the scatter
-# between records. With few records that is itself uncertain, so the covariances are widened as Student's t asks for;
-# for people, groups and covariates there is the comparison of fits.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class PooledRecords:
-    """Mean (f,) of r records; covariances (f, f) of the mean, between records, and of one more record about the mean
-    (where own errors are as large as the scatter, its 95 % hold 93 % with six records)."""
-
-    mean: Array
-    of_mean: Array
-    between: Array
-    of_next: Array
-
-
-def pooled(values: Array, covariances: Array) -> PooledRecords:
-    """Records as one: estimates (r, f), r at least 2, each with its covariance (r, f, f)."""
-    records = values.shape[0]
-    excess = np.atleast_2d(np.cov(values, rowvar=False)) - np.mean(covariances, axis=0)
-    sizes, directions = np.linalg.eigh(0.5 * (excess + excess.T))
-    between = (directions * np.maximum(sizes, 0.0)) @ directions.T
-    weights = np.linalg.inv(between + covariances)
-    of_mean = np.linalg.inv(np.sum(weights, axis=0))
-    mean = of_mean @ np.einsum("rij,rj->i", weights, values)
-    wider = (float(student(0.5 + LEVEL / 2, records - 1)) / NORMAL) ** 2
-    return PooledRecords(mean, wider * of_mean, between, wider * (between + of_mean))
-
-
-def pooled_result(results: Sequence[Result], model: Model) -> Result:
-    """The first result with the values of all, and the covariance of one more record of the pair.
-
-    Raises:
-        SimulationError: results that do not estimate the same parameters.
-    """
-    first = results[0]
-    names = first.correlation.names if first.correlation else ()
-    estimated = {frozenset(r.correlation.names if r.correlation else ()) for r in results}
-    if len(estimated) != 1 or not names or any(r.parameters[n].standard_error is None for r in results for n in names):
-        raise SimulationError(
-            "these results do not tell the same parameters; give results of one pair, fitted with the same scene, "
-            "in which every parameter is known"
-        )
-    groups = [{n: (e.per, e.group) for n, e in r.parameters.items()} for r in results]
-    if any(other != groups[0] for other in groups):
-        raise SimulationError(
-            "the parameters of these results differ between other groups of logs; give results of one pair, fitted "
-            "with the same scene and labels"
-        )
-    own = [first.parameters[name].parameter or name for name in names]  # "D (V08)" is one of D
-    logs = np.array([model.parameter(name).scale == "log" for name in own])
-    rows = [_estimates(result, names, logs) for result in results]
-    together = pooled(np.array([row for row, _ in rows]), np.array([matrix for _, matrix in rows]))
-    values = np.where(logs, np.exp(np.where(logs, together.mean, 0.0)), together.mean)
-    scale = np.where(logs, values, 1.0)
-    covariance = together.of_next * np.outer(scale, scale)
-    sd = np.sqrt(np.diag(covariance))
-    entries = {
-        name: replace(first.parameters[name], value=value, standard_error=error)
-        for name, value, error in zip(names, values.tolist(), sd.tolist(), strict=True)
-    }
-    matrix = tuple(map(tuple, (covariance / np.outer(sd, sd)).tolist()))
-    correlation = Correlation(names, matrix, tuple(sd.tolist()))
-    return replace(first, parameters={**first.parameters, **entries}, correlation=correlation)
-
-
-def _estimates(result: Result, names: Sequence[str], logs: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Estimates (f,) and covariance (f, f) as they are searched: logarithms where the parameter is."""
-    told = result.correlation or Correlation()
-    order = [told.names.index(name) for name in names]
-    values = np.array([result.parameters[name].value for name in names], dtype=float)
-    scale = np.where(logs, values, 1.0)
-    matrix = np.array(told.matrix, dtype=float)[np.ix_(order, order)]
-    covariance = matrix * _errors_squared(result, order) / np.outer(scale, scale)
-    return np.where(logs, np.log(np.where(logs, values, 1.0)), values), covariance
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -312,15 +222,6 @@ class Tested:
         given = list(points)
         seen = {name: [abs(p[name]) for p in given if name in p] for name in QUANTITIES}
         return Tested({name: (min(values), max(values)) for name, values in seen.items() if values})
-
-    @staticmethod
-    def joined(parts: Iterable[Tested]) -> Tested:
-        """The range that several tests cover together."""
-        found: dict[str, tuple[float, float]] = {}
-        for name, (low, high) in ((n, r) for part in parts for n, r in part.ranges.items()):
-            before = found.get(name, (low, high))
-            found[name] = (min(low, before[0]), max(high, before[1]))
-        return Tested(found)
 
     @staticmethod
     def of_result(result: Result) -> Tested:

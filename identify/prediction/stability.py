@@ -7,52 +7,29 @@ of kinetic friction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identify.base.roots import rising_root
-from identify.prediction.groups import QUANTITIES, FrictionLike, RigLike, settings
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Steady sliding of the four-effect model and its eigenvalues, closed form (eqs. 19-24; docs/equations.md, section 6).
-#
-# The coupling kept here in full: the slope of kinetic friction (z) and its level (Pi) at the drive speed.
-# ----------------------------------------------------------------------------------------------------------------------
+from identify.prediction.groups import QUANTITIES, settings
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Linearised:
-    """Steady sliding, SI, arrays of one shape.
-
-    m x'' + resistance x' + k x + F_n step dgamma = 0, dgamma' = -dgamma/t_cr - x'/D, with resistance
-    [N s/m] = damper plus slope of sliding friction; step = mu_s - mu_k at the drive speed; worn =
-    1 - gamma in steady sliding; ageing: whether gamma moves at all (v_acr <= 1).
-    """
-
-    mass: Array
-    stiffness: Array
-    resistance: Array
-    step: Array
-    normal_force: Array
-    t_cr: Array
-    D: Array
-    worn: Array
-    ageing: NDArray[np.bool_]
-
-
-def _linearise(q: list[Array]) -> Linearised:
-    m, k, h, mu_s, mu_k0, delta, a, D, t, v, load = q
+def _linearise(q: dict[str, Array]) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Of m x'' + resistance x' + k x + F_n step dgamma = 0, dgamma' = -dgamma/t_cr - x'/D about steady sliding:
+    resistance [N s/m], damper plus slope of sliding friction; step, mu_s - mu_k at the drive speed; worn, 1 - gamma;
+    ageing, whether gamma moves at all (v_acr <= 1)."""
+    v, left = q["drive_speed"], np.exp(-q["a"] * q["drive_speed"])
     with np.errstate(all="ignore"):
-        ageing = (D > 0) & (t > 0) & (v * t <= D)
-        worn = np.where(ageing, v * t / D, 1.0)
-        resistance = h * np.sqrt(m / k) + load * delta * a * np.exp(-a * v) * worn
-        step = mu_s - mu_k0 + delta * np.expm1(-a * v)
-    return Linearised(m, k, resistance, step, load, t, D, worn, ageing)
+        ageing = (q["D"] > 0) & (q["t_cr"] > 0) & (v * q["t_cr"] <= q["D"])
+        worn = np.where(ageing, v * q["t_cr"] / q["D"], 1.0)
+        damper = q["damping"] * np.sqrt(q["mass"] / q["stiffness"])
+        resistance = damper + q["normal_force"] * q["delta_mu_k"] * q["a"] * left * worn
+        step = q["mu_s"] - q["mu_k0"] + q["delta_mu_k"] * np.expm1(-q["a"] * v)
+    return resistance, step, worn, ageing
 
 
 def _polished(roots: NDArray[np.complex128], coefficients: Array) -> NDArray[np.complex128]:
@@ -66,12 +43,13 @@ def _polished(roots: NDArray[np.complex128], coefficients: Array) -> NDArray[np.
     return roots
 
 
-def _roots(s: Linearised) -> NDArray[np.complex128]:
+def _roots(q: dict[str, Array]) -> NDArray[np.complex128]:
     """Dimensionless roots, shape (..., 3), unsorted; NaN last where there are two."""
-    impedance = np.sqrt(s.mass * s.stiffness)
-    z = s.resistance / impedance
-    T = np.where(s.ageing, s.t_cr, 1.0) * np.sqrt(s.stiffness / s.mass)
-    pi = s.normal_force * s.step * np.where(s.ageing, s.t_cr / s.D, 0.0) / impedance
+    resistance, step, _, ageing = _linearise(q)
+    impedance = np.sqrt(q["mass"] * q["stiffness"])
+    z = resistance / impedance
+    T = np.where(ageing, q["t_cr"], 1.0) * np.sqrt(q["stiffness"] / q["mass"])
+    pi = q["normal_force"] * step * np.where(ageing, q["t_cr"] / q["D"], 0.0) / impedance
     cubic = np.stack([z + 1 / T, 1 + z / T - pi / T, 1 / T], axis=-1)
     companion = np.zeros((*z.shape, 3, 3))
     companion[..., 0, :] = -cubic
@@ -86,13 +64,13 @@ def _roots(s: Linearised) -> NDArray[np.complex128]:
     large = np.where(oscillating, -z / 2 + 1j * np.sqrt(np.maximum(1 - z * z / 4, 0)), large)
     small = np.where(oscillating, large.conj(), 1 / large)
     second = np.stack([large, small, np.full_like(large, np.nan)], axis=-1)
-    return np.where(s.ageing[..., None], third, second)
+    return np.where(ageing[..., None], third, second)
 
 
-def _slopes(q: list[Array], s: Linearised, roots: NDArray[np.complex128], sign: Array) -> dict[str, Any]:
+def _slopes(q: dict[str, Array], roots: NDArray[np.complex128], sign: Array) -> dict[str, Any]:
     """d(root)/d(quantity), implicitly from P(root; quantities) = 0; roots [1/s] of shape (..., 3)."""
-    m, k, h, _, _, delta, a, D, t, v, load = (x[..., None] for x in q)
-    worn, ageing = s.worn[..., None], s.ageing[..., None]
+    m, k, h, _, _, delta, a, D, t, v, load = (x[..., None] for x in q.values())
+    resisting, falling, worn, ageing = (x[..., None] for x in _linearise(q))
     c, left = h * np.sqrt(m / k), np.exp(-a * v)
     slope = load * delta * a * left  # of friction, fresh contact
     by_worn = np.where(ageing, slope, 0.0)
@@ -114,25 +92,25 @@ def _slopes(q: list[Array], s: Linearised, roots: NDArray[np.complex128], sign: 
         "a": -delta * v * left,
         "drive_speed": -sign[..., None] * delta * a * left,
     }
-    coupling = load * s.step[..., None] / D
+    coupling = load * falling / D
     linear = {name: load / D * value for name, value in step.items()}
-    linear["normal_force"], linear["D"] = s.step[..., None] / D, -coupling / D
+    linear["normal_force"], linear["D"] = falling / D, -coupling / D
     zero = np.zeros(1)
-    mechanical = (m * roots + s.resistance[..., None]) * roots + k
+    mechanical = (m * roots + resisting) * roots + k
     table: dict[str, Any] = {}
     for name in QUANTITIES:
         own: Any = resistance.get(name, zero) * roots + (roots**2 if name == "mass" else float(name == "stiffness"))
         creep = -mechanical / t**2 if name == "t_cr" else 0.0
         third = creep + (roots + 1 / t) * own - roots * linear.get(name, zero)
-        rise = mechanical + (roots + 1 / t) * (2 * m * roots + s.resistance[..., None]) - coupling
-        two = -own / (2 * m * roots + s.resistance[..., None])
+        rise = mechanical + (roots + 1 / t) * (2 * m * roots + resisting) - coupling
+        two = -own / (2 * m * roots + resisting)
         table[name] = np.where(ageing, -third / rise, two)
     return table
 
 
 def eigenvalues(
-    rig: RigLike,
-    friction: FrictionLike,
+    rig: object,
+    friction: object,
     drive_speed: ArrayLike,
     normal_force: ArrayLike,
     *,
@@ -151,25 +129,15 @@ def eigenvalues(
         is fully worn (v_acr > 1: gamma stays 0 and ageing plays no part).
     """
     sign = np.sign(np.asarray(drive_speed, float)) + (np.asarray(drive_speed) == 0)
-    q = [np.asarray(value) for value in settings(rig, friction, drive_speed, normal_force).values()]
-    s = _linearise(q)
+    q = {name: np.asarray(value) for name, value in settings(rig, friction, drive_speed, normal_force).items()}
     with np.errstate(all="ignore"):
-        roots = _roots(s)
+        roots = _roots(q)
         order = np.lexsort((-roots.imag, -roots.real), axis=-1)
-        rates = np.take_along_axis(roots, order, axis=-1) * np.sqrt(s.stiffness / s.mass)[..., None]
+        rates = np.take_along_axis(roots, order, axis=-1) * np.sqrt(q["stiffness"] / q["mass"])[..., None]
         if not derivatives:
             return rates
-        return rates, _slopes(q, s, rates, np.broadcast_to(sign, s.mass.shape))
+        return rates, _slopes(q, rates, np.broadcast_to(sign, q["mass"].shape))
 
-
-__all__ = [
-    "critical_frequency",
-    "critical_friction",
-    "critical_loading",
-    "eigenvalues",
-    "log_critical_loading",
-    "printed_form",
-]
 
 Form = Literal["derived", "printed"]
 DAMPERS = {"derived": 2.0, "printed": 1.0}  # z over zeta
@@ -270,20 +238,6 @@ def _factor(form: str) -> float:
     if form not in DAMPERS:
         raise ValueError(f"form was {form!r}; expected 'derived' or 'printed'")
     return DAMPERS[form]
-
-
-def printed_form(zeta: float, tau_cr: float) -> str:
-    """What the paper's own eq. (25) gives here, by how much it differs from the derived form, and why; one sentence.
-
-    zeta, tau_cr: as for `critical_friction`.
-    """
-    printed, derived = (float(critical_friction(zeta, tau_cr, form)) for form in ("printed", "derived"))
-    if not derived > 0 or not printed > 0:
-        return "as printed: no different here, where there is no damping to be misread"
-    return (
-        f"as printed: {100 * (1 - printed / derived):.2g} % too low, as its determinant has zeta where 2 zeta belongs; "
-        "it calls sliding between the two unstable that is stable"
-    )
 
 
 def critical_friction(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived", *, derivatives: bool = False) -> Any:

@@ -6,7 +6,7 @@ the same whatever speed is asked for; their ends are closed in on by bisection.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import lru_cache
@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.model.model import Model
-from identify.prediction.batch import CycleBatch
-from identify.prediction.search import CLOSEST, StickTest, bisect, explore
+from identify.prediction.search import CLOSEST, Survey, bisect, growing, in_a_row
 from identify.simulation.sliding import growth_rates
 
 Array = NDArray[np.float64]
@@ -51,15 +50,13 @@ def outcome_of(periodic: bool, sticks: bool, stable: bool) -> Outcome:
 class SpeedRange:
     """Drive speeds [m/s] at which stick-slip exists; a limit is None where it goes on to the end of the range searched.
 
-    speeds (n,), rising: of the motions known in it; states (n, n_y): rest states of each; periodic (n,): whether it
-    settles.
+    speeds (n,), rising: of the motions known in it; states (n, n_y): rest states of each.
     """
 
     low: float | None
     high: float | None
     speeds: Array = field(repr=False)
     states: Array = field(repr=False)
-    periodic: NDArray[np.bool_] = field(repr=False)
 
     def holds(self, speed: float) -> bool:
         """Whether a drive speed [m/s] lies in it."""
@@ -98,10 +95,6 @@ class Windows:
                 return np.asarray(part.states[int(np.argmin(np.abs(np.log(part.speeds / speed))))])
         return None
 
-    def sticks(self, speed: float) -> bool:
-        """Whether stick-slip exists at a drive speed [m/s]."""
-        return any(part.holds(speed) for part in self.sticking)
-
     def listed(self) -> tuple[Window, ...]:
         """The windows in rising order, without a gap."""
         low, high = self.searched
@@ -111,11 +104,8 @@ class Windows:
         out: list[Window] = []
         for first, last in pairwise(edges):
             middle = float(np.sqrt(first * last))
-            stable = not any(a <= middle <= b for a, b in self.unstable)
-            if self.sticks(middle):
-                outcome = Outcome.BISTABLE if stable else Outcome.ALWAYS_STICKS
-            else:
-                outcome = Outcome.NEVER_STICKS if stable else Outcome.UNDECIDED
+            sticks = any(part.holds(middle) for part in self.sticking)
+            outcome = outcome_of(sticks, sticks, not any(a <= middle <= b for a, b in self.unstable))
             if out and out[-1].outcome is outcome:
                 out[-1] = replace(out[-1], high=last)
             else:
@@ -123,28 +113,17 @@ class Windows:
         return tuple(out)
 
 
-def typical_speed(model: Model, w: Array) -> float:
-    """Speed [m/s] that the whole fall of friction gives the mass, (mu_s - mu_k) F_n / sqrt(m k), at w (n_w,)."""
+def _speeds(model: Model, w: Array) -> tuple[float, float]:
+    """Drive speed [m/s] below which neither ageing nor weakening nor the swing of the mass changes any more, and the
+    speed that the whole fall of friction gives the mass, (mu_s - mu_k) F_n / sqrt(m k), at w (n_w,)."""
     v = dict(zip(model.parameter_names, w[:-2].tolist(), strict=True))
-    return _fall(v, float(w[-2])) / float(np.sqrt(v["mass"] * v["stiffness"]))
-
-
-def _fall(v: dict[str, float], normal_force: float) -> float:
-    """Force [N] by which friction can fall."""
     kinetic = v["mu_k0"] + min(0.0, v.get("delta_mu_k", 0.0))
-    return max(v["mu_s"] - kinetic, 1e-3 * v["mu_s"]) * normal_force
-
-
-def _slowest(model: Model, w: Array) -> float:
-    """Drive speed [m/s] below which neither ageing nor weakening nor the swing of the mass changes any more."""
-    v, speeds = dict(zip(model.parameter_names, w[:-2].tolist(), strict=True)), [typical_speed(model, w)]
-    if "a" in v:
-        speeds.append(1.0 / v["a"])
+    fall = max(v["mu_s"] - kinetic, 1e-3 * v["mu_s"]) * float(w[-2])
+    typical = fall / float(np.sqrt(v["mass"] * v["stiffness"]))
+    speeds = [typical, *([1.0 / v["a"]] if "a" in v else [])]
     if "t_cr" in v:
-        speeds.append(_fall(v, float(w[-2])) / (v["stiffness"] * v["t_cr"]))
-        if "D" in v:
-            speeds.append(v["D"] / v["t_cr"])
-    return min(speeds)
+        speeds += [fall / (v["stiffness"] * v["t_cr"]), *([v["D"] / v["t_cr"]] if "D" in v else [])]
+    return min(speeds), typical
 
 
 def speed_windows(model: Model, setting: Array, asked: Sequence[float] = ()) -> Windows:
@@ -162,60 +141,47 @@ def speed_windows(model: Model, setting: Array, asked: Sequence[float] = ()) -> 
 @lru_cache(maxsize=64)  # a fit and its report, and the page with every turn of its speed, ask again for those of a pair
 def _windows(model: Model, setting: bytes, asked: tuple[float, ...]) -> Windows:
     w = np.frombuffer(setting)
-    anchor = float(np.log(typical_speed(model, w)))
-    ends = [np.log(SLOWEST * _slowest(model, w)), anchor + np.log(FASTEST), *np.log(asked)]
+    slowest, typical = _speeds(model, w)
+    anchor = float(np.log(typical))
+    ends = [np.log(SLOWEST * slowest), anchor + np.log(FASTEST), *np.log(asked)]
     first, last = (np.floor((min(ends) - anchor) / SPACING), np.ceil((max(ends) - anchor) / SPACING))
     places = np.union1d(anchor + SPACING * np.arange(first, last + 1), np.log(asked))
-    n = places.size
 
-    def at(_rows: NDArray[np.intp], places: Array) -> Array:
-        settings = np.tile(w, (places.size, 1))
-        settings[:, -1] = np.exp(places)
-        return settings
+    def settings_at(places: Array) -> Array:
+        return np.column_stack([np.tile(w[:-1], (len(places), 1)), np.exp(places)])
 
-    batch, number = CycleBatch(model, at(np.arange(n), places)), np.arange(n)
-    found = explore(batch, np.stack([number - 1, np.where(number + 1 < n, number + 1, -1)], axis=1))
-    changes = np.diff(np.concatenate([[0], found.sticks.astype(int), [0]]))
-    starts, stops = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
-    inside, outside = np.concatenate([starts, stops]), np.concatenate([starts - 1, stops + 1])
-    ended = (outside >= 0) & (outside < n)
-    inner = inside[ended]
-    test = StickTest(model, at, found.y[inner], batch.scale[inner])
-    last, beyond = bisect(test, places[inner], places[outside[ended]], HALVINGS)
-    limits = np.full(inside.size, np.nan)
-    limits[ended] = np.exp(0.5 * (last + beyond))
-    closest = test.shares * CycleBatch(model, at(inner, last)).scale
+    survey = Survey.of(model, places[:, None], settings_at, in_a_row(places.size))
+    border, sticks = survey.ends(HALVINGS), survey.motions.sticks
+    limits = np.exp(border.places[:, 0])
     ranges = []
-    for k, (start, stop) in enumerate(zip(starts, stops, strict=True)):
-        known = np.arange(start, stop + 1)
-        mine = np.isin(np.flatnonzero(ended), [k, k + starts.size])
-        speeds = np.exp(np.concatenate([places[known], last[mine]]))
+    for part in np.split(np.arange(places.size), np.flatnonzero(np.diff(sticks)) + 1):
+        if not sticks[part[0]]:
+            continue
+        low, high = (np.flatnonzero(np.all(border.nodes == pair, axis=1)) for pair in _beyond(part))
+        mine = np.concatenate([low, high])
+        speeds = np.append(np.exp(places[part]), limits[mine])
         order = np.argsort(speeds, kind="stable")
-        low, high = (None if np.isnan(limits[i]) else float(limits[i]) for i in (k, k + starts.size))
-        states = np.concatenate([found.y[known], closest[mine]])[order]
-        periodic = np.concatenate([found.periodic[known], test.periodic[mine]])[order]
-        ranges.append(SpeedRange(low, high, speeds[order], states, periodic))
-    searched = float(np.exp(places[0])), float(np.exp(places[-1]))
-    return Windows(searched, tuple(ranges), unstable_speeds(model, w, *searched))
+        states = np.concatenate([survey.motions.y[part], border.y[mine]])[order]
+        found = [float(limits[side[0]]) if side.size else None for side in (low, high)]
+        ranges.append(SpeedRange(found[0], found[1], speeds[order], states))
+    fine = np.linspace(places[0], places[-1], POINTS)
+    unstable = _unstable(model, lambda _, at: settings_at(at[:, None]), fine)
+    return Windows((float(np.exp(places[0])), float(np.exp(places[-1]))), tuple(ranges), unstable)
 
 
-def unstable_speeds(model: Model, setting: Array, lowest: float, highest: float) -> tuple[tuple[float, float], ...]:
-    """Intervals of drive speed [m/s] within [lowest, highest] in which steady sliding is unstable, at a setting (n_w,).
+def _beyond(part: NDArray[np.intp]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """The edges that lead out of a row of nodes below and above."""
+    first, last = int(part[0]), int(part[-1])
+    return (first, first - 1), (last, last + 1)
 
-    An interval narrower than the grid (logarithmic, `POINTS`) is missed. Ends at `lowest` or `highest` are those of the
-    search.
-    """
 
-    def growing(_rows: NDArray[np.intp], places: Array) -> NDArray[np.bool_]:
-        settings = np.tile(setting, (places.size, 1))
-        settings[:, -1] = np.exp(places)
-        return growth_rates(model, settings) >= 0.0
-
-    places = np.linspace(np.log(lowest), np.log(highest), POINTS)
-    grows = growing(np.arange(POINTS), places)
-    at = np.flatnonzero(grows[1:] != grows[:-1])
-    inside, outside = np.where(grows[at], at, at + 1), np.where(grows[at], at + 1, at)
-    inner, outer = bisect(growing, places[inside], places[outside], CLOSEST)
-    losses = np.exp(0.5 * (inner + outer)).tolist()
-    ends = [lowest] * bool(grows[0]) + losses + [highest] * bool(grows[-1])
+def _unstable(
+    model: Model, at: Callable[[NDArray[np.intp], Array], Array], places: Array
+) -> tuple[tuple[float, float], ...]:
+    """Drive speeds [m/s] between which steady sliding is unstable; one narrower than the grid (n,) is missed."""
+    grows = growth_rates(model, at(np.arange(places.size), places)) >= 0.0
+    edge = np.flatnonzero(grows[1:] != grows[:-1])
+    inside, outside = np.where(grows[edge], edge, edge + 1), np.where(grows[edge], edge + 1, edge)
+    losses = np.mean(bisect(growing(model, at), places[inside], places[outside], CLOSEST), axis=0)
+    ends = np.exp([*places[:1][grows[:1]], *losses, *places[-1:][grows[-1:]]]).tolist()
     return tuple(zip(ends[::2], ends[1::2], strict=True))

@@ -12,7 +12,6 @@ from identify.base.wording import speed_scale
 
 if TYPE_CHECKING:
     from identify.prediction.point_prediction import PointPrediction, SpeedWindow, StickSlipRange
-    from identify.prediction.predict import PredictionCertainty, Probability
     from identify.prediction.stabilising import ChangeAdvice
 
 OPEN = "interval open: "  # how a reason begins
@@ -115,7 +114,7 @@ def stability_text(prediction: PointPrediction) -> str:
         validity = answer.critical_speed.validity
         lines.append(f"{validity[:1].upper()}{validity[1:]}.")
     lines += [_stretch(part, answer.searched_between[1]) for part in answer.stick_slip_between]
-    lines.append(_windows(answer.windows))
+    lines += [_windows(answer.windows), *filter(None, [_probability_text(prediction)])]
     return " ".join(lines) + _why_open(ends)
 
 
@@ -174,7 +173,8 @@ def ranges_text(prediction: PointPrediction, part: str) -> str:
     if part == "stability":
         end = prediction.stability.critical_speed
         why = f"; {end.validity}" if end.value is None else ""
-        return f"Over the ranges of what is assumed stick-slip ends above a drive speed: {ranged(end)}{why}."
+        text = f"Over the ranges of what is assumed stick-slip ends above a drive speed: {ranged(end)}{why}."
+        return " ".join(filter(None, [text, _probability_text(prediction)]))
     shown = [f"{words} {ranged(numbers[name])}" for name, words in RANGED]
     return f"Over the ranges of what is assumed, at {where}: {', '.join(shown)}."
 
@@ -206,53 +206,37 @@ def closed_form_text(prediction: PointPrediction) -> str:
 ROWS = (("drop", "drop"), ("period", "period"), ("end of stick-slip, of a saturated contact", "critical_speed"))
 
 
-def certainty_text(where: str, found: PredictionCertainty) -> str:
-    """How likely stick-slip is at an operating point."""
-    assert found.possible is not None and found.certain is not None
-    sentences = [
-        f"Probability of stick-slip at {where}: {_probability(found.possible, found.draws)}.",
-        f"That it starts by itself from steady sliding: {_probability(found.certain, found.draws)}.",
-    ]
-    if found.refused:
-        sentences.append(f"{found.refused} draws were left out: no pair has such friction.")
-    return " ".join(sentences)
-
-
-def _probability(probability: Probability, draws: int) -> str:
-    low, high = (100 * end for end in probability.interval)
-    share = 100 * probability.value
-    middle = f"above {low:.3g} %" if share == 100 else f"below {high:.2g} %" if share == 0 else f"{share:.3g} %"
-    ends = "" if share in (0, 100) else f", 95 %: {low:.3g} to {high:.3g} %"
-    return f"{middle} ({draws} draws{ends})"
-
-
-def advice_text(where: str, steady: bool, margin: float, rows: Sequence[ChangeAdvice]) -> str:
-    """What to change at an operating point, one line per quantity."""
-    share = f"a margin of {100 * margin:.3g} %"
-    head = (
-        f"Sliding is steady at {where}. To keep it so with {share}, all else held:"
-        if steady
-        else f"To make sliding steady at {where} with {share}, one of these, all else held:"
+def _probability_text(prediction: PointPrediction) -> str:
+    """How likely stick-slip is here, where that is not certain; "" where it is, or nothing is uncertain."""
+    chance = prediction.stability.probability
+    low, high = chance.ends
+    if chance.value is None or low is None or high is None or chance.value in (0.0, 1.0):
+        return ""
+    return (
+        f"Probability of stick-slip here: {100 * chance.value:.3g} % "
+        f"({chance.validity}, 95 %: {100 * low:.3g} to {100 * high:.3g} %)."
     )
-    return "\n".join([head, *(_change_text(row, steady) for row in rows)])
 
 
-def _change_text(row: ChangeAdvice, steady: bool) -> str:
-    unit, limit, advised, now, least = row.now.unit, row.limit, row.advised.value, row.now.value, row.at == "least"
-    # each limit stands alone, so each says its own reason why its interval is open
+def advice_text(prediction_at: str, steady: bool, margin: float, rows: Sequence[ChangeAdvice]) -> str:
+    """What to change at an operating point, one line per quantity."""
+    goal = "To keep sliding steady" if steady else "To make sliding steady, one of these"
+    head = f"{goal} at {prediction_at} with a margin of {100 * margin:.3g} %, all else held:"
+    return "\n".join([head, *(_change_text(row) for row in rows)])
+
+
+def _change_text(row: ChangeAdvice) -> str:
+    limit, advised = row.limit, row.advised.value
+    # each limit stands alone, so each has its own reason why its interval is open
     reach = f"{said(limit.value, limit.unit)} ({limit.reason})" if limit.reason else with_interval(limit)
-    if limit.value is None:
-        return f"- {row.label}: {'any' if steady else 'cannot be reached'}; {row.reason}."
     if advised is None:
-        return f"- {row.label}: {row.reason} ({reach})."
-    notes = [f"limit {reach}, {row.kind}"]
-    if row.extrapolated:
-        notes.append("extrapolated: outside the tested range")
-    beyond = limit.ends[1] if least else limit.ends[0]
-    if beyond is not None and (beyond > advised if least else beyond < advised):
+        return f"- {row.label}: {row.reason}{'' if limit.value is None else f' ({reach})'}."
+    notes = [f"limit {reach}, {row.kind}", *(["extrapolated: outside the tested range"] if row.extrapolated else [])]
+    beyond = limit.ends[1 if row.at == "least" else 0]
+    if beyond is not None and (beyond > advised if row.at == "least" else beyond < advised):
         notes.append("the interval of the limit reaches beyond the margin")
-    if advised == now:
-        return f"- {row.label}: as it is ({said(advised, unit)}); {'; '.join(notes)}."
+    if advised == row.now.value:
+        return f"- {row.label}: as it is ({said(advised, limit.unit)}); {'; '.join(notes)}."
     ratio = f" (ζ = {row.zeta:.3g})" if row.zeta is not None else ""
-    word = "at least" if least else "at most"
-    return f"- {row.label} {word} {said(advised, unit)}{ratio}, now {said(now, unit)} ({'; '.join(notes)})."
+    now = said(row.now.value, limit.unit)
+    return f"- {row.label} at {row.at} {said(advised, limit.unit)}{ratio}, now {now} ({'; '.join(notes)})."

@@ -22,7 +22,7 @@ from data_io.atomic import atomic_path
 from identify.base.wording import Scale, number, scale_for
 from identify.prediction.axes import Axis, quantity_of
 from identify.prediction.draws import Draws
-from identify.prediction.maps import NO_ANSWER, NOT_ADMITTED, Boundary, Chart, LineMap, closed_plane
+from identify.prediction.maps import NO_ANSWER, NOT_ADMITTED, Boundary, Chart, LineMap
 from identify.prediction.sources import Tested
 from identify.prediction.windows import Outcome
 from identify.report.style import ARREST, ONSET, drawing_style
@@ -31,7 +31,6 @@ Array = NDArray[np.float64]
 
 SIZE, OVER_ONE, DPI = (3.54, 4.3), (3.54, 4.6), 300  # inch: a journal column is 90 mm wide
 STICKS, SLIDES = "#D55E00", "#0072B2"  # ends of stick-slip and of stable sliding
-CLOSED = "#6b2c00"  # the first as the closed form has it
 TESTED = "0.25"
 FONT = 7.5
 NARROW = 30.0  # ratio of the ends of an axis up to which it has numbers between the decades
@@ -121,7 +120,6 @@ def map_figure(chart: Chart, part: str = "stability", marks: Marks | None = None
         for points in lines:
             axes.plot(*view.shown(points).T, color=colour, lw=1.3, zorder=3)
         legend += [Line2D([], [], color=colour, lw=1.3, label=words)] if lines else []
-    legend += _closed_forms(axes, chart, view)
     legend += _untested(axes, chart, view, marks.tested)
     legend += _points(axes, chart, view, marks)
     _legend(figure, legend)
@@ -225,37 +223,6 @@ def _amplitudes(figure: Figure, axes: Axes, chart: Chart, view: MapView) -> list
         bar.ax.yaxis.set_minor_formatter(NullFormatter())
     period = _contours(axes, chart, view, "period", "white", "0.25")
     return [] if period is None else [Line2D([], [], color="0.7", lw=0.8, label=f"period [{period}]")]
-
-
-def _closed_forms(axes: Axes, chart: Chart, view: MapView) -> list[Any]:
-    """Boundaries of the closed forms: dashed where they hold, dotted where a V_max is too large for them."""
-    closed = closed_plane(chart.plane)
-    if closed is None:
-        return []
-    x, y = view.line(0, closed.x), view.line(1, closed.y)
-    legend = []
-    slip, sliding = (np.clip(margin, -50.0, 50.0) for margin in (closed.slip, closed.sliding))
-    for margin, colour, style, words in (
-        (np.where(_grown(closed.valid), slip, np.nan), CLOSED, "--", "its closed form (eq. 18)"),
-        (np.where(_grown(~closed.valid), slip, np.nan), CLOSED, ":", "eq. 18 where it is not valid"),
-        (sliding, "k", (0, (4, 3)), "Π = Πfc (eq. 25, derived)"),
-    ):
-        if np.nanmin(margin, initial=0.0) < 0.0 < np.nanmax(margin, initial=0.0):
-            drawn = axes.contour(
-                x, y, margin, levels=[0.0], colors=[colour], linewidths=0.9, linestyles=[style], zorder=3.5
-            )
-            if any(np.size(path.vertices) for path in drawn.get_paths()):
-                legend.append(Line2D([], [], color=colour, lw=0.9, ls=style, label=words))
-    return legend
-
-
-def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """A mask and its neighbours: a contour between the two belongs to both."""
-    out = mask.copy()
-    for axis in (0, 1):
-        for shift in (1, -1):
-            out |= np.roll(mask, shift, axis)
-    return out
 
 
 def _untested(axes: Axes, chart: Chart, view: MapView, tested: Tested | None) -> list[Any]:
@@ -393,13 +360,13 @@ def _shaded(axes: Axes, answer: LineMap, x: Array) -> list[Any]:
     found = np.sort([change.value for change in (*answer.ends, *answer.losses)]) * x[0] / answer.values[0]
     start, legend = x[0], []
     for i in range(x.size):
-        if i + 1 < x.size and answer.outcomes[i + 1] == answer.outcomes[i]:
+        if i + 1 < x.size and answer.chart.outcomes[0][i + 1] == answer.chart.outcomes[0][i]:
             continue
         stop = x[-1]
         if i + 1 < x.size:
             between = found[(found > x[i]) & (found < x[i + 1])]
             stop = between[0] if between.size == 1 else 0.5 * (x[i] + x[i + 1])
-        word = str(answer.outcomes[i])
+        word = str(answer.chart.outcomes[0][i])
         colour, text = REGIONS[word]
         axes.axvspan(start, stop, color=colour, lw=0, zorder=0)
         legend.append((word, Patch(facecolor=colour, label=text)))
@@ -410,8 +377,8 @@ def _shaded(axes: Axes, answer: LineMap, x: Array) -> list[Any]:
 def _forces(axes: Axes, answer: LineMap, x: Array) -> list[Any]:
     unit = scale_for(float(np.nanmax(answer.sliding_force)), "N")
     rows = (
-        (answer.figures["onset_force"], ONSET, "-", "force at the onset of slip"),
-        (answer.figures["arrest_force"], ARREST, "-", "force at its end"),
+        (answer.chart.figures["onset_force"][0], ONSET, "-", "force at the onset of slip"),
+        (answer.chart.figures["arrest_force"][0], ARREST, "-", "force at its end"),
         (answer.sliding_force, "0.25", "--", "force of steady sliding"),
     )
     for values, colour, style, _ in rows:
@@ -422,11 +389,11 @@ def _forces(axes: Axes, answer: LineMap, x: Array) -> list[Any]:
 
 def _decisive(axes: Axes, answer: LineMap, x: Array) -> list[Any]:
     """Growth rate of steady sliding on the left, largest multiplier of stick-slip on the right."""
-    axes.plot(x, answer.eigenvalues[:, 0].real, color=SLIDES, lw=1.1)
+    axes.plot(x, answer.chart.growth[0], color=SLIDES, lw=1.1)
     axes.axhline(0.0, color=SLIDES, lw=0.6)
     axes.set_ylabel("growth rate of sliding [1/s]", fontsize=FONT + 0.5)
     right = axes.twinx()
-    right.plot(x, np.abs(answer.multipliers[:, 0]), color=STICKS, lw=1.1, ls="-.")
+    right.plot(x, np.abs(answer.chart.multiplier[0]), color=STICKS, lw=1.1, ls="-.")
     right.set_ylim(0.0, 1.05)
     right.set_ylabel("largest |multiplier| of stick-slip", fontsize=FONT + 0.5)
     right.tick_params(labelsize=FONT)
@@ -439,7 +406,7 @@ def _decisive(axes: Axes, answer: LineMap, x: Array) -> list[Any]:
 
 
 def _timing(axes: Axes, answer: LineMap, x: Array) -> list[Any]:
-    period, slip = answer.figures["period"], answer.figures["slip_duration"]
+    period, slip = answer.chart.figures["period"][0], answer.chart.figures["slip_duration"][0]
     if not np.any(np.isfinite(period)):
         return []
     unit = scale_for(float(np.nanmedian(period)), "s")
