@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,7 +30,7 @@ from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION
 from identify.shooting.transcription import BOUNDED_START_SD
 from identify.simulation.drive import Drive
-from identify.simulation.plan import Scales, scales
+from identify.simulation.plan import scales
 from identify.simulation.simulate import run
 from identify.simulation.trajectory import Trajectory
 
@@ -47,6 +47,7 @@ INSET = 5e-3  # of half a piece: over which the rate of the force is taken
 LOAD_CHANGE = 0.02  # of a stick: when the normal force of its cycle begins, which the force does not feel there
 STEP = 1e-5  # of a logarithm, and of a spread, for the differences
 
+SETUP = 60.0  # [s] that a log costs beside its duration
 SAFE = 0.9  # of what `identified` allows
 TRIED = 4  # designs that are simulated at all places, each time one is chosen
 LEAST_GAIN = 0.1  # of the sum of the logarithms of the variances, for a log to be worth its time
@@ -58,15 +59,8 @@ UNKNOWN = 50.0  # standard deviation of a logarithm that is as good as infinite
 
 @dataclass(frozen=True)
 class LogDesign:
-    """How a log is recorded.
-
-    Attributes
-    ----------
-    drive : drive speed [m/s], or a programme of (start [s], speed [m/s]).
-    normal_force : [N].
-    stiffness : of the spring [N/m]; None: that of the rig.
-    duration : of a programme [s]; 0: as long as its cycles take.
-    """
+    """How a log is recorded: drive speed [m/s], or a programme of (start [s], speed [m/s]); normal force [N]; stiffness
+    of the spring [N/m], None for that of the rig; duration of a programme [s], 0 for as long as its cycles take."""
 
     drive: float | Programme
     normal_force: float
@@ -95,10 +89,8 @@ class LogDesign:
         """Base values (n_p,) of the rig with the spring of this design; its damping ratio stays."""
         out, names = base.copy(), unknowns.names
         if self.stiffness is not None:
-            ratio = self.stiffness / base[names.index("stiffness")]
-            for name in ("stiffness", "damping"):
-                if name in names:
-                    out[names.index(name)] *= ratio
+            scaled = [names.index(name) for name in ("stiffness", "damping") if name in names]
+            out[scaled] *= self.stiffness / base[names.index("stiffness")]
         return out
 
 
@@ -108,45 +100,15 @@ class LogDesign:
 
 
 @dataclass(frozen=True)
-class Repetition:
-    """How a log of a steady drive goes on: with its last cycle, from row `since` on, of `period` [s].
-
-    later (l, f + s): what one more cycle adds to the sensitivities of these rows: a longer one delays all after it.
-    """
-
-    since: int
-    period: float
-    later: Array
-
-    def extended(self, sensitivity: Array, weights: Array, shared: int, count: int) -> tuple[Array, Array]:
-        """Sensitivities and weights with `count` more cycles; the first `shared` columns are no load of a cycle.
-
-        The load of a cycle acts on those after it as that of an earlier one does on the last that was simulated.
-        """
-        rows, loads = sensitivity[self.since :], sensitivity.shape[1] - shared
-        out = np.zeros((len(sensitivity) + count * len(rows), sensitivity.shape[1] + count))
-        out[: len(sensitivity), : sensitivity.shape[1]] = sensitivity
-        for i in range(1, count + 1):
-            here = slice(len(sensitivity) + (i - 1) * len(rows), len(sensitivity) + i * len(rows))
-            out[here, :shared] = rows[:, :shared] + i * self.later
-            columns = np.maximum(np.arange(loads + i) - i, 1)
-            columns[0] = 0  # the first cycle, from a fresh contact, is unlike the others
-            out[here, shared : shared + loads + i] = rows[:, shared + columns]
-        return out, np.concatenate([weights, np.tile(weights[self.since :], count)])
-
-
-@dataclass(frozen=True)
 class SimulatedLog:
     """A log of a design at one place of the parameters.
 
-    Attributes
-    ----------
-    duration, slips, slip : duration [s], slips that end in it, and how long one takes [s].
-    sensitivity : (t, f + s + c) of the force, to the f free theta, the s unknowns of the start (how far the spring is
-        loaded, how fresh the contact is) and the normal force [N] in each of c cycles.
-    weights : (t,) seconds that each row counts for.
-    start_sd : (s,) what a fit takes the unknowns of the start to be within; free : f.
-    repetition : how it goes on; None where it does not repeat.
+    duration, slips, slip: duration [s], slips that end in it, how long one takes [s]. sensitivity (t, f + s + c): of
+    the force, to the f free theta, the s unknowns of the start (how far the spring is loaded, how fresh the contact is)
+    and the normal force [N] in each of c cycles. weights (t,): seconds that each row counts for. start_sd (s,): what a
+    fit takes the unknowns of the start to be within. It goes on with its last cycle, from row `since` on, of `period`
+    [s], 0 where it does not repeat; later (l, f + s): what one more cycle adds to the sensitivities of these rows, as a
+    longer one delays all after it.
     """
 
     duration: float
@@ -155,125 +117,75 @@ class SimulatedLog:
     sensitivity: Array
     weights: Array
     start_sd: Array
-    free: int
-    repetition: Repetition | None
+    since: int
+    period: float
+    later: Array
 
     @property
     def shared(self) -> int:
         """Columns that are no normal force of a cycle: f + s."""
-        return self.free + self.start_sd.size
+        return self.later.shape[1]
 
     def information(self, rate: float, variance: float, load_sd: float, times: float = 1.0) -> Array:
         """Fisher information (f, f) of the free theta.
 
-        Parameters
-        ----------
-        rate : independent samples per second; variance : of each [N^2].
-        load_sd : error of the normal force [N], another one in each cycle (0: none).
-        times : as long a log as so many of these.
+        Args:
+            rate: independent samples per second; variance: of each [N^2]. load_sd: error of the normal force [N],
+                another one in each cycle (0: none). times: as long a log as so many of these.
         """
         rows, weights, duration = self.sensitivity, self.weights, self.duration
-        if self.repetition is not None and times > 1.0:
-            count = min(round((times - 1.0) * duration / self.repetition.period), REPEATED)
-            rows, weights = self.repetition.extended(rows, weights, self.shared, count)
-            duration += count * self.repetition.period
+        if self.period and times > 1.0:
+            count = min(round((times - 1.0) * duration / self.period), REPEATED)
+            rows, weights = self._extended(count)
+            duration += count * self.period
         rows = rows if load_sd > 0.0 else rows[:, : self.shared]
         total = rows.T @ (rows * (weights * rate / variance)[:, None])
-        own = np.arange(self.free, len(total))
+        f = self.shared - self.start_sd.size
+        own = np.arange(f, len(total))
         total[own, own] += np.append(self.start_sd, np.full(own.size - self.start_sd.size, load_sd)) ** -2.0
         scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
-        scaled, f = total * np.outer(scale, scale), self.free
+        scaled = total * np.outer(scale, scale)
         across = scaled[:f, f:]
         left = scaled[:f, :f] - across @ np.linalg.pinv(scaled[f:, f:], 1e-13, hermitian=True) @ across.T
         return np.asarray(times * self.duration / duration * left / np.outer(scale[:f], scale[:f]))
 
-
-@dataclass(frozen=True)
-class _Designed:
-    """What the motions of a design are simulated with, SI: theta (n_p,) and base (n_p,) with its spring."""
-
-    unknowns: Unknowns
-    theta: Array
-    base: Array
-    design: LogDesign
-
-    @property
-    def scales(self) -> Scales:
-        """Typical time and sizes of the states."""
-        values = self.unknowns.values(self.theta, self.base)
-        return scales(self.unknowns.model, values, self.design.normal_force)
-
-    @property
-    def starts(self) -> list[int]:
-        """States at the start that a fit does not know: the spring can be loaded already, and the contact be older."""
-        states = self.unknowns.model.states
-        return [i for i, state in enumerate(states) if i == ELONGATION or state.lower is not None]
-
-    def values(self, theta: Array) -> dict[str, float]:
-        """Every parameter by name."""
-        return dict(zip(self.unknowns.names, self.unknowns.values(theta, self.base).tolist(), strict=True))
-
-    def run(
-        self,
-        duration: float,
-        theta: Array | None = None,
-        load: tuple[Array, Array] | None = None,
-        start: dict[str, float] | None = None,
-    ) -> Trajectory:
-        """The motion, or one with another theta, course of the load or start."""
-        values = self.values(self.theta if theta is None else theta)
-        force = self.design.normal_force if load is None else load
-        return run(self.unknowns.model, values, self.design.drive, force, duration, start=start)
-
-    def nominal(self, longest: float) -> Trajectory:
-        """The motion until its cycles are there, the mass slides on, or for `longest` [s]."""
-        if self.design.duration:
-            return self.run(self.design.duration)
-        values, time = self.values(self.theta), self.scales.time
-        # In a cycle the spring relaxes by twice the step of friction, roughly.
-        travel = 2.0 * abs(values["mu_s"] - values["mu_k0"]) * self.design.normal_force / values["stiffness"]
-        duration = min(CYCLES * travel / self.design.speed + SETTLED * time, longest)
-        for _ in range(DOUBLINGS):
-            seen = self.run(duration)
-            if seen.onsets.size > CYCLES or _slides_on(seen, time) or duration == longest:
-                break
-            duration = min(2.0 * duration, longest)
-        return seen
-
-    def perturbed(
-        self, duration: float, nominal: Trajectory, until: float
-    ) -> Iterator[tuple[Trajectory, float, Array]]:
-        """A motion for each column of the sensitivities, the step it is off by, and when its load changes [s]."""
-        unknowns, force = self.unknowns, self.design.normal_force
-        for index in np.flatnonzero(unknowns.free).tolist():
-            step = STEP * (1.0 if unknowns.logarithmic[index] else float(unknowns.spread[index]))
-            yield self.run(duration, theta=self.theta + step * np.eye(self.theta.size)[index]), step, np.empty(0)
-        for i in self.starts:
-            state = unknowns.model.states[i]
-            step = STEP * (float(self.scales.state[i]) if i == ELONGATION else 1.0)
-            yield self.run(duration, start={state.name: state.start + step}), step, np.empty(0)
-        for changes, on in _cycle_loads(nominal, until):
-            yield self.run(duration, load=(changes, force * (1.0 + STEP * on))), STEP * force, changes
+    def _extended(self, count: int) -> tuple[Array, Array]:
+        """Sensitivities and weights with `count` more cycles. The load of a cycle acts on those after it as that of an
+        earlier one does on the last that was simulated."""
+        n, rows, shared = len(self.sensitivity), self.sensitivity[self.since :], self.shared
+        loads = self.sensitivity.shape[1] - shared
+        out = np.zeros((n + count * len(rows), shared + loads + count))
+        out[:n, : shared + loads] = self.sensitivity
+        for i in range(1, count + 1):
+            cycle = slice(n + (i - 1) * len(rows), n + i * len(rows))
+            columns = np.maximum(np.arange(loads + i) - i, 1)
+            columns[0] = 0  # the first cycle, from a fresh contact, is unlike the others
+            out[cycle, :shared] = rows[:, :shared] + i * self.later
+            out[cycle, shared : shared + loads + i] = rows[:, shared + columns]
+        return out, np.concatenate([self.weights, np.tile(self.weights[self.since :], count)])
 
 
 def simulated_log(
     unknowns: Unknowns, theta: Array, base: Array, design: LogDesign, longest: float
 ) -> SimulatedLog | None:
-    """The log of a design, from rest with a fresh contact.
+    """The log of a design, from rest with a fresh contact, at theta (n_p,) and base values (n_p,) of the rig.
 
     None where nothing slips within `longest` [s], the spring pulls the mass back after a slip (no fit follows that),
     the model refuses, or the time is up.
-
-    Parameters
-    ----------
-    theta, base : (n_p,) the values it is simulated with, of the rig of the scene.
     """
     if time_is_up():
         return None
-    motions = _Designed(unknowns, theta, design.base(unknowns, base), design)
-    shared, time = int(np.count_nonzero(unknowns.free)) + len(motions.starts), motions.scales.time
+    model, own = unknowns.model, design.base(unknowns, base)
+
+    def named(theta: Array) -> dict[str, float]:
+        return dict(zip(unknowns.names, unknowns.values(theta, own).tolist(), strict=True))
+
+    values, force = named(theta), design.normal_force
+    typical = scales(model, unknowns.values(theta, own), force)
+    # What a fit does not know of the start: the spring can be loaded already, and the contact be older.
+    starts = [i for i, state in enumerate(model.states) if i == ELONGATION or state.lower is not None]
     try:
-        nominal = motions.nominal(longest)
+        nominal = _nominal(unknowns, values, design, longest, typical.time)
         onsets = nominal.onsets
         if not onsets.size or not _in_turn(nominal) or (design.duration and onsets.size > MOST_CYCLES):
             return None
@@ -281,47 +193,74 @@ def simulated_log(
         until = float(onsets[CYCLES]) if repeats else nominal.duration
         period = float(onsets[CYCLES] - onsets[CYCLES - 1]) if repeats else 0.0
         drive = Drive.of(design.drive).changes(0.0, until)
-        times, weights, beside = _moments(nominal, until, time, drive)
+        times, weights, beside = _moments(nominal, until, typical.time, drive)
         around = np.column_stack([times - beside, times, times + beside])
-        before, force, after = nominal.sample(around.ravel())["force"].reshape(-1, 3).T
-        rate = (after - before) / (2.0 * beside)
+        before, here, after = nominal.sample(around.ravel())["force"].reshape(-1, 3).T
+        rate, seconds = (after - before) / (2.0 * beside), until + 0.5 * period
         columns, longer = list[Array](), list[float]()
-        for other, step, changes in motions.perturbed(until + 0.5 * period, nominal, until):
-            at = _same_moments(nominal, other, times, until, (*drive, *changes.tolist()))
-            columns.append((other.sample(at)["force"] - force - rate * (at - times)) / step)
-            if repeats and len(longer) < shared:
+
+        def differ(other: Trajectory, step: float, changes: Sequence[float] = ()) -> None:
+            at = _same_moments(nominal, other, times, until, (*drive, *changes))
+            columns.append((other.sample(at)["force"] - here - rate * (at - times)) / step)
+            if repeats and not changes:
                 longer.append((float(other.onsets[CYCLES] - other.onsets[CYCLES - 1]) - period) / step)
+
+        for index in np.flatnonzero(unknowns.free).tolist():
+            step = STEP * (1.0 if unknowns.logarithmic[index] else float(unknowns.spread[index]))
+            moved = theta + step * np.eye(theta.size)[index]
+            differ(run(model, named(moved), design.drive, force, seconds), step)
+        for i in starts:
+            step = STEP * (float(typical.state[i]) if i == ELONGATION else 1.0)
+            start = {model.states[i].name: model.states[i].start + step}
+            differ(run(model, values, design.drive, force, seconds, start=start), step)
+        for changes, on in _cycle_loads(nominal, until):
+            load = (changes, force * (1.0 + STEP * on))
+            differ(run(model, values, design.drive, load, seconds), STEP * force, changes.tolist())
     except SimulationError:
         return None
-    sensitivity = np.column_stack(columns)
+    sensitivity, shared = np.column_stack(columns), int(np.count_nonzero(unknowns.free)) + len(starts)
     if not np.all(np.isfinite(sensitivity)):
         return None
     arrests = nominal.arrests[nominal.arrests <= until]
     if not arrests.size:  # of a log that slides a fit may take the level only
-        weights[times < until - STEADY * time] = 0.0
-    repetition = None
-    if repeats:
-        since = int(np.searchsorted(times, onsets[CYCLES - 1]))
-        repetition = Repetition(since, period, -np.outer(rate[since:], longer))
+        weights[times < until - STEADY * typical.time] = 0.0
+    since = int(np.searchsorted(times, onsets[CYCLES - 1])) if repeats else times.size
     return SimulatedLog(
         duration=until,
         slips=int(arrests.size),
-        slip=float(np.median(arrests - onsets[: arrests.size])) if arrests.size else 2.0 * np.pi * time,
+        slip=float(np.median(arrests - onsets[: arrests.size])) if arrests.size else 2.0 * np.pi * typical.time,
         sensitivity=sensitivity,
         weights=weights,
-        start_sd=np.array([np.inf if i == ELONGATION else BOUNDED_START_SD for i in motions.starts]),
-        free=shared - len(motions.starts),
-        repetition=repetition,
+        start_sd=np.array([np.inf if i == ELONGATION else BOUNDED_START_SD for i in starts]),
+        since=since,
+        period=period,
+        later=-np.outer(rate[since:], longer) if repeats else np.zeros((0, shared)),
     )
+
+
+def _nominal(
+    unknowns: Unknowns, values: dict[str, float], design: LogDesign, longest: float, time: float
+) -> Trajectory:
+    """The motion until its cycles are there, the mass slides on, or for `longest` [s]."""
+    if design.duration:
+        return run(unknowns.model, values, design.drive, design.normal_force, design.duration)
+    # In a cycle the spring relaxes by twice the step of friction, roughly.
+    travel = 2.0 * abs(values["mu_s"] - values["mu_k0"]) * design.normal_force / values["stiffness"]
+    duration = min(CYCLES * travel / design.speed + SETTLED * time, longest)
+    for _ in range(DOUBLINGS):
+        seen = run(unknowns.model, values, design.drive, design.normal_force, duration)
+        sliding = seen.onsets.size > seen.arrests.size and seen.duration - seen.onsets[-1] > SETTLED * time
+        if seen.onsets.size > CYCLES or sliding or duration == longest:
+            break
+        duration = min(2.0 * duration, longest)
+    return seen
 
 
 def _cycle_loads(seen: Trajectory, until: float) -> list[tuple[Array, Array]]:
     """For every cycle, times [s] and what is added to the normal force there: 1 within it, 0 outside."""
     arrests = seen.arrests[seen.arrests < until]
-    ends = np.append(seen.onsets, seen.duration)[1 : arrests.size + 1]
-    early = LOAD_CHANGE * (ends - arrests)
-    changes = list(zip((arrests + early).tolist(), (arrests + 2.0 * early).tolist(), strict=True))
-    out = []
+    early = LOAD_CHANGE * (np.append(seen.onsets, seen.duration)[1 : arrests.size + 1] - arrests)
+    changes, out = np.stack([arrests + early, arrests + 2.0 * early], axis=1), []
     for i in range(len(changes) + 1):
         at, on = ([0.0], [1.0]) if i == 0 else ([0.0, *changes[i - 1]], [0.0, 0.0, 1.0])
         if i < len(changes):
@@ -339,12 +278,6 @@ def _in_turn(seen: Trajectory) -> bool:
         and np.all(arrests > onsets[: arrests.size])
         and np.all(arrests[: late.size] < late)
     )
-
-
-def _slides_on(seen: Trajectory, time: float) -> bool:
-    """Whether the mass has been sliding for so long that it will not come to rest."""
-    slides = seen.onsets.size > seen.arrests.size
-    return bool(slides and seen.duration - seen.onsets[-1] > SETTLED * time)
 
 
 def _moments(seen: Trajectory, until: float, time: float, changes: Sequence[float]) -> tuple[Array, Array, Array]:
@@ -371,15 +304,34 @@ def _same_moments(seen: Trajectory, other: Trajectory, times: Array, until: floa
         SimulationError: the other one does not switch alike.
     """
     ours, theirs = ([(p.start + p.duration, p.ended_by) for p in m.phases if p.ended_by] for m in (seen, other))
-    count = sum(at < until for at, _ in ours) + 1
-    knots = []
-    for switches in (ours[:count], theirs[: len(ours[:count])]):
-        fixed = [(at, None) for at in {0.0, seen.duration, *changes}]
-        knots.append(sorted([*switches, *fixed], key=lambda knot: knot[0]))
+    count, fixed = sum(at < until for at, _ in ours) + 1, [(at, None) for at in {0.0, seen.duration, *changes}]
+    knots = [sorted([*each[: len(ours[:count])], *fixed], key=lambda knot: knot[0]) for each in (ours[:count], theirs)]
     (at, what), (there, alike) = (zip(*knot, strict=True) for knot in knots)
     if what != alike:
         raise SimulationError("a motion that is a little off has other switches")
     return np.interp(times, at, there)
+
+
+def with_holds(unknowns: Unknowns, theta: Array, base: Array, steady: LogDesign, holds: Sequence[float]) -> LogDesign:
+    """A drive that stands for so long each [s] between runs.
+
+    Each run ends half-way through the stick after its first slip, at this place: a slip in which the drive stops tells
+    little, and is another one where the pair is a little different. Where the mass slides on, runs reach past the peak.
+    """
+    own = unknowns.values(theta, steady.base(unknowns, base))
+    values = dict(zip(unknowns.names, own.tolist(), strict=True))
+    run_time = 3.0 * values["mu_s"] * steady.normal_force / (values["stiffness"] * steady.speed)  # past a first peak
+    programme, at = list[tuple[float, float]](), 0.0
+    for hold in (*holds, 0.0):
+        programme.append((at, steady.speed))
+        seen = run(unknowns.model, values, tuple(programme), steady.normal_force, at + 2.0 * run_time)
+        arrests, stop = seen.arrests[seen.arrests > at], at + run_time
+        if arrests.size:
+            onsets = np.append(seen.onsets[seen.onsets > arrests[0]], seen.duration)
+            stop = 0.5 * float(arrests[0] + onsets[0])
+        programme += [(stop, 0.0)] if hold else []
+        at = stop + hold
+    return LogDesign(tuple(programme), steady.normal_force, steady.stiffness, at)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -389,17 +341,13 @@ def _same_moments(seen: Trajectory, other: Trajectory, times: Array, until: floa
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known before a log is chosen.
+    """What is known before a log is chosen, and logs of designs, each simulated when it is first looked at.
 
-    Attributes
-    ----------
-    kept : (k,) places among the free parameters of those that another log shares.
-    targets : names of what is to be identified.
-    places : (d, n_p) theta, the likeliest and draws of what is uncertain.
-    precision : (d, k, k) at each place; systematic : (k,) variances that no log lowers (tolerances).
-    base : (n_p,) of the rig; variance : of a sample [N^2]; load_error : of the normal force in a cycle, relative.
-    rate, fastest : lowest and highest sampling rate [Hz]; apart : seconds between independent samples, at least.
-    longest : [s] of a log at one speed.
+    kept (k,): places among the free parameters of those that another log shares. targets: names of what is to be
+    identified. places (d, n_p): theta, the likeliest and draws of what is uncertain. precision (d, k, k) at each;
+    systematic (k,): variances that no log lowers (tolerances). base (n_p,): of the rig; variance: of a sample [N^2];
+    load_error: of the normal force in a cycle, relative. rate, fastest: lowest and highest sampling rate [Hz]; apart:
+    seconds between independent samples, at least. longest: [s] of a log at one speed.
     """
 
     unknowns: Unknowns
@@ -415,6 +363,8 @@ class Knowledge:
     longest: float
     apart: float = 0.0
     fastest: float = np.inf
+    _logs: dict[tuple[LogDesign, int], SimulatedLog | None] = field(default_factory=dict, repr=False, compare=False)
+    _informed: dict[tuple[LogDesign, int, int], Array] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def index(self) -> NDArray[np.int64]:
@@ -450,6 +400,41 @@ class Knowledge:
         halves = promised(self.halves(precision))
         return {self.names[i]: float(halves[i]) for i in self.targeted if halves[i] <= SAFE * IDENTIFIED}
 
+    def log(self, design: LogDesign, place: int = 0) -> SimulatedLog | None:
+        """The log of a design at one of the places."""
+        if (design, place) not in self._logs:
+            made = simulated_log(self.unknowns, self.places[place], self.base, design, self.longest)
+            self._logs[design, place] = made
+        return self._logs[design, place]
+
+    def seconds(self, design: LogDesign, times: int) -> float:
+        """The duration of a log with its setting up [s]."""
+        log = self.log(design)
+        return SETUP + (0.0 if log is None else times * log.duration)
+
+    def sampling(self, design: LogDesign) -> float:
+        """The sampling rate to ask for [Hz]."""
+        log = self.log(design)
+        return self.rate if log is None else min(round_up(max(self.rate, WANTED / log.slip)), self.fastest)
+
+    def information(self, design: LogDesign, times: int, place: int) -> Array:
+        """Information (k, k) of a log at a place, of the duration it has at the likeliest one."""
+        first, log = self.log(design), self.log(design, place)
+        if first is None or log is None:
+            return np.zeros((self.kept.size, self.kept.size))
+        if (design, times, place) not in self._informed:
+            rate, load_sd = 1.0 / max(1.0 / self.sampling(design), self.apart), self.load_error * design.normal_force
+            matrix = log.information(rate, self.variance, load_sd, times * first.duration / log.duration)
+            self._informed[design, times, place] = matrix[np.ix_(self.kept, self.kept)]
+        return self._informed[design, times, place]
+
+    def with_logs(self, chosen: Mapping[LogDesign, int]) -> Array:
+        """Precision (d, k, k) with the chosen logs."""
+        out = self.precision.copy()
+        for design, times in chosen.items():
+            out += [self.information(design, times, place) for place in range(len(out))]
+        return out
+
 
 def promised(halves: Array) -> Array:
     """Half lengths (k,) that three of four places reach."""
@@ -458,16 +443,10 @@ def promised(halves: Array) -> Array:
 
 @dataclass(frozen=True)
 class PlannedLog:
-    """A log to record.
-
-    Attributes
-    ----------
-    times : how many of the simulated log, for a duration [s] with so many slips (at the likeliest place).
-    rate : sampling rate [Hz].
-    halves : (d, k) half lengths of the intervals with this log and those before it.
-    identifies : half lengths with all logs, of what would not be known well enough without this one.
-    repeats : whether it repeats the speed of a log at hand.
-    """
+    """A log to record: `times` the simulated one, for a duration [s] with so many slips (at the likeliest place);
+    sampling rate [Hz]; halves (d, k): half lengths of the intervals with this log and those before it; identifies: half
+    lengths with all logs, of what would not be known well enough without this one; repeats: whether it repeats the
+    speed of a log at hand."""
 
     design: LogDesign
     times: int
@@ -479,164 +458,83 @@ class PlannedLog:
     repeats: bool = False
 
 
-@dataclass
-class Candidates:
-    """Simulated logs of designs, each simulated when it is first looked at."""
-
-    knowledge: Knowledge
-    logs: dict[tuple[LogDesign, int], SimulatedLog | None] = field(default_factory=dict)
-    informed: dict[tuple[LogDesign, int, int], Array] = field(default_factory=dict)
-
-    def at(self, design: LogDesign, place: int = 0) -> SimulatedLog | None:
-        """The log of a design at one of the places."""
-        if (design, place) not in self.logs:
-            k = self.knowledge
-            self.logs[design, place] = simulated_log(k.unknowns, k.places[place], k.base, design, k.longest)
-        return self.logs[design, place]
-
-    def seconds(self, design: LogDesign, times: int) -> float:
-        """The duration of a log [s]."""
-        log = self.at(design)
-        return 0.0 if log is None else times * log.duration
-
-    def rate(self, design: LogDesign) -> float:
-        """The sampling rate to ask for [Hz]."""
-        log = self.at(design)
-        assert log is not None
-        return min(round_up(max(self.knowledge.rate, WANTED / log.slip)), self.knowledge.fastest)
-
-    def information(self, design: LogDesign, times: int, place: int) -> Array:
-        """Information (k, k) of a log at a place, of the duration it has at the likeliest one."""
-        k, first, log = self.knowledge, self.at(design), self.at(design, place)
-        if first is None or log is None:
-            return np.zeros((k.kept.size, k.kept.size))
-        if (design, times, place) not in self.informed:
-            independent = 1.0 / max(1.0 / self.rate(design), k.apart)
-            load_sd = k.load_error * design.normal_force
-            matrix = log.information(independent, k.variance, load_sd, times * first.duration / log.duration)
-            self.informed[design, times, place] = matrix[np.ix_(k.kept, k.kept)]
-        return self.informed[design, times, place]
-
-    def precision(self, chosen: Mapping[LogDesign, int]) -> Array:
-        """Precision (d, k, k) with the chosen logs."""
-        out = self.knowledge.precision.copy()
-        for design, times in chosen.items():
-            out += [self.information(design, times, place) for place in range(len(out))]
-        return out
-
-
 def choose(
-    candidates: Candidates,
+    knowledge: Knowledge,
     designs: Sequence[LogDesign],
     budget: float,
-    setup: float,
     repeat: tuple[LogDesign, int] | None = None,
 ) -> list[PlannedLog]:
     """The logs that identify the targets, in the order they were chosen; a `repeat` that is asked for stands first.
 
-    Parameters
-    ----------
-    designs : among which is chosen; one that is chosen again becomes longer.
-    budget : time for all logs together [s], of which setting each up takes `setup` [s].
+    Args:
+        designs: among which is chosen; one that is chosen again becomes longer.
+        budget: time for all logs together [s], setting each up included.
     """
-    knowledge = candidates.knowledge
     chosen = {} if repeat is None else {repeat[0]: repeat[1]}
+
+    def known(logs: Mapping[LogDesign, int]) -> dict[str, float]:
+        return knowledge.identified(knowledge.with_logs(logs))
+
     for _ in range(ROUNDS):
-        if len(knowledge.identified(candidates.precision(chosen))) == len(knowledge.targeted):
+        if len(known(chosen)) == len(knowledge.targeted):
             break
-        left = budget - sum(candidates.seconds(*log) + setup for log in chosen.items())
-        best = _best(candidates, designs, chosen, left, setup)
+        best = _best(knowledge, designs, chosen, budget - sum(knowledge.seconds(*log) for log in chosen.items()))
         if best is None:
             break
         chosen[best[0]] = chosen.get(best[0], 0) + best[1]
-    count = len(knowledge.identified(candidates.precision(chosen)))
-    if count == len(knowledge.targeted):  # later logs may have made earlier ones superfluous
-        for design in sorted(chosen, key=lambda design: -candidates.seconds(design, chosen[design])):
+    if len(known(chosen)) == len(knowledge.targeted):  # later logs may have made earlier ones superfluous
+        for design in sorted(chosen, key=lambda design: -knowledge.seconds(design, chosen[design])):
             rest = {other: times for other, times in chosen.items() if other != design}
-            superfluous = len(knowledge.identified(candidates.precision(rest))) == count
-            if superfluous and (repeat is None or design != repeat[0]):
+            if len(known(rest)) == len(knowledge.targeted) and (repeat is None or design != repeat[0]):
                 chosen = rest
-    return [_planned(candidates, chosen, number, repeat) for number in range(len(chosen))]
-
-
-def _planned(
-    candidates: Candidates, chosen: Mapping[LogDesign, int], number: int, repeat: tuple[LogDesign, int] | None
-) -> PlannedLog:
-    design, times = list(chosen.items())[number]
-    log, knowledge = candidates.at(design), candidates.knowledge
-    assert log is not None
-    together = knowledge.identified(candidates.precision(chosen))
-    without = knowledge.identified(candidates.precision({d: n for d, n in chosen.items() if d != design}))
-    return PlannedLog(
-        design,
-        times,
-        candidates.rate(design),
-        times * log.duration,
-        times * log.slips,
-        knowledge.halves(candidates.precision(dict(list(chosen.items())[: number + 1]))),
-        {name: half for name, half in together.items() if name not in without},
-        repeat is not None and design == repeat[0],
-    )
+    together, out = known(chosen), []
+    for number, (design, times) in enumerate(chosen.items()):
+        log, without = knowledge.log(design), known({d: n for d, n in chosen.items() if d != design})
+        assert log is not None
+        out.append(
+            PlannedLog(
+                design,
+                times,
+                knowledge.sampling(design),
+                times * log.duration,
+                times * log.slips,
+                knowledge.halves(knowledge.with_logs(dict(list(chosen.items())[: number + 1]))),
+                {name: half for name, half in together.items() if name not in without},
+                repeat is not None and design == repeat[0],
+            )
+        )
+    return out
 
 
 def _best(
-    candidates: Candidates, designs: Sequence[LogDesign], chosen: Mapping[LogDesign, int], left: float, setup: float
+    knowledge: Knowledge, designs: Sequence[LogDesign], chosen: Mapping[LogDesign, int], left: float
 ) -> tuple[LogDesign, int] | None:
     """The log that lowers the variances most for its time; None where none is worth it."""
-    k, precision = candidates.knowledge, candidates.precision(chosen)
+    precision, targeted = knowledge.with_logs(chosen), knowledge.targeted
     enough = (0.5 * SAFE * IDENTIFIED / NORMAL) ** 2  # the score is level where a parameter is known well enough
 
     def score(matrices: Array) -> Array:
-        return np.sum(np.log(k.variances(matrices)[:, k.targeted] + enough), axis=1)
+        return np.sum(np.log(knowledge.variances(matrices)[:, targeted] + enough), axis=1)
 
     before = score(precision)
 
     def gain(log: tuple[LogDesign, int], count: int) -> float:
-        more = np.array([candidates.information(*log, place) for place in range(count)])
         after = precision.copy()
-        after[:count] += more
+        after[:count] += np.array([knowledge.information(*log, place) for place in range(count)])
         return float(np.mean((before - score(after))[:count]))
-
-    def per_second(value: float, log: tuple[LogDesign, int]) -> float:
-        return value / (candidates.seconds(*log) + setup)
 
     possible = []
     for design in designs:
-        log = candidates.at(design)
+        log = knowledge.log(design)
         if log is None:
             continue
         most = 1
         if log.slips:
-            room = min(k.longest / log.duration, MOST_SLIPS / log.slips) - chosen.get(design, 0)
-            most = int(max(min((left - setup) / log.duration, np.inf if design.holds else room), 0.0))
+            room = min(knowledge.longest / log.duration, MOST_SLIPS / log.slips) - chosen.get(design, 0)
+            most = int(max(min((left - SETUP) / log.duration, np.inf if design.holds else room), 0.0))
         possible += [(design, 2**i) for i in range(most.bit_length())]
-    ranked = sorted(possible, key=lambda log: -per_second(gain(log, 1), log))
+    ranked = sorted(possible, key=lambda log: -gain(log, 1) / knowledge.seconds(*log))
     first = list(dict.fromkeys(design for design, _ in ranked))[:TRIED]
     judged = [(gain(log, len(precision)), log) for log in ranked if log[0] in first]
-    worth = [(per_second(value, log), log) for value, log in judged if value > LEAST_GAIN]
+    worth = [(value / knowledge.seconds(*log), log) for value, log in judged if value > LEAST_GAIN]
     return max(worth, key=lambda option: option[0])[1] if worth else None
-
-
-def with_holds(knowledge: Knowledge, steady: LogDesign, holds: Sequence[float]) -> LogDesign:
-    """A drive that stands for so long each [s] between runs.
-
-    Each run ends half-way through the stick after its first slip, at the likeliest place: a slip in which the drive
-    stops tells little, and is another one where the pair is a little different. Where the mass slides on, runs reach
-    past the peak.
-    """
-    base = steady.base(knowledge.unknowns, knowledge.base)
-    values = _Designed(knowledge.unknowns, knowledge.places[0], base, steady).values(knowledge.places[0])
-    run_time = 3.0 * values["mu_s"] * steady.normal_force / (values["stiffness"] * steady.speed)  # past a first peak
-    programme, at = list[tuple[float, float]](), 0.0
-    for hold in (*holds, 0.0):
-        programme.append((at, steady.speed))
-        stop = at + run_time
-        seen = run(knowledge.unknowns.model, values, tuple(programme), steady.normal_force, at + 2.0 * run_time)
-        arrests = seen.arrests[seen.arrests > at]
-        if arrests.size:
-            onsets = np.append(seen.onsets[seen.onsets > arrests[0]], seen.duration)
-            stop = 0.5 * float(arrests[0] + onsets[0])
-        at = stop
-        programme += [(at, 0.0)] if hold else []
-        at += hold
-    return LogDesign(tuple(programme), steady.normal_force, steady.stiffness, at)

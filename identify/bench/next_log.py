@@ -12,8 +12,9 @@ from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.result import NextLogResult
 from identify.base.wording import speed_text, three_figures
-from identify.bench.design import Candidates, Knowledge, LogDesign, choose
-from identify.bench.plan import BUDGET, LONGEST, SETUP, dialled, drawn_places, driven
+from identify.bench.design import Knowledge, LogDesign, choose
+from identify.bench.plan import BUDGET, LONGEST, dialled, drawn_places, driven
+from identify.bench.plan_words import two_figures
 from identify.diagnosis.findings import Findings
 from identify.estimation.covariance import IDENTIFIED, Estimate, inverse
 from identify.estimation.hints import hints, onsets
@@ -42,11 +43,11 @@ def next_logs(found: Findings) -> Advice | None:
     logs = found.attempt.fitted_logs
     load = float(np.median([log.mean_load for log in logs]))
     speeds = [speed for log in logs for speed, _ in driven(log.data)]
-    planned = choose(Candidates(knowledge), [LogDesign(speed, load) for speed in dialled(speeds)], BUDGET, SETUP)
+    planned = choose(knowledge, [LogDesign(speed, load) for speed in dialled(speeds)], BUDGET)
     if time_is_up():
         return None
     proposed = tuple(
-        NextLogResult(log.design.speed, load, _whole(log.duration), log.rate, log.slips, log.identifies)
+        NextLogResult(log.design.speed, load, two_figures(log.duration), log.rate, log.slips, log.identifies)
         for log in planned
         if log.identifies
     )
@@ -102,11 +103,16 @@ def advised(found: Findings, advice: Advice) -> Findings:
     shown = hints(attempt.fitted_logs, attempt.solved.trajectories, found.unknowns, attempt.solved.theta)
 
     def with_log(estimate: Estimate) -> Estimate:
-        name, reason = estimate.name, estimate.reason
+        name, reason, none = estimate.name, estimate.reason, ""
         remedy, hint = remedy_for(name, advice), shown.get(name)
         if remedy and hint is not None and str(hint) in reason:
             return replace(estimate, reason=reason.replace(str(hint), f"{hint.shown}: {remedy}"))
-        return replace(estimate, reason="; ".join(filter(None, (reason, remedy, _no_remedy(name, advice)))))
+        if not advice.logs and name in advice.open:  # beside a log that tells others it is too soon to say so
+            none = (
+                f"as far as these logs tell, none of up to {three_figures(advice.longest)} s at one speed, this load "
+                f"and on this rig would tell it to {100.0 * IDENTIFIED:.0f} %"
+            )
+        return replace(estimate, reason="; ".join(filter(None, (reason, remedy, none))))
 
     return replace(found, sure=replace(found.sure, estimates=[with_log(each) for each in found.sure.estimates]))
 
@@ -121,19 +127,3 @@ def remedy_for(name: str, advice: Advice) -> str:
             )
             return f"add {words}, which is expected to tell it to {math.ceil(100.0 * log.expected[name])} %"
     return ""
-
-
-def _no_remedy(name: str, advice: Advice) -> str:
-    """That no log would tell a parameter; "" where one might: beside a log that tells others it is too soon to say."""
-    if advice.logs or name not in advice.open:
-        return ""
-    return (
-        f"as far as these logs tell, none of up to {three_figures(advice.longest)} s at one speed, this load and on "
-        f"this rig would tell it to {100.0 * IDENTIFIED:.0f} %"
-    )
-
-
-def _whole(duration: float) -> float:
-    """A duration [s] with two figures, rounded up."""
-    step = 10.0 ** (math.floor(math.log10(duration)) - 1)
-    return float(f"{math.ceil(duration / step - 1e-9) * step:.6g}")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from identify.base.errors import IdentifyError, SimulationError
 from identify.base.quantiles import NORMAL
 from identify.base.result import Result
-from identify.bench.design import Candidates, Knowledge, LogDesign, PlannedLog, choose, simulated_log, with_holds
+from identify.bench.design import Knowledge, LogDesign, PlannedLog, choose, simulated_log, with_holds
 from identify.estimation.covariance import inverse
 from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
@@ -25,15 +25,13 @@ from identify.simulation.drive import Drive
 Array = NDArray[np.float64]
 
 PLACES = 4  # of the parameters at which logs are simulated: the likeliest and draws
-SEED = 0
 NOISE = 0.005  # of the friction force, where nothing says how noisy the sensor is
 LOAD_ERROR = 1e-3  # relative, of the normal force from cycle to cycle
 SLOWEST_RATE = 50.0  # [Hz] that every tribometer samples at
-SETUP = 60.0  # [s] that a log costs beside its duration
 BUDGET = 900.0  # [s] for all logs together
 LONGEST = 300.0  # [s] of a log at one speed
 BEYOND = 30.0  # times the fastest drive speed, and below the slowest
-DIALS, DECADES = (1.0, 3.0), range(-8, 1)  # drive speeds that one would set [m/s]
+DIALS = tuple(float(f"{dial}e{decade}") for decade in range(-8, 1) for dial in (1, 3))  # drive speeds to set [m/s]
 HOLDS = (1.0, 3.0, 10.0), (10.0, 30.0, 100.0)  # [s]
 REPEATED_SLIPS = 10  # of a log that repeats a speed
 FARTHEST = math.log(3.0)  # of a logarithm: how far draws go
@@ -41,15 +39,9 @@ FARTHEST = math.log(3.0)  # of a logarithm: how far draws go
 
 @dataclass(frozen=True)
 class Choices:
-    """What can be set at the rig; what is empty is left to the default.
-
-    Attributes
-    ----------
-    speeds : [m/s]; holds : of one log [s]; loads : [N]; stiffnesses : of the springs there are [N/m].
-    fastest : highest sampling rate [Hz].
-    targets : names of what is to be identified.
-    budget : for all logs [s].
-    """
+    """What can be set at the rig; what is empty is left to the default: speeds [m/s]; holds of one log [s]; loads [N];
+    stiffnesses of the springs there are [N/m]; fastest sampling rate [Hz]; targets, names of what is to be identified;
+    budget for all logs [s]."""
 
     speeds: tuple[float, ...] = ()
     holds: tuple[float, ...] = ()
@@ -62,14 +54,8 @@ class Choices:
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """What is known, and what to record.
-
-    Attributes
-    ----------
-    knowledge : before; now : (d, k) half lengths of the 95 % intervals at each place, relative.
-    logs : to record, in order.
-    origins : where the values of the parameters come from.
-    """
+    """What is known before, with the half lengths (d, k) of the 95 % intervals at each place, relative; the logs to
+    record, in order; where the values of the parameters come from."""
 
     knowledge: Knowledge
     now: Array
@@ -81,43 +67,43 @@ class RecordingPlan:
         """Half lengths (d, k) with all logs."""
         return self.logs[-1].halves if self.logs else self.now
 
-    @property
-    def seconds(self) -> float:
-        """That all logs take, setting each up included [s]."""
-        return sum(log.duration + SETUP for log in self.logs)
-
 
 def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Result | None = None) -> RecordingPlan:
     """What to record next.
 
-    Parameters
-    ----------
-    scene : its values are `fixed`, else `start`, else the documented default.
-    logs : that are at hand, of a scene that was not fitted yet.
-    result : of a converged fit of the scene, whose estimates stand in place of these values.
+    Args:
+        scene: its values are `fixed`, else `start`, else the documented default.
+        logs: that are at hand, of a scene that was not fitted yet.
+        result: of a converged fit of the scene, whose estimates stand in place of these values.
 
-    Raises
-    ------
-    IdentifyError : a target that is not searched, or no log of any design slips.
+    Raises:
+        IdentifyError: a target that is not searched, or no log of any design slips.
     """
-    pair = None if result is None else pair_of(result, scene, 0)
-    if pair is not None and pair.untold:
+    pair = Pair() if result is None else pair_of(result, scene, 0)
+    if pair.untold:
         raise IdentifyError(f"{pair.untold}; plan from a scene without a fit instead")
-    values = dict(scene.values()) | {n: v for n, v in (pair.values if pair else {}).items() if n in scene.values()}
-    load = _load(scene, logs, choices, result)
+    values = dict(scene.values()) | {n: v for n, v in pair.values.items() if n in scene.values()}
+    taken = [log for log in (result.logs if result else ()) if not log.reason_left_out]
+    stated = [scene.rig.normal_force] if scene.rig.normal_force else []
+    loads = [log.normal_force_N for log in taken if log.normal_force_N] or stated or [log.mean_load for log in logs]
+    load = float(choices.loads[0] if choices.loads else np.median(loads or [1.0]))
     knowledge = _knowledge(scene, values, load, logs, choices, pair, result)
-    lone = _lone_speeds(_speeds_at_hand(logs, result), scene)
-    speeds = _speeds(scene, logs)
-    candidates = Candidates(knowledge)
+    driven_at = [[speed for speed, _ in driven(log.data)] for log in logs]
+    of_drives = [scene.rig.drive_speed, *(entry.drive_speed for entry in scene.logs)]
+    listed = [abs(v) for drive in of_drives if drive is not None for v in Drive.of(drive).speeds if v]
+    speeds = [speed for each in driven_at for speed in each] or listed or [1e-3]
     designs = _designs(knowledge, speeds, load, choices)
-    if all(candidates.at(design) is None for design in designs):
+    if all(knowledge.log(design) is None for design in designs):
         raise IdentifyError(
             "no log of any speed that was tried slips with the values of this scene; give starts in [parameters] that "
             "are nearer to the pair, a softer spring or a higher load (--stiffness, --load)"
         )
-    chosen = choose(candidates, designs, choices.budget, SETUP, _repeat(candidates, lone, load))
-    guessed = tuple(n for n in assumed(scene, values, pair.values if pair else ()) if n in values)
-    measured = () if pair is None else tuple(n for n in values if n in pair.names)
+    lone = [each[0] for each in driven_at if len(each) == 1]
+    lone = [abs(log.drive_speed_m_per_s) for log in taken if log.drive_speed_m_per_s] if result else lone
+    alike = scene.tolerances.get("specimen") == 0.0 or len({f"{speed:.2g}" for speed in lone}) < max(len(lone), 2)
+    chosen = choose(knowledge, designs, choices.budget, None if alike else _repeat(knowledge, sorted(lone), load))
+    guessed = tuple(n for n in assumed(scene, values, pair.values) if n in values)
+    measured = tuple(n for n in values if n in pair.names)
     origins = Origins(measured, tuple(n for n in values if n not in (*guessed, *measured)), guessed)
     return RecordingPlan(knowledge, knowledge.halves(knowledge.precision), tuple(chosen), origins)
 
@@ -128,7 +114,7 @@ def _knowledge(
     load: float,
     logs: Sequence[Prepared],
     choices: Choices,
-    pair: Pair | None,
+    pair: Pair,
     result: Result | None,
 ) -> Knowledge:
     """What scene, logs or fit know."""
@@ -143,7 +129,7 @@ def _knowledge(
         raise IdentifyError(f"{missing[0]} is not searched in this scene; expected one of {', '.join(names)}: free it")
     precision = unknowns.prior_precision[np.ix_(free, free)]
     systematic = np.zeros(kept.size)
-    if pair is not None and pair.covariance is not None and result is not None:
+    if pair.covariance is not None and result is not None:
         known = [i for i, name in enumerate(pair.names) if name in names and np.isfinite(pair.covariance[i, i])]
         at = kept[[names.index(pair.names[i]) for i in known]]
         size = np.where(unknowns.logarithmic, [values[n] for n in unknowns.names], 1.0)[free[at]]
@@ -177,10 +163,8 @@ def _knowledge(
 def _share_of_noise(result: Result, name: str) -> float:
     """The share of a published variance that is noise, the rig taken as exact."""
     entry = next((e for key, e in result.parameters.items() if name in (key, e.parameter)), None)
-    if entry is None or entry.interval_rig_exact is None or entry.standard_error is None:
-        return 1.0
-    low, high = entry.interval_rig_exact
-    if low is None or high is None:
+    low, high = (entry and entry.interval_rig_exact) or (None, None)
+    if entry is None or entry.standard_error is None or low is None or high is None:
         return 1.0
     return min((0.5 * (high - low) / (NORMAL * entry.standard_error)) ** 2, 1.0)
 
@@ -188,30 +172,25 @@ def _share_of_noise(result: Result, name: str) -> float:
 def drawn_places(unknowns: Unknowns, theta: Array, precision: Array, base: Array) -> Array:
     """Theta (d, n_p): the likeliest, and draws of the free ones within bounds that make a pair.
 
-    Parameters
-    ----------
-    precision : (f, f) of what is known; what nothing is known of is drawn over its usual spread.
+    Args:
+        precision: (f, f) of what is known; what nothing is known of is drawn over its usual spread.
     """
-    random, free = np.random.default_rng(SEED), np.flatnonzero(unknowns.free)
+    random, free = np.random.default_rng(0), np.flatnonzero(unknowns.free)
     unknown = np.diag(precision) == 0.0
-    covariance = inverse(precision + np.diag(np.where(unknown, unknowns.spread[free] ** -2.0, 0.0)))
-    sizes, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(sizes, 0.0))
-    reach = np.where(unknowns.logarithmic[free], FARTHEST, np.inf)
+    variances, vectors = np.linalg.eigh(
+        inverse(precision + np.diag(np.where(unknown, unknowns.spread[free] ** -2.0, 0.0)))
+    )
+    root, reach = vectors * np.sqrt(np.maximum(variances, 0.0)), np.where(unknowns.logarithmic[free], FARTHEST, np.inf)
     out = [theta]
     for _ in range(100 * PLACES):
         at = theta.copy()
         at[free] += np.clip(root @ random.standard_normal(free.size), -reach, reach)
         at[free] = np.clip(at[free], unknowns.lower[free], unknowns.upper[free])
-        if len(out) < PLACES and _is_pair(dict(zip(unknowns.names, unknowns.values(at, base).tolist(), strict=True))):
+        values = dict(zip(unknowns.names, unknowns.values(at, base).tolist(), strict=True))
+        kinetic = values["mu_k0"] + min(values.get("delta_mu_k", 0.0), 0.0)
+        if len(out) < PLACES and kinetic > 0.0 and values["mu_k0"] < values["mu_s"]:
             out.append(at)
     return np.array(out)
-
-
-def _is_pair(values: Mapping[str, float]) -> bool:
-    """Whether friction is lower in motion than at rest, and above zero at any speed."""
-    kinetic, change = values["mu_k0"], values.get("delta_mu_k", 0.0)
-    return 0.0 < kinetic < values["mu_s"] and kinetic + change > 0.0
 
 
 def _at_hand(unknowns: Unknowns, theta: Array, log: Prepared) -> Array:
@@ -235,65 +214,31 @@ def driven(data: LogData) -> list[tuple[float, float]]:
     return [(abs(speed), seconds) for speed, seconds in pieces if speed != 0.0 and seconds > 0.0]
 
 
-def _load(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Result | None) -> float:
-    """The normal force of the logs to record [N]: as chosen, as stated, else that of the logs at hand."""
-    stated = [scene.rig.normal_force] if scene.rig.normal_force else []
-    fitted = [log.normal_force_N for log in (result.logs if result else ()) if log.normal_force_N]
-    at_hand = fitted or stated or [log.mean_load for log in logs] or [1.0]
-    return float(choices.loads[0] if choices.loads else np.median(at_hand))
-
-
-def _speeds(scene: Scene, logs: Sequence[Prepared]) -> list[float]:
-    """The drive speeds that the scene is about [m/s]."""
-    speeds = [speed for log in logs for speed, _ in driven(log.data)]
-    stated = [scene.rig.drive_speed, *(entry.drive_speed for entry in scene.logs)]
-    speeds = speeds or [abs(v) for drive in stated if drive is not None for v in Drive.of(drive).speeds if v]
-    return speeds or [1e-3]
-
-
-def _speeds_at_hand(logs: Sequence[Prepared], result: Result | None) -> list[float]:
-    """The drive speed of each log that took part [m/s]; none of logs with a programme of several."""
-    if result is None:
-        each = [[speed for speed, _ in driven(log.data)] for log in logs]
-        return [speeds[0] for speeds in each if len(speeds) == 1]
-    return [abs(log.drive_speed_m_per_s) for log in result.logs if log.drive_speed_m_per_s and not log.reason_left_out]
-
-
-def _lone_speeds(speeds: Sequence[float], scene: Scene) -> list[float]:
-    """The speeds, rising, where there are several and each stands in one log only; none where specimens are alike."""
-    rounded = {f"{speed:.2g}" for speed in speeds}
-    alike = scene.tolerances.get("specimen") == 0.0
-    return sorted(speeds) if len(speeds) > 1 and len(rounded) == len(speeds) and not alike else []
-
-
-def _repeat(candidates: Candidates, lone: Sequence[float], load: float) -> tuple[LogDesign, int] | None:
-    """A log that repeats the middle one of speeds that stand in one log only."""
+def _repeat(knowledge: Knowledge, lone: Sequence[float], load: float) -> tuple[LogDesign, int] | None:
+    """A log that repeats the middle one of speeds (rising) that stand in one log only."""
     for speed in sorted(lone, key=lambda speed: abs(math.log(speed / lone[len(lone) // 2]))):
-        design = LogDesign(speed, load)
-        log = candidates.at(design)
+        log = knowledge.log(design := LogDesign(speed, load))
         if log is not None and log.slips:
-            most = max(int(LONGEST / log.duration), 1)
-            return design, min(math.ceil(REPEATED_SLIPS / log.slips), most)
+            return design, min(math.ceil(REPEATED_SLIPS / log.slips), max(int(LONGEST / log.duration), 1))
     return None
 
 
 def dialled(speeds: Sequence[float]) -> list[float]:
     """Drive speeds that one would set about some [m/s], rising."""
-    low, high = min(speeds) / BEYOND, max(speeds) * BEYOND
-    return [v for decade in DECADES for dial in DIALS if low <= (v := float(f"{dial}e{decade}")) <= high]
+    return [v for v in DIALS if min(speeds) / BEYOND <= v <= max(speeds) * BEYOND]
 
 
 def _designs(known: Knowledge, speeds: Sequence[float], load: float, choices: Choices) -> list[LogDesign]:
     """Among which is chosen: steady drives, and drives with holds at about three times the speed of the scene."""
     steady = choices.speeds or tuple(dialled(speeds))
-    middle = float(np.exp(np.mean(np.log(speeds))))
-    out = []
+    middle, out = float(np.exp(np.mean(np.log(speeds)))), list[LogDesign]()
     for spring in choices.stiffnesses or (None,):
         for normal_force in choices.loads or (load,):
             out += [LogDesign(v, normal_force, spring) for v in steady]
             fast = LogDesign(min(steady, key=lambda v: abs(math.log(v / (3.0 * middle)))), normal_force, spring)
             try:
-                out += [with_holds(known, fast, holds) for holds in ((choices.holds,) if choices.holds else HOLDS)]
+                for holds in (choices.holds,) if choices.holds else HOLDS:
+                    out.append(with_holds(known.unknowns, known.places[0], known.base, fast, holds))
             except SimulationError:
                 continue  # the model refuses this motion: steady drives are left
     return out

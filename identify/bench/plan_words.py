@@ -11,45 +11,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.wording import columns, speed_text, three_figures, wrapped
-from identify.bench.design import PlannedLog, promised
-from identify.bench.plan import SETUP, RecordingPlan
+from identify.bench.design import SETUP, PlannedLog, promised
+from identify.bench.plan import RecordingPlan
 from identify.estimation.covariance import IDENTIFIED, WEAK
 from identify.prediction.wording import listed
 
 Array = NDArray[np.float64]
 
-TABLE = (
-    "log",
-    "step",
-    "drive_speed_mm_per_s",
-    "duration_s",
-    "normal_force_N",
-    "sampling_rate_Hz",
-    "stiffness_N_per_m",
-    "what",
-)
-NOISE_ALONE = (
-    "these are intervals of noise alone; errors of the sensors, and of what is taken as exact of the rig, add to them"
-)
+TABLE = "log,step,drive_speed_mm_per_s,duration_s,normal_force_N,sampling_rate_Hz,stiffness_N_per_m,what"
+NOISE_ALONE = "these are intervals of noise alone; errors of the sensors, and of what is taken as exact of the rig, add"
 WITH_TOLERANCES = (
-    "the intervals hold the errors of rig and sensors, which no log lowers, and a usual scatter of specimens where "
+    "the intervals include the errors of rig and sensors, which no log lowers, and a usual scatter of specimens where "
     "each speed stands in one log, which a repeat measures"
+)
+REPEAT = (
+    "every drive speed stands in one log only, so that a difference between specimens counts as one of speed: repeat "
+    "one speed, or state specimen = 0 under [tolerances] where all logs are of one specimen"
 )
 
 
 def shown_half(halves: Array) -> str:
-    """Half lengths (d,) as "± 8 %", or "± 5 to 20 %" where they differ from place to place."""
-    low, high = (_percent(float(half)) for half in (np.min(halves), np.max(halves)))
+    """Half lengths (d,) as "± 8 %", or "± 5 to 20 %" where they differ from place to place; two digits."""
+    ends = (float(np.min(halves)), float(np.max(halves)))
+    low, high = ("" if not end <= WEAK - 1.0 else f"{float(f'{100.0 * end:.2g}'):.15g}" for end in ends)
     if low == high:
         return f"± {low} %" if low else "open"
     return f"± {low} to {high} %" if high else f"± {low} % to open"
-
-
-def _percent(share: float) -> str:
-    """Two digits of a share, without a power of ten; "" where an interval is open."""
-    if not math.isfinite(share) or share > WEAK - 1.0:
-        return ""
-    return f"{float(f'{100.0 * share:.2g}'):.15g}"
 
 
 def verdict(half: float) -> str:
@@ -59,43 +46,54 @@ def verdict(half: float) -> str:
 
 def described(log: PlannedLog) -> str:
     """A log in lab words."""
-    design = log.design
+    design, speed = log.design, speed_text(log.design.speed, 3)
     spring = "" if design.stiffness is None else f" on the spring of {three_figures(design.stiffness)} N/m"
-    load = f"{three_figures(design.normal_force)} N{spring}"
+    load, seconds = f"{three_figures(design.normal_force)} N{spring}", seconds_text(log.duration)
     if design.holds:
-        holds = listed([f"{hold:.4g}" for hold in design.holds])
-        again = f", {log.times} times over" if log.times > 1 else ""
-        runs = f"holds of {holds} s between runs at {speed_text(design.speed, 3)}{again}"
-        return f"{runs}, {seconds_text(log.duration)} in all, {load}, at {log.rate:.0f} Hz"
-    again = ": a repeat with another specimen" if log.repeats else ""
-    at = f"{speed_text(design.speed, 3)}, {load}, at {log.rate:.0f} Hz"
-    return f"a log of {seconds_text(log.duration)} at {at} ({log.slips} slips){again}"
+        holds, again = listed([f"{hold:.4g}" for hold in design.holds]), f", {log.times} times over" * (log.times > 1)
+        return f"holds of {holds} s between runs at {speed}{again}, {seconds} in all, {load}, at {log.rate:.0f} Hz"
+    again = ": a repeat with another specimen" * log.repeats
+    return f"a log of {seconds} at {speed}, {load}, at {log.rate:.0f} Hz ({log.slips} slips){again}"
 
 
 def seconds_text(seconds: float) -> str:
     """A duration, rounded up to what one would set."""
-    if seconds > 180.0:
-        return f"{math.ceil(seconds / 60.0)} min"
-    step = 10.0 ** (math.floor(math.log10(max(seconds, 0.1))) - 1)
-    return f"{math.ceil(seconds / step - 1e-9) * step:.3g} s"
+    return f"{math.ceil(seconds / 60.0)} min" if seconds > 180.0 else f"{two_figures(max(seconds, 0.1)):.3g} s"
+
+
+def two_figures(seconds: float) -> float:
+    """A duration [s] with two figures, rounded up."""
+    step = 10.0 ** (math.floor(math.log10(seconds)) - 1)
+    return float(f"{math.ceil(seconds / step - 1e-9) * step:.6g}")
 
 
 def plan_text(plan: RecordingPlan, source: str = "") -> str:
     """The whole plan for a terminal; its first line says what it is of (`source`) and where the values come from."""
-    lines = [wrapped(" ".join(filter(None, (source, plan.origins.text))), "", ""), wrapped(_summary(plan))]
+    known, now, then = plan.knowledge, promised(plan.now), promised(plan.then)
+    if plan.logs:
+        moved = [
+            f"{known.names[i]} {shown_half(plan.now[:, i])} → {shown_half(plan.then[:, i])}"
+            for i in known.targeted
+            if then[i] < 0.8 * now[i]
+        ]
+        these = "this log" if len(plan.logs) == 1 else f"these {len(plan.logs)} logs"
+        minutes = f"{math.ceil(_seconds(plan) / 60.0)} minutes, {SETUP / 60.0:.0f} for setting up each log included"
+        summary = f"add {these}: {'; '.join(filter(None, [', '.join(moved), minutes]))}"
+    elif all(then[i] <= IDENTIFIED for i in known.targeted):
+        summary = "nothing to add: every target is identified already"
+    else:
+        summary = "no log among those that were tried, and within the budget, is expected to tell more; see below"
+    rows = [["", "now", *(f"with {number}" for number in range(1, len(plan.logs) + 1)), "the fit will call it"]]
+    for i, name in enumerate(known.names):
+        cells = [shown_half(halves[:, i]) for halves in (plan.now, *(log.halves for log in plan.logs))]
+        rows.append([name, *cells, verdict(float(then[i]))])
+    lines = [wrapped(" ".join(filter(None, (source, plan.origins.text))), "", ""), wrapped(summary)]
     lines += [wrapped(f"{number}. {described(log)}", "  ") for number, log in enumerate(plan.logs, 1)]
-    if any(log.repeats for log in plan.logs):
-        lines.append(
-            wrapped(
-                "every drive speed stands in one log only, so that a difference between specimens counts as one of "
-                "speed: repeat one speed, or state specimen = 0 under [tolerances] where all logs are of one specimen"
-            )
-        )
-    lines += ["", columns(_rows(plan)), wrapped(WITH_TOLERANCES if plan.knowledge.systematic.any() else NOISE_ALONE)]
-    if plan.knowledge.places.shape[0] > 1 and any("to" in cell for row in _rows(plan) for cell in row[1:-1]):
+    lines += [wrapped(REPEAT)] if any(log.repeats for log in plan.logs) else []
+    lines += ["", columns(rows), wrapped(WITH_TOLERANCES if known.systematic.any() else NOISE_ALONE)]
+    if any("to" in cell for row in rows[1:] for cell in row[1:-1]):
         lines.append(wrapped("ranges are over the values that the parameters may have"))
-    then = promised(plan.then)
-    open_ = [plan.knowledge.names[i] for i in plan.knowledge.targeted if then[i] > IDENTIFIED]
+    open_ = [known.names[i] for i in known.targeted if then[i] > IDENTIFIED]
     if open_:
         lines.append(
             wrapped(
@@ -106,39 +104,22 @@ def plan_text(plan: RecordingPlan, source: str = "") -> str:
     return "\n".join(lines)
 
 
-def _summary(plan: RecordingPlan) -> str:
-    knowledge, now, then = plan.knowledge, promised(plan.now), promised(plan.then)
-    if not plan.logs:
-        known = all(then[i] <= IDENTIFIED for i in knowledge.targeted)
-        return (
-            "nothing to add: what is at hand tells everything that is asked for"
-            if known
-            else "no log among those that were tried, and within the budget, is expected to tell more; see below"
-        )
-    moved = [
-        f"{knowledge.names[i]} {shown_half(plan.now[:, i])} → {shown_half(plan.then[:, i])}"
-        for i in knowledge.targeted
-        if then[i] < 0.8 * now[i]
-    ]
-    these = "this log" if len(plan.logs) == 1 else f"these {len(plan.logs)} logs"
-    minutes = f"{math.ceil(plan.seconds / 60.0)} minutes, {SETUP / 60.0:.0f} for setting up each log included"
-    return f"add {these}: {'; '.join([*([', '.join(moved)] if moved else []), minutes])}"
+def _seconds(plan: RecordingPlan) -> float:
+    """That all logs take, setting each up included [s]."""
+    return sum(log.duration + SETUP for log in plan.logs)
 
 
-def _rows(plan: RecordingPlan) -> list[list[str]]:
-    """Parameter, interval now, after each log, expected verdict."""
-    steps, then = [plan.now, *(log.halves for log in plan.logs)], promised(plan.then)
-    rows = [["", "now", *(f"with {number}" for number in range(1, len(plan.logs) + 1)), "the fit will call it"]]
-    for i, name in enumerate(plan.knowledge.names):
-        rows.append([name, *(shown_half(halves[:, i]) for halves in steps), verdict(float(then[i]))])
-    return rows
+def _steps(log: PlannedLog) -> list[tuple[float, float]]:
+    """Speed [m/s] and duration [s] of each step."""
+    design = log.design
+    return design.steps * log.times if isinstance(design.drive, tuple) else [(design.speed, log.duration)]
 
 
 def step_table(plan: RecordingPlan) -> str:
     """The step programme, one row per step of the drive, as CSV in the units of a CETR script."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(TABLE)
+    writer.writerow(TABLE.split(","))
     for number, log in enumerate(plan.logs, 1):
         for step, (speed, seconds) in enumerate(_steps(log), 1):
             spring = "" if log.design.stiffness is None else f"{log.design.stiffness:.6g}"
@@ -157,12 +138,6 @@ def stated_drives(plan: RecordingPlan) -> str:
             at += float(f"{seconds:.4g}")
         lines.append(f"drive_speed = [{', '.join(pairs)}]   # log {number}, times from its first row on")
     return "\n".join(lines)
-
-
-def _steps(log: PlannedLog) -> list[tuple[float, float]]:
-    """Speed [m/s] and duration [s] of each step."""
-    design = log.design
-    return design.steps * log.times if isinstance(design.drive, tuple) else [(design.speed, log.duration)]
 
 
 def plan_document(plan: RecordingPlan) -> dict[str, Any]:
@@ -184,11 +159,11 @@ def plan_document(plan: RecordingPlan) -> dict[str, Any]:
         "then": by_name(promised(plan.then)),
         "ranges": {"now": ranges(plan.now), "then": ranges(plan.then)},
         "verdicts": {n: verdict(float(h)) for n, h in zip(names, promised(plan.then), strict=True)},
-        "seconds": plan.seconds,
+        "seconds": _seconds(plan),
         "logs": [
             {
                 "words": described(log),
-                "drive": [list(pair) for pair in log.design.drive]
+                "drive": [list(step) for step in log.design.drive]
                 if isinstance(log.design.drive, tuple)
                 else log.design.drive,
                 "holds": list(log.design.holds),

@@ -7,7 +7,7 @@ import pytest
 
 from experiments.study_problem import DEMO, RIG
 from identify import Scene
-from identify.bench.design import Candidates, LogDesign, choose, promised, simulated_log, with_holds
+from identify.bench.design import LogDesign, choose, promised, simulated_log, with_holds
 from identify.bench.plan import Choices, plan
 from identify.effects import MAIN
 from identify.logs.unknowns import from_scene
@@ -42,8 +42,8 @@ def planned():
 def test_a_long_log_tells_what_its_simulation_to_the_end_does():
     """A shared period makes many slips tell more than as many logs of few; a part of a log tells that part."""
     made, load = simulated(LogDesign(1e-3, 1.0), ALL), 1.0
-    assert made.repetition is not None and made.slips == 4
-    seconds = made.duration + 20.0 * made.repetition.period
+    assert made.period > 0.0 and made.slips == 4
+    seconds = made.duration + 20.0 * made.period
     whole = simulated(LogDesign(((0.0, 1e-3),), load, None, seconds), ALL)  # a programme is simulated to its end
     assert whole.slips == 24
     errors = []
@@ -99,7 +99,8 @@ def test_a_log_in_which_the_spring_pulls_the_mass_back_is_none_to_ask_for():
 
 def test_the_drive_stops_where_no_slip_is_near(planned):
     """A slip in which the drive stops tells little, and is another one where the pair is a little different."""
-    design = with_holds(planned.knowledge, LogDesign(3e-3, 1.0), (1.0, 3.0, 10.0))
+    known = planned.knowledge
+    design = with_holds(known.unknowns, known.places[0], known.base, LogDesign(3e-3, 1.0), (1.0, 3.0, 10.0))
     assert design.holds == pytest.approx((1.0, 3.0, 10.0))
     drive = [*design.drive, (design.duration, 0.0)]
     for number in range(1, len(drive), 2):
@@ -120,9 +121,10 @@ def test_holds_tell_the_ageing_that_one_peak_leaves_open(planned):
 def test_no_log_is_planned_that_a_fit_cannot_follow(planned):
     """Chosen again, a log becomes longer: of thousands of slips, in eight minutes, a fit at its limit knew nothing."""
     before = planned.knowledge
-    known = replace(before, variance=1.0, places=before.places[:1], precision=before.precision[:1])
+    fresh = {"_logs": {}, "_informed": {}}
+    known = replace(before, variance=1.0, places=before.places[:1], precision=before.precision[:1], **fresh)
     for design in (LogDesign(3e-3, 1.0), LogDesign(1e-4, 1.0)):
-        (log,) = choose(Candidates(known), [design], 3600.0, 60.0)
+        (log,) = choose(known, [design], 3600.0)
         assert log.times > 6 and log.slips <= 300 and log.duration <= known.longest
 
 

@@ -1,9 +1,9 @@
-"""Intervals of predictions: those of an independent Monte Carlo, also where answers follow the parameters in curves."""
+"""Intervals of predictions: those of an independent Monte Carlo, open where something is not identifiable."""
 
 from __future__ import annotations
 
+import json
 import sys
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,90 +14,64 @@ sys.path.append(str(Path(__file__).parents[2] / "experiments"))
 import run_skew_study as study
 from brute_force_lanes import Lanes
 
+from identify import Scene
 from identify.base.document import to_dict
-from identify.model.model import assemble
+from identify.prediction.axes import Site
 from identify.prediction.draws import LEAST_DRAWS, Draws, OperatingPoint
-from identify.prediction.predict import DrawAnswers, map_of, predict, solution_set
+from identify.prediction.predict import DrawAnswers, map_of, predict, predictions, solution_set
+from identify.prediction.sources import stated
 from identify.prediction.windows import speed_windows
+from tests.support.maps_case import DEMO, SITE
 
-MODEL = assemble(study.EFFECTS)
-PAIR = {
-    "mass": 0.2,
-    "stiffness": 1470.0,
-    "damping": 147.0,
-    "mu_s": 0.62,
-    "mu_k0": 0.43,
-    "delta_mu_k": -0.13,
-    "a": 300.0,
-    "D": 37.4e-6,
-    "t_cr": 0.5,
-    "normal_force": 1.0,
-}
+MODEL, PAIR = SITE.model, DEMO | {"normal_force": 1.0}
+NAMES = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
+KNOWN = np.diag(np.array([0.002, 0.002, 0.002, 5.0, 1e-6, 0.02]) ** 2)
 
 
-def known_to(pair, share):
+def known_to(pair, share, names=study.NAMES):
     """Covariance where every quantity is known to a share, friction coefficients to a fifth of it."""
-    sizes = [abs(pair[name]) * (0.2 if name in study.LINEAR else 1.0) for name in study.NAMES]
+    sizes = [abs(pair[name]) * (0.2 if name in study.LINEAR else 1.0) for name in names]
     return np.diag(np.square(share * np.array(sizes)))
 
 
-def case(pair, speed, share):
-    """The answer at a drive speed [m/s] where everything is known to a share."""
-    covariance = known_to(pair, share)
+def asked(speed, covariance=None, names=NAMES, /, **changes):
+    return to_dict(predict(MODEL, DEMO | changes, speed, 1.0, covariance, names))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {},
+        pytest.param({"stiffness": 900.0, "damping": 120.0, "mu_k0": 0.46}, marks=pytest.mark.slow),
+        pytest.param({"normal_force": 2.0}, marks=pytest.mark.slow),
+    ],
+)
+def test_skew_intervals_are_those_of_an_independent_monte_carlo(change):
+    """Just below the end the drop follows what is left to it like its root."""
+    pair = PAIR | change
+    end = to_dict(predict(MODEL, pair, 1e-3, pair["normal_force"]))["stability"]["critical_speed"]["value"]
+    speed, covariance = 0.97 * end, known_to(pair, 0.06)
     document = to_dict(predict(MODEL, pair, speed, pair["normal_force"], covariance, study.NAMES))
-    return study.Case(pair, speed, covariance, document)
-
-
-def just_below_the_end(pair):
-    """Where the drop follows what is left to the end like its root."""
-    return 0.97 * to_dict(predict(MODEL, pair, 1e-3, pair["normal_force"]))["stability"]["critical_speed"]["value"]
-
-
-PAIRS = {
-    "demo": PAIR,
-    "soft": PAIR | {"stiffness": 900.0, "damping": 120.0, "mu_k0": 0.46},
-    "load": PAIR | {"normal_force": 2.0},
-}
-
-
-@cache
-def skewed(name):
-    return case(PAIRS[name], just_below_the_end(PAIRS[name]), 0.06)
-
-
-@pytest.fixture
-def skew():
-    return skewed("demo")
-
-
-@pytest.mark.parametrize("names", [("demo",), pytest.param(("soft", "load"), marks=pytest.mark.slow)])
-def test_skew_intervals_are_those_of_an_independent_monte_carlo(names):
-    scenes = [skewed(name) for name in names]
-    rng = np.random.default_rng(2)
-    pairs = [study.drawn(scene, 130, rng) for scene in scenes]
-    place = np.repeat(np.arange(len(scenes)), [len(each) for each in pairs])
-    speeds = np.array([scenes[i].speed for i in place])
-    sticks, course = study.begun(Lanes.of([pair for each in pairs for pair in each], speeds), 12)
-    for i, scene in enumerate(scenes):
-        for name, values in (("drop", course.drop), ("period", course.period)):
-            _, (low, high) = scene.interval(name)
-            simulated = values[sticks & (place == i)]
-            # 130 draws tell a share of 95 % to 2 %; the ends are quantiles of 200.
-            assert 0.88 <= np.mean((simulated >= low) & (simulated <= high)) <= 0.998
-        # Negative control: a straight line has other ends, as the drop goes like the root of what is left to the end.
-        value = scene.document["amplitude"]["drop"]["value"]
-        low, high = scene.interval("drop")[1]
-        assert not 0.8 < (high / value - 1.0) / (1.0 - low / value) < 1.25
+    scene = study.Case(pair, speed, covariance, document)
+    drawn = study.drawn(scene, 130, np.random.default_rng(2))
+    sticks, course = study.begun(Lanes.of(drawn, np.full(len(drawn), speed)), 12)
+    for name, values in (("drop", course.drop), ("period", course.period)):
+        _, (low, high) = scene.interval(name)
+        # 130 draws tell a share of 95 % to 2 %; the ends are quantiles of 200.
+        assert 0.88 <= np.mean((values[sticks] >= low) & (values[sticks] <= high)) <= 0.998
+    # Negative control: a straight line has other ends.
+    value, (low, high) = document["amplitude"]["drop"]["value"], scene.interval("drop")[1]
+    assert not 0.8 < (high / value - 1.0) / (1.0 - low / value) < 1.25
+    chance = document["stability"]["probability"]
+    assert chance["interval"][0] < np.mean(sticks) < chance["interval"][1]
 
 
 def test_ends_of_draws_are_those_of_their_own_windows():
     """Of pairs far from the estimate, and of the outer draws, which are closed in on; orders of the rest are kept."""
-    names, covariance = study.NAMES, known_to(PAIR, 0.1)
-    model_map = map_of(MODEL, OperatingPoint(PAIR, 1e-3, 1.0))
-    answer = solution_set(model_map, 1e-3)
-    draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, names, covariance, 24)
+    answer = solution_set(map_of(MODEL, OperatingPoint(PAIR, 1e-3, 1.0)), 1e-3)
+    draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, study.NAMES, known_to(PAIR, 0.1), 24)
     (part,) = answer.windows.sticking
-    ends = DrawAnswers(draws, answer).limit(part, True)
+    ends = DrawAnswers(draws, Site(MODEL, DEMO, 1e-3, 1.0), answer).limit(part, True)
     own = np.array([speed_windows(MODEL, w).end for w in draws.settings])
     assert np.ptp(np.log(own)) > 0.2
     assert np.min(ends) == pytest.approx(np.min(own), rel=2e-3) and np.max(ends) == pytest.approx(np.max(own), rel=2e-3)
@@ -106,12 +80,107 @@ def test_ends_of_draws_are_those_of_their_own_windows():
 
 def test_too_few_draws_with_an_answer_leave_the_interval_open():
     draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, ("mu_s",), np.array([[1e-6]]), 200)
-    values = np.full(200, np.nan)
-    values[: LEAST_DRAWS - 1] = 1.0
+    values = np.where(np.arange(200) < LEAST_DRAWS - 1, 1.0, np.nan)
     found = draws.interval(values, 1.0)
     assert found.low is None and f"only {LEAST_DRAWS - 1} of 200 draws" in found.reason
 
 
-def test_forces_of_either_sign_have_ends_in_order():
-    entry = case(PAIR | {"damping": 20.0}, 1e-3, 0.005).document["amplitude"]["arrest_force"]
-    assert entry["interval"][0] < entry["value"] < entry["interval"][1]
+def test_draws_have_the_covariance_and_are_possible():
+    names = (*NAMES, "drive_speed")
+    matrix = np.diag([(0.02 * abs((DEMO | {"drive_speed": 1e-2})[n])) ** 2 for n in names])
+    matrix[0, 1] = matrix[1, 0] = 0.8 * np.sqrt(matrix[0, 0] * matrix[1, 1])
+    values = PAIR | {"drive_speed": 1e-2}
+    drawn = Draws.of(MODEL, values, names, matrix, 20000, 1)
+    sizes = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
+    assert drawn.refused == 0
+    np.testing.assert_allclose(np.cov([drawn.column(n) for n in names]) / sizes, matrix / sizes, atol=0.04)
+    broad = Draws.of(MODEL, values, ("mu_s", "mu_k0"), np.diag([0.2**2, 0.2**2]), 2000)
+    static, kinetic = broad.column("mu_s"), broad.column("mu_k0")
+    assert 100 < broad.refused < 1500 and np.all(static > kinetic) and np.all(kinetic > 0.13)
+
+
+def test_every_number_has_an_interval_and_the_document_is_json():
+    names = (*NAMES, "mass", "damping")
+    document = asked(2e-5, np.diag([(0.01 * DEMO[n]) ** 2 for n in names]), names)
+    assert json.loads(json.dumps(document, allow_nan=False)) == document
+    entries = [document["stability"]["sliding"]["friction_force"], document["stability"]["critical_speed"]]
+    for part in ("amplitude", "groups", "closed_forms"):
+        entries += [e for e in document[part].values() if isinstance(e, dict) and e["value"] is not None]
+    for entry in entries:
+        assert entry["interval"] is None or entry["interval"][0] < entry["value"] < entry["interval"][1], entry
+    fixed = [n for n in document["groups"] if document["groups"][n]["interval"] is None]
+    assert fixed == [] and asked(1e-4)["amplitude"]["drop"]["interval"] is None
+
+
+def test_intervals_are_those_of_differences():
+    """Half widths against answers at moved parameters."""
+    names, speed = ("mass", "mu_s", "damping", "t_cr"), 2e-5
+    sd = {name: 0.003 * DEMO[name] for name in names}
+
+    def told(covariance=None, **changes):
+        document = asked(speed, covariance, names, a=3.0, **changes)
+        return document["amplitude"] | document["stability"]["sliding"] | document["closed_forms"]
+
+    here = told(np.diag([step**2 for step in sd.values()]))
+    plain, moved = told(), [told(**{name: DEMO[name] + step}) for name, step in sd.items()]
+    for quantity in ("share_in_slip", "friction_force", "period", "critical_speed", "Pi_fc", "Omega_c"):
+        moves = [there[quantity]["value"] - plain[quantity]["value"] for there in moved]
+        low, high = here[quantity]["interval"]
+        assert (high - low) / 2 == pytest.approx(1.959964 * np.linalg.norm(moves), rel=0.1), quantity
+
+
+def test_points_of_one_pair_together_get_the_answers_they_get_alone():
+    logs = ((1e-3, 0.937), (5e-3, 0.940))
+    together = predictions(MODEL, [OperatingPoint(DEMO, v, load, KNOWN) for v, load in logs], NAMES)
+    for (speed, load), answer in zip(logs, together, strict=True):
+        ours, alone = answer.stability.critical_speed, predict(MODEL, DEMO, speed, load, KNOWN, NAMES)
+        assert ours.value == pytest.approx(alone.stability.critical_speed.value, rel=1e-4)
+        assert ours.interval == pytest.approx(alone.stability.critical_speed.interval, rel=1e-3)
+
+
+@pytest.mark.parametrize("variance", [1e6, np.inf, np.nan])
+def test_what_follows_from_an_unknown_parameter_is_open_and_says_why(variance):
+    unknown = KNOWN.copy()
+    unknown[4, 4] = variance
+    document = asked(1e-3, unknown)
+    # A D twenty times as large moves the end of stick-slip by 0.9 %: that keeps its interval.
+    end, far = document["stability"]["critical_speed"], asked(1e-3, D=20.0 * DEMO["D"])["stability"]["critical_speed"]
+    assert end["interval"][0] < far["value"] < min(end["interval"][1], 1.01 * end["value"])
+    for entry in (document["stability"]["sliding"]["growth_rate"], document["amplitude"]["drop"]):
+        assert entry["value"] is not None and entry["interval"] == [None, None] and "D" in entry["reason"]
+    assert "D, on which it depends, is not identifiable" in document["amplitude"]["text"]
+    assert document["stability"]["probability"]["value"] is None
+
+
+def test_a_ridge_between_parameters_opens_what_lies_along_it_only():
+    """Two parameters unknown, their sum known: what needs the sum alone keeps its interval."""
+    ridge = np.diag([0.0, 1e6, 1e6]) + 1e-6 * np.eye(3)
+    ridge[1, 2] = ridge[2, 1] = -1e6
+    draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, ["mu_s", "mu_k0", "delta_mu_k"], ridge)
+    static, slow, fall = (draws.column(name) for name in ("mu_s", "mu_k0", "delta_mu_k"))
+    assert "mu_k0 and delta_mu_k" in draws.interval(slow + 0.5 * fall, DEMO["mu_k0"] - 0.065).reason
+    assert not draws.interval(slow + fall, 0.3).reason
+    closed = draws.interval(static, DEMO["mu_s"])
+    assert closed.low == pytest.approx(DEMO["mu_s"] - 1.96e-3, rel=2e-4) and not closed.reason
+
+
+SCENE = """
+effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
+[rig]
+mass = { value = "0.2 kg", tolerance = "2 %" }
+stiffness = "1470 N/m"
+damping = "147 N/m"
+drive_speed = { value = "1 mm/s", tolerance = "1 %" }
+normal_force = "1 N"
+[parameters]
+mu_s = { prior = { mean = 0.6, sd = 0.02 } }
+"""
+
+
+def test_stated_tolerances_are_a_covariance(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE)
+    scene = Scene.from_toml(path)
+    names, covariance = stated(scene, scene.values(None), 1e-3)
+    sd = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    assert sd == pytest.approx({"mass": 0.004, "drive_speed": 1e-5, "mu_s": 0.02})

@@ -101,7 +101,9 @@ def test_an_outline_through_exact_crossings_is_a_ring():
             r = 0.83 if max(radius.flat[j], radius.flat[k]) > 0.83 else 0.41
             way, c = last - first, first @ first - r * r
             root = np.sqrt((first @ way) ** 2 - way @ way * c)
-            share = [s for s in ((-first @ way + root) / (way @ way), (-first @ way - root) / (way @ way)) if 0 <= s <= 1]
+            share = [
+                s for s in ((-first @ way + root) / (way @ way), (-first @ way - root) / (way @ way)) if 0 <= s <= 1
+            ]
             nodes.append((j, k) if inside.flat[j] else (k, j))
             places.append(first + share[0] * way)
     exact = Border(np.array(nodes), np.array(places), np.empty(0), np.empty(0))

@@ -14,7 +14,7 @@ from identify.base.errors import SimulationError
 from identify.cli.main import main
 from identify.prediction import sources as tested
 from identify.prediction.draws import Draws
-from identify.prediction.maps import chart, line_map, values_of, write_chart, write_line
+from identify.prediction.maps import chart, line_map, write_map
 from identify.report.draw_map import Marks, draw_map
 from tests.support.maps_case import SITE, SPANS
 
@@ -26,7 +26,7 @@ def speed_and_stiffness():
 
 def test_a_map_is_stored_whole(tmp_path, speed_and_stiffness):
     made = speed_and_stiffness
-    files = write_chart(made, tmp_path / "map.csv")
+    files = write_map(made, tmp_path / "map.csv")
     with files[0].open(encoding="utf-8") as handle:
         rows = list(csv.DictReader(handle))
     assert len(rows) == 63 and len(files) == 2
@@ -35,16 +35,16 @@ def test_a_map_is_stored_whole(tmp_path, speed_and_stiffness):
     assert float(first["drop [N]"]) == made.figures["drop"][0, 0]
     assert first["outcome"] == made.outcomes[0, 0]
     lines = list(csv.DictReader(files[1].open(encoding="utf-8")))
-    assert len(lines) == sum(len(p) for b in (made.sticking, made.unstable) for p in values_of(made, b))
-    write_chart(made, tmp_path / "map.h5")
+    assert len(lines) == sum(len(p) for b in (made.sticking, made.unstable) for p in made.values_of(b))
+    write_map(made, tmp_path / "map.h5")
     with h5py.File(tmp_path / "map.h5") as file:
         np.testing.assert_array_equal(file["period"][()], made.figures["period"])
         assert file["period"].attrs["units"] == "s" and file["outcome"].asstr()[0, 0] == made.outcomes[0, 0]
         assert file["boundaries/end_of_stick-slip/piece_1"].shape[1] == 2
     with pytest.raises(SimulationError, match="no format"):
-        write_chart(made, tmp_path / "map.txt")
+        write_map(made, tmp_path / "map.txt")
     answer = line_map(SITE, "mass", points=3)
-    (path,) = write_line(answer, SITE, tmp_path / "line.csv")
+    (path,) = write_map(answer, tmp_path / "line.csv")
     assert len(path.read_text(encoding="utf-8").splitlines()) == 4
 
 
