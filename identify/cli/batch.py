@@ -110,7 +110,7 @@ def _workers(arguments: Namespace, out: Path) -> Workers:
         from identify.studies.workers import LocalWorkers, cores
 
         return LocalWorkers(arguments.jobs or cores())
-    from identify.studies.cluster import ClusterWorkers
+    from identify.studies.workers import ClusterWorkers
 
     cluster = ClusterWorkers(arguments.scheduler)
     out.mkdir(parents=True, exist_ok=True)

@@ -21,11 +21,6 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="LABEL",
         help='the label that says whose fit it is (default: volunteer, subject, participant or person; "none": no one)',
     )
-    parser.add_argument(
-        "--adjust",
-        metavar="LABEL,…",
-        help='labels to adjust for, numbers or names (default: order, trial, hydration, site, material; "none")',
-    )
     parser.add_argument("--without", action="append", default=[], metavar="FIT", help="leave out a fit by name")
     parser.add_argument(
         "--speeds", metavar="SPEED,…", help='common drive speeds: "0.1 mm/s,1 mm/s" (default: of the logs)'
@@ -41,11 +36,10 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     """
     from identify.base.table import visible
     from identify.cli.folder import COMPARISON, check_replaceable, result_folder
-    from identify.studies.compare import compare
+    from identify.studies.compare import ComparisonQuestion, compare
     from identify.studies.comparison_page import document, write_comparison
     from identify.studies.comparison_tables import comparison_tables, together
     from identify.studies.fits import read_fits
-    from identify.studies.labels import ComparisonQuestion
     from identify.studies.operating_points import answered
 
     speeds = positives(arguments.speeds, "m/s", "--speeds")
@@ -57,8 +51,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
             what = "is no folder" if folder.exists() else "does not exist"
             raise CommandLineError(f"{folder}: this {what}; give the folder of a fit or of a batch")
     check_replaceable(out, COMPARISON)
-    adjust = None if arguments.adjust is None else tuple(n.strip() for n in arguments.adjust.split(",") if n.strip())
-    question = ComparisonQuestion(arguments.by, arguments.subject, adjust, tuple(arguments.without))
+    question = ComparisonQuestion(arguments.by, arguments.subject, tuple(arguments.without))
     terminal.note("reading the fits")
     comparison = compare(read_fits(arguments.folders), question)
     terminal.note("stability and amplitude at common operating points")
@@ -74,7 +67,7 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
     )
     for names, _, words in together([(name, "", words) for name, words in told["in_words"].items()]):
         terminal.say(f"  {visible(names, 200)}: {visible(words, 400)}")
-    for name, reason in comparison.taken.left_out[:10]:
+    for name, reason in comparison.selected.left_out[:10]:
         terminal.say(f"  left out: {visible(name, 60)} ({visible(reason, 120)})")
     for odd in comparison.odd[:10]:
         terminal.say(f"  outlier? {visible(odd.name, 60)}: {odd.quantity} is off by {odd.z:+.1f} sd")

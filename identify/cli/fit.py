@@ -201,7 +201,7 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     from identify.diagnosis.selection import LOOKED_AT
     from identify.estimation.preview import preview
     from identify.logs.scene_records import with_drives, with_records
-    from identify.report.force_figure import draw_preview
+    from identify.report.figures import draw_preview
     from identify.report.style import drawing_style
     from identify.scene.variant import scene_with
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from data_io.arrays import true_runs
 from data_io.atomic import atomic_path
 from identify.logs.segment import SLIDING, SLIP
-from identify.report.style import envelope
+from identify.report.style import extremes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,8 +56,8 @@ def _column(friction: Axes, normal: Axes, item: Inspection, span: tuple[float, f
     record = item.record
     inside = slice(*np.searchsorted(record.time, [span[0], span[1] + 1e-12]).tolist())
     for axes, values in ((friction, record.friction_force), (normal, record.normal_force)):
-        seen = envelope(record.time[inside], values[inside], STRETCHES)
-        axes.fill_between(seen.time, seen.lower, seen.upper, color="0.2", lw=0.7, zorder=2)
+        kept = extremes(values[inside], STRETCHES)
+        axes.plot(record.time[inside][kept], values[inside][kept], color="0.2", lw=0.7, zorder=2)
         axes.tick_params(labelsize=8)
     for step in item.steps:
         time = record.time[step.step.start : step.step.stop]

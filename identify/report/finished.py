@@ -139,7 +139,7 @@ class Fit:
         """
         self._check_curves()
         self._check_log(log)
-        from identify.report.force_figure import draw_force
+        from identify.report.figures import draw_force
         from identify.report.style import drawing_style
 
         with drawing_style():

@@ -1,116 +1,160 @@
-"""All figures of a fit: which there are, each drawn once, as SVG; and an SVG made fit to stand inside a page."""
+"""All figures of a fit: which there are, each drawn once, as SVG; and those of how sure the parameters are."""
 
 from __future__ import annotations
 
-import io
-import re
-import warnings
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from identify.base.quantiles import LEVEL, chi_square
-from identify.base.result import UnevenResult
+from identify.base.result import OptimumResult, ParameterResult, ProfileResult, UnevenResult
+from identify.base.wording import DASH, decimals, scale_for
+from identify.report.figures import draw_cycles, draw_force, draw_measured, draw_slip, draw_uneven
 from identify.report.report_wording import plain_symbol, with_group
+from identify.report.style import FITTED, HALF, MEASURED, QUIET, SHADE, WIDE, Columns, Drawing, drawing_style, svg_text
 
 if TYPE_CHECKING:
     from identify.report.finished import Fit
-    from identify.report.style import Columns, Drawing
+
+DIVERGING = "PuOr"  # told apart by colour-blind readers
+PANELS = 3  # profiles in a row
+FEWEST = 5  # points that are a curve
+TOP = 1.6  # of the limit: the height of a profile
 
 
-@dataclass(frozen=True)
-class Picture:
-    """A figure as SVG. log: number of the log it belongs to, from 1, or None; markup: what the page shows of it, ""
-    where only the file in the figures folder has room; the rest as in Drawing."""
-
-    log: int | None
-    name: str
-    alt: str
-    caption: str
-    wide: bool
-    svg: str
-    tables: Mapping[str, Columns]
-    markup: str = ""
+def pictures(fit: Fit) -> Iterator[Drawing]:
+    """Every figure of the fit with its SVG, drawn one after the other so that only one is held open."""
+    with drawing_style():
+        for drawing in _drawings(fit):
+            yield replace(drawing, svg=svg_text(drawing.figure), figure=Figure())
 
 
-def pictures(fit: Fit) -> Iterator[Picture]:
-    """Every figure of the fit, drawn one after the other so that only one is held open."""
-    from identify.report.style import drawing_style
-
-    with drawing_style(), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        for log, drawing in _drawings(fit):
-            yield _render(log, drawing)
-
-
-def _drawings(fit: Fit) -> Iterator[tuple[int | None, Drawing]]:
-    # Matplotlib is slow to import: only who writes a report pays for it.
-    from identify.report.cycle_figures import draw_cycles, draw_measured, draw_uneven
-    from identify.report.draw_slip import draw_phase_plane, draw_slip
-    from identify.report.force_figure import draw_force
-    from identify.report.uncertainty_figures import draw_correlation, draw_optima, draw_profile
-
+def _drawings(fit: Fit) -> Iterator[Drawing]:
     for position, curves in enumerate(fit.logs, start=1):
         if len(curves.time) > 1:
-            yield position, draw_force(curves, position, fit.converged)
+            yield draw_force(curves, position, fit.converged)
         if curves.slip is not None and len(curves.slip.time) > 1:
-            yield position, draw_slip(curves, curves.slip, position, fit.converged)
-            yield position, draw_phase_plane(curves, curves.slip, position)
+            yield draw_slip(curves, curves.slip, position, fit.converged)
         if len(curves.cycles):
-            yield position, draw_cycles(curves, position, fit.converged)
+            yield draw_cycles(curves, position, fit.converged)
     result = fit.typed
     yield from draw_uneven(UnevenResult.of(result))
     if not fit.converged and (measured := draw_measured(fit.logs)) is not None:
-        yield None, measured
-    drawn = draw_profile(result.profile, result.parameters) if result.profile else None
-    if drawn is not None:
-        yield None, drawn
+        yield measured
+    if result.profile and (drawn := draw_profile(result.profile, result.parameters)) is not None:
+        yield drawn
     if result.optima and sum(optimum.starts for optimum in result.optima) > 1:
-        yield None, draw_optima(result.optima, chi_square(LEVEL, len(result.optima[0].values)))
+        yield draw_optima(result.optima, chi_square(LEVEL, len(result.optima[0].values)))
     if result.correlation is not None and len(result.correlation.names) > 1:
         names = [with_group(name, result.parameters[name].group) for name in result.correlation.names]
-        matrix = np.array(result.correlation.matrix, dtype=np.float64)
-        yield None, draw_correlation([plain_symbol(name) for name in names], matrix)
+        yield draw_correlation(list(map(plain_symbol, names)), np.array(result.correlation.matrix, dtype=np.float64))
 
 
-def _render(log: int | None, drawing: Drawing) -> Picture:
-    svg = io.StringIO()
-    drawing.figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
-    return Picture(log, drawing.name, drawing.alt, drawing.caption, drawing.wide, svg.getvalue(), drawing.tables)
+def draw_correlation(names: Sequence[str], matrix: NDArray[np.float64]) -> Drawing:
+    """Heat map of the matrix (p, p) with the figures in its cells; NaN cells stay empty."""
+    count, aslant = len(names), max(map(len, names), default=0) > 8
+    figure = Figure(figsize=(HALF, 0.86 * max(2.6, min(HALF, 1.3 + 0.58 * count))), layout="constrained")
+    axes = figure.add_subplot()
+    shown = np.ma.masked_invalid(matrix)
+    image = axes.pcolormesh(shown, cmap=DIVERGING, vmin=-1, vmax=1, edgecolors="white", linewidth=1.5)
+    axes.invert_yaxis()
+    axes.set_title("correlation (1)")
+    middles = np.arange(count) + 0.5
+    axes.set_xticks(middles, names, rotation=35 if aslant else 0, ha="right" if aslant else "center")
+    axes.set_yticks(middles, names)
+    axes.tick_params(length=0)
+    axes.grid(False)
+    axes.spines[:].set_visible(False)
+    for (row, column), value in np.ndenumerate(matrix):
+        text = decimals(float(value), 2) if np.isfinite(value) else DASH
+        colour = "white" if np.isfinite(value) and abs(value) > 0.7 else MEASURED
+        axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", fontsize=8, color=colour)
+    figure.colorbar(image, ax=axes, ticks=[-1, -0.5, 0, 0.5, 1], aspect=30).outline.set_visible(False)
+    off = np.where(np.eye(count, dtype=bool) | ~np.isfinite(matrix), 0.0, matrix)
+    strongest = "no correlation is known."
+    if off.any():
+        row, column = np.unravel_index(int(np.argmax(np.abs(off))), off.shape)
+        strongest = f"the strongest is {off[row, column]:.2f}, between {names[int(row)]} and {names[int(column)]}."
+    return Drawing(
+        name="correlation",
+        figure=figure,
+        alt=f"Correlation matrix of the estimated parameters: {strongest}",
+        caption=f"Correlation of the estimates; {strongest} Near ±1 a combination of the two is known better than "
+        "either; how well each is known alone, its interval gives.",
+        wide=False,
+        tables={"correlation": {"parameter": np.array(names), **{n: matrix[:, i] for i, n in enumerate(names)}}},
+    )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Matplotlib's SVG made fit to stand inside an HTML page: small, self-contained, ids of its own.
-# ----------------------------------------------------------------------------------------------------------------------
+def draw_profile(profile: ProfileResult, parameters: Mapping[str, ParameterResult]) -> Drawing | None:
+    """One panel per profiled parameter: the loss of the data when it is fixed and the others follow, beside the
+    parabola of the covariance; None where no profile has enough points to be a curve."""
+    curves = {name: curve for name, curve in profile.parameters.items() if len(curve.values) >= FEWEST}
+    if not curves:
+        return None
+    limit, rows = profile.limit, -(-len(curves) // PANELS)
+    figure = Figure(figsize=(WIDE, 0.5 + 1.75 * rows), layout="constrained")
+    tables: dict[str, Columns] = {}
+    for place, (name, curve) in enumerate(curves.items()):
+        axes = figure.add_subplot(rows, PANELS, place + 1)
+        entry = parameters.get(name) or ParameterResult(None)
+        scale = scale_for(entry.value, entry.unit)
+        values, loss = np.array(curve.values, float), np.array(curve.loss, float)
+        x = values / scale.factor
+        low, high = (None if end is None else end / scale.factor for end in curve.interval)
+        axes.axvspan(low if low is not None else x[0], high if high is not None else x[-1], color=SHADE, linewidth=0)
+        fine, best = np.linspace(x[0], x[-1], 101), float(x[int(np.argmin(loss))])
+        away = np.log(fine / best) if curve.logarithmic else (fine - best) * scale.factor
+        parabola = (away / (curve.standard_error or np.nan)) ** 2
+        axes.plot(fine, parabola, color=QUIET, linewidth=0.9, linestyle="--", label="from the covariance")
+        axes.plot(x, loss, "o-", color=FITTED, markersize=3, label="profile")
+        axes.axhline(limit, color=MEASURED, linewidth=0.7)
+        axes.set_ylim(0.0, TOP * limit)
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+        title = plain_symbol(with_group(name, entry.group))
+        axes.set_title(f"{title} ({scale.unit})" if scale.unit else title)
+        if place % PANELS == 0:
+            axes.set_ylabel("loss of the data")
+        if place == 0:
+            axes.legend(loc="upper center")
+        tables[f"profile_{name}"] = {"value": values, "loss": loss}
+    return Drawing(
+        name="profile",
+        figure=figure,
+        alt=f"Profile likelihood of {', '.join(curves)}: the loss over each parameter, with the 95 % limit.",
+        caption="Profile likelihood: loss of the data, in units of χ², when one parameter is fixed and all others "
+        f"follow. Shaded: the 95 % interval, where the loss stays below {limit:.2f}. Dashed: what the covariance "
+        "expects.",
+        wide=True,
+        tables=tables,
+    )
 
-FONTS = "system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif"
-_TAG = re.compile(r"<[^>]*>")
-_LONG_NUMBER = re.compile(r"(-?\d+\.\d\d)\d+")
-_FONT = re.compile(r"'DejaVu Sans'(?:, *sans-serif)?")
 
+def draw_optima(optima: Sequence[OptimumResult], limit: float) -> Drawing:
+    """Waterfall: how far each optimum lies above the lowest one, in the order of the starts that led there.
 
-def inline_svg(text: str, prefix: str) -> str:
-    """The <svg> element of an SVG file for use inside HTML.
-
-    Prolog, metadata and name-space addresses go (HTML implies them); `prefix` keeps the ids of several
-    figures in one page apart; coordinates are cut to a hundredth of a point; width and height become
-    the page's business. Texts stay as they are. ValueError where there is no viewBox.
+    limit: of the likelihood ratio, below which the data do not rule an optimum out.
     """
-    body = text[text.index("<svg") :]
-    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
-    body = re.sub(r"<!--.*?-->", "", body, flags=re.DOTALL)
-    head, rest = body.split(">", 1)
-    box = re.search(r'viewBox="([^"]*)"', head)
-    if box is None:
-        raise ValueError("this SVG has no viewBox, so it cannot be scaled to the page")
-
-    def tidy(tag: re.Match[str]) -> str:
-        kept = re.sub(r'\bid="', f'id="{prefix}-', tag[0])
-        kept = kept.replace('href="#', f'href="#{prefix}-').replace("url(#", f"url(#{prefix}-")
-        kept = _FONT.sub(FONTS, _LONG_NUMBER.sub(r"\1", kept))
-        return re.sub(r"\s*\n\s*", " ", kept)
-
-    rest = re.sub(r">\s*\n\s*<", ">\n<", _TAG.sub(tidy, rest))
-    return f'<svg viewBox="{box.group(1)}" aria-hidden="true" focusable="false">{rest.rstrip()}'
+    ordered = sorted(optima, key=lambda optimum: optimum.cost)
+    rise = np.repeat([o.cost - ordered[0].cost for o in ordered], [o.starts for o in ordered])
+    figure = Figure(figsize=(HALF, 2.2), layout="constrained")
+    axes = figure.add_subplot(xlabel="start, the best first", ylabel="χ² above the lowest")
+    axes.plot(np.arange(1, rise.size + 1), rise, "o-", color=FITTED, markersize=4)
+    axes.axhline(limit, color=MEASURED, linewidth=0.7)
+    axes.set_yscale("symlog", linthresh=1.0)
+    axes.set_ylim(bottom=-0.2)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    return Drawing(
+        name="optima",
+        figure=figure,
+        alt=f"Waterfall of {rise.size} starts that led to {len(ordered)} optima.",
+        caption="Optima that starts about the answer led to: χ² above the lowest one. Optima below the line are not "
+        "ruled out by the data and count in the intervals.",
+        wide=False,
+        tables={"optima": {"start": np.arange(1.0, rise.size + 1.0), "chi2_above_lowest": rise}},
+    )

@@ -29,7 +29,7 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
     last. Until everything is rendered nothing is touched; an interruption leaves no half file.
     OSError where the folder cannot be written.
     """
-    from identify.report.cycle_figures import measured_cycles
+    from identify.report.figures import measured_cycles
     from identify.report.hdf5 import write_result_h5
     from identify.report.report_page import render_page
 

@@ -16,7 +16,6 @@ from identify.base.outcome import Status
 from identify.base.result import CombinationsResult, LogResult, Result
 from identify.base.wording import DASH, number, quantity, speed
 from identify.prediction.wording import listed
-from identify.report.report_figures import Picture, inline_svg
 from identify.report.report_tables import (
     accuracy_rows,
     answer_table,
@@ -33,6 +32,8 @@ from identify.report.report_tables import (
     parameter_table,
     sensitivity_table,
     sentences,
+    shown_error,
+    spread_of,
     without_groups_of,
 )
 from identify.report.report_wording import (
@@ -53,7 +54,7 @@ from identify.report.report_wording import (
 from identify.report.report_wording import (
     headline as headline_of,
 )
-from identify.report.shown_error import scatter, shown_error
+from identify.report.style import Drawing, svg_element
 from identify.report.summary import accuracy_text, tolerances_text
 
 if TYPE_CHECKING:
@@ -214,7 +215,7 @@ def first_screen_views(result: Result) -> dict[str, object]:
         "accuracy_line": accuracy_text(result.accuracy),
         "tolerances": tolerances_text(result.tolerances or {}),
         "notes": result.notes,
-        "bare": any(shown_error(e) is None and scatter(e) is not None for e in result.parameters.values()),
+        "bare": any(shown_error(e) is None and spread_of(e) is not None for e in result.parameters.values()),
         "classical": classical_pages(result.logs),
         "definitions": definitions(result.logs),
         "last_iterate": [(name, quantity(entry.value, entry.unit)) for name, entry in last],
@@ -237,7 +238,7 @@ LARGEST = 3_000_000  # bytes of report.html
 FOR_FIGURES = 2_300_000  # of which figures may take
 
 
-def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
+def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
     """The text of report.html for the fit and its rendered figures; at most 3 MB."""
     environment = templates()
     result = fit.typed
@@ -297,9 +298,9 @@ def render_page(fit: Fit, drawn: Sequence[Picture]) -> str:
     )
 
 
-def inlined(drawn: Sequence[Picture]) -> list[Picture]:
+def inlined(drawn: Sequence[Drawing]) -> list[Drawing]:
     """Every figure with its markup while there is room; the largest are left to the figures folder."""
-    markup = {picture.name: inline_svg(picture.svg, picture.name) for picture in drawn}
+    markup = {picture.name: svg_element(picture.svg, picture.name) for picture in drawn}
     free = FOR_FIGURES - sum(len(text.encode()) for text in markup.values())
     for name in sorted(markup, key=lambda name: len(markup[name]), reverse=True):
         if free >= 0:

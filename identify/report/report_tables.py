@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
+from scipy.special import ndtri
+
 from identify.base.document import Json, finite, to_dict
 from identify.base.result import (
     AccuracyLevel,
@@ -43,7 +45,6 @@ from identify.report.report_wording import (
     plain_symbol,
     with_group,
 )
-from identify.report.shown_error import said_once, scatter, shown_error
 
 Entry = Mapping[str, Json]
 KeyPath = tuple[str, ...]
@@ -53,14 +54,39 @@ KeyPath = tuple[str, ...]
 # ----------------------------------------------------------------------------------------------------------------------
 
 
+UNLIKE = 1.5  # times: an interval so much longer or shorter than the error has it is not that of a normal distribution
+
+
+def shown_error(entry: ParameterResult) -> float | None:
+    """The standard error of a parameter in its unit; None where it is null, and where the interval beside it is not
+    that of a normal distribution: "0.620 ± 0.008" beside "0.618 to 0.631" would leave a reader to guess which holds."""
+    error, normal = entry.standard_error, _normal_error(entry)
+    fits = not error or normal is None or error / UNLIKE <= normal <= error * UNLIKE
+    return error if fits else None
+
+
+def spread_of(entry: ParameterResult) -> float | None:
+    """What the digits of a value follow, in its unit: the standard error that is shown, else that of a normal
+    distribution with so long an interval; None where neither is known."""
+    error = shown_error(entry)
+    return _normal_error(entry) if error is None else error
+
+
+def _normal_error(entry: ParameterResult) -> float | None:
+    """The standard error of a normal distribution with an interval as long as the entry's; None where it is open."""
+    low, high = entry.ends
+    if low is None or high is None:
+        return None
+    return 0.5 * (high - low) / float(ndtri(0.5 + 0.5 * (entry.level or 0.95)))
+
+
 def parameter_table(parameters: Mapping[str, ParameterResult], errors: bool = True) -> OutputTable:
     """Value, 95 % interval and verdict of each parameter in lab units, beside them the interval of noise alone where
     there is one. The first column holds the name, its symbol for a page; errors: standard errors beside the values."""
     exact = any(entry.interval_rig_exact for entry in parameters.values())
-    reasons = said_once([entry.reason for entry in parameters.values()])
     rows = []
-    for (name, entry), reason in zip(parameters.items(), reasons, strict=True):
-        error, spread, scale = shown_error(entry), scatter(entry), scale_for(entry.value, entry.unit)
+    for name, entry in parameters.items():
+        error, spread, scale = shown_error(entry), spread_of(entry), scale_for(entry.value, entry.unit)
         shown = None if entry.value is None else entry.value / scale.factor
         places = places_for(spread / scale.factor, shown) if spread else places_for(None, shown) - 1
         text = DASH if shown is None else decimals(shown, places)
@@ -83,7 +109,9 @@ def parameter_table(parameters: Mapping[str, ParameterResult], errors: bool = Tr
                 Cell(interval_text(entry.ends, scale, places) if known else DASH),
                 *([Cell(rig_exact, kind="exact")] if exact else []),
                 Cell(entry.unit, scale.unit or "1"),
-                Cell(entry.verdict, f"{VERDICT_MARK.get(entry.verdict, '')} {entry.verdict}".strip(), reason, kind),
+                Cell(
+                    entry.verdict, f"{VERDICT_MARK.get(entry.verdict, '')} {entry.verdict}".strip(), entry.reason, kind
+                ),
             )
         )
     heads = ("parameter", "value", "95 % interval", *(["rig exact"] if exact else []), "unit", "verdict")

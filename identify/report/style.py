@@ -1,7 +1,11 @@
-"""One look for all figures: colours that colour-blind readers can tell apart, quiet axes, no pyplot."""
+"""One look for all figures: colours that colour-blind readers can tell apart, quiet axes, no pyplot; and figures as SVG
+that stands inside a page."""
 
 from __future__ import annotations
 
+import io
+import re
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,45 +18,59 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Long signals for a small picture: lowest and highest value per stretch, so that no peak is lost.
-# ----------------------------------------------------------------------------------------------------------------------
-
 Array = NDArray[np.float64]
+Columns = Mapping[str, NDArray[np.generic]]  # columns of equal length by name
+
+# Okabe and Ito's colours.
+MEASURED, BEHIND, FITTED, RESIDUAL = "#3f4750", "#a3aeb8", "#D55E00", "#56B4E9"
+ONSET, ARREST, SLIDING = "#009E73", "#CC79A7", "#0072B2"
+SHADE, QUIET = "#e9edf1", "#7a858f"
+WIDE, HALF = 10.2, 5.05  # figure widths [inch]: the whole page and half of it
+LONGEST = 60  # characters of a name of a log in a picture
+TEXT, EDGE, TICK = "#2b333b", "#a9b3bc", "#56616b"
+STYLE: Any = {  # matplotlib's types spell out every key there is
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8.5,
+    "axes.titlesize": 9, "axes.titlelocation": "left", "axes.titleweight": "bold", "axes.titlecolor": TEXT,
+    "axes.labelsize": 8.5, "axes.labelcolor": TEXT, "axes.edgecolor": EDGE, "axes.linewidth": 0.7,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.formatter.useoffset": False,
+    **{f"{axis}tick.{key}": value for axis in "xy" for key, value in
+       {"color": TICK, "labelsize": 8, "major.width": 0.7, "major.size": 3}.items()},
+    "axes.grid": True, "grid.color": "#e4e8ec", "grid.linewidth": 0.6, "axes.axisbelow": True,
+    "legend.frameon": False, "legend.fontsize": 8, "lines.linewidth": 1.1, "lines.solid_joinstyle": "round",
+    "path.simplify": True, "path.simplify_threshold": 0.2, "svg.fonttype": "none", "svg.hashsalt": "stickslip",
+    "text.parse_math": False, "figure.facecolor": "white", "savefig.facecolor": "white",
+}  # fmt: skip
+FONTS = "system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif"
 
 
 @dataclass(frozen=True)
-class Envelope:
-    """A signal over b stretches. All shape (b,): time [s] of the middle, lowest and highest value.
+class Drawing:
+    """One figure of the report.
 
-    `per_stretch` is the number of samples in a stretch; 1 means that these are the samples themselves.
+    name: file name without ending; alt: what a reader who cannot see it should know; caption: what stands below it;
+    tables: the data behind it, one CSV file per entry (name -> columns of equal length); log: number of the log it
+    belongs to, from 1, or None; svg: the rendered figure; markup: what the page shows of it, "" where only the file
+    in the figures folder has room.
     """
 
-    time: Array
-    lower: Array
-    upper: Array
-    per_stretch: int
+    name: str
+    figure: Figure
+    alt: str
+    caption: str
+    wide: bool
+    tables: Mapping[str, Columns] = field(default_factory=dict)
+    log: int | None = None
+    svg: str = ""
+    markup: str = ""
 
-    @property
-    def exact(self) -> bool:
-        """Whether nothing was thinned out."""
-        return self.per_stretch == 1
 
-
-def envelope(time: Array, values: Array, stretches: int) -> Envelope:
-    """The envelope of values (n,) at time (n,) in at most `stretches` stretches of equally many samples.
-
-    NaN is passed over; a stretch of nothing but NaN stays NaN. Up to 2 * stretches samples are kept as they are:
-    an envelope of so many stretches would be no shorter.
-    """
-    count = len(values)
-    if count <= 2 * stretches:
-        return Envelope(np.asarray(time, float), np.asarray(values, float), np.asarray(values, float), 1)
-    size = -(-count // stretches)
-    starts = np.arange(0, count, size)
-    last = np.minimum(starts + size, count) - 1
-    lower, upper = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
-    return Envelope((time[starts] + time[last]) / 2, lower, upper, size)
+@contextmanager
+def drawing_style() -> Iterator[None]:
+    """Draw and render inside this: matplotlib's own settings are put back afterwards."""
+    with matplotlib.rc_context(STYLE):
+        yield
 
 
 def extremes(values: Array, stretches: int) -> NDArray[np.intp]:
@@ -70,81 +88,6 @@ def extremes(values: Array, stretches: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate([padded[rows, lowest], padded[rows, highest]]))
 
 
-# Okabe and Ito's colours.
-MEASURED, BEHIND, FITTED, RESIDUAL = "#3f4750", "#a3aeb8", "#D55E00", "#56B4E9"
-ONSET, ARREST, SLIDING = "#009E73", "#CC79A7", "#0072B2"
-SHADE, QUIET = "#e9edf1", "#7a858f"
-
-LONGEST = 60  # characters of a name of a log in a picture
-WIDE, HALF = 10.2, 5.05  # figure widths [inch]: the whole page and half of it
-STYLE: Any = {  # matplotlib's types spell out every key there is
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 8.5,
-    "axes.titlesize": 9,
-    "axes.titlelocation": "left",
-    "axes.titleweight": "bold",
-    "axes.titlecolor": "#2b333b",
-    "axes.labelsize": 8.5,
-    "axes.labelcolor": "#2b333b",
-    "axes.edgecolor": "#a9b3bc",
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.formatter.useoffset": False,
-    "axes.unicode_minus": True,
-    "xtick.color": "#56616b",
-    "ytick.color": "#56616b",
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "xtick.major.width": 0.7,
-    "ytick.major.width": 0.7,
-    "xtick.major.size": 3,
-    "ytick.major.size": 3,
-    "axes.grid": True,
-    "grid.color": "#e4e8ec",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 8,
-    "lines.linewidth": 1.1,
-    "lines.solid_joinstyle": "round",
-    "path.simplify": True,
-    "path.simplify_threshold": 0.2,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "stickslip",
-    "text.parse_math": False,
-    "figure.facecolor": "white",
-    "savefig.facecolor": "white",
-}
-
-
-Columns = Mapping[str, NDArray[np.generic]]  # columns of equal length by name
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """One figure of the report.
-
-    name: file name without ending; alt: what a reader who cannot see it should know; caption: what
-    stands below it; tables: the data behind it, one CSV file per entry (name -> columns of equal length).
-    """
-
-    name: str
-    figure: Figure
-    alt: str
-    caption: str
-    wide: bool
-    tables: Mapping[str, Columns] = field(default_factory=dict)
-
-
-@contextmanager
-def drawing_style() -> Iterator[None]:
-    """Draw and render inside this: matplotlib's own settings are put back afterwards."""
-    with matplotlib.rc_context(STYLE):
-        yield
-
-
 def frame(axes: Axes, x: str, y: str, title: str = "", gap: float = 0.46) -> None:
     """Axis labels with units and a title, at fixed places: aligned between panels, and matplotlib need not measure.
 
@@ -156,8 +99,7 @@ def frame(axes: Axes, x: str, y: str, title: str = "", gap: float = 0.46) -> Non
     axes.yaxis.set_label_coords(box.x0 * width - gap, (box.y0 + box.y1) / 2 * height, transform=inches)
     axes.set_xlabel(x)
     axes.xaxis.set_label_coords((box.x0 + box.x1) / 2 * width, box.y0 * height - 0.24, transform=inches)
-    if not x:
-        axes.tick_params(labelbottom=False)
+    axes.tick_params(labelbottom=bool(x))
     if title:
         axes.set_title(title, y=1.0, pad=5)
 
@@ -170,23 +112,44 @@ def logarithmic(axes: Axes) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-def padded(axes: Axes, values: NDArray[np.float64], share: float = 0.08) -> None:
-    """y limits around the finite values, so that a flat signal does not fill the panel with its last digits."""
+def padded(axes: Axes, values: Array, share: float = 0.08, above: float = 0.0) -> None:
+    """y limits around the finite values, so that a flat signal does not fill the panel with its last digits; above:
+    more room for a legend, as a share."""
     finite = values[np.isfinite(values)]
-    if not len(finite):
-        return
-    low, high = float(finite.min()), float(finite.max())
-    pad = share * (high - low) or max(abs(high), 1e-12) * 0.05
-    axes.set_ylim(low - pad, high + pad)
-
-
-def headroom(axes: Axes, share: float) -> None:
-    """More room above the data, for a legend."""
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + share * (high - low))
+    if len(finite):
+        low, high = float(finite.min()), float(finite.max())
+        pad = share * (high - low) or max(abs(high), 1e-12) * 0.05
+        axes.set_ylim(low - pad, high + pad + above * (high - low + 2 * pad))
 
 
 def printable(text: object) -> str:
     """Text that any renderer takes: no control characters, at most LONGEST of them."""
     kept = "".join(c if c.isprintable() else " " for c in str(text))
     return kept if len(kept) <= LONGEST else kept[: LONGEST - 1] + "…"
+
+
+def svg_text(figure: Figure) -> str:
+    """The figure as an SVG file."""
+    out = io.StringIO()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+    return out.getvalue()
+
+
+def svg_element(text: str, prefix: str) -> str:
+    """The <svg> element of an SVG file of matplotlib's for use inside HTML.
+
+    Prolog, metadata and name-space addresses go (HTML implies them); `prefix` keeps the ids of several figures in one
+    page apart; coordinates are cut to a hundredth of a point; width and height become the page's business.
+    """
+    body = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
+    head, rest = body.split(">", 1)
+    (box,) = re.findall(r'viewBox="([^"]*)"', head)
+
+    def tidy(tag: re.Match[str]) -> str:
+        kept = re.sub(r"(-?\d+\.\d\d)\d+", r"\1", re.sub(r'(\bid="|href="#|url\(#)', rf"\1{prefix}-", tag[0]))
+        return re.sub(r"\s*\n\s*", " ", re.sub(r"'DejaVu Sans'(?:, *sans-serif)?", FONTS, kept))
+
+    rest = re.sub(r">\s*\n\s*<", ">\n<", re.sub(r"<[^>]*>", tidy, rest))
+    return f'<svg viewBox="{box}" aria-hidden="true" focusable="false">{rest.rstrip()}'

@@ -1,4 +1,7 @@
-"""The folder of a batch: groups appear in it whole, by one rename, and only the holder of the lock puts them there."""
+"""The folder of a batch: groups appear in it whole, by one rename, and only the holder of the lock puts them there.
+
+What is being written stands under a hidden name, and counts for nothing until it is put.
+"""
 
 from __future__ import annotations
 
@@ -11,94 +14,21 @@ import secrets
 import shutil
 import sys
 import time
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
 from data_io.atomic import atomic_write
-from identify.base.table import OutputTable
-from identify.studies.job import TRY_AGAIN, WAITING, BatchError, End, Job
-from identify.studies.planning import BatchPlan
+from identify.studies.job import TRY_AGAIN, BatchError, End, Job
 
-JOB, RESULT, BATCH, INDEX = "job.json", "result.json", "batch.json", "index.csv"
+JOB, RESULT, BATCH, INDEX, LOCK = "job.json", "result.json", "batch.json", "index.csv", ".lock"
 PART = ".part"
 OURS = frozenset({JOB, RESULT, "report.html", "result.h5", "classical.csv", "parameters.tex", "figures", ".DS_Store"})
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 Document = dict[str, Any]
-
-
-class Store:
-    """One batch folder. What is being written stands under a hidden name, and counts for nothing until it is put."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-
-    def ended(self, job: Job) -> Document | None:
-        """The document of this very job if it has ended, whole and for good; None where it is still to be done."""
-        document = complete(self.folder / job.folder)
-        if document is None or document["key"] != job.key or document["group"] != job.group:
-            return None
-        return None if document["status"] in TRY_AGAIN else document
-
-    def put(self, part: Path, name: str) -> None:
-        """Make a written folder the folder of a group; what stood there before goes.
-
-        Raises:
-            OSError: it cannot be moved there; `part` is left as it is.
-        """
-        place, before = self.folder / name, new_part(self.folder)
-        for inside in (part, *(item for item in part.rglob("*") if item.is_dir())):
-            _flush(inside)
-        existed = place.exists()
-        if existed:
-            place.rename(before)
-        try:
-            part.rename(place)
-        except OSError:
-            if existed:
-                before.rename(place)
-            raise
-        _flush(self.folder)
-        if existed:
-            shutil.rmtree(before, ignore_errors=True)
-
-    def put_without_result(self, job: Job, end: End) -> Document:
-        """Put a folder that holds only job.json: the record of a fit that gave no result."""
-        part = new_part(self.folder)
-        try:
-            part.mkdir()
-            document = write_job(part, job, end)
-            self.put(part, job.folder)
-        except BaseException:
-            discard(part)
-            raise
-        return document
-
-    def foreign(self, job: Job) -> str | None:
-        """The name of something in the job's folder that is not ours to replace."""
-        place = self.folder / job.folder
-        if not place.is_dir():
-            return job.folder if place.exists() else None
-        items = sorted(item.name for item in place.iterdir())
-        strange = [name for name in items if name not in OURS]
-        if items and JOB not in items:
-            return strange[0] if strange else items[0]
-        return strange[0] if strange else None
-
-    def recover(self, jobs: Sequence[Job]) -> None:
-        """Take over what an interrupted batch had written whole but not yet put; remove everything else unfinished."""
-        by_key = {(job.group, job.key): job for job in jobs}
-        for part in sorted(self.folder.glob(f".*{PART}*")):
-            document = complete(part) if part.is_dir() else None
-            job = None if document is None else by_key.get((document["group"], document["key"]))
-            if job is not None and document is not None and document["status"] not in TRY_AGAIN and not self.ended(job):
-                self.put(part, job.folder)
-            else:
-                discard(part)
 
 
 def new_part(folder: Path) -> Path:
@@ -113,11 +43,18 @@ def complete(folder: Path) -> Document | None:
         if not isinstance(document, dict) or not {"group", "key", "status", "files"} <= set(document):
             return None
         sizes = {name: (folder / name).stat().st_size for name in document["files"]}
-        digest = document.get("result_sha256")
-        whole = sizes == document["files"] and digest == _result_sha256(folder)
+        whole = sizes == document["files"] and document.get("result_sha256") == _result_sha256(folder)
     except (OSError, ValueError, TypeError, RecursionError):
         return None
     return document if whole else None
+
+
+def ended(folder: Path, job: Job) -> Document | None:
+    """The document of this very job if it has ended, whole and for good; None where it is still to be done."""
+    document = complete(folder / job.folder)
+    if document is None or document["key"] != job.key or document["group"] != job.group:
+        return None
+    return None if document["status"] in TRY_AGAIN else document
 
 
 def write_job(folder: Path, job: Job, end: End) -> Document:
@@ -126,10 +63,7 @@ def write_job(folder: Path, job: Job, end: End) -> Document:
     document = {
         "schema": 1,
         "kind": "job",
-        "group": job.group,
-        "folder": job.folder,
-        "key": job.key,
-        "numerics": job.numerics,
+        **{name: getattr(job, name) for name in ("group", "folder", "key", "numerics")},
         "status": end.status,
         "message": end.message,
         "labels": dict(job.labels),
@@ -150,6 +84,62 @@ def write_document(path: Path, document: Mapping[str, object]) -> None:
     """One JSON file, whole or not at all."""
     with atomic_write(path) as handle:
         handle.write(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1) + "\n")
+
+
+def put(part: Path, place: Path) -> None:
+    """Make a written folder the folder of a group; what stood there before goes.
+
+    Raises:
+        OSError: it cannot be moved there; `part` is left as it is.
+    """
+    before = new_part(place.parent)
+    for inside in (part, *(item for item in part.rglob("*") if item.is_dir())):
+        _flush(inside)
+    existed = place.exists()
+    if existed:
+        place.rename(before)
+    try:
+        part.rename(place)
+    except OSError:
+        if existed:
+            before.rename(place)
+        raise
+    _flush(place.parent)
+    if existed:
+        shutil.rmtree(before, ignore_errors=True)
+
+
+def put_without_result(folder: Path, job: Job, end: End) -> None:
+    """Put a folder that holds only job.json: the record of a fit that gave no result."""
+    part = new_part(folder)
+    try:
+        part.mkdir()
+        write_job(part, job, end)
+        put(part, folder / job.folder)
+    except BaseException:
+        discard(part)
+        raise
+
+
+def foreign(place: Path) -> str | None:
+    """The name of something in the folder of a group that is not ours to replace."""
+    if not place.is_dir():
+        return place.name if place.exists() else None
+    items = sorted(item.name for item in place.iterdir())
+    strange = [name for name in items if name not in OURS]
+    return next(iter(strange if strange or JOB in items else items), None)
+
+
+def recover(folder: Path, jobs: Sequence[Job]) -> None:
+    """Take over what an interrupted batch had written whole but not yet put; remove everything else unfinished."""
+    by_key = {(job.group, job.key): job for job in jobs}
+    for part in sorted(folder.glob(f".*{PART}*")):
+        document = complete(part) if part.is_dir() else None
+        job = None if document is None else by_key.get((document["group"], document["key"]))
+        if job is not None and document is not None and document["status"] not in TRY_AGAIN and not ended(folder, job):
+            put(part, folder / job.folder)
+        else:
+            discard(part)
 
 
 def utc() -> str:
@@ -192,121 +182,37 @@ def _flush(folder: Path) -> None:
         os.close(descriptor)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# One batch at a time in a folder: a lock that ends with its process, however that ends.
-# ----------------------------------------------------------------------------------------------------------------------
-
-LOCK = ".lock"
-
-
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the folder for this process.
+    """Hold the folder for this process, by a lock that ends with it, however that ends.
 
     Raises:
         BatchError: another batch holds it. OSError: the file system knows no locks.
     """
     with (folder / LOCK).open("a+", encoding="utf-8") as handle:
-        if not _take(handle):
-            try:
-                handle.seek(0)
-                told = json.loads(handle.read())
-                holder = f"process {told['pid']} on {told['host']} since {told['since']}"
-            except (OSError, ValueError, KeyError, TypeError, RecursionError):
-                holder = "it has not told who it is"
-            raise BatchError([f"{folder}: another batch is running there ({holder}); wait for it, or stop it"])
         handle.seek(0)
+        if not _lock(handle):
+            raise BatchError(
+                f"{folder}: another batch is running there ({handle.read(200) or 'unknown'}); wait for it, or stop it"
+            )
         handle.truncate()
-        json.dump({"pid": os.getpid(), "host": platform.node(), "since": time.strftime("%Y-%m-%d %H:%M:%S")}, handle)
+        since = time.strftime("%Y-%m-%d %H:%M:%S")
+        handle.write(f"process {os.getpid()} on {platform.node()} since {since}")
         handle.flush()
         yield
 
 
-def _take(handle: IO[str]) -> bool:
+def _lock(handle: IO[str]) -> bool:
     """Whether the lock could be had. The system releases it when the process ends, also by kill -9."""
-    if sys.platform == "win32":
-        import msvcrt
-
-        handle.seek(0)
-        try:
-            msvcrt.locking(handle.fileno(), msvcrt.LK_NBLCK, 1)
-        except OSError:
-            return False
-        return True
-    import fcntl
-
     try:
-        fcntl.flock(handle.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(handle.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(handle.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):
         return False
     return True
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# batch.json and index.csv: the batch as a whole, from the plan and what has ended.
-# ----------------------------------------------------------------------------------------------------------------------
-
-OWN = ("group", "status", "message", "result", "folder", "logs", "seconds")
-
-
-@dataclass(frozen=True)
-class Ended:
-    """What the tables say of a group that has ended."""
-
-    status: str
-    message: str
-    has_result: bool
-    seconds: float | None
-
-    @staticmethod
-    def of(document: Mapping[str, Any]) -> Ended:
-        """From the group's job.json."""
-        seconds = (document.get("timing_s") or {}).get("total")
-        return Ended(document["status"], document["message"], document.get("result_sha256") is not None, seconds)
-
-
-def batch_document(plan: BatchPlan, ended: Mapping[str, Ended], run: Mapping[str, object]) -> dict[str, Any]:
-    """The document of batch.json.
-
-    Args:
-        ended: by group. run: status, message, started, finished, seconds, jobs, scheduler.
-    """
-    statuses = [ended[job.group].status if job.group in ended else WAITING for job in plan.jobs]
-    return {
-        "schema": 1,
-        "kind": "batch",
-        "source": str(plan.source),
-        "scene": str(plan.scene),
-        "set": list(plan.overrides),
-        "numerics": plan.numerics,
-        **run,
-        "columns": list(plan.labels),
-        "counts": dict(Counter(statuses)),
-        "groups": [
-            {
-                "group": job.group,
-                "folder": job.folder,
-                "key": job.key,
-                "status": status,
-                "labels": dict(job.labels),
-                "logs": [asdict(log) for log in job.logs],
-            }
-            for job, status in zip(plan.jobs, statuses, strict=True)
-        ],
-    }
-
-
-def index_csv(plan: BatchPlan, ended: Mapping[str, Ended]) -> str:
-    """The text of index.csv; one row per group in the order of the source."""
-    # Those of the manifest in its order, then those that only the scene gives.
-    names = list(dict.fromkeys([*plan.labels, *(name for job in plan.jobs for name in job.labels)]))
-    headings = [f"label: {name}" if name in OWN else name for name in names]
-    rows = []
-    for job in plan.jobs:
-        end = ended.get(job.group)
-        result = f"{job.folder}/result.json" if end is not None and end.has_result else ""
-        words = (end.status, end.message) if end is not None else (WAITING, "")
-        seconds = None if end is None or end.seconds is None else round(end.seconds, 3)
-        labels = [job.labels.get(name, "") for name in names]
-        rows.append((job.group, *words, result, job.folder, len(job.logs), *labels, seconds))
-    return OutputTable("Groups", (*OWN[:-1], *headings, OWN[-1]), tuple(rows)).to_csv()

@@ -1,9 +1,10 @@
-"""report.html of a batch or a comparison, one file that opens from disk and asks nobody, and the files beside it."""
+"""report.html of a batch or a comparison, one file that opens from disk without a network, and the files beside it."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,18 +12,22 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+import h5py
+import matplotlib
+import numpy as np
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from data_io.atomic import atomic_write
 from identify.base.table import Cell, OutputTable, visible, workbook
+from identify.base.wording import quantity
 from identify.report.report_page import templates
 from identify.report.report_wording import VERDICT_MARK, plain_symbol
 from identify.report.stored_result import as_json
-from identify.studies.compare import Comparison, compare
-from identify.studies.comparison_figures import Thumbnails, curves, forest
-from identify.studies.comparison_tables import comparison_tables, fits_table, sentences, together
+from identify.report.style import STYLE, extremes, printable, svg_element, svg_text
+from identify.studies.compare import CompareError, Comparison, ComparisonQuestion, PooledQuantity, compare, usual
+from identify.studies.comparison_tables import comparison_tables, fits_table, sentences, together, unit_of
 from identify.studies.fits import PAGE, FitEntry, count, read_fits
-from identify.studies.labels import CompareError, ComparisonQuestion, usual
 from identify.studies.operating_points import Answers, answered
 from identify.studies.reporting import reporting
 
@@ -95,19 +100,17 @@ def write_comparison(comparison: Comparison, answers: Answers, folder: Path, hom
 
 def document(comparison: Comparison, tables: Mapping[str, OutputTable]) -> Mapping[str, Any]:
     """The comparison as JSON: the question, what differs in words, notes, and every table but that of the fits."""
-    taken = comparison.taken
     words = zip(comparison.quantities, sentences(comparison), strict=True)
     return {
         "schema": 1,
         "status": "done",
         "by": comparison.question.by,
-        "subject": taken.subject,
-        "adjusted": list(taken.adjusted),
+        "subject": comparison.selected.subject,
         "groups": list(comparison.groups),
         "fits": len(comparison.entries),
-        "compared": count(taken.entries),
+        "compared": count(comparison.selected.entries),
         "in_words": {entry.quantity.name: sentence for entry, (_, _, sentence) in words},
-        "notes": notes(comparison),
+        "notes": list(comparison.selected.notes),
         "tables": {
             name: [dict(zip(table.columns, (c.value for c in row), strict=True)) for row in table.cells]
             for name, table in tables.items()
@@ -130,7 +133,18 @@ def render(
     script = environment.get_template("page.js").render()
     odd = comparison.odd_fits if comparison else frozenset()
     links = [_link(entry, home) for entry in entries]
-    pictures = Thumbnails()
+    failed = [
+        (Cell(e.name, link=link), Cell(e.status, e.status.replace("_", " "), kind="bad"), e.message)
+        for e, link in zip(entries, links, strict=True)
+        if not e.converged
+    ]
+    rejected = [
+        (log.name, entry.name, log.reason_left_out)
+        for entry in entries
+        if entry.converged
+        for log in entry.result.logs
+        if log.reason_left_out
+    ]
     return environment.get_template("batch.html.j2").render(
         title=title,
         style=Markup(environment.get_template("style.css").render() + environment.get_template("batch.css").render()),
@@ -140,12 +154,12 @@ def render(
         fits=_page_fits(entries, links, comparison, odd),
         marks=", ".join(f"{mark} {verdict}" for verdict, mark in VERDICT_MARK.items() if verdict != "identified"),
         pictures=[
-            _picture(pictures, entry, link, odd, f"fit-{place}")
+            _picture(entry, link, odd, f"fit-{place}")
             for place, (entry, link) in enumerate(zip(entries[:MOST_PICTURES], links, strict=False))
         ],
         more_pictures=max(len(entries) - MOST_PICTURES, 0),
-        without_result=_failed(entries, links),
-        rejected=_rejected_logs(entries),
+        without_result=OutputTable("", ("fit", "status", "reason"), tuple(failed), "without-result"),
+        rejected=OutputTable("", ("log", "fit", "reason"), tuple(rejected), "rejected-logs"),
         reporting=reporting(entries),
         reason=reason,
         comparison=None if comparison is None or answers is None else _compared(comparison, answers, home),
@@ -155,14 +169,14 @@ def render(
 def _counts(entries: Sequence[FitEntry], comparison: Comparison | None) -> list[tuple[str, str, str]]:
     """Tiles at the top: label, number, meaning."""
     good = sum(entry.converged for entry in entries)
-    tiles = [("fits", str(len(entries)), f"{sum(len(e.logs) for e in entries)} logs")]
+    tiles = [("fits", str(len(entries)), f"{sum(len(e.result.logs) for e in entries)} logs")]
     tiles.append(("converged", str(good), f"{len(entries) - good} without a result"))
     if comparison is not None:
-        taken, compared = comparison.taken, count(comparison.taken.entries)
+        selected, compared = comparison.selected, count(comparison.selected.entries)
         tiles.append(("compared", str(compared), f"{len(entries) - compared} left out"))
         tiles.append((comparison.question.by, str(len(comparison.groups)), "groups"))
-        if taken.subject and taken.setting.subject:
-            tiles.append((taken.subject, str(taken.people), "people"))
+        if selected.subject:
+            tiles.append((selected.subject, str(selected.people), "people"))
         tiles.append(("outliers", str(len(comparison.odd_fits)), "fits flagged, still counted"))
     return tiles
 
@@ -171,12 +185,13 @@ def _compared(comparison: Comparison, answers: Answers, home: Path) -> dict[str,
     """What the template shows of a comparison."""
     tables, by = comparison_tables(comparison, answers), comparison.question.by
     links = {entry.name: _link(entry, home) for entry in comparison.parts if entry.converged}
-    who = comparison.taken.subject
-    untold = [
-        (q.quantity.name, len(q.untold), ", ".join(sorted({reason for _, reason in q.untold})))
+    who = comparison.selected.subject
+    missing = [
+        (q.quantity.name, len(q.missing), ", ".join(sorted({reason for _, reason in q.missing})))
         for q in comparison.quantities
-        if q.untold
+        if q.missing
     ]
+    hidden = ("repeatability low", "repeatability high", "unit")
     return {
         "by": by,
         "who": who,
@@ -185,9 +200,7 @@ def _compared(comparison: Comparison, answers: Answers, home: Path) -> dict[str,
         "differences": tables["differences"].select(
             "parameter", "first", "second", "difference", "p", "verdict", "people with both" if who else ""
         ),
-        "scatter": tables["scatter"].select(
-            *(c for c in tables["scatter"].columns if not c.endswith((" low", " high")) and c != "unit")
-        ),
+        "scatter": tables["scatter"].select(*(c for c in tables["scatter"].columns if c not in hidden)),
         "operating": tables["operating_points"].select(
             *(by, "drive speed [m/s]", "what it does", "P(stick-slip)", "peak to valley [N]", "period [s]"),
             "stick-slip ends above [m/s]",
@@ -195,47 +208,28 @@ def _compared(comparison: Comparison, answers: Answers, home: Path) -> dict[str,
         "no_operating": answers.reason,
         "ground": answers.ground,
         "forests": [forest(comparison, entry) for entry in comparison.quantities if entry.pooled],
-        "curves": [drawing for which in ("friction", "amplitude") if (drawing := curves(answers, which))],
         "left_out": _linked(tables["left_out"], links),
         "odd": _linked(tables["outliers"], links),
-        "untold": untold,
-        "notes": notes(comparison),
+        "missing": missing,
+        "notes": comparison.selected.notes,
         "family": len(comparison.quantities),
     }
-
-
-def notes(comparison: Comparison) -> list[str]:
-    """What the reader must know of how the groups were compared, in sentences."""
-    taken = comparison.taken
-    out = []
-    if taken.subject is None:
-        out.append("No label states whose fits these are: each fit counts as a person of its own.")
-    if taken.adjusted:
-        out.append(f"Means are adjusted for {', '.join(taken.adjusted)}: they stand for the average of these fits.")
-    dropped = {name: why for q in comparison.quantities if q.pooled for name, why in q.pooled.dropped.items()}
-    out += [f"{name[:1].upper()}{name[1:]} is not adjusted for: {why}." for name, why in dropped.items()]
-    return [*out, *taken.notes]
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The fits: their table with links, those without a result, and a picture of each.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _link(entry: FitEntry, home: Path) -> str:
     """The address of a fit's page from a page in `home`; empty where there is none."""
     page = entry.folder / PAGE
-    if not entry.document or not page.is_file():
+    if not entry.result.status or not page.is_file():
         return ""
     return quote(Path(os.path.relpath(os.path.realpath(page), os.path.realpath(home))).as_posix())
 
 
 def _linked(table: OutputTable, links: Mapping[str, str]) -> OutputTable:
-    """The rows of fits that have a page, with links to it."""
+    """The rows of fits that converged, with links to their pages."""
     rows = [
         (Cell(row[0].value, link=links[str(row[0].value)]), *row[1:]) for row in table.cells if row[0].value in links
     ]
-    return OutputTable(table.title, table.columns, tuple(rows), table.name)
+    return replace(table, rows=tuple(rows))
 
 
 def _page_fits(
@@ -243,7 +237,7 @@ def _page_fits(
 ) -> OutputTable:
     """The table of fits with the labels worth a column: those of the question, then those that differ."""
     labels = list(dict.fromkeys(name for e in entries for name in e.labels))
-    asked = [comparison.question.by, comparison.taken.subject, *comparison.taken.adjusted] if comparison else []
+    asked = [comparison.question.by, comparison.selected.subject] if comparison else []
     differing = [n for n in labels if len({e.labels.get(n) for e in entries}) > 1]
     first = list(dict.fromkeys(str(n) for n in [*asked, *differing] if n in labels))[:MOST_LABELS]
     whole = fits_table(entries, links, odd, first)
@@ -254,28 +248,83 @@ def _page_fits(
     return replace(shown, columns=tuple(heads.get(column, column) for column in shown.columns))
 
 
-def _failed(entries: Sequence[FitEntry], links: Sequence[str]) -> OutputTable:
-    rows = [
-        (Cell(e.name, link=link), Cell(e.status, e.status.replace("_", " "), kind="bad"), e.message)
-        for e, link in zip(entries, links, strict=True)
-        if not e.converged
-    ]
-    return OutputTable("Fits without a result", ("fit", "status", "reason"), tuple(rows), "without-result")
+# ----------------------------------------------------------------------------------------------------------------------
+# The drawings: means of parameters by group, a small picture of every fit.
+# ----------------------------------------------------------------------------------------------------------------------
+
+# Okabe and Ito's colours, black and yellow left out.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#3f4750")
+NAME = 24  # characters of a group in a drawing
+FAR = 2.5  # times what means and fits span: an interval is drawn no further
+CYCLES, STRETCHES, MOST_SAMPLES = 3, 75, 200_000  # of a thumbnail
 
 
-def _rejected_logs(entries: Sequence[FitEntry]) -> OutputTable:
-    rows = [
-        (log.name, entry.name, log.reason_left_out)
-        for entry in entries
-        if entry.converged
-        for log in entry.logs
-        if log.reason_left_out
-    ]
-    return OutputTable("Logs that took no part in their fit", ("log", "fit", "reason"), tuple(rows), "rejected-logs")
+def forest(comparison: Comparison, entry: PooledQuantity) -> Markup:
+    """One parameter: for each group the mean with its 95 % interval, and every fit as a faint mark."""
+    q, pooled, unit = entry.quantity, entry.pooled, unit_of(entry)
+    assert pooled is not None
+    groups = [group for group in comparison.groups if group in pooled.groups]
+    fits = np.array([q.shown(float(v)) for v in pooled.y]) / unit.factor
+    of = np.array([comparison.selected.setting.group[i] for i in pooled.rows])
+    means = np.array([q.shown(pooled.mean_of(group).value) for group in groups]) / unit.factor
+    span = FAR * max(float(np.ptp(np.append(fits, means))), 0.1 * float(np.max(np.abs(means))))
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(5.0, 0.9 + 0.34 * len(groups)), layout="constrained")
+        axes = figure.add_subplot()
+        for place, (group, value) in enumerate(zip(groups, means, strict=True)):
+            mean, y = pooled.mean_of(group), -place
+            colour = COLOURS[comparison.groups.index(group) % len(COLOURS)]
+            own = fits[of == group]
+            axes.plot(own, np.full(len(own), y - 0.3), "|", color=colour, alpha=0.55, markersize=5)
+            if mean.interval is not None:
+                ends = np.clip([q.shown(v) / unit.factor for v in mean.interval], value - span, value + span)
+                axes.plot(ends, [y, y], color=colour, linewidth=2.4)
+            axes.plot([value], [y], "o", color=colour, markerfacecolor=colour if mean.interval else "white")
+        axes.set_yticks([-k for k in range(len(groups))], [printable(visible(g, NAME)) for g in groups])
+        axes.set_ylim(-len(groups) + 0.4, 0.5)
+        axes.set_xlabel(f"{plain_symbol(q.name)}{f' ({unit.unit})' if unit.unit else ''}")
+        label = f"{q.name} by {comparison.question.by}: means with 95 % intervals, every fit as a small mark"
+        return _drawing(figure, f"forest-{comparison.quantities.index(entry)}", label)
 
 
-def _picture(drawer: Thumbnails, entry: FitEntry, link: str, odd: frozenset[str], name: str) -> Thumbnail:
-    drawing, words = drawer.draw(entry, name)
+def _drawing(figure: Figure, name: str, label: str) -> Markup:
+    """The figure as an element of a page, with a description for those who cannot see it."""
+    return Markup('<div class="drawing" role="img" aria-label="{}">{}</div>').format(
+        visible(label, 300), Markup(svg_element(svg_text(figure), name))
+    )
+
+
+def _picture(entry: FitEntry, link: str, odd: frozenset[str], name: str) -> Thumbnail:
     status = "outlier?" if entry.name in odd else "" if entry.converged else entry.status.replace("_", " ")
     kind = "good" if entry.converged and not status else "fair" if entry.converged else "bad"
+    drawing, words = _thumbnail(entry.folder / "result.h5", name)
     return Thumbnail(entry.name, link, status, kind, drawing, words)
+
+
+def _thumbnail(path: Path, name: str) -> tuple[Markup, str]:
+    """About three cycles of the log of middle speed, the measured force grey, the fitted one over it; empty where
+    there are no curves."""
+    try:
+        with h5py.File(path, "r") as file:
+            logs = sorted(file["curves"].values(), key=lambda log: abs(log.attrs.get("drive_speed_m_per_s", 0.0)))
+            log = logs[len(logs) // 2]
+            time = np.asarray(log["time"][:MOST_SAMPLES], float)
+            onsets = np.asarray(log["cycles/onset"][:], float) if "cycles/onset" in log else np.zeros(0)
+            onsets = np.sort(onsets[np.isfinite(onsets)])
+            begin, end = time[0] + np.ptp(time) / 3, time[0] + 2 * np.ptp(time) / 3
+            if len(onsets) > 1:
+                middle, half = max((len(onsets) - CYCLES) // 2, 0), 0.5 * float(np.median(np.diff(onsets)))
+                begin, end = onsets[middle] - half, onsets[min(middle + CYCLES, len(onsets)) - 1] + half
+            first, last = np.searchsorted(time, [begin, end]).tolist()
+            measured, fitted = (np.asarray(log[n][first:last], float) for n in ("friction_force", "fitted_force"))
+            time, speed = time[first:last], abs(float(log.attrs.get("drive_speed_m_per_s", math.nan)))
+            words = f"{quantity(speed, 'm/s', 3)}, {quantity(float(np.ptp(time)), 's', 2)}"
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError, IndexError):  # a damaged file spoils its own
+        return Markup(""), ""
+    figure = Figure(figsize=(1.9, 0.78))
+    axes = figure.add_axes((0.0, 0.02, 1.0, 0.96))
+    axes.set_axis_off()
+    kept = extremes(measured, STRETCHES)
+    axes.plot(time[kept], measured[kept], color="#a3aeb8", linewidth=1.3)
+    axes.plot(time[kept], fitted[kept], color="#D55E00", linewidth=0.8)
+    return _drawing(figure, name, f"measured and fitted force, {words}"), words

@@ -1,36 +1,35 @@
-"""Finished fits as a comparison takes them: read from fit and batch folders, each with its labels or its reason."""
+"""Finished fits as a comparison takes them: read from fit and batch folders, taken apart into what counts for itself,
+and their parameters on the scales on which they are pooled."""
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.document import Json
 from identify.base.errors import DocumentError
 from identify.base.quantiles import NORMAL
 from identify.base.result import LogResult, ParameterResult, Result
-from identify.base.table import FORMULA
 from identify.effects import ALL
-from identify.studies.batch_store import BATCH, INDEX, RESULT
+from identify.scene.tables import DAMPING
+from identify.scene.values import EACH_LOG
+from identify.studies.batch_store import BATCH, JOB, RESULT
 from identify.studies.job import CONVERGED
 from identify.uneven.answer import SCALES
 
+Array = NDArray[np.float64]
+
 PAGE = "report.html"
-# Columns of a batch's index that say how a fit went; every other column is a label ("label: status" is the label
-# that happens to be called as one of them).
-NOT_LABELS = frozenset("group status message result folder logs seconds path drive_speed".split())
-LABEL = "label: "
-MANY = 4  # folders below a batch folder in which results are sought
+MANY = 4  # folders below a given one in which results are sought
 UNREADABLE = "unreadable"
-REASONS = {"waiting": "the batch has not come to it"}
+WITH_VALUE = ("identified", "weak")  # verdicts of parameters that are pooled
+DECLARED = {p.name: p for effect in ALL for p in effect.parameters}
 
 
 @dataclass(frozen=True)
@@ -39,8 +38,8 @@ class FitEntry:
 
     name: its group in the batch, else its folder; folder: where its files are; status, message: as in result.json,
     or "unreadable" with the reason; labels: those that all its logs share; mixed: labels that differ between its
-    logs; result, and its document: empty where there is none. Of a part of a fit (`parts`): fit: the name of the fit;
-    elsewhere: parameters that other parts of it tell.
+    logs; result: empty where there is none. Of a part of a fit (`parts`): fit: the name of the fit; elsewhere:
+    parameters that other parts of it have.
     """
 
     name: str
@@ -50,7 +49,6 @@ class FitEntry:
     labels: Mapping[str, str] = field(default_factory=dict)
     mixed: tuple[str, ...] = ()
     result: Result = field(default_factory=Result)
-    document: Mapping[str, Json] = field(default_factory=dict)
     fit: str = ""
     elsewhere: frozenset[str] = frozenset()
 
@@ -70,14 +68,9 @@ class FitEntry:
         return self.status == CONVERGED
 
     @property
-    def logs(self) -> tuple[LogResult, ...]:
-        """The logs of the fit."""
-        return self.result.logs
-
-    @property
-    def taken(self) -> Sequence[LogResult]:
+    def fitted_logs(self) -> Sequence[LogResult]:
         """The logs that took part in the fit."""
-        return [log for log in self.logs if not log.reason_left_out]
+        return [log for log in self.result.logs if not log.reason_left_out]
 
 
 def count(entries: Iterable[FitEntry]) -> int:
@@ -85,111 +78,76 @@ def count(entries: Iterable[FitEntry]) -> int:
     return len({(entry.folder, entry.whole) for entry in entries})
 
 
+def natural(text: str) -> tuple[tuple[int, float, str], ...]:
+    """A key that sorts "V2" before "V10"."""
+    pieces = re.split(r"(\d{1,15})", text)
+    return tuple((1, float(p), "") if p.isascii() and p.isdigit() else (0, 0.0, p.lower()) for p in pieces)
+
+
 def read_fits(folders: Iterable[str | Path]) -> tuple[FitEntry, ...]:
-    """The fits of fit folders (with a result.json) and of batch folders (with an index.csv, or with such below).
+    """The fits of fit folders (with a result.json) and of batch folders (with a batch.json, or with such below).
 
     A fit that cannot be read is an entry with the reason; a folder named twice counts once. Sorted by name.
     """
-    found: dict[str, FitEntry] = {}
+    entries: dict[str, FitEntry] = {}
     for folder in map(Path, folders):
         for entry in _folder(folder):
-            found.setdefault(os.path.realpath(entry.folder) if entry.document else f"{folder}:{entry.name}", entry)
-    return tuple(sorted(found.values(), key=lambda entry: natural(entry.name)))
-
-
-def natural(text: str) -> tuple[tuple[int, float, str], ...]:
-    """A key that sorts "V2" before "V10"."""
-    parts = re.split(r"(\d{1,15})", text)
-    return tuple(
-        (1, float(part), "") if part.isascii() and part.isdigit() else (0, 0.0, part.lower()) for part in parts
-    )
+            entries.setdefault(os.path.realpath(entry.folder), entry)
+    return tuple(sorted(entries.values(), key=lambda entry: natural(entry.name)))
 
 
 def _folder(folder: Path) -> list[FitEntry]:
     if (folder / RESULT).is_file():
         return [_read(folder, folder.name or str(folder), {})]
-    if (folder / INDEX).is_file():
-        rows = _index(folder / INDEX)
-        exact = _groups(folder / BATCH)
-        groups = exact if len(exact) == len(rows) else [{} for _ in rows]
-        listed = [_row(folder, row, group) for row, group in zip(rows, groups, strict=True)]
-        if listed:
-            return listed
+    groups = _document(folder / BATCH).get("groups")
+    if isinstance(groups, list) and groups:
+        return [_group(folder, group) for group in groups if isinstance(group, Mapping)]
     depth = len(folder.parts)
     results = sorted(p for p in folder.rglob(RESULT) if len(p.parts) - depth <= MANY)
     holders = {path.parent for path in results}
-    inner = [path for path in results if holders.isdisjoint(path.parent.parents)]
-    return [_read(path.parent, path.parent.relative_to(folder).as_posix(), {}) for path in inner]
+    inner = [path.parent for path in results if holders.isdisjoint(path.parent.parents)]
+    return [_read(path, path.relative_to(folder).as_posix(), {}) for path in inner]
 
 
-def _index(path: Path) -> list[dict[str, str]]:
-    """Rows of a batch's index; an index that cannot be read has none."""
+def _document(path: Path) -> Mapping[str, object]:
+    """A JSON file of ours; empty where it cannot be read."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as handle:
-            return [
-                {_unguarded(str(k)): _unguarded(v or "") for k, v in row.items() if k and not isinstance(v, list)}
-                for row in csv.DictReader(handle)
-            ]
-    except (OSError, ValueError, csv.Error):
-        return []
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return document if isinstance(document, Mapping) else {}
 
 
-def _unguarded(text: str) -> str:
-    """Text as it was before a spreadsheet was kept from taking it for a formula."""
-    return text[1:] if text.startswith("'") and text[1:].lstrip().startswith(FORMULA) else text
-
-
-def _groups(path: Path) -> list[Mapping[str, Json]]:
-    """The groups of a batch as its document tells them: names and labels exactly as they were given."""
-    try:
-        groups = json.loads(path.read_text(encoding="utf-8"))["groups"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return []
-    return [g if isinstance(g, Mapping) else {} for g in groups] if isinstance(groups, list) else []
-
-
-def _row(folder: Path, row: Mapping[str, str], group: Mapping[str, Json]) -> FitEntry:
-    """One row of an index: its result where there is one, else the reason why there is none."""
-    name = str(group.get("group") or row.get("group") or "?")
-    labels = {key.removeprefix(LABEL): value for key, value in row.items() if key not in NOT_LABELS and value}
-    exact = group.get("labels")
-    if isinstance(exact, Mapping):
-        labels = {str(key): str(value) for key, value in exact.items() if value}
-    told = row.get("result") or ""
-    path = folder / (told or f"{group.get('folder') or row.get('folder') or name}/{RESULT}")
-    if path.is_dir():
-        path = path / RESULT
-    if path.is_file() and (told or row.get("status") in ("", CONVERGED)):
-        return _read(path.parent, name, labels)
-    status = row.get("status") or UNREADABLE
-    return FitEntry(name, path.parent, status, row.get("message") or REASONS.get(status, "no result"), labels)
+def _group(folder: Path, group: Mapping[str, object]) -> FitEntry:
+    """One group of a batch: its result where there is one, else the reason why there is none."""
+    name = str(group.get("group") or "?")
+    stated = group.get("labels")
+    labels = {str(k): str(v) for k, v in stated.items() if v} if isinstance(stated, Mapping) else {}
+    place = folder / str(group.get("folder") or name)
+    if (place / RESULT).is_file():
+        return _read(place, name, labels)
+    job = _document(place / JOB)
+    status = str(job.get("status") or group.get("status") or UNREADABLE)
+    message = str(job.get("message") or ("the batch has not come to it" if status == "waiting" else "no result"))
+    return FitEntry(name, place, status, message, labels)
 
 
 def _read(folder: Path, name: str, labels: Mapping[str, str]) -> FitEntry:
     try:
         document = json.loads((folder / RESULT).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        return FitEntry(name, folder, UNREADABLE, f"{RESULT} cannot be read: {type(error).__name__}", labels)
-    try:
         result = Result.from_dict(document)
     except DocumentError:
         result = Result()
-    if not isinstance(document, Mapping) or not isinstance(document.get("parameters"), Mapping) or not result.status:
+    except (OSError, ValueError, RecursionError) as error:
+        return FitEntry(name, folder, UNREADABLE, f"{RESULT} cannot be read: {type(error).__name__}", labels)
+    if not result.status or not isinstance(document.get("parameters"), Mapping):
         return FitEntry(name, folder, UNREADABLE, f"{RESULT} is no result of a fit", labels)
-    said, mixed = shared_labels(result.logs)
-    return FitEntry(
-        name=name,
-        folder=folder,
-        status=result.status,
-        message=result.message,
-        labels={key: value for key, value in labels.items() if key not in mixed} | said,
-        mixed=mixed,
-        result=result,
-        document=document,
-    )
+    own, mixed = _shared_labels(result.logs)
+    labels = {key: value for key, value in labels.items() if key not in mixed} | own
+    return FitEntry(name, folder, result.status, result.message, labels, mixed, result)
 
 
-def shared_labels(logs: Sequence[LogResult]) -> tuple[dict[str, str], tuple[str, ...]]:
+def _shared_labels(logs: Sequence[LogResult]) -> tuple[dict[str, str], tuple[str, ...]]:
     """Labels that all logs which took part share, and the names of those that differ."""
     tables = [log.labels for log in logs if not log.reason_left_out] or [log.labels for log in logs]
     names = list(dict.fromkeys(name for table in tables for name in table))
@@ -198,13 +156,72 @@ def shared_labels(logs: Sequence[LogResult]) -> tuple[dict[str, str], tuple[str,
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What is pooled: the parameters of every fit on the scale where their errors are even.
+# A fit with parameters that differ between its logs, taken apart: each group of logs with the values of its own, and
+# what all logs share.
+#
+# `D` with per = "volunteer" is one estimate for each volunteer, from that volunteer's logs; it counts with their
+# labels. What all logs share is one estimate of the fit and counts once, with the labels that all its logs have.
 # ----------------------------------------------------------------------------------------------------------------------
 
-Array = NDArray[np.float64]
 
-TOLD = ("identified", "weak")
-DECLARED = {p.name: p for effect in ALL for p in effect.parameters}
+def parts(entry: FitEntry) -> tuple[FitEntry, ...]:
+    """What counts for itself of a fit: first what its logs share, then each group; the fit itself where no parameter
+    differs between its logs."""
+    keys: dict[tuple[str, str], dict[str, str]] = {}  # of each group, under which key its parameters stand
+    for key, p in entry.result.parameters.items() if entry.converged else ():
+        if p.per:
+            keys.setdefault((p.per, p.group), {})[p.parameter or key] = key
+    labels = [per for per, _ in keys]
+    keys = {group: own for group, own in keys.items() if labels.count(group[0]) > 1}
+    if not keys:
+        return (entry,)
+    grouped = {key for own in keys.values() for key in own.values()}
+    common = {name: p for name, p in entry.result.parameters.items() if name not in grouped}
+    estimated = frozenset(name for name, p in common.items() if p.verdict != "fixed")
+    apart = frozenset(name for own in keys.values() for name in own)
+    groups = [_part(entry, per, value, own, estimated | apart) for (per, value), own in keys.items()]
+    if not estimated:
+        return tuple(groups)
+    result = replace(entry.result, parameters=common)
+    return (replace(entry, fit=entry.name, elsewhere=apart - estimated, result=result), *groups)
+
+
+def _part(entry: FitEntry, per: str, value: str, keys: Mapping[str, str], searched: frozenset[str]) -> FitEntry:
+    """One group with its own parameters under their plain names and with the labels of its logs."""
+    by_log = per == EACH_LOG
+    logs = tuple(
+        log
+        for number, log in enumerate(entry.result.logs, 1)
+        if (value == f"log {number}" if by_log else log.labels.get(per, "") == value)
+    )
+    own, mixed = _shared_labels(logs)
+    kept = {n: v for n, v in entry.labels.items() if n not in mixed}
+    return replace(
+        entry,
+        name=f"{entry.name}, {value if by_log else f'{per} {value}'}",
+        labels=kept | own | ({} if by_log else {per: value}),
+        mixed=tuple(name for name in mixed if name != per),
+        result=replace(
+            entry.result, parameters={n: entry.result.parameters[key] for n, key in keys.items()}, logs=logs
+        ),
+        fit=entry.name,
+        elsewhere=searched - set(keys),
+    )
+
+
+def with_known_rig(entry: FitEntry) -> FitEntry:
+    """The fit with rig quantities that its scene states with a tolerance as given: measurements of the rig determine
+    them, so that no group differs in them."""
+    rig = entry.result.scene.get("rig")
+    stated = rig.items() if isinstance(rig, Mapping) else ()
+    known = {"damping" if n in DAMPING else n for n, v in stated if isinstance(v, Mapping) and "tolerance" in v}
+    parameters = {n: replace(p, verdict="fixed") if n in known else p for n, p in entry.result.parameters.items()}
+    return replace(entry, result=replace(entry.result, parameters=parameters)) if known else entry
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What is pooled: the parameters of every fit on the scale where their errors are even.
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -222,70 +239,50 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Values:
-    """Quantities of n fits: y and variance (n, m) on their scales, NaN where a fit does not have one; untold: fits by
+    """Quantities of n fits: y and variance (n, m) on their scales, NaN where a fit does not have one; missing: fits by
     index that do not have a quantity, with the reason."""
 
     quantities: tuple[Quantity, ...]
     y: Array
     variance: Array
-    untold: Mapping[str, tuple[tuple[int, str], ...]]
+    missing: Mapping[str, tuple[tuple[int, str], ...]]
 
 
 def values(entries: Sequence[FitEntry]) -> Values:
     """The parameters that these fits estimate, in the order in which they first occur."""
-    names = list(dict.fromkeys(name for e in entries for name, p in e.result.parameters.items() if p.verdict in TOLD))
-    quantities = tuple(_quantity(name, entries) for name in names)
-    n, m = len(entries), len(quantities)
-    y, sd = np.full((n, m), np.nan), np.full((n, m), np.nan)
-    untold: dict[str, list[tuple[int, str]]] = {name: [] for name in names}
+    tables = [entry.result.parameters for entry in entries]
+    names = dict.fromkeys(name for table in tables for name, p in table.items() if p.verdict in WITH_VALUE)
+    quantities = []
+    for name in names:
+        found = [table[name] for table in tables if name in table]
+        positive = all((p.value or 0.0) > 0.0 for p in found if p.verdict in WITH_VALUE)
+        logarithmic = name in SCALES or (name in DECLARED and DECLARED[name].scale == "log")
+        quantities.append(Quantity(name, next((p.unit for p in found if p.unit), ""), logarithmic and positive))
+    y, sd = np.full((2, len(entries), len(quantities)), np.nan)
+    missing: dict[str, list[tuple[int, str]]] = {name: [] for name in names}
     for i, entry in enumerate(entries):
-        for k, quantity in enumerate(quantities):
-            parameter = entry.result.parameters.get(quantity.name)
-            y[i, k], sd[i, k], reason = _told(parameter, quantity)
-            if reason and quantity.name not in entry.elsewhere:
-                untold[quantity.name].append((i, reason))
-    return Values(quantities, y, sd**2, {name: tuple(found) for name, found in untold.items()})
+        for k, q in enumerate(quantities):
+            p = tables[i].get(q.name)
+            if p is not None and has_value(p):
+                y[i, k], sd[i, k] = _on_scale(p, q)
+            elif q.name not in entry.elsewhere:
+                missing[q.name].append((i, "not in its model" if p is None else p.verdict or "no value"))
+    return Values(tuple(quantities), y, sd**2, {name: tuple(fits) for name, fits in missing.items()})
 
 
-def tells(entry: FitEntry) -> bool:
-    """Whether a fit has a number for any parameter."""
-    return any(_numbered(p) for p in entry.result.parameters.values())
-
-
-def verdicts(entry: FitEntry) -> str:
-    """The verdicts on the parameters of a fit in words: "mu_s, a not identifiable; D at bound"."""
-    found: dict[str, list[str]] = {}
-    for name, p in entry.result.parameters.items():
-        found.setdefault("no standard error" if p.verdict in TOLD else p.verdict or "no value", []).append(name)
-    return "; ".join(f"{', '.join(names)} {verdict}" for verdict, names in found.items()) or "it has no parameter"
-
-
-def _numbered(parameter: ParameterResult) -> bool:
+def has_value(parameter: ParameterResult) -> bool:
     """Whether a parameter was estimated with a standard error."""
-    return parameter.verdict in TOLD and parameter.value is not None and bool(parameter.standard_error)
+    return parameter.verdict in WITH_VALUE and parameter.value is not None and bool(parameter.standard_error)
 
 
-def _quantity(name: str, entries: Sequence[FitEntry]) -> Quantity:
-    told = [e.result.parameters[name] for e in entries if name in e.result.parameters]
-    positive = all((p.value or 0.0) > 0.0 for p in told if p.verdict in TOLD)
-    declared = DECLARED.get(name)
-    unit = next((p.unit for p in told if p.unit), "")
-    logarithmic = name in SCALES or (declared is not None and declared.scale == "log")
-    return Quantity(name, unit, logarithmic and positive)
-
-
-def _told(parameter: ParameterResult | None, quantity: Quantity) -> tuple[float, float, str]:
-    """Value and standard deviation on the scale of the quantity, or why there is none.
+def _on_scale(parameter: ParameterResult, quantity: Quantity) -> tuple[float, float]:
+    """Value and standard deviation on the scale of the quantity.
 
     The interval counts where it has two ends: where a profile was run, it is the better of the two.
     """
-    if parameter is None:
-        return np.nan, np.nan, "not in its model"
-    value, error, (low, high) = parameter.value, parameter.standard_error, parameter.ends
-    if value is None or not error or not _numbered(parameter):
-        return np.nan, np.nan, parameter.verdict or "no value"
+    value, error, (low, high) = parameter.value or 0.0, parameter.standard_error or 0.0, parameter.ends
+    closed = low is not None and high is not None
     if quantity.logarithmic:
-        width = np.log(high / low) if low is not None and high is not None and 0.0 < low < high else 0.0
-        return float(np.log(value)), float(width) / (2.0 * NORMAL) or error / value, ""
-    width = high - low if low is not None and high is not None else 0.0
-    return value, width / (2.0 * NORMAL) or error, ""
+        width = float(np.log(high / low)) if closed and 0.0 < low < high else 0.0  # type: ignore[operator]
+        return float(np.log(value)), width / (2.0 * NORMAL) or error / value
+    return value, ((high - low) if closed else 0.0) / (2.0 * NORMAL) or error  # type: ignore[operator]

@@ -1,4 +1,4 @@
-"""One group of a batch as plain values: what is to be fitted, and how that ended."""
+"""One group of a batch as plain values: what is to be fitted, how that ended, and the key of what its numbers are."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import hashlib
 import importlib.metadata
 import json
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
@@ -14,45 +15,27 @@ from typing import Any
 
 from identify.base.errors import IdentifyError
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Folder names for groups, whatever the groups are called.
-# ----------------------------------------------------------------------------------------------------------------------
-
-LONGEST = 80  # characters
-# What a batch itself writes, and what Windows keeps for itself: no folder may be called so.
-_PORTS = [f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10)]
-TAKEN = frozenset(["batch.json", "index.csv", "report.html", "con", "prn", "aux", "nul", *_PORTS])
-_HARMFUL = re.compile(r"[^\w.+=@()\[\] -]+")
-
-
-def folder_names(groups: Sequence[str]) -> dict[str, str]:
-    """A folder name for each group: its own where that is harmless and unlike all others, else with a hash behind."""
-    plain = {group: _harmless(group) for group in groups}
-    folded = [name.casefold() for name in plain.values()]
-    return {
-        group: name
-        if name == group and folded.count(name.casefold()) == 1
-        else f"{name}-{hashlib.sha256(group.encode('utf-8', 'surrogatepass')).hexdigest()[:8]}"
-        for group, name in plain.items()
-    }
-
-
-def _harmless(group: str) -> str:
-    """Word characters and a few signs; no leading or trailing dot, no name that is taken, not too long."""
-    name = _HARMFUL.sub("_", group).strip("._- ")
-    while len(name.encode()) > LONGEST:
-        name = name[: len(name) - 1 - max(0, (len(name) - LONGEST))]
-    if not name or name.split(".")[0].casefold() in TAKEN or name.casefold() in TAKEN:
-        name = f"group_{name}".rstrip("_")
-    return name
-
-
 CONVERGED = "converged"
 FAILED, TIMED_OUT, CRASHED, DEFECT = "failed", "timed_out", "crashed", "defect"
 OUTDATED = "outdated"  # a log or the program changed while the batch ran
 UNWRITTEN = "unwritten"  # the disk is full or may not be written to: no end of a fit, but of the batch
 WAITING = "waiting"
 TRY_AGAIN = (TIMED_OUT, CRASHED, DEFECT, OUTDATED)  # ends that the content does not decide: a resumed batch tries again
+PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py")  # whose numbers a fit uses
+OUTSIDE = ("app", "cli", "examples", "report", "studies")  # rooms that make no number of a fit
+LONGEST = 80  # characters of a folder name
+# What a batch itself writes, and what Windows keeps for itself: no folder may be called so.
+_PORTS = [f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10)]
+RESERVED = frozenset(["batch.json", "index.csv", "report.html", "con", "prn", "aux", "nul", *_PORTS])
+
+
+class BatchError(IdentifyError):
+    """A batch cannot begin. `complaints` holds one sentence per thing to mend; the text counts them."""
+
+    def __init__(self, *complaints: str) -> None:
+        self.complaints = complaints
+        first, number = complaints[0], len(complaints)
+        super().__init__(first if number == 1 else f"{number} things to mend, first {first}")
 
 
 @dataclass(frozen=True)
@@ -88,26 +71,43 @@ class Job:
     @staticmethod
     def from_document(document: Mapping[str, Any]) -> Job:
         """The job again."""
-        logs = tuple(LogFile(**log) for log in document["logs"])
-        return Job(**{**document, "logs": logs})
+        return Job(**{**document, "logs": tuple(LogFile(**log) for log in document["logs"])})
 
 
 @dataclass(frozen=True)
 class End:
-    """How a job ended: a status of batch's docstring, one sentence, traceback or None, seconds by stage."""
+    """How a job ended: a status of the room's docstring, one sentence, traceback or None, seconds by stage."""
 
     status: str
     message: str
     detail: str | None = None
     timing_s: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def has_result(self) -> bool:
+        """Whether a result.json was written."""
+        return self.status not in (FAILED, *TRY_AGAIN)
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The content key of a fit: what its numbers depend on, and nothing else.
-# ----------------------------------------------------------------------------------------------------------------------
 
-PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py")  # whose numbers a fit uses
-OUTSIDE = ("app", "cli", "examples", "report", "studies")  # rooms that make no number of a fit
+def folder_names(groups: Sequence[str]) -> dict[str, str]:
+    """A folder name for each group: its own where that is harmless and unlike all others, else with a hash behind."""
+    plain = {group: _harmless(group) for group in groups}
+    times = Counter(name.casefold() for name in plain.values())
+    return {
+        group: name
+        if name == group and times[name.casefold()] == 1
+        else f"{name}-{hashlib.sha256(group.encode('utf-8', 'surrogatepass')).hexdigest()[:8]}"
+        for group, name in plain.items()
+    }
+
+
+def _harmless(group: str) -> str:
+    """Word characters and a few signs; no leading or trailing dot, no reserved name, not too long."""
+    name = re.sub(r"[^\w.+=@()\[\] -]+", "_", group).strip("._- ")
+    name = name.encode()[:LONGEST].decode("utf-8", "ignore").rstrip("._- ")
+    if not name or {name.split(".")[0].casefold(), name.casefold()} & RESERVED:
+        name = f"group_{name}".rstrip("_")
+    return name
 
 
 @lru_cache(maxsize=1)
@@ -133,8 +133,7 @@ def content_key(scene: Mapping[str, Any], sha256: Sequence[str], version: str) -
 
     Args:
         scene: the document of the scene, SI. Its name and where the logs lie do not count.
-        sha256: of each log's file, in the scene's order.
-        version: as `numerics` gives it.
+        sha256: of each log's file, in the scene's order. version: as `numerics` gives it.
     """
     logs = [
         {key: value for key, value in log.items() if key != "path"} | {"sha256": digest}
@@ -143,17 +142,3 @@ def content_key(scene: Mapping[str, Any], sha256: Sequence[str], version: str) -
     content = {key: value for key, value in scene.items() if key != "name"} | {"logs": logs}
     text = json.dumps([content, version], sort_keys=True, ensure_ascii=True, separators=(",", ":"))
     return hashlib.sha256(text.encode("ascii")).hexdigest()
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What is wrong with a batch before it begins: every complaint at once.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-class BatchError(IdentifyError):
-    """A batch cannot begin. `complaints` holds one sentence per thing to mend; the text counts them."""
-
-    def __init__(self, complaints: Sequence[str]) -> None:
-        self.complaints = tuple(complaints)
-        first, number = self.complaints[0], len(self.complaints)
-        super().__init__(first if number == 1 else f"{number} things to mend, first {first}")

@@ -1,4 +1,10 @@
-"""The process that makes the fits of a batch: a job in, a complete folder out, or the reason why there is none."""
+"""The process that makes the fits of a batch: a job in, a complete folder out, or the reason why there is none.
+
+    python -m identify.studies.making
+
+takes jobs as lines of JSON on standard input and answers with one line each. It lives as long as its batch, so that
+what one fit compiled serves the next fit of the same shape, and no longer: on Linux no fit outlives its batch.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +19,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -25,6 +31,7 @@ from identify.studies.batch_store import is_full, write_job
 from identify.studies.job import CRASHED, DEFECT, FAILED, OUTDATED, UNWRITTEN, End, Job, numerics
 
 Make = Callable[[Job, Path], End]
+PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
 def make(job: Job, part: Path) -> End:
@@ -46,8 +53,8 @@ def guarded(work: Make, job: Job, part: Path) -> End:
     try:
         return work(job, part)
     except (IdentifyError, LogError, UnitError) as error:
-        changed = _changed(job, [_digest(log.path) for log in job.logs])
-        return End(FAILED, " ".join(str(error).split())) if changed is None else End(OUTDATED, changed)
+        changed = _changed(job, (_digest(log.path) for log in job.logs))
+        return changed or End(FAILED, " ".join(str(error).split()))
     except OSError as error:
         words = f"{error.filename or part}: {error.strerror or error}"
         return End(UNWRITTEN if is_full(error) else CRASHED, words)
@@ -65,18 +72,16 @@ def _fitted(job: Job, part: Path) -> End:
     began, used = time.perf_counter(), time.process_time()
     outcome = fit(Scene.from_document(job.scene))
     result = outcome.typed
-    changed = _changed(job, [result.logs[result.places(number)[0]].sha256 for number in range(len(job.logs))])
+    changed = _changed(job, (result.logs[result.places(number)[0]].sha256 for number in range(len(job.logs))))
     if changed is not None:
-        return End(OUTDATED, changed)
+        return changed
     fitted = time.perf_counter()
-    outcome = replace(outcome, result=with_provenance(result, job).to_dict())
     part.mkdir()
     try:
-        write_report(outcome, part)
+        write_report(replace(outcome, result=with_provenance(result, job).to_dict()), part)
         now = time.perf_counter()
         timing = {"fit": fitted - began, "report": now - fitted, "total": now - began}
-        timing["processor"] = time.process_time() - used
-        end = End(result.status, result.message, None, timing)
+        end = End(result.status, result.message, None, timing | {"processor": time.process_time() - used})
         write_job(part, job, end)
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
@@ -91,11 +96,12 @@ def with_provenance(result: Result, job: Job) -> Result:
     return replace(result, provenance={**result.provenance, "batch": batch, "machine": where})
 
 
-def _changed(job: Job, found: Sequence[str | None]) -> str | None:
-    """A sentence where a log is not the one that was hashed when the batch began; `found`: SHA-256 of each log."""
-    for planned, digest in zip(job.logs, found, strict=True):
+def _changed(job: Job, digests: Iterable[str | None]) -> End | None:
+    """An end where a log is not the one that was hashed when the batch began; digests: SHA-256 of each log."""
+    for planned, digest in zip(job.logs, digests, strict=True):
         if planned.sha256 != digest:
-            return f"{planned.path}: the log was changed or taken away while the batch ran; run again with --resume"
+            words = "the log was changed or taken away while the batch ran; run again with --resume"
+            return End(OUTDATED, f"{planned.path}: {words}")
     return None
 
 
@@ -104,19 +110,6 @@ def _digest(path: str) -> str | None:
         return file_sha256(Path(path))
     except OSError:
         return None
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The process that fits: takes jobs as lines of JSON on standard input, answers with one line each.
-#
-# python -m identify.studies.making
-#
-# It lives as long as its batch, so that what one fit compiled serves the next fit of the same shape, and no longer: no
-# fit outlives the batch it belongs to by more than the fit itself, and on Linux by nothing.
-# ----------------------------------------------------------------------------------------------------------------------
-
-READY = {"ready": True}
-PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
 def serve(work: Make) -> None:
@@ -129,25 +122,19 @@ def serve(work: Make) -> None:
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever a library prints is no answer
-
-    def answer(document: object) -> None:
+    document: object = {"ready": True}
+    while True:
         try:
             answers.write(json.dumps(document) + "\n")
             answers.flush()
         except OSError:
-            os._exit(0)  # nobody listens any more
-
-    answer(READY)
-    for line in iter(sys.stdin.readline, ""):
+            os._exit(0)  # the batch has ended
+        line = sys.stdin.readline()
+        if not line:
+            return
         request = json.loads(line)
-        answer(asdict(work(Job.from_document(request["job"]), Path(request["part"]))))
-
-
-def main() -> None:
-    """Serve fits; what they need is loaded before the first one, so that no fit pays for it."""
-
-    serve(make)
+        document = asdict(work(Job.from_document(request["job"]), Path(request["part"])))
 
 
 if __name__ == "__main__":
-    main()
+    serve(make)

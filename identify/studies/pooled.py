@@ -9,8 +9,8 @@ group the t interval of its person means.
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
 from typing import Any
@@ -27,10 +27,10 @@ from identify.base.quantiles import LEVEL, chi_square, student, student_below
 Array = NDArray[np.float64]
 
 DIFFERENT, NOT_TOLD_APART, NOT_TESTED = "different", "not told apart", "not tested"
-MOST_GROUPS = 30  # beyond these, pairs are too many to be told apart, and to be looked at
+MOST_GROUPS = 30  # beyond these, pairs are too many to be compared
 RELATIVE_RANK = 1e-8  # of the largest singular value: columns of a design below it are combinations of the others
 ROUNDING = 1e-12  # of the largest value: scatter below it is rounding
-MOST_ERRORS, LEAST_P = 40.0, 1e-12  # of a difference and of its probability, beyond which nobody asks
+MOST_ERRORS, LEAST_P = 40.0, 1e-12  # ends of the table of probabilities: difference in standard errors, probability
 FALSE_OUTLIERS = 0.05  # chance of calling any fit of a study an outlier where none is
 
 
@@ -40,25 +40,16 @@ class PoolingError(IdentifyError):
 
 @dataclass(frozen=True)
 class Setting:
-    """What is known of n fits: group (n,) labels; subject (n,): whose fit it is, None where nobody says;
-    factors: further labels that are adjusted for; covariates: numbers that are adjusted for, each (n,)."""
+    """What is known of n fits: group (n,) labels; subject (n,): whose fit it is, None where unknown."""
 
     group: tuple[str, ...]
     subject: tuple[str, ...] | None = None
-    factors: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    covariates: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def rows(self, kept: Sequence[int]) -> Setting:
         """The same of some of the fits, by index."""
-
-        def take(labels: tuple[str, ...]) -> tuple[str, ...]:
-            return tuple(labels[i] for i in kept)
-
         return Setting(
-            take(self.group),
-            None if self.subject is None else take(self.subject),
-            {name: take(labels) for name, labels in self.factors.items()},
-            {name: tuple(numbers[i] for i in kept) for name, numbers in self.covariates.items()},
+            tuple(self.group[i] for i in kept),
+            None if self.subject is None else tuple(self.subject[i] for i in kept),
         )
 
 
@@ -116,12 +107,11 @@ class Difference:
 class VarianceParts:
     """Standard deviations, in the units of y; None where these fits do not show them.
 
-    between_groups: of the group means, their own errors taken out; subject: between people of one group; run: between
-    runs of one person; fit: root mean square of the errors of the fits; repeatability: of one fit on repetition (run
-    and fit), with its 95 % interval; intraclass: share of the variance within a group that is between people.
+    subject: between people of one group; run: between runs of one person; fit: root mean square of the errors of the
+    fits; repeatability: of one fit on repetition (run and fit), with its 95 % interval; intraclass: share of the
+    variance within a group that is between people.
     """
 
-    between_groups: float | None
     subject: float | None
     run: float | None
     fit: float
@@ -143,17 +133,14 @@ class Outlier:
 class Pooled:
     """A pooled quantity of the n fits that have it.
 
-    rows (n,): their indices among all fits; y (n,): their values, adjusted; groups; dropped: adjustments that cannot
-    be made, with the reason; adjustments: slope of each column that is adjusted for; differences: of all pairs, none
-    beyond MOST_GROUPS; further_sd: standard deviation of one more run of one more person about the mean of its
-    group, with further_df degrees of freedom; residuals (n,): about the means of the groups.
+    rows (n,): their indices among all fits; y (n,): their values; differences: of all pairs, none beyond MOST_GROUPS;
+    further_sd: standard deviation of one more run of one more person about the mean of its group, with further_df
+    degrees of freedom; residuals (n,): about the means of the groups.
     """
 
     rows: tuple[int, ...]
     y: Array
     groups: tuple[str, ...]
-    dropped: Mapping[str, str]
-    adjustments: Mapping[str, float]
     means: tuple[Mean, ...]
     differences: tuple[Difference, ...]
     scatter: VarianceParts
@@ -188,74 +175,50 @@ def pool(y: Array, noise: Array, setting: Setting, family: int = 1) -> Pooled:
         Nothing shows the scatter between people.
     """
     rows = np.flatnonzero(np.isfinite(y) & np.isfinite(noise) & (noise >= 0.0))
-    here = setting.rows(rows.tolist())
-    known = here.subject is not None
-    values, groups = np.asarray(y, float)[rows], tuple(dict.fromkeys(here.group))
-    people = here.subject or tuple(map(str, range(len(rows))))
-    cells, at = _numbered(list(zip(here.group, people, strict=True)))  # person means, and that of each fit
-    count = np.bincount(at).astype(np.float64)
+    kept = setting.rows(rows.tolist())
+    known = kept.subject is not None
+    values, groups = np.asarray(y, float)[rows], tuple(dict.fromkeys(kept.group))
+    people = kept.subject or tuple(map(str, range(len(rows))))
+    cells, at = _numbered(list(zip(kept.group, people, strict=True)))  # person means, and that of each fit
     group_at, person_at = np.array([groups.index(group) for group, _ in cells]), _numbered([p for _, p in cells])[1]
     if not len(cells) or np.bincount(group_at).max() < 2:
+        who, scatter = ("fits of two people", "people") if known else ("two fits", "runs")
         raise PoolingError(
-            "no group has fits of two people, so that nothing shows the scatter between people; add people to each "
-            "group"
-            if known
-            else "no group has two fits, so that nothing shows the scatter between runs; add runs to each group"
+            f"no group has {who}, so that nothing shows the scatter between {scatter}; add {scatter} to each group"
         )
-
-    # the design of the person means: groups, people as blocks where most are in several groups, adjustments
     X = _indicators(group_at)
     in_groups = np.bincount(person_at)
-    if 2 * np.count_nonzero(in_groups > 1) > len(in_groups):
+    if 2 * np.count_nonzero(in_groups > 1) > len(in_groups):  # people as blocks where most are in several groups
         people_X = _indicators(person_at)
         X = np.hstack([X, people_X[:, 1:] - people_X[:, :1]])
-    fit_X, base = X[at], X.shape[1]
-    dropped: dict[str, str] = {}
-    columns: list[str] = []
-    for name, block in _adjustments(here):
-        of_cells = np.column_stack([_averages(column, at) for column in block.T]) if block.size else block[: len(cells)]
-        joined = np.hstack([X, of_cells])
-        if np.ptp(of_cells, axis=0).max(initial=0.0) <= ROUNDING * np.abs(block).max(initial=0.0):
-            dropped[name] = "its average is the same for all people and groups"
-        elif _rank(joined) < _rank(X) + block.shape[1]:
-            dropped[name] = "it goes with the groups or the people, so that its part cannot be told from theirs"
-        elif _rank(joined) >= len(cells):
-            dropped[name] = "there are too few fits to adjust for it"
-        else:
-            X, fit_X = joined, np.hstack([fit_X, block])
-            columns += [name] * block.shape[1]
-    level = _averages(values, at)
-    beta: Array = np.asarray(np.linalg.lstsq(X, level, rcond=RELATIVE_RANK)[0], dtype=np.float64)
-    values = values - fit_X[:, base:] @ beta[base:]
+    person = _averages(values, at)
     means = tuple(
-        _mean(group, _averages(values, at)[group_at == k], values[group_at[at] == k], known)
-        for k, group in enumerate(groups)
+        _mean(group, person[group_at == k], values[group_at[at] == k], known) for k, group in enumerate(groups)
     )
-    between = _rest(_averages(values, at), group_at), len(cells) - len(groups)
-    conditions = _numbered(list(zip(at.tolist(), *here.factors.values(), strict=True)))[1]
-    within = _rest(values, conditions), len(values) - int(conditions.max()) - 1
+    between = _rest(person, group_at) / (df := len(cells) - len(groups))
+    within = _rest(values, at), len(values) - len(cells)
     run = within[0] / within[1] if within[1] else 0.0
+    per_person = float(np.mean(1.0 / np.bincount(at)))
+    subject = max(between - run * per_person, 0.0) if known else None
     return Pooled(
         rows=tuple(rows.tolist()),
         y=values,
         groups=groups,
-        dropped=dropped,
-        adjustments=dict(zip(columns, beta[base:].tolist(), strict=True)),
         means=means,
-        differences=_differences(means, level, X, beta, cells, family),
-        scatter=_scatter(means, between, within, float(np.mean(1.0 / count)), float(np.mean(noise[rows])), known),
-        outliers=_outliers(values, fit_X[:, :base], len(columns), family),
+        differences=_differences(means, person, X, cells, family),
+        scatter=_scatter(subject, within, float(np.mean(noise[rows]))),
+        outliers=_outliers(values, X[at], family),
         # averaging over the runs of a person took off a part of the scatter between runs
-        further_sd=math.sqrt(between[0] / between[1] + run * float(np.mean(1.0 - 1.0 / count))),
-        further_df=float(between[1]),
+        further_sd=math.sqrt(between + run * (1.0 - per_person)),
+        further_df=float(df),
         residuals=values - _averages(values, group_at[at])[group_at[at]],
     )
 
 
 def _numbered(labels: Sequence[Hashable]) -> tuple[list[Any], NDArray[np.int64]]:
     """The different labels in the order of first appearance, and the number of each one's."""
-    order = {label: k for k, label in enumerate(dict.fromkeys(labels))}
-    return list(order), np.array([order[label] for label in labels], dtype=np.int64)
+    codes, different = pd.factorize(pd.Series(list(labels), dtype=object))
+    return list(different), codes.astype(np.int64)
 
 
 def _averages(values: Array, numbers: NDArray[np.int64]) -> Array:
@@ -273,15 +236,6 @@ def _indicators(numbers: NDArray[np.int64]) -> Array:
     return np.asarray(numbers[:, None] == np.arange(numbers.max() + 1)[None, :], dtype=np.float64)
 
 
-def _adjustments(setting: Setting) -> list[tuple[str, Array]]:
-    """Columns (n, k) of what is adjusted for, centred; factors sum to zero, so that means are of the average level."""
-    out = [(name, np.asarray(v, float)[:, None] - float(np.mean(v))) for name, v in setting.covariates.items()]
-    for name, labels in setting.factors.items():
-        levels = _indicators(_numbered(labels)[1])
-        out.append((name, levels[:, :-1] - levels[:, -1:]))
-    return out
-
-
 def _rank(X: Array) -> int:
     size = np.sqrt(np.sum(X**2, axis=0))
     return int(np.linalg.matrix_rank(X / np.where(size > 0.0, size, 1.0), tol=RELATIVE_RANK))
@@ -291,15 +245,14 @@ def _mean(group: str, people: Array, fits: Array, known: bool) -> Mean:
     """The mean of a group from its person means, with the t interval."""
     n, value = len(people), float(np.mean(people))
     scatter = float(np.std(fits, ddof=1)) if len(fits) > 1 else None
+    subjects = n if known else None
     if n < 2:
-        reason = f"one subject only with {group}: a person's fits, {len(fits)} here, say nothing of others"
+        reason = f"one subject only with {group}: {len(fits)} fits of one person do not show how people differ"
         reason = reason if known else f"one fit only with {group}"
-        return Mean(group, value, math.nan, 0.0, None, reason, len(fits), 1 if known else None, scatter)
+        return Mean(group, value, math.nan, 0.0, None, reason, len(fits), subjects, scatter)
     error = float(np.std(people, ddof=1)) / math.sqrt(n)
     half = float(student(0.5 + LEVEL / 2, n - 1)) * error
-    return Mean(
-        group, value, error, n - 1.0, (value - half, value + half), "", len(fits), n if known else None, scatter
-    )
+    return Mean(group, value, error, n - 1.0, (value - half, value + half), "", len(fits), subjects, scatter)
 
 
 @lru_cache(maxsize=256)
@@ -312,25 +265,25 @@ def _log_exceeded(groups: int, df: float) -> PchipInterpolator:
 
 
 @lru_cache(maxsize=256)
-def critical(groups: int, df: float, level: float) -> float:
-    """What all pairs of so many equal means stay below, in standard errors of a difference: Tukey's studentised range
-    over the square root of two, for two groups Student's t."""
+def _critical(groups: int, df: float, level: float) -> float:
+    """What all pairs of so many equal means stay below, in standard errors of a difference."""
     if groups == 2:
         return float(student(0.5 + 0.5 * level, df))
     return float(studentized_range.ppf(level, groups, df) / math.sqrt(2.0))
 
 
 def _differences(
-    means: Sequence[Mean], level: Array, X: Array, beta: Array, cells: Sequence[tuple[str, str]], family: int
+    means: Sequence[Mean], level: Array, X: Array, cells: Sequence[tuple[str, str]], family: int
 ) -> tuple[Difference, ...]:
     """All pairs; simultaneous over the groups of two people and more and over `family` quantities."""
     if len(means) > MOST_GROUPS:
         return ()
     df = float(len(level) - _rank(X))
+    beta = np.linalg.lstsq(X, level, rcond=RELATIVE_RANK)[0]
     rest = level - X @ beta
     variance = max(float(rest @ rest) / max(df, 1.0), (ROUNDING * float(np.max(np.abs(level)))) ** 2)
     inverse = np.linalg.pinv(X.T @ X, rcond=RELATIVE_RANK, hermitian=True)
-    reach = inverse @ (X.T @ X)
+    estimable = inverse @ (X.T @ X)
     tested = sum(not m.reason for m in means)
     whose = {m.group: {person for group, person in cells if group == m.group} for m in means}
     out = []
@@ -338,54 +291,41 @@ def _differences(
         c = np.zeros(X.shape[1])
         c[i], c[j] = 1.0, -1.0
         value, error = float(c @ beta), math.sqrt(variance * float(c @ inverse @ c))
-        shared = None if a.subjects is None else len(whose[a.group] & whose[b.group])
-        reason = a.reason or b.reason
-        if not reason and df < 1.0:
-            reason = "too few fits to tell the scatter"
-        if not reason and np.max(np.abs(c @ reach - c)) > RELATIVE_RANK:
+        reason = a.reason or b.reason or ("too few fits to show the scatter" if df < 1.0 else "")
+        if not reason and np.max(np.abs(c @ estimable - c)) > RELATIVE_RANK:
             reason = "no people join these two groups"
         ends = None
         if not reason:
-            half = critical(tested, df, 1.0 - (1.0 - LEVEL) / family) * error
+            half = _critical(tested, df, 1.0 - (1.0 - LEVEL) / family) * error
             ends = (value - half, value + half)
+        shared = None if a.subjects is None else len(whose[a.group] & whose[b.group])
         out.append(Difference(a.group, b.group, value, error, df, ends, reason, shared, tested, family))
     return tuple(out)
 
 
-def _scatter(
-    means: Sequence[Mean],
-    between: tuple[float, int],
-    within: tuple[float, int],
-    per_person: float,
-    noise: float,
-    known: bool,
-) -> VarianceParts:
-    """Standard deviations from the sums of squares, with their degrees of freedom, of person means about the means of
-    groups and of fits about those of people; per_person: mean of 1 / fits of a person; noise: variance of a fit."""
-    df = within[1]
-    variance = within[0] / df if df else 0.0
-    subject = max(between[0] / between[1] - variance * per_person, 0.0) if known else None
-    ends = None
-    if df:
-        low, high = (math.sqrt(within[0] / chi_square(q, df)) for q in (0.5 + LEVEL / 2, 0.5 - LEVEL / 2))
-        ends = (low, high)
-    sure = [m for m in means if not m.reason]
-    raw = float(np.var([m.value for m in sure], ddof=1) - np.mean([m.error**2 for m in sure])) if sure[1:] else None
+def _scatter(subject: float | None, within: tuple[float, int], noise: float) -> VarianceParts:
+    """Standard deviations from the variance between people, the sum of squares of fits about those of people with its
+    degrees of freedom, and the variance of a fit."""
+    squares, df = within
+    between = None if subject is None else math.sqrt(subject)
+    if not df:
+        return VarianceParts(between, None, math.sqrt(noise), None, None, None)
+    variance = squares / df
+    low, high = (math.sqrt(squares / chi_square(q, df)) for q in (0.5 + LEVEL / 2, 0.5 - LEVEL / 2))
     return VarianceParts(
-        between_groups=None if raw is None else math.sqrt(max(raw, 0.0)),
-        subject=None if subject is None else math.sqrt(subject),
-        run=math.sqrt(max(variance - noise, 0.0)) if df else None,
+        subject=between,
+        run=math.sqrt(max(variance - noise, 0.0)),
         fit=math.sqrt(noise),
-        repeatability=math.sqrt(variance) if df else None,
-        repeatability_interval=ends,
-        intraclass=subject / (subject + variance) if subject is not None and df and subject + variance > 0.0 else None,
+        repeatability=math.sqrt(variance),
+        repeatability_interval=(low, high),
+        intraclass=subject / (subject + variance) if subject is not None and subject + variance > 0.0 else None,
     )
 
 
-def _outliers(values: Array, X: Array, adjustments: int, family: int) -> tuple[Outlier, ...]:
+def _outliers(values: Array, X: Array, family: int) -> tuple[Outlier, ...]:
     """Fits whose externally studentised residual is larger than chance allows (Bonferroni over fits and quantities),
     the furthest first."""
-    n, used = len(values), _rank(X) + adjustments
+    n, used = len(values), _rank(X)
     if n - used < 2:
         return ()
     hat = X @ np.linalg.pinv(X, rcond=RELATIVE_RANK)

@@ -3,32 +3,36 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from data_io.atomic import atomic_write
 from identify.base.progress import Progress, to_nobody
-from identify.base.table import visible
+from identify.base.table import OutputTable, visible
 from identify.studies.batch_store import (
     BATCH,
     INDEX,
-    Ended,
-    Store,
-    batch_document,
     complete,
     discard,
-    index_csv,
+    ended,
+    foreign,
     is_full,
     locked,
+    put,
+    put_without_result,
+    recover,
     utc,
     write_document,
 )
-from identify.studies.job import CONVERGED, UNWRITTEN, BatchError, Job
+from identify.studies.job import CONVERGED, UNWRITTEN, WAITING, BatchError, End, Job
 from identify.studies.planning import BatchPlan
 from identify.studies.workers import Answer, Workers, WorkersLostError, answers
+
+EVERY = 5.0  # s between two versions of index.csv
+OWN = ("group", "status", "message", "result", "folder", "logs", "seconds")  # columns of index.csv that are no labels
 
 
 def in_words(seconds: float) -> str:
@@ -39,16 +43,13 @@ def in_words(seconds: float) -> str:
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
 
 
-EVERY = 5.0  # s between two versions of index.csv
-
-
 @dataclass(frozen=True)
 class Summary:
     """How a batch ended: status and sentence as in batch.json, ends by group, groups kept from before, seconds."""
 
     status: str
     message: str
-    ended: dict[str, Ended]
+    ended: dict[str, End]
     kept: int
     seconds: float
 
@@ -77,13 +78,18 @@ def run_batch(
         BatchError: the folder holds something else, or another batch runs there. OSError: it cannot be made.
     """
     check_place(out, resume)
-    out = out.absolute()  # a cluster stands elsewhere
+    out = out.absolute()  # a cluster has another working directory
     out.mkdir(parents=True, exist_ok=True)
     with locked(out):
         check_place(out, resume)
-        store = Store(out)
-        _check_foreign(store, plan.jobs)
-        return _Run(plan, store, workers, progress, {"jobs": workers.count, "scheduler": scheduler}).go(limit)
+        complaints = [
+            f"{out / job.folder} holds {name!r}, which is not part of a result; move it away"
+            for job in plan.jobs
+            if ended(out, job) is None and (name := foreign(out / job.folder)) is not None
+        ]
+        if complaints:
+            raise BatchError(*complaints)
+        return _Run(plan, out, progress, {"jobs": workers.count, "scheduler": scheduler}).go(workers, limit)
 
 
 def check_place(out: Path, resume: bool) -> None:
@@ -93,61 +99,51 @@ def check_place(out: Path, resume: bool) -> None:
         BatchError: a file, a batch without `resume`, or something that is no batch.
     """
     if out.exists() and not out.is_dir():
-        raise BatchError([f"--out {out} is a file; expected a folder: choose another name"])
+        raise BatchError(f"--out {out} is a file; expected a folder: choose another name")
     items = {item.name for item in out.iterdir() if not item.name.startswith(".")} if out.is_dir() else set()
-    if not items:
-        return
-    if BATCH not in items:
-        raise BatchError([f"--out {out} exists and holds no batch of ours; choose another folder or empty it"])
-    if not resume:
-        raise BatchError(
-            [f"--out {out} holds a batch already; add --resume to go on with it, or choose another folder"]
-        )
-
-
-def _full(words: str) -> _StopError:
-    return _StopError(f"{words}; make room, then go on with --resume")
-
-
-def _check_foreign(store: Store, jobs: Sequence[Job]) -> None:
-    complaints = [
-        f"{store.folder / job.folder} holds {name!r}, which is not part of a result; move it away"
-        for job in jobs
-        if store.ended(job) is None and (name := store.foreign(job)) is not None
-    ]
-    if complaints:
-        raise BatchError(complaints)
+    if items and BATCH not in items:
+        raise BatchError(f"--out {out} exists and holds no batch of ours; choose another folder or empty it")
+    if items and not resume:
+        raise BatchError(f"--out {out} holds a batch already; add --resume to go on with it, or choose another folder")
 
 
 class _Run:
     """One run of a batch, while its folder is locked."""
 
-    def __init__(
-        self, plan: BatchPlan, store: Store, workers: Workers, progress: Progress, about: dict[str, Any]
-    ) -> None:
-        self._plan, self._store, self._workers, self._progress = plan, store, workers, progress
-        self._about = about | {"started": utc()}
-        self._began = time.monotonic()
-        self._ended: dict[str, Ended] = {}
-        self._written = -EVERY
+    def __init__(self, plan: BatchPlan, out: Path, progress: Progress, about: Mapping[str, object]) -> None:
+        self._plan, self._out, self._progress = plan, out, progress
+        self._about = {**about, "started": utc()}
+        self._began = self._written = time.monotonic()
+        self._ended: dict[str, End] = {}
         self._stage = ""
 
-    def go(self, limit: float) -> Summary:
+    def go(self, workers: Workers, limit: float) -> Summary:
         """Recover, fit, and leave the tables behind, whatever happens."""
         self._gather()
         kept = len(self._ended)
-        todo = [job for job in self._plan.jobs if job.group not in self._ended]
+        jobs = [job for job in self._plan.jobs if job.group not in self._ended]
         self._tables("running", "the batch is running")
-        done = f", {kept} of them done before" if kept else ""
-        self._tell(f"{len(self._plan.jobs)} groups{done}")
+        self._tell(f"{len(self._plan.jobs)} groups{f', {kept} of them done before' if kept else ''}")
         try:
-            with self._stopping():
-                self._fit(todo, limit)
-        except _StopError as error:
-            return self._end("stopped", f"stopped, and what has ended is kept: {error}", kept)
-        failures = [end for end in self._ended.values() if end.status != CONVERGED]
-        message = f"{len(self._ended)} groups: {len(self._ended) - len(failures)} converged, {len(failures)} did not"
-        return self._end("failures" if failures else "done", message, kept)
+            if jobs:
+                with workers:
+                    self._fit(workers, jobs, limit)
+        except (_StopError, WorkersLostError) as error:
+            status, message = "stopped", f"stopped, and what has ended is kept: {error}"
+        except OSError as error:
+            if not is_full(error):
+                raise
+            status, message = "stopped", f"stopped, and what has ended is kept: {_full(error)}"
+        except KeyboardInterrupt:
+            self._finish("stopped", "the batch was interrupted; go on with --resume")
+            raise
+        else:
+            failures = sum(end.status != CONVERGED for end in self._ended.values())
+            status = "failures" if failures else "done"
+            count = len(self._ended)
+            message = f"{count} groups: {count - failures} converged, {failures} did not"
+        self._finish(status, message)
+        return Summary(status, message, dict(self._ended), kept, time.monotonic() - self._began)
 
     def _tell(self, stage: str) -> None:
         self._stage = stage
@@ -155,61 +151,43 @@ class _Run:
 
     def _gather(self) -> None:
         """What has ended for good, also what was written whole and not yet put; the rest of the unfinished goes."""
-        self._store.recover(self._plan.jobs)
+        recover(self._out, self._plan.jobs)
         for job in self._plan.jobs:
-            document = self._store.ended(job)
-            if document is not None:
-                self._ended[job.group] = Ended.of(document)
+            if (document := ended(self._out, job)) is not None:
+                self._ended[job.group] = _end_of(document)
 
-    def _fit(self, todo: Sequence[Job], limit: float) -> None:
-        if not todo:
-            return
-        began, size, total = time.monotonic(), 0, sum(job.size for job in todo)
-        with self._workers as workers:
-            for arrived in answers(workers, todo, self._store.folder, limit):
-                if arrived is None:
-                    self._tell(self._stage)
-                    continue
-                job, answer = arrived
-                end = self._ended[job.group] = self._put(job, answer)
-                size += job.size
-                # what is left goes as fast as what is done, both in bytes of logs
-                left = (time.monotonic() - began) * max(total - size, 0) / size if size else 0.0
-                took = "" if end.seconds is None else f" in {in_words(end.seconds)}"
-                words = f"{visible(job.group, 60)}: {end.status.replace('_', ' ')}{took}"
-                remaining = f"; about {in_words(left)} left" if left >= 1.0 else ""
-                self._tell(f"{len(self._ended)}/{len(self._plan.jobs)} {words}{remaining}")
-                if time.monotonic() - self._written > EVERY:
-                    self._index()
+    def _fit(self, workers: Workers, jobs: Sequence[Job], limit: float) -> None:
+        began, size, total = time.monotonic(), 0, sum(job.size for job in jobs)
+        for arrived in answers(workers, jobs, self._out, limit):
+            if arrived is None:
+                self._tell(self._stage)
+                continue
+            job, answer = arrived
+            end = self._ended[job.group] = self._put(job, answer)
+            size += job.size
+            # what is left goes as fast as what is done, both in bytes of logs
+            left = (time.monotonic() - began) * max(total - size, 0) / size if size else 0.0
+            took = f" in {in_words(end.timing_s['total'])}" if "total" in end.timing_s else ""
+            words = f"{visible(job.group, 60)}: {end.status.replace('_', ' ')}{took}"
+            remaining = f"; about {in_words(left)} left" if left >= 1.0 else ""
+            self._tell(f"{len(self._ended)}/{len(self._plan.jobs)} {words}{remaining}")
+            if time.monotonic() - self._written > EVERY:
+                self._index()
 
-    def _put(self, job: Job, answer: Answer) -> Ended:
+    def _put(self, job: Job, answer: Answer) -> End:
         """Put what a job left, whole, or the record of why it left nothing."""
         end, part = answer
         document = complete(part)  # even of a process that died just after it had written the last file
         if document is not None and document["key"] == job.key:
-            self._store.put(part, job.folder)
-            return Ended.of(document)
+            put(part, self._out / job.folder)
+            return _end_of(document)
         discard(part)
         if end.status == UNWRITTEN:
-            raise _full(end.message)
-        return Ended.of(self._store.put_without_result(job, end))
+            raise _StopError(f"{end.message}; make room, then go on with --resume")
+        put_without_result(self._out, job, end)
+        return end
 
-    @contextmanager
-    def _stopping(self) -> Iterator[None]:
-        """Turn a full disk into the end of the batch; say in the tables that an interrupted batch has stopped."""
-        try:
-            yield
-        except OSError as error:
-            if not is_full(error):
-                raise
-            raise _full(f"{error.filename or self._store.folder}: {error.strerror}") from None
-        except WorkersLostError as error:
-            raise _StopError(str(error)) from None
-        except KeyboardInterrupt:
-            self._end("stopped", "the batch was interrupted; go on with --resume", 0)
-            raise
-
-    def _end(self, status: str, message: str, kept: int) -> Summary:
+    def _finish(self, status: str, message: str) -> None:
         """Write the tables a last time and remove what is unfinished."""
         try:
             self._gather()
@@ -217,15 +195,69 @@ class _Run:
         except OSError as error:
             if not is_full(error):
                 raise
-        return Summary(status, message, dict(self._ended), kept, time.monotonic() - self._began)
 
     def _tables(self, status: str, message: str, finished: str | None = None) -> None:
-        seconds = time.monotonic() - self._began
-        run = {"status": status, "message": message, **self._about, "finished": finished, "seconds": seconds}
-        write_document(self._store.folder / BATCH, batch_document(self._plan, self._ended, run))
+        run = {"status": status, "message": message, **self._about, "finished": finished}
+        document = batch_document(self._plan, self._ended, {**run, "seconds": time.monotonic() - self._began})
+        write_document(self._out / BATCH, document)
         self._index()
 
     def _index(self) -> None:
-        with atomic_write(self._store.folder / INDEX) as handle:
+        with atomic_write(self._out / INDEX) as handle:
             handle.write(index_csv(self._plan, self._ended))
         self._written = time.monotonic()
+
+
+def _full(error: OSError) -> str:
+    return f"{error.filename or 'the disk'}: {error.strerror}; make room, then go on with --resume"
+
+
+def _end_of(document: Mapping[str, Any]) -> End:
+    """The end of a group from its job.json."""
+    return End(document["status"], document["message"], document.get("detail"), document.get("timing_s") or {})
+
+
+def batch_document(plan: BatchPlan, ended: Mapping[str, End], run: Mapping[str, object]) -> dict[str, Any]:
+    """The document of batch.json.
+
+    Args:
+        ended: by group. run: status, message, started, finished, seconds, jobs, scheduler.
+    """
+    statuses = [ended[job.group].status if job.group in ended else WAITING for job in plan.jobs]
+    return {
+        "schema": 1,
+        "kind": "batch",
+        "source": str(plan.source),
+        "scene": str(plan.scene),
+        "set": list(plan.overrides),
+        "numerics": plan.numerics,
+        **run,
+        "columns": list(plan.labels),
+        "counts": dict(Counter(statuses)),
+        "groups": [
+            {
+                "group": job.group,
+                "folder": job.folder,
+                "key": job.key,
+                "status": status,
+                "labels": dict(job.labels),
+                "logs": [asdict(log) for log in job.logs],
+            }
+            for job, status in zip(plan.jobs, statuses, strict=True)
+        ],
+    }
+
+
+def index_csv(plan: BatchPlan, ended: Mapping[str, End]) -> str:
+    """The text of index.csv; one row per group in the order of the source."""
+    # Labels of the manifest in its order, then those that only the scene gives.
+    names = list(dict.fromkeys([*plan.labels, *(name for job in plan.jobs for name in job.labels)]))
+    headings = [f"label: {name}" if name in OWN else name for name in names]
+    rows = []
+    for job in plan.jobs:
+        end = ended.get(job.group, End(WAITING, ""))
+        result = f"{job.folder}/result.json" if job.group in ended and end.has_result else ""
+        seconds = round(end.timing_s["total"], 3) if "total" in end.timing_s else None
+        labels = [job.labels.get(name, "") for name in names]
+        rows.append((job.group, end.status, end.message, result, job.folder, len(job.logs), *labels, seconds))
+    return OutputTable("Groups", (*OWN[:-1], *headings, OWN[-1]), tuple(rows)).to_csv()

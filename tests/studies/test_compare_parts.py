@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 
-from identify.cli.main import main
-from identify.studies.compare import compare, parts
+from identify.studies.compare import CompareError, ComparisonQuestion, compare
 from identify.studies.comparison_page import render
-from identify.studies.comparison_tables import comparison_tables
-from identify.studies.fits import count, read_fits
-from identify.studies.labels import CompareError, ComparisonQuestion
+from identify.studies.fits import count, parts, read_fits
 from identify.studies.operating_points import NOTHING, answered, common, group_answers
 from identify.studies.pooled import DIFFERENT, NOT_TOLD_APART
 from tests.support.comparing_case import NAMES, document, write_fit
@@ -76,17 +71,17 @@ def test_values_of_each_person_are_pooled_over_people(tmp_path, per, raised, ver
         assert [d.verdict for d in pooled.differences] == [verdict]
         assert [m.subjects for m in pooled.means] == [3, 3]
         assert [m.fits for m in pooled.means] == [6, 6] if per == "volunteer" else [12, 12]
-    assert found.taken.people == 3
-    assert found.taken.setting.subject.count("V08") == (4 if per == "volunteer" else 8)
+    assert found.selected.people == 3
+    assert found.selected.setting.subject.count("V08") == (4 if per == "volunteer" else 8)
 
 
 def test_what_all_logs_share_counts_once(tmp_path):
     found = compare(study(tmp_path), ComparisonQuestion("material"))
     assert [m.fits for m in found.answered["t_cr"].means] == [2, 2]
-    assert all(q.untold == () for q in found.quantities)  # what another part tells is not missing
-    assert count(found.taken.entries) == 4 and len(found.taken.entries) == 16
-    assert found.taken.notes == (
-        "4 fits tell some parameters of several volunteers at once; there each is one person.",
+    assert all(q.missing == () for q in found.quantities)  # what another part tells is not missing
+    assert count(found.selected.entries) == 4 and len(found.selected.entries) == 16
+    assert found.selected.notes == (
+        "4 fits have some parameters of several volunteers at once; there each is one person.",
     )
     assert all(answer.reason == "" for answer in group_answers(found, common(found)))
 
@@ -97,12 +92,12 @@ def test_people_of_joint_fits_are_compared(tmp_path):
     means = {m.group: m.value for m in found.answered["mu_s"].means}
     assert means["V08"] - means["V07"] == pytest.approx(0.08, abs=5e-3)
     assert "t_cr" not in found.answered
-    assert dict(found.taken.left_out)["PE1"] == (
+    assert dict(found.selected.left_out)["PE1"] == (
         "what its logs share (mu_k0, delta_mu_k, a, t_cr) is of no one volunteer"
     )
     for answer in group_answers(found, common(found)):
         assert answer.critical_speed == NOTHING
-        assert answer.reason.endswith("not pooled: its fits tell one value for several volunteers")
+        assert answer.reason.endswith(": its fits have one value for several volunteers")
 
 
 def test_a_part_has_its_own_labels_logs_and_correlations(tmp_path):
@@ -112,7 +107,7 @@ def test_a_part_has_its_own_labels_logs_and_correlations(tmp_path):
     assert [p.name for p in told] == ["PE1", *(f"PE1, volunteer {v}" for v in PEOPLE)]
     second = told[2]
     assert second.labels == {"material": "PE", "volunteer": "V08"} and second.mixed == ()
-    assert [log.path for log in second.logs] == ["2.csv", "3.csv"]
+    assert [log.path for log in second.fitted_logs] == ["2.csv", "3.csv"]
     assert second.result.parameters["D"] == entry.result.parameters["D (V08)"]
     assert set(told[0].result.parameters) == set(NAMES) - set(OWN)
 
@@ -126,9 +121,9 @@ def test_a_fit_of_one_person_stays_whole(tmp_path):
 def test_a_fit_is_left_out_whole_or_by_group(tmp_path):
     entries = study(tmp_path)
     whole = compare(entries, ComparisonQuestion("material", without=("PP2",)))
-    assert count(whole.taken.entries) == 3 and len(whole.taken.left_out) == 4
+    assert count(whole.selected.entries) == 3 and len(whole.selected.left_out) == 4
     part = compare(entries, ComparisonQuestion("material", without=("PP2, volunteer V08",)))
-    assert count(part.taken.entries) == 4 and [n for n, _ in part.taken.left_out] == ["PP2, volunteer V08"]
+    assert count(part.selected.entries) == 4 and [n for n, _ in part.selected.left_out] == ["PP2, volunteer V08"]
     with pytest.raises(CompareError, match="no fit is called"):
         compare(entries, ComparisonQuestion("material", without=("PP2, volunteer V99",)))
 
@@ -147,53 +142,3 @@ def test_an_odd_group_flags_its_fit_on_the_page(tmp_path):
     text = render("page", found.entries, found, answered(found), tmp_path)
     assert 'href="fit%203/report.html"><bdi>fit 3, volunteer V08</bdi>' in text
     assert "outlier?" in text
-
-
-@pytest.mark.usefixtures("no_answers")
-def test_the_command_counts_fits_and_not_their_parts(tmp_path, capsys):
-    study(tmp_path / "study")
-    arguments = ["compare", str(tmp_path / "study"), "--by", "material", "--out", str(tmp_path / "out")]
-    assert main(arguments) == 0
-    assert "4 of 4 fits compared by material: PE, PP" in capsys.readouterr().out
-
-
-def untold(told, kept=()):
-    for name, parameter in told["parameters"].items():
-        if name not in kept:
-            parameter |= {"verdict": "not identifiable", "standard_error": None, "interval": [None, None]}
-    return told
-
-
-@pytest.mark.usefixtures("no_answers")
-@pytest.mark.parametrize(("kept", "counted"), [((), 6), (("mu_k0",), 7)])
-def test_a_fit_that_tells_nothing_is_not_counted(tmp_path, kept, counted):
-    """Control: with one parameter told, the fit and its person count."""
-    random = np.random.default_rng(1)
-    for k in range(7):
-        labels = {"material": f"M{k % 2}", "volunteer": f"V{k}"}
-        told = document(CENTRE + SD * random.standard_normal(6), np.diag(SD**2), labels)
-        write_fit(tmp_path / f"fit{k}", untold(told, kept) if k == 6 else told)
-    found = compare(read_fits([tmp_path]), ComparisonQuestion("material"))
-    assert count(found.taken.entries) == found.taken.people == counted
-    reasons = dict(found.taken.left_out)
-    expected = {} if kept else {"fit6": "it tells nothing: mu_s, mu_k0, delta_mu_k, a, D, t_cr not identifiable"}
-    assert reasons == expected
-    page = render("page", found.entries, found, answered(found), tmp_path)
-    tiles = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page))
-    assert f"compared {counted} {7 - counted} left out" in tiles
-
-
-@pytest.mark.usefixtures("no_answers")
-def test_standard_errors_are_in_the_unit_of_the_mean(tmp_path):
-    """Those of logarithms times the mean; control: others as they are."""
-    found = compare(study(tmp_path), ComparisonQuestion("material"))
-    table = comparison_tables(found, answered(found))["parameters"]
-    frame = table.to_frame().set_index(["parameter", "material"])
-    for name in ("D", "mu_s"):
-        mean = found.answered[name].means[0]
-        row = frame.loc[(name, mean.group)]
-        times = np.exp(mean.value) if name == "D" else 1.0
-        assert row["standard error"] == pytest.approx(mean.error * times)
-        assert row["scatter of its fits"] == pytest.approx(mean.scatter * times)
-    row = frame.loc[("D", "PE")]
-    assert row["standard error"] < row["mean"] and row["remark"] == "mean of the logarithm"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 
 from experiments.pooling_draws import Plan
@@ -81,13 +79,6 @@ def test_links_lead_to_the_pages_of_the_fits(page, browser):
     browser.open(page, 1280)
     targets = browser.run("Array.from(document.querySelectorAll('#fits tbody a')).map(a => a.getAttribute('href'))")
     assert len(targets) == 18 and all((page.parent / target).is_file() for target in targets)
-
-
-def test_it_prints_on_sheets(page, browser, tmp_path):
-    browser.open(page, 1280)
-    browser.printed(tmp_path / "page.pdf")
-    content = (tmp_path / "page.pdf").read_bytes()
-    assert content.startswith(b"%PDF") and 2 <= len(re.findall(rb"/Type\s*/Page\b", content)) <= 14
 
 
 def test_a_script_of_a_label_would_not_run(page, browser, tmp_path):

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from experiments.pooling_draws import Plan, draw
-from identify.studies.pooled import DIFFERENT, NOT_TESTED, NOT_TOLD_APART, PoolingError, Setting, joint, pool
+from identify.studies.pooled import DIFFERENT, NOT_TESTED, PoolingError, Setting, joint, pool
 
 
 def balanced(seed, people=8, groups=3, runs=3, crossed=0.03):
@@ -144,33 +144,6 @@ def test_thirty_logs_of_one_person_are_one_person():
     assert one.means[0].interval is None
     # the negative control: if nobody says whose they are, the same numbers are called different
     assert pool(y, np.full(60, 1e-6), Setting(groups)).differences[0].verdict == DIFFERENT
-
-
-def test_more_logs_of_the_same_people_do_not_shrink_the_interval():
-    def width(runs, subject):
-        y, setting = balanced(4, people=5, groups=2, runs=runs, crossed=0.05)
-        found = pool(y, np.zeros(len(y)), setting if subject else Setting(setting.group))
-        return np.diff(found.means[0].interval)[0]
-
-    assert width(40, True) > 0.7 * width(4, True)
-    assert width(40, False) < 0.5 * width(4, False)
-
-
-def test_a_covariate_is_taken_out_and_what_goes_with_the_groups_is_named():
-    random = np.random.default_rng(8)
-    moist = random.normal(40.0, 8.0, 40)
-    group = np.where(random.random(40) < 1 / (1 + np.exp(-(moist - 40) / 4)), "B", "A")
-    y = 0.5 + 0.01 * (moist - 40.0) + 0.005 * random.standard_normal(40)
-    subject = tuple(f"V{k}" for k in range(40))
-    plain = pool(y, np.zeros(40), Setting(tuple(group), subject))
-    adjusted = pool(y, np.zeros(40), Setting(tuple(group), subject, covariates={"hydration": tuple(moist)}))
-    assert plain.differences[0].verdict == DIFFERENT
-    assert adjusted.differences[0].verdict == NOT_TOLD_APART
-    assert adjusted.adjustments["hydration"] == pytest.approx(0.01, abs=6e-4)
-    mixed_up = Setting(tuple(group), subject, covariates={"batch": tuple((group == "B").astype(float))})
-    assert "batch" in pool(y, np.zeros(40), mixed_up).dropped
-    site = Setting(tuple(group), subject, factors={"site": tuple("ab" * 20)})
-    assert not pool(y, np.zeros(40), site).dropped
 
 
 def test_groups_that_no_people_join_are_not_tested():
