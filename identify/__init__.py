@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from identify.base.packages import check_data_io
 
 if TYPE_CHECKING:
     from identify.base.errors import FitError, IdentifyError, SceneError, SimulationError
@@ -60,6 +60,20 @@ _HOMES = {
     "simulate": "identify.simulation.simulate",
     "stability_map": "identify.prediction.maps",
 }
+
+
+def check_data_io() -> None:
+    """Look whether `data_io`, without which nothing here works, is the package that was installed with this one.
+
+    Raises:
+        ImportError: a file or folder of that name stands before it on the path, beside the user's script as a rule.
+    """
+    spec = importlib.util.find_spec("data_io")
+    place = None if spec is None or spec.origin is None else Path(spec.origin).resolve()
+    if place != (Path(__file__).parents[1] / "data_io" / "__init__.py").resolve():
+        raise ImportError(
+            f"data_io is {place or 'missing'}, not the package of the workbench, which it hides: rename that file"
+        )
 
 
 def __getattr__(name: str) -> Any:

@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.base.budget import now, seconds_left, time_is_up, time_limit
+from identify.base.budget import now, seconds_left, stage, time_is_up, time_limit, timing_stages
 from identify.base.compiled import Mapped
 from identify.base.errors import FitError
-from identify.base.heap import keep_freed_memory
+from identify.base.linear import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
-from identify.base.stages import stage, timing_stages
 from identify.bench.next_log import Advice, advised, next_logs
 from identify.diagnosis.effect_choice import Choice
 from identify.diagnosis.explain import explain

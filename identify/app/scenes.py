@@ -18,8 +18,7 @@ from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN
 from identify.scene import Scene
 from identify.scene.parameters import declared_by
-from identify.scene.rig import question_bare_numbers
-from identify.scene.toml import parsed
+from identify.scene.toml import parsed, question_bare_numbers
 
 LONGEST = 1_000_000  # characters of a scene file
 NEEDED = ("mass", "stiffness", "damping")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, fields, is_dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
 from types import MappingProxyType, NoneType, UnionType
 from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar, Union, cast, get_args, get_origin, get_type_hints
@@ -17,11 +17,11 @@ else:
     Json = object  # whatever stands there is passed on
 
 T = TypeVar("T")
-Converter = Callable[[object, str], object]
 
 # Metadata of fields: a key is absent where the field has its default, or it holds further keys of the same object.
 OMITTED = MappingProxyType({"omitted": True})
 FURTHER = MappingProxyType({"further": True})
+EXPECTED = {str: "text", bool: "true or false", int: "a whole number", float: "a number"}
 
 
 def finite(value: object) -> float | None:
@@ -37,10 +37,13 @@ def to_document(value: object) -> Json:
         return {str(key): to_document(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
         return [to_document(item) for item in value]
-    if not is_dataclass(value):
-        return cast("Json", value)
+    return to_dict(value) if is_dataclass(value) else cast("Json", value)
+
+
+def to_dict(value: object) -> dict[str, Json]:
+    """The document of a dataclass."""
     out: dict[str, Json] = {}
-    for field in fields(value):
+    for field in fields(value):  # type: ignore[arg-type]
         item = getattr(value, field.name)
         if "further" in field.metadata:
             out |= cast("dict[str, Json]", to_document(item))
@@ -49,131 +52,68 @@ def to_document(value: object) -> Json:
     return out
 
 
-def to_dict(value: object) -> dict[str, Json]:
-    """The document of a dataclass."""
-    document = to_document(value)
-    assert isinstance(document, dict)
-    return document
-
-
 def from_document(kind: type[T], document: object, where: str = "the document") -> T:
     """The dataclass of a document; keys that it does not know are left out, unless a field holds further ones.
 
-    Numbers that are not finite are None where the field may be None. Where `kind` is read from must be told, for
-    sentences on what is wrong.
+    Numbers that are not finite are None where the field may be None; `where` names the document in sentences.
 
     Raises:
         DocumentError: something is missing, or of another kind than expected.
     """
-    return cast("T", _converter(cast("object", kind))(document, where))
+    return cast("T", _read(kind, document, where))
+
+
+def _read(kind: object, data: object, where: str) -> object:
+    """What stands in a document as a value of a type."""
+    origin, arguments = get_origin(kind), get_args(kind)
+    if kind is object:
+        return data
+    if origin in (Union, UnionType):
+        if data is None or (isinstance(data, float) and not math.isfinite(data)):
+            return None
+        return _read(next(each for each in arguments if each is not NoneType), data, where)
+    if origin is Mapping or is_dataclass(kind):
+        if not isinstance(data, Mapping):
+            raise DocumentError(f"{where} is {data!r:.80}; expected a table")
+        if is_dataclass(kind):
+            return _read_object(cast("type", kind), data, where)
+        return {str(key): _read(arguments[1], item, f"{where} {key}") for key, item in data.items()}
+    if origin is tuple:
+        repeated = arguments[-1] is Ellipsis
+        if isinstance(data, str) or not isinstance(data, Sequence):
+            raise DocumentError(f"{where} is {data!r:.80}; expected a list")
+        if not repeated and len(data) != len(arguments):
+            raise DocumentError(f"{where} is {data!r:.80}; expected a list of {len(arguments)} items")
+        kinds = arguments[:1] * len(data) if repeated else arguments
+        return tuple(_read(each, item, where) for each, item in zip(kinds, data, strict=True))
+    plain = str if origin is Literal else cast("type", kind)
+    if plain in (int, float):
+        right = isinstance(data, int | float) and not isinstance(data, bool) and (plain is float or data == data // 1)
+    else:
+        right = isinstance(data, plain)
+    if not right:
+        raise DocumentError(f"{where} is {data!r:.80}; expected {EXPECTED[plain]}")
+    return cast("object", plain(data))
+
+
+def _read_object(kind: type, table: Mapping[str, object], where: str) -> object:
+    values: dict[str, object] = {}
+    left = dict(table)
+    for field, each in _fields_of(kind):
+        key = field.metadata.get("key", field.name)
+        needed = field.default is MISSING and field.default_factory is MISSING
+        if "further" in field.metadata:
+            continue
+        if table.get(key) is not None or (key in table and needed):
+            values[field.name] = _read(each, table[key], f"{where}: {key}")
+        elif needed:
+            raise DocumentError(f"{where} has no {key!r}; expected {kind.__name__} with it")
+        left.pop(key, None)
+    further = [(field.name, each) for field, each in _fields_of(kind) if "further" in field.metadata]
+    return kind(**values, **{name: _read(each, left, where) for name, each in further})
 
 
 @cache
-def _converter(kind: object) -> Converter:
-    """How what stands in a document becomes a value of a type."""
-    origin, arguments = get_origin(kind), get_args(kind)
-    if kind in (object, str, bool, int, float):
-        return _PLAIN[cast("type", kind)]
-    if origin is Literal:
-        return _text
-    if origin in (Union, UnionType):
-        inner = _converter(next(each for each in arguments if each is not NoneType))
-        return lambda data, where: None if _is_nothing(data) else inner(data, where)
-    if origin is Mapping:
-        item = _converter(arguments[1])
-        return lambda data, where: {
-            str(key): item(value, f"{where} {key}") for key, value in _table(data, where).items()
-        }
-    if origin is tuple:
-        repeated = len(arguments) == 2 and arguments[1] is Ellipsis
-        items = [_converter(argument) for argument in arguments if argument is not Ellipsis]
-
-        def listed(data: object, where: str) -> tuple[object, ...]:
-            found = _list(data, where)
-            if not (repeated or len(found) == len(items)):
-                raise DocumentError(f"{where} is {data!r:.80}; expected a list of {len(items)} items")
-            each = items * len(found) if repeated else items
-            return tuple(item(value, where) for item, value in zip(each, found, strict=True))
-
-        return listed
-    assert is_dataclass(kind), kind
-    return _object(cast("type", kind))
-
-
-def _object(kind: type) -> Converter:
-    hints, known = get_type_hints(kind), fields(kind)
-    further = next((field.name for field in known if "further" in field.metadata), None)
-    plan = [
-        (field.name, field.metadata.get("key", field.name), _converter(hints[field.name]), _is_needed(field))
-        for field in known
-        if field.name != further
-    ]
-
-    own = {key for _, key, *_ in plan}
-
-    def read(data: object, where: str) -> object:
-        table, values = _table(data, where), {}
-        for name, key, convert, needed in plan:
-            if table.get(key) is not None or (key in table and needed):
-                values[name] = convert(table[key], f"{where}: {key}")
-            elif needed:
-                raise DocumentError(f"{where} has no {key!r}; expected {kind.__name__} with it")
-        if further is not None:
-            rest = {key: value for key, value in table.items() if key not in own}
-            values[further] = _converter(hints[further])(rest, where)
-        return kind(**values)
-
-    return read
-
-
-def _is_needed(field: object) -> bool:
-    return field.default is MISSING and field.default_factory is MISSING  # type: ignore[attr-defined]
-
-
-def _is_nothing(data: object) -> bool:
-    return data is None or (isinstance(data, float) and not math.isfinite(data))
-
-
-def _table(data: object, where: str) -> Mapping[str, object]:
-    if not isinstance(data, Mapping):
-        raise DocumentError(f"{where} is {data!r:.80}; expected a table")
-    return data
-
-
-def _list(data: object, where: str) -> Sequence[object]:
-    if isinstance(data, str) or not isinstance(data, Sequence):
-        raise DocumentError(f"{where} is {data!r:.80}; expected a list")
-    return data
-
-
-def _text(data: object, where: str) -> str:
-    if not isinstance(data, str):
-        raise DocumentError(f"{where} is {data!r:.80}; expected text")
-    return data
-
-
-def _truth(data: object, where: str) -> bool:
-    if not isinstance(data, bool):
-        raise DocumentError(f"{where} is {data!r:.80}; expected true or false")
-    return data
-
-
-def _number(data: object, where: str) -> float:
-    if isinstance(data, bool) or not isinstance(data, int | float):
-        raise DocumentError(f"{where} is {data!r:.80}; expected a number")
-    return float(data)
-
-
-def _whole(data: object, where: str) -> int:
-    if isinstance(data, bool) or not isinstance(data, int | float) or not math.isfinite(data) or data != int(data):
-        raise DocumentError(f"{where} is {data!r:.80}; expected a whole number")
-    return int(data)
-
-
-_PLAIN: Mapping[type, Converter] = {
-    object: lambda data, _where: data,
-    str: _text,
-    bool: _truth,
-    int: _whole,
-    float: _number,
-}
+def _fields_of(kind: type) -> list[tuple[Field[object], object]]:
+    hints = get_type_hints(kind)
+    return [(field, hints[field.name]) for field in fields(kind)]

@@ -136,6 +136,16 @@ class _Bordered:
         return out
 
 
+def keep_freed_memory() -> None:
+    """Let the process keep up to 64 MB that it has freed.
+
+    glibc hands arrays of some megabytes back to the system and then takes a page fault for every 4 KB of the next one:
+    an eighth of the time of a fit of a million samples. It stops that for blocks as large as one that it has seen come
+    and go (M_MMAP_THRESHOLD in mallopt(3)), up to 32 MiB, so one comes and goes here. Others take no notice.
+    """
+    np.empty(4_000_000)
+
+
 def optimality_matrix(hessian_upper: sp.csc_matrix, jacobian: sp.csc_matrix) -> sp.csc_matrix:
     """[[H, J^T], [J, 0]] from the upper triangle of H (n, n) and J (m, n)."""
     hessian = hessian_upper + sp.triu(hessian_upper, 1).T

@@ -1,4 +1,4 @@
-"""CasADi functions as machine code: translated to C, compiled once in the background, kept in the user's cache.
+"""CasADi functions as machine code: written as C, compiled once in the background, kept in the user's cache.
 
 A library is found by the hash of what its function computes, and loaded only where its bytes have the checksum that
 stands in its name: a damaged one is removed and compiled again. The compiler keeps the order of the arithmetic (no
@@ -15,7 +15,6 @@ import hashlib
 import math
 import os
 import platform
-import re
 import shutil
 import signal
 import stat
@@ -29,7 +28,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from identify.base import compile_worker, wide
+from identify.base import compile_worker
 
 OPTIONS = ("-O1", "-ffp-contract=off", "-fPIC", "-shared")
 LARGEST = 90_000  # instructions of a function that is compiled
@@ -38,7 +37,6 @@ STALE = 900.0  # seconds after which the unfinished work of another process coun
 AGAIN = 86_400.0  # seconds after which a function that could not be compiled is tried again
 LINGER = 10  # seconds that compiling goes on after the process it serves: the next one finds it done
 LIMIT = 64_000_000  # bytes of machine code that are kept
-OURS = re.compile(r"[a-z]+-[0-9a-f]{40}(\.[0-9a-f]{16})?\.(so|failed)")
 
 _running: list[subprocess.Popen[bytes]] = []  # one at a time
 
@@ -67,28 +65,33 @@ def folder() -> Path | None:
 
 
 @cache
+def register() -> tuple[int, tuple[str, ...]]:
+    """How many rows of a batch a register of this processor holds, and the compiler's options for it."""
+    try:
+        known = "avx2" in Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").split()
+    except OSError:
+        known = False
+    return (4, ("-mavx2",)) if known and platform.machine() == "x86_64" else (2, ())
+
+
+@cache
 def _toolchain() -> str:
     """What besides the function decides about the machine code: compiler, its version, options, CasADi, processor."""
     path = Path(compiler() or "/").resolve()
-    parts = (path, path.stat().st_mtime_ns, *OPTIONS, wide.VERSION, wide.register(), ca.__version__)
-    return "\n".join(map(str, (*parts, platform.machine())))
+    parts = (path, path.stat().st_mtime_ns, *OPTIONS, VERSION, register(), ca.__version__, platform.machine())
+    return "\n".join(map(str, parts))
 
 
-def key(function: ca.Function, *, lanes: bool = False) -> str | None:
+def key(function: ca.Function, *, simd: bool = False) -> str | None:
     """What a function computes, as a hash; None where it is not compiled here.
 
     Args:
-        lanes: compiled for several lanes at once where every operation can be written so (`wide`).
+        simd: compiled for several rows of a batch at once where every operation can be written so.
     """
     if compiler() is None or folder() is None or function.n_instructions() > LARGEST:
         return None
     computes = hashlib.sha256((_toolchain() + function.serialize()).encode()).hexdigest()[:40]
-    return f"{'wide' if lanes else 'plain'}-{computes}"
-
-
-def seconds(function: ca.Function) -> float:
-    """What compiling takes, roughly."""
-    return PER_INSTRUCTION * float(function.n_instructions())
+    return f"{'simd' if simd else 'plain'}-{computes}"
 
 
 def find(identity: str, name: str) -> ca.Function | None:
@@ -101,7 +104,7 @@ def find(identity: str, name: str) -> ca.Function | None:
                 try:
                     return ca.external(name, str(path))
                 except RuntimeError:  # nothing in this folder may be executed, say
-                    _mark(path.with_name(f"{identity}.failed"))
+                    path.with_name(f"{identity}.failed").touch()
             path.unlink(missing_ok=True)
     return None
 
@@ -145,7 +148,7 @@ def start(jobs: Sequence[tuple[ca.Function, str]]) -> None:
     if not builds:
         return
     command: list[str | Path] = [sys.executable, "-I", "-S", compile_worker.__file__, base, str(LINGER)]
-    command += [cc, *OPTIONS, *wide.register()[1], "--", *builds]
+    command += [cc, *OPTIONS, *register()[1], "--", *builds]
     quiet = subprocess.DEVNULL
     try:  # in the session of this process: Linux shares processors among sessions first, and nice counts within one
         _running.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, process_group=0))
@@ -157,58 +160,38 @@ def start(jobs: Sequence[tuple[ca.Function, str]]) -> None:
 def _claimed(base: Path, function: ca.Function, identity: str) -> Path | None:
     """A new folder with the C code of a function; None where another process is at it, or it failed or fails now."""
     build = base / f"build-{identity}"
-    if failed(identity):
-        return None
     try:
+        if failed(identity):
+            return None
         build.mkdir(mode=0o700)
     except OSError:
         return None
     try:
-        code = wide.code(function, wide.register()[0]) if identity.startswith("wide") else None
-        if code is None:
+        text = simd_code(function, register()[0]) if identity.startswith("simd") else None
+        if text is None:
             generator = ca.CodeGenerator("function.c")
             generator.add(function)
             generator.generate(f"{build}{os.sep}")
         else:
-            (build / "function.c").write_text(code, encoding="ascii")
+            (build / "function.c").write_text(text, encoding="ascii")
         return build
     except (OSError, RuntimeError):  # the disk is full, or CasADi has no C for it
-        _mark(base / f"{identity}.failed")
+        with suppress(OSError):
+            (base / f"{identity}.failed").touch()
         shutil.rmtree(build, ignore_errors=True)
         return None
 
 
-def _mark(path: Path) -> None:
-    with suppress(OSError):
-        path.touch()
-
-
-def limit() -> int:
-    """Bytes of machine code that are kept."""
-    text = os.environ.get("STICKSLIP_CACHE_MB", "")
-    return int(1e6 * float(text)) if text.replace(".", "", 1).isdigit() else LIMIT
-
-
-def contents(base: Path) -> list[tuple[float, int, Path]]:
-    """Every file of ours in the cache: when it was used last, its size in bytes, its path; the oldest first."""
-    files = []
-    for path in base.iterdir():
-        if OURS.fullmatch(path.name):
-            with suppress(OSError):
-                about = path.stat()
-                files.append((about.st_mtime, about.st_size, path))
-    return sorted(files)
-
-
 def make_room(base: Path) -> None:
     """Remove what was not used for longest until the cache holds no more than its limit."""
-    files = contents(base)
-    size = sum(each for _, each, _ in files)
-    for _, each, path in files:
-        if size <= limit():
-            break
-        path.unlink(missing_ok=True)
-        size -= each
+    stated = os.environ.get("STICKSLIP_CACHE_MB", "")
+    room = int(1e6 * float(stated)) if stated.replace(".", "", 1).isdigit() else LIMIT
+    with suppress(OSError):  # another process has removed one meanwhile
+        files = [(path.stat(), path) for kind in ("simd", "plain", "wide") for path in base.glob(f"{kind}-*.*")]
+        for about, path in sorted(files, key=lambda file: -file[0].st_mtime):
+            room -= about.st_size
+            if room < 0:
+                path.unlink(missing_ok=True)
 
 
 def _age(path: Path) -> float:
@@ -217,3 +200,98 @@ def _age(path: Path) -> float:
         return time.time() - path.stat().st_mtime
     except OSError:
         return math.nan
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# C code for several rows of a batch at once. What a function computes is a list of instructions on scalars; each is
+# written for rows side by side, in the vector types of GCC and Clang. Row by row the arithmetic is the same, in the
+# same order: the numbers are the same.
+# ----------------------------------------------------------------------------------------------------------------------
+
+VERSION = 1  # counts up when what is written changes: older machine code is not found again then
+HEAD = """#include <math.h>
+typedef double V __attribute__((vector_size({bytes})));
+typedef long long M __attribute__((vector_size({bytes})));
+#define EACH(f, x) (V){{{each}}}
+#define PAIR(f, x, y) (V){{{pair}}}
+#define WHERE(m, x) ((V)((M)(m) & (M)(x)))
+#define EITHER(m, x, y) ((V)(((M)(m) & (M)(x)) | (~(M)(m) & (M)(y))))
+#define TRUE(m) WHERE(m, ONE)
+static const V ZERO = {{0}}, ONE = {{{ones}}};
+"""
+# Every operation in C, on vectors x and y; a function with another one is compiled for one row at a time.
+OPERATIONS: dict[int, str] = {
+    getattr(ca, f"OP_{name}"): text
+    for name, text in {
+        "ASSIGN": "{x}",
+        "ADD": "{x} + {y}",
+        "SUB": "{x} - {y}",
+        "MUL": "{x} * {y}",
+        "DIV": "{x} / {y}",
+        "NEG": "-{x}",
+        "TWICE": "{x} + {x}",
+        "SQ": "{x} * {x}",
+        "INV": "ONE / {x}",
+        "LT": "TRUE({x} < {y})",
+        "LE": "TRUE({x} <= {y})",
+        "EQ": "TRUE({x} == {y})",
+        "NE": "TRUE({x} != {y})",
+        "NOT": "TRUE({x} == ZERO)",
+        "AND": "TRUE(({x} != ZERO) & ({y} != ZERO))",
+        "OR": "TRUE(({x} != ZERO) | ({y} != ZERO))",
+        "IF_ELSE_ZERO": "WHERE({x} != ZERO, {y})",
+        "FMIN": "EITHER(({x} <= {y}) | ({y} != {y}), {x}, {y})",
+        "FMAX": "EITHER(({x} >= {y}) | ({y} != {y}), {x}, {y})",
+        "FABS": "EACH(fabs, {x})",
+        "CONSTPOW": "PAIR(pow, {x}, {y})",
+        **{name: f"PAIR({name.lower()}, {{x}}, {{y}})" for name in ("POW", "ATAN2", "COPYSIGN")},
+        **{
+            name.upper(): f"EACH({name}, {{x}})"
+            for name in "sqrt exp expm1 log log1p sinh cosh tanh sin cos tan asin acos atan".split()
+        },
+    }.items()
+}
+
+
+def simd_code(function: ca.Function, rows: int) -> str | None:
+    """C code of a function for so many rows, one after the other in its arguments and results, as a library that CasADi
+    loads under the same name; None where the function does something that is not written here."""
+    name, each = function.name(), range(rows)
+    head = {
+        "each": ", ".join(f"f((x)[{i}])" for i in each),
+        "pair": ", ".join(f"f((x)[{i}], (y)[{i}])" for i in each),
+        "ones": ", ".join("1" for _ in each),
+    }
+    lines = [HEAD.format(bytes=8 * rows, **head)]
+    inputs = [function.numel_in(i) for i in range(function.n_in())]
+    outputs = [function.numel_out(i) for i in range(function.n_out())]
+    for kind, sizes in (("in", inputs), ("out", outputs)):
+        lines += [f"static const long long {kind}_{i}[] = {{{size}, {rows}, 1}};" for i, size in enumerate(sizes)]
+        lines += [
+            f"long long {name}_n_{kind}(void) {{ return {len(sizes)}; }}",
+            f"const long long* {name}_sparsity_{kind}(long long i) {{",
+            f"  static const long long* const all[] = {{{', '.join(f'{kind}_{i}' for i in range(len(sizes)))}}};",
+            f"  return i < {len(sizes)} ? all[i] : 0;",
+            "}",
+        ]
+    lines += [
+        f"int {name}(const double** arg, double** res, long long* iw, double* w, int mem) {{",
+        f"  V {', '.join(f'a{i}' for i in range(max(function.sz_w(), 1)))};",
+    ]
+    for k in range(function.n_instructions()):
+        kind, used, result = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        if kind == ca.OP_INPUT:
+            i, place = used
+            values = ", ".join(f"arg[{i}][{row * inputs[i] + place}]" for row in each)
+            lines.append(f"  a{result[0]} = arg[{i}] ? (V){{{values}}} : ZERO;")
+        elif kind == ca.OP_OUTPUT:
+            i, place = result
+            put = " ".join(f"res[{i}][{row * outputs[i] + place}] = a{used[0]}[{row}];" for row in each)
+            lines.append(f"  if (res[{i}]) {{ {put} }}")
+        elif kind == ca.OP_CONST and math.isfinite(value := float(function.instruction_constant(k))):
+            lines.append(f"  a{result[0]} = (V){{{', '.join([value.hex()] * rows)}}};")
+        elif kind in OPERATIONS:
+            lines.append(f"  a{result[0]} = {OPERATIONS[kind].format(x=f'a{used[0]}', y=f'a{used[-1]}')};")
+        else:  # hexadecimal numbers of C are finite
+            return None
+    return "\n".join([*lines, "  return 0;", "}", ""])

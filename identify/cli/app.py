@@ -5,28 +5,24 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from importlib.util import find_spec
 
-from identify.cli.common import Answer, CommandLineError, Terminal
+from identify.cli.common import Answer, Command, CommandLineError, Terminal, add_options
 from identify.cli.interrupt import ends_by_itself
 
-NAME = "app"
-HELP = "work in a local web page: see logs, place cuts, try values, fit, map, compare"
 NEEDS = ("starlette", "uvicorn", "tomlkit")
-LOOKED_AFTER = 0.5  # seconds between looks whether Ctrl-C was pressed
+CHECKED_AFTER = 0.5  # seconds between checks whether Ctrl-C was pressed
 
 
-def add_arguments(parser: ArgumentParser) -> None:
-    """The arguments of this command."""
+def _arguments(parser: ArgumentParser) -> None:
     parser.add_argument("folder", nargs="?", default=".", metavar="FOLDER", help="of the logs (default: this one)")
-    parser.add_argument("--port", type=int, default=0, metavar="N", help="of 127.0.0.1 (default: a free one)")
-    parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
+    options = {
+        "--port N": "of 127.0.0.1 (default: a free one)",
+        "--no-browser": "print the address, open nothing",
+    }
+    add_options(parser, options, defaults={"--port": 0})
 
 
-def run(arguments: Namespace, terminal: Terminal) -> Answer:
-    """Serve until Ctrl-C.
-
-    Raises:
-        CommandLineError: the extra is not installed, or no such port. PageError: no such folder.
-    """
+def _run(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Serve until Ctrl-C."""
     if missing := [name for name in NEEDS if find_spec(name) is None]:
         raise CommandLineError(
             f"the page needs {' and '.join(missing)}, which the extra `app` brings; install it with: "
@@ -51,8 +47,12 @@ def run(arguments: Namespace, terminal: Terminal) -> Answer:
             import webbrowser
 
             webbrowser.open(serving.door.as_uri())
-        while serving.wait(LOOKED_AFTER):
+        while serving.wait(CHECKED_AFTER):
             pass
     finally:
         serving.stop()
     return Answer(document={"status": "done"})
+
+
+HELP = "work in a local web page: see logs, place cuts, try values, fit, map, compare"
+COMMANDS = (Command("app", HELP, _arguments, _run),)

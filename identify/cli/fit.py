@@ -1,53 +1,94 @@
-"""`stickslip fit`: identify the parameters from all the logs together, and write the report."""
+"""`stickslip fit`, `demo` and `verify`: identify the parameters from all the logs together, and run a fit again."""
 
 from __future__ import annotations
 
+import json
 from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from identify.cli.common import (
     DONE,
     NOT_SUCCEEDED,
+    SET,
     Answer,
+    Command,
     CommandLineError,
     Terminal,
     add_log_options,
+    add_options,
     file_to_write,
     log_options,
     quantity,
 )
 
 if TYPE_CHECKING:
+    from identify.base.document import Json
+    from identify.base.result import Result
     from identify.estimation.starts import Sources
     from identify.report.finished import Fit
     from identify.scene import Scene
     from identify.shooting.accuracy import FitOptions
 
-NAME = "fit"
-HELP = "identify the friction parameters from all the logs together, and write a report"
+
+def _demo_arguments(parser: ArgumentParser) -> None:
+    add_options(parser, {"--out DIR": "folder of the result (default: stickslip-example-pair)"})
 
 
-def add_arguments(parser: ArgumentParser) -> None:
-    """The arguments of this command."""
+def _demo(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Fit the four example logs together, and say how far the estimates are from what was simulated."""
+    from identify import examples
+    from identify.base.wording import columns, quantity
+    from identify.cli.folder import check_replaceable
+    from identify.scene import Scene
+
+    scene = Scene.from_toml(examples.SCENE)
+    out = Path(arguments.out or f"stickslip-{scene.name}")
+    check_replaceable(out)
+    terminal.say("Four simulated example logs, 0.1 mm/min to 5 mm/s, fitted together")
+    fit = _fit_and_report(scene, out, terminal)
+    truth = json.loads(examples.TRUTH.read_text(encoding="utf-8"))["parameters"]
+    rows = [["", "truth", "estimate off by", ""]]
+    for name, true in truth.items() if fit.converged else ():
+        entry = fit.typed.parameters[name]
+        if entry.value is not None and entry.standard_error:
+            off = entry.value - true
+            errors = f"{off / entry.standard_error:+.1f} standard errors"
+            rows.append([name, quantity(true, entry.unit), f"{100 * off / abs(true):+.2f} %", errors])
+    if len(rows) > 1:
+        terminal.say(columns(rows))
+    return Answer(DONE if fit.converged else NOT_SUCCEEDED, fit.result)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# fit
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _fit_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("logs", nargs="*", metavar="LOG", help="choose among the scene's logs, or add one to them")
-    parser.add_argument("--scene", required=True, metavar="SCENE.toml", help="rig, parameters and logs")
-    parser.add_argument("--out", metavar="DIR", help="folder of the result (default: stickslip-<scene name>)")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help='such as rig.mass="0.3 kg"')
-    add_depth_options(parser)
-    add_log_options(parser)
-
-
-def add_depth_options(parser: ArgumentParser) -> None:
-    """The options that ask for more than values and intervals, or for less."""
-    group = parser.add_argument_group("how finely, and how sure")
-    group.add_argument("--preview", action="store_true", help="draw the cycles and the start over the data, and stop")
-    group.add_argument(
-        "--accuracy", metavar="X", help="coarse, default, tight, or the error of the steps in standard errors"
+    add_options(
+        parser,
+        {
+            "--scene SCENE.toml": "rig, parameters and logs",
+            "--out DIR": "folder of the result (default: stickslip-<scene name>)",
+            **SET,
+        },
+        required=["--scene"],
     )
-    group.add_argument(
-        "--time-limit", metavar="T", help="of the search and its examination (default: [fit] time_limit, or 60 s)"
+    group = parser.add_argument_group("how finely, and how sure")
+    add_options(
+        group,
+        {
+            "--preview": "draw the cycles and the start over the data, and stop",
+            "--accuracy X": "coarse, default, tight, or the error of the steps in standard errors",
+            "--time-limit T": "of the search and its examination (default: [fit] time_limit, or 60 s)",
+            "--profile": "profile likelihood of every parameter",
+            "--bootstrap N": "cycle-block bootstrap with N replicates",
+            "--accuracy-table": "what each level of accuracy costs and changes",
+        },
     )
     group.add_argument(
         "--starts",
@@ -55,118 +96,78 @@ def add_depth_options(parser: ArgumentParser) -> None:
         help="where the search starts: from the data, from the scene's start values, or both (default: both where the "
         "scene gives a start, else data)",
     )
-    group.add_argument("--profile", action="store_true", help="profile likelihood of every parameter")
-    group.add_argument("--bootstrap", type=int, metavar="N", help="cycle-block bootstrap with N replicates")
-    group.add_argument("--accuracy-table", action="store_true", help="what each level of accuracy costs and changes")
+    add_log_options(parser)
 
 
-def run(arguments: Namespace, terminal: Terminal) -> Answer:
-    """Fit and write the report; exit code 3 unless the fit converged.
-
-    Raises:
-        CommandLineError, SceneError, FitError, LogError, OSError: one sentence each.
-    """
+def _fit(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Fit and write the report; exit code 3 unless the fit converged."""
     from identify.cli.folder import check_replaceable
-
-    scene = scene_of(arguments)
-    check_logs(scene)
-    out = Path(arguments.out or f"stickslip-{scene.name}")
-    asked = asked_of(arguments)
-    if arguments.preview:
-        return run_preview(scene, out, terminal)
-    check_replaceable(out)
-    fit = fit_and_report(scene, out, terminal, asked, arguments.starts)
-    return Answer(DONE if fit.converged else NOT_SUCCEEDED, fit.result)
-
-
-def asked_of(arguments: Namespace) -> FitOptions:
-    """What the command line asks of a fit beyond its values.
-
-    Raises:
-        CommandLineError, FitError: an accuracy or a number of replicates that cannot be.
-    """
     from identify.estimation.bootstrap import FEWEST
     from identify.shooting.accuracy import DEFAULT, FitOptions, accuracy_of
 
-    replicates = arguments.bootstrap or 0
-    if arguments.bootstrap is not None and replicates < FEWEST:
+    scene = _scene_of(arguments)
+    out = Path(arguments.out or f"stickslip-{scene.name}")
+    if arguments.bootstrap is not None and arguments.bootstrap < FEWEST:
         raise CommandLineError(
             f"--bootstrap {arguments.bootstrap} is too few for an interval; expected {FEWEST} replicates or more: "
             "200 is usual"
         )
-    return FitOptions(
+    options = FitOptions(
         accuracy=DEFAULT if arguments.accuracy is None else accuracy_of(arguments.accuracy),
         profile=arguments.profile,
-        bootstrap=replicates,
+        bootstrap=arguments.bootstrap or 0,
         accuracy_table=arguments.accuracy_table,
     )
+    if arguments.preview:
+        return _preview(scene, out, terminal)
+    check_replaceable(out)
+    fit = _fit_and_report(scene, out, terminal, options, arguments.starts)
+    return Answer(DONE if fit.converged else NOT_SUCCEEDED, fit.result)
 
 
-def scene_of(arguments: Namespace) -> Scene:
-    """The scene with the logs and the reading options of the command line.
-
-    Raises:
-        SceneError, CommandLineError: one sentence each.
-    """
+def _scene_of(arguments: Namespace) -> Scene:
+    """The scene with the logs and the reading options of the command line; every log is there."""
+    from data_io.contents import log_is_at
     from identify.scene import LogEntry, Scene
 
-    options = {key: value for key, value in log_options(arguments).items() if value is not None}
-    if "normal_force" in options:
-        options["normal_force"] = quantity(options["normal_force"], "N", "--normal-force")
-    if "rate" in options:
-        options["rate"] = quantity(options["rate"], "Hz", "--rate")
+    options = log_options(arguments)
+    for name, unit in (("normal_force", "N"), ("rate", "Hz")):
+        if name in options:
+            options[name] = quantity(options[name], unit, f"--{name.replace('_', '-')}")
     limit = [f"fit.time_limit={arguments.time_limit!r}"] if arguments.time_limit else []
     scene = Scene.from_toml(arguments.scene, [*arguments.set, *limit])
-    for log in arguments.logs:
-        if Path(log).is_dir():
-            check_there(Path(log))
-    scene = scene.choose([Path(log) for log in arguments.logs], LogEntry(Path()))
-    return replace(scene, logs=tuple(replace(entry, **options) for entry in scene.logs))
-
-
-def check_logs(scene: Scene) -> None:
-    """Refuse no log at all, or one that is not there, before the first one is read.
-
-    Raises:
-        CommandLineError: no log, or no such file.
-    """
-    if not scene.logs:
+    folders = [Path(log) for log in arguments.logs if Path(log).is_dir()]
+    logs = scene.logs
+    if not any(not log_is_at(folder) for folder in folders):
+        scene = scene.choose([Path(log) for log in arguments.logs], LogEntry(Path()))
+        logs = tuple(replace(entry, **options) for entry in scene.logs)
+    if not logs and not folders:
         raise CommandLineError(f"{scene.source} lists no log and none was given; name a LOG, or add [[logs]] to it")
-    for entry in scene.logs:
-        check_there(entry.path)
+    for path in (*folders, *(entry.path for entry in logs)):
+        if path.is_dir() and not log_is_at(path):
+            raise CommandLineError(
+                f"{path} is a folder that holds no log; expected a log or a folder of them: name a file"
+            )
+        if not log_is_at(path):
+            raise CommandLineError(f"{path}: there is no such log; check its path in the scene, or put it there")
+    return replace(scene, logs=logs)
 
 
-def check_there(path: Path) -> None:
-    """Refuse a log that is not there.
-
-    Raises:
-        CommandLineError: no such file, or a folder without logs.
-    """
-    from data_io.contents import log_is_at
-
-    if log_is_at(path):
-        return
-    if path.is_dir():
-        raise CommandLineError(f"{path} is a folder that holds no log; expected a log or a folder of them: name a file")
-    raise CommandLineError(f"{path}: there is no such log; check its path in the scene, or put it there")
-
-
-def fit_and_report(
-    scene: Scene, out: Path, terminal: Terminal, asked: FitOptions | None = None, starts: Sources | None = None
+def _fit_and_report(
+    scene: Scene, out: Path, terminal: Terminal, options: FitOptions | None = None, starts: Sources | None = None
 ) -> Fit:
     """Fit a scene with progress, write its folder whole, say the summary."""
     from identify.base.compiled import keep
-    from identify.cli.folder import result_folder, stamp
-    from identify.cli.progress import Progress
+    from identify.cli.folder import RESULT, result_folder, stamp
     from identify.identification import fit
     from identify.report import write_report
     from identify.report.summary import summary
     from identify.shooting.accuracy import DEFAULT_OPTIONS
 
     before = stamp(out)
-    with Progress(terminal.notes, terminal.progress) as progress:
-        outcome = fit(scene, progress=progress, starts=starts, asked=asked or DEFAULT_OPTIONS)
-        with result_folder(out, since=before) as folder:
+    with terminal.bar() as progress:
+        outcome = fit(scene, progress=progress, starts=starts, asked=options or DEFAULT_OPTIONS)
+        with result_folder(out, RESULT, before) as folder:
             progress("writing the report")
             write_report(outcome, folder)
     keep()  # the next fit of this kind finds its functions compiled
@@ -175,54 +176,32 @@ def fit_and_report(
     return outcome
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# fit --preview: the detected cycles and the start trajectory over the data, before anything is fitted.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-def preview_file(out: Path) -> Path:
-    """The picture stands beside the folder of the result: "DIR-preview.png".
-
-    Raises:
-        CommandLineError: it cannot be written there.
-    """
-    return file_to_write(str(out.parent / f"{out.name}-preview.png"), "--preview")
-
-
-def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
-    """Draw and say what a fit would start from.
-
-    Raises:
-        SceneError, FitError, LogError, CommandLineError, OSError: one sentence each.
-    """
+def _preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
+    """Draw and say what a fit would start from; the picture stands beside the folder of the result."""
     from data_io.atomic import atomic_path
     from identify.base.wording import columns, quantity, wrapped
-    from identify.cli.progress import Progress
     from identify.diagnosis.selection import LOOKED_AT
     from identify.estimation.preview import preview
     from identify.logs.scene_records import with_drives, with_records
     from identify.report.figures import draw_preview
     from identify.report.style import drawing_style
-    from identify.scene.variant import scene_with
 
-    file = preview_file(out)
-    with Progress(terminal.notes, terminal.progress) as progress:
+    file = file_to_write(str(out.parent / f"{out.name}-preview.png"), "--preview")
+    with terminal.bar() as progress:
         progress("reading the logs", 0.0)
         scene, drives = with_drives(scene)
         scene, records = with_records(scene, None)
         if scene.effects == "auto":
-            scene = scene_with(scene, LOOKED_AT, {})
+            scene = scene.with_effects(LOOKED_AT)
         progress("finding a start", 0.3)
-        seen = preview(scene, records)
+        start = preview(scene, records)
         progress("drawing", 0.8)
         with drawing_style(), atomic_path(file) as temporary:
-            draw_preview(seen).savefig(temporary, format="png", dpi=130)
-    for sentence in (*seen.notices, *drives):
+            draw_preview(start).savefig(temporary, format="png", dpi=130)
+    for sentence in (*start.notices, *drives, *(f"{log.name}: {log.told}" for log in start.logs)):
         terminal.say(wrapped(sentence))
-    for log in seen.logs:
-        terminal.say(wrapped(f"{log.name}: {log.told}"))
-    terminal.say(f"the start: {seen.source}")
-    rows = [["", "value"], *([name, quantity(value, seen.units[name])] for name, value in seen.parameters.items())]
+    terminal.say(f"the start: {start.source}")
+    rows = [["", "value"], *([name, quantity(value, start.units[name])] for name, value in start.parameters.items())]
     terminal.say(columns(rows))
     terminal.say(f"picture: {file}")
     return Answer(
@@ -230,8 +209,127 @@ def run_preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
             "status": "preview",
             "message": "nothing was fitted; the picture shows the cycles detected and the start over the data",
             "picture": str(file),
-            "source": seen.source,
-            "start": {name: {"value": v, "unit": seen.units[name]} for name, v in seen.parameters.items()},
-            "logs": [{"name": log.name, "cycles": int(log.onset.size), "text": log.told} for log in seen.logs],
+            "source": start.source,
+            "start": {name: {"value": v, "unit": start.units[name]} for name, v in start.parameters.items()},
+            "logs": [{"name": log.name, "cycles": int(log.onset.size), "text": log.told} for log in start.logs],
         }
     )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# verify
+# ----------------------------------------------------------------------------------------------------------------------
+
+ALLOWED = 0.01  # difference in standard errors that other library versions may make
+FIXED = 1e-9  # relative difference of what was not estimated
+END = 0.01  # relative difference of the closed end of an interval of what has no standard error
+
+
+def _verify_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("result", metavar="RESULT.json", help="the result.json of an earlier fit")
+    parser.add_argument("logs", nargs="*", metavar="LOG", help="where logs of that fit lie now, if they were moved")
+
+
+def _verify(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Fit again and compare status and values; exit code 3 where they differ."""
+    from data_io.contents import digest_of, log_is_at
+    from identify.estimation.starts import Sources
+    from identify.identification import fit
+    from identify.report.stored_result import read_result, scene_of
+    from identify.shooting.accuracy import FitOptions
+
+    path = Path(arguments.result)
+    stored = read_result(path)
+    scene = scene_of(stored, path)
+    _check_unedited(path)
+    for log in arguments.logs:
+        if not log_is_at(Path(log)):
+            raise CommandLineError(f"{log}: there is no log; give a file, a folder of them, or a pattern in quotes")
+    moved = {digest_of(Path(log)): Path(log) for log in arguments.logs}
+    logs = [
+        replace(entry, path=_unchanged(entry.path, stored.logs[stored.places(number)[0]].sha256 or "", moved))
+        for number, entry in enumerate(scene.logs)
+    ]
+    made = stored.provenance
+    seed, starts = made.get("seed"), made.get("starts")
+    with terminal.bar() as progress:
+        again = fit(
+            replace(scene, logs=tuple(logs)),
+            progress=progress,
+            starts=next((known for known in get_args(Sources) if known == starts), None),
+            seed=seed if isinstance(seed, int) else 0,
+            asked=FitOptions.again(made.get("asked")),
+        ).typed
+    before, now = _versions(made), _versions(again.provenance)
+    for name, version in now.items():
+        if before.get(name) not in (None, version):
+            terminal.note(f"made with {name} {before[name]}, compared with {version}")
+    differences = compare(stored, again)
+    same = (
+        f"reproduced: {stored.status}; every value that has a standard error within {ALLOWED} of it, verdicts and "
+        "open ends of intervals the same"
+    )
+    for words in differences or [same]:
+        terminal.say(words)
+    status = "differs" if differences else "reproduced"
+    return Answer(NOT_SUCCEEDED if differences else DONE, {"status": status, "differences": differences})
+
+
+def _check_unedited(path: Path) -> None:
+    """Refuse a result of a batch that is not, byte for byte, what the batch wrote."""
+    from data_io.source import file_sha256
+
+    try:
+        written = json.loads((path.parent / "job.json").read_text(encoding="utf-8"))["result_sha256"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):  # not of a batch
+        return
+    if path.name == "result.json" and file_sha256(path) != written:
+        raise CommandLineError(f"{path}: the file was changed since the batch wrote it; run the batch with --resume")
+
+
+def _unchanged(path: Path, sha256: str, moved: Mapping[str, Path]) -> Path:
+    """Where the very log that was fitted lies: among those named (by SHA-256), else where it lay."""
+    from data_io.contents import digest_of, log_is_at
+
+    if sha256 in moved:
+        return moved[sha256]
+    if not log_is_at(path):
+        raise CommandLineError(f"{path}: the log of this result is no longer there; put it back, or name it as LOG")
+    if digest_of(path) != sha256:
+        raise CommandLineError(f"{path}: the log has changed since that fit (other SHA-256); put the old one back")
+    return path
+
+
+def _versions(provenance: Mapping[str, Json]) -> dict[str, Json]:
+    packages = provenance.get("packages")
+    return {"stickslip": provenance.get("version"), **(packages if isinstance(packages, Mapping) else {})}
+
+
+def compare(stored: Result, again: Result) -> list[str]:
+    """What differs, one sentence each: verdicts, values by their standard errors, ends of intervals without one."""
+    if stored.status != again.status:
+        return [f"the status was {stored.status} and is {again.status} now: {again.message}"]
+    sentences = [f"{name} is new" for name in again.parameters if name not in stored.parameters]
+    for name, before in stored.parameters.items():
+        now = again.parameters.get(name)
+        if now is None or before.verdict != now.verdict:
+            sentences.append(f"{name} was called {before.verdict} and is called {now.verdict if now else None} now")
+            continue
+        allowed = ALLOWED * before.standard_error if before.standard_error else FIXED * abs(before.value or 0.0)
+        numbers = [("", before.value, now.value, allowed)]
+        if not before.standard_error and before.verdict != "fixed":  # its value may be anywhere between its ends
+            ends = zip(("the lower end of ", "the upper end of "), before.ends, now.ends, strict=True)
+            numbers = [(word, old, new, END * abs(old or 0.0)) for word, old, new in ends]
+        for word, old, new, most in numbers:
+            if (old is None) != (new is None) or (old is not None and new is not None and abs(new - old) > most):
+                was, is_ = ("open" if number is None else f"{number:.9g}" for number in (old, new))
+                sentences.append(f"{word}{name} was {was} and is {is_} now")
+    return sentences
+
+
+FIT = "identify the friction parameters from all the logs together, and write a report"
+COMMANDS = (
+    Command("demo", "the main job on example logs: fit, summary, report", _demo_arguments, _demo),
+    Command("fit", FIT, _fit_arguments, _fit),
+    Command("verify", "run a stored fit again from its recorded inputs and compare", _verify_arguments, _verify),
+)

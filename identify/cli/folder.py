@@ -8,40 +8,22 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from identify.cli.common import CommandLineError
 from identify.cli.interrupt import check_interrupted, unfinished
 
-
-@dataclass(frozen=True)
-class Kind:
-    """What a folder of ours holds: the document that tells it, and the names of everything in it."""
-
-    document: str
-    names: frozenset[str]
-
-
-RESULT = Kind(
-    "result.json",
-    frozenset(
-        {
-            *("result.json", "report.html", "result.h5", "figures", "classical.csv", "parameters.tex", "scene.toml"),
-            *("at_50_Hz", "uneven", ".DS_Store"),
-        }
-    ),
+# The names of everything that a folder of ours holds; the first is the document that tells it.
+RESULT = (
+    *("result.json", "report.html", "result.h5", "figures", "classical.csv", "parameters.tex", "scene.toml"),
+    *("at_50_Hz", "uneven", ".DS_Store"),
 )
-COMPARISON = Kind(
-    "comparison.json",
-    frozenset(
-        {"comparison.json", "report.html", "comparison.xlsx", "comparison.tex", "comparison.h5", "tables", ".DS_Store"}
-    ),
+COMPARISON = (
+    *("comparison.json", "report.html", "comparison.xlsx", "comparison.tex", "comparison.h5", "tables", ".DS_Store"),
 )
 
 
-def check_replaceable(out: Path, kind: Kind = RESULT) -> None:
+def check_replaceable(out: Path, names: tuple[str, ...] = RESULT) -> None:
     """Refuse a path that must not be replaced; cheap, so that it can be asked before the work.
 
     Raises:
@@ -51,20 +33,6 @@ def check_replaceable(out: Path, kind: Kind = RESULT) -> None:
         raise CommandLineError(f"--out {out} is the folder this command runs in; choose a new folder")
     if out.exists() and not out.is_dir():
         raise CommandLineError(f"--out {out} is a file; expected a folder: choose another name")
-    _check_place(out)
-    if not out.is_dir() or not any(out.iterdir()):
-        return
-    if not _holds_a_result(out, kind):
-        raise CommandLineError(f"--out {out} exists and holds no result of ours; choose another folder or empty it")
-    foreign = sorted(item.name for item in out.iterdir() if item.name not in kind.names)
-    if foreign:
-        raise CommandLineError(
-            f"--out {out} holds {foreign[0]!r}, which is not part of a result; move it away or choose another folder"
-        )
-
-
-def _check_place(out: Path) -> None:
-    """Refuse a place where no folder can be made."""
     place = next(folder for folder in Path(os.path.realpath(out)).parents if folder.exists())
     if not place.is_dir():
         raise CommandLineError(f"--out {out} stands below {place}, which is a file; choose another folder")
@@ -72,44 +40,48 @@ def _check_place(out: Path) -> None:
         Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=place)).rmdir()
     except OSError:
         raise CommandLineError(f"--out {out}: nothing may be written in {place}; choose another folder") from None
-
-
-def _holds_a_result(folder: Path, kind: Kind) -> bool:
+    if not out.is_dir() or not any(out.iterdir()):
+        return
     try:
-        document = json.loads((folder / kind.document).read_text(encoding="utf-8"))
+        document = json.loads((out / names[0]).read_text(encoding="utf-8"))
+        ours = isinstance(document, dict) and "schema" in document and "status" in document
     except (OSError, ValueError, RecursionError):
-        return False
-    return isinstance(document, dict) and "schema" in document and "status" in document
+        ours = False
+    if not ours:
+        raise CommandLineError(f"--out {out} exists and holds no result of ours; choose another folder or empty it")
+    foreign = sorted(item.name for item in out.iterdir() if item.name not in names)
+    if foreign:
+        raise CommandLineError(
+            f"--out {out} holds {foreign[0]!r}, which is not part of a result; move it away or choose another folder"
+        )
 
 
-Stamp = tuple[int, int] | None
-
-
-def stamp(out: Path) -> Stamp:
+def stamp(out: Path) -> tuple[int, int] | None:
     """What tells a folder from another one of its name; None where there is none."""
     try:
-        told = out.stat()
+        about = out.stat()
     except OSError:
         return None
-    return told.st_dev, told.st_ino
+    return about.st_dev, about.st_ino
 
 
 @contextmanager
-def result_folder(out: Path, kind: Kind = RESULT, since: Stamp | Literal["now"] = "now") -> Iterator[Path]:
+def result_folder(out: Path, names: tuple[str, ...] = RESULT, *since: tuple[int, int] | None) -> Iterator[Path]:
     """A temporary folder beside `out` to write into; it takes the place of `out` when all went well.
 
-    since: the stamp that `out` had when the work began; what another command wrote there since is not replaced.
+    since: the stamp that `out` had when the work began (default: now); what another command wrote there since is not
+    replaced.
 
     Raises:
         CommandLineError: `out` must not be replaced; a result that was written is then kept beside it.
     """
-    check_replaceable(out, kind)
+    check_replaceable(out, names)
     out = Path(os.path.realpath(out))
-    before = stamp(out) if since == "now" else since
+    before = since[0] if since else stamp(out)
     out.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".part", dir=out.parent))
     with unfinished(temporary):
-        fresh = temporary / "fresh"
+        fresh, aside = temporary / "fresh", temporary / "before"
         fresh.mkdir()
         yield fresh
         check_interrupted()
@@ -119,16 +91,12 @@ def result_folder(out: Path, kind: Kind = RESULT, since: Stamp | Literal["now"] 
             raise CommandLineError(
                 f"--out {out.name}: another command has written there meanwhile; this result stands in {free}"
             )
-        _swap(fresh, out, temporary / "before")
-
-
-def _swap(fresh: Path, out: Path, aside: Path) -> None:
-    existed = out.exists()
-    if existed:
-        out.rename(aside)
-    try:
-        fresh.rename(out)
-    except BaseException:
-        if existed and not out.exists():
-            aside.rename(out)
-        raise
+        existed = out.exists()
+        if existed:
+            out.rename(aside)
+        try:
+            fresh.rename(out)
+        except BaseException:
+            if existed and not out.exists():
+                aside.rename(out)
+            raise

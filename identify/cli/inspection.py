@@ -1,21 +1,21 @@
-"""What `stickslip inspect` finds in one log, in words and as a document."""
+"""What `stickslip inspect` finds in one log: in words, as a document, as a picture."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record, Step
 from data_io.record import WINDOW_START
-from data_io.thresholds import DEFAULTS, Thresholds, percent
-from identify.base.document import to_dict, to_document
-from identify.base.result import ClassicalDirection, ClassicalTable
+from data_io.thresholds import percent
+from identify.base.document import Json, to_dict, to_document
+from identify.base.result import ClassicalTable
 from identify.base.wording import DASH, columns, number, programme_text, quantity, speed, split_key, wrapped
-from identify.cli.common import Terminal
 from identify.cli.logs import only
 from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, judge
@@ -24,6 +24,9 @@ from identify.logs.recorded_drive import UNTOLD, RecordedDrive, recorded_drive
 from identify.logs.regime import SURE, Known, Regime
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 from identify.logs.slip_quality import RecordPart
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 HEADINGS = ("run", "step", "stroke", "regime")
 MOST_STROKES = 2  # fit beside each other in 80 columns
@@ -41,11 +44,6 @@ class StepSeen:
     seen: LogRegime
     phases: Segmentation
 
-    @property
-    def sign(self) -> int:
-        """That of most rows."""
-        return -1 if int(np.sum(self.signs)) < 0 else 1
-
 
 @dataclass(frozen=True)
 class Inspection:
@@ -62,45 +60,35 @@ class Inspection:
 
 @dataclass(frozen=True)
 class StatedRig:
-    """What the user says of the rig, to hold the log against; None: not said. stiffness [N/m], drive_speed [m/s],
+    """What the user says of the rig, to hold the log against; None: unknown. stiffness [N/m], drive_speed [m/s],
     mass [kg]."""
 
     stiffness: float | None = None
     drive_speed: float | None = None
     mass: float | None = None
 
-    @property
-    def known(self) -> Known:
-        """As the test of the regime takes it."""
-        k, m = self.stiffness or 0.0, self.mass or 0.0
-        return Known(k, half_period=float(np.pi * np.sqrt(m / k)) if k and m else 0.0)
 
-
-def inspection(
-    path: str, record: Record, rig: StatedRig = StatedRig(), thresholds: Thresholds = DEFAULTS
-) -> Inspection:
+def inspection(path: str, record: Record, rig: StatedRig = StatedRig()) -> Inspection:
     """Look at a record: phases step by step, then the verdict on clock, forces and slips."""
-    given = rig.drive_speed
-    told = recorded_drive(record, rig.stiffness or 0.0) if given is None else RecordedDrive(((0.0, given),), "given")
-    drive = given if given is not None else drive_of(record, told)
-    regime = look(record, drive, rig.known)
-    alone = [only(record, step) for step in record.steps] if told.speed is None and len(record.steps) > 1 else []
-    drives = [told if part is None else recorded_drive(part) for part in alone] or [told] * len(record.steps)
+    k, m, given = rig.stiffness or 0.0, rig.mass or 0.0, rig.drive_speed
+    known = Known(k, half_period=float(np.pi * np.sqrt(m / k)) if k and m else 0.0)
+    recorded = recorded_drive(record, k) if given is None else RecordedDrive(((0.0, given),), "given")
+    regime = look(record, drive_of(record, recorded) if given is None else given, known)
+    alone = [only(record, s) for s in record.steps] if recorded.speed is None and len(record.steps) > 1 else []
+    drives = [recorded if part is None else recorded_drive(part) for part in alone] or [recorded] * len(record.steps)
     steps = tuple(_seen(record, step, d, regime) for step, d in zip(record.steps, drives, strict=True))
     moving = [s for s in steps if not s.drive.stands]
     if 0 < len(moving) < len(steps):
         kept = [i for i, own in enumerate(regime.strokes) if any(own in s.seen.strokes for s in moving)]
         regime = only_of(regime, kept)
-    parts = [_part(record, step, told.speed, rig.stiffness) for step in steps]
+    parts = []
+    for seen in steps:
+        rows = slice(seen.step.start, seen.step.stop)
+        expected = rig.stiffness * abs(recorded.speed) if rig.stiffness is not None and recorded.speed else None
+        force, load = seen.signs * record.friction_force[rows], record.normal_force[rows]
+        parts.append(RecordPart(record.time[rows], force, seen.phases, expected, load))
     table = table_of(record, regime, stiffness=rig.stiffness)
-    return Inspection(path, record, judge(record, parts, thresholds), steps, table, told, regime)
-
-
-def _part(record: Record, seen: StepSeen, speed: float | None, stiffness: float | None) -> RecordPart:
-    rows = slice(seen.step.start, seen.step.stop)
-    expected = stiffness * abs(speed) if stiffness is not None and speed else None
-    force, load = seen.signs * record.friction_force[rows], record.normal_force[rows]
-    return RecordPart(record.time[rows], force, seen.phases, expected, load)
+    return Inspection(path, record, judge(record, parts), steps, table, recorded, regime)
 
 
 def _seen(record: Record, step: Step, drive: RecordedDrive, whole: LogRegime) -> StepSeen:
@@ -118,36 +106,112 @@ def _seen(record: Record, step: Step, drive: RecordedDrive, whole: LogRegime) ->
     return StepSeen(step, drive, signs, seen, joined(parts, step.stop - step.start))
 
 
-def say(seen: Inspection, terminal: Terminal) -> None:
+# ----------------------------------------------------------------------------------------------------------------------
+# In words.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def lines(seen: Inspection) -> Iterator[str]:
     """The inspection in words."""
     record, quality = seen.record, seen.judgement.quality
-    terminal.say(f"{seen.path}")
-    kind = record.metadata.get("format", "unknown format")
-    terminal.say(
-        f"  {kind}, {len(record)} rows in {len(record.steps)} step(s), {quantity(float(record.time[-1]), 's')}, "
-        f"{quality.sampling.rate:.4g} Hz"
+    yield seen.path
+    yield (
+        f"  {record.metadata.get('format', 'unknown format')}, {len(record)} rows in {len(record.steps)} step(s), "
+        f"{quantity(float(record.time[-1]), 's')}, {quality.sampling.rate:.4g} Hz"
     )
     if begin := float(record.metadata.get(WINDOW_START, 0.0)):
         text = f"window: {begin:.6g} to {begin + record.time[-1]:.6g} s of the log; times below count from its begin"
-        terminal.say(wrapped(f"{text}, those of a scene from the first row of the log", "  "))
+        yield wrapped(f"{text}, those of a scene from the first row of the log", "  ")
     for role in ("time", "normal_force", "friction_force"):
         if source := record.metadata.get(f"{role}_source"):
-            terminal.say(f"  {role.replace('_', ' ')}: {source}")
-    terminal.say(wrapped(f"other columns: {', '.join(record.channels) or 'none'}", "  "))
-    terminal.say(
-        f"  normal force: {quantity(quality.load.mean, 'N')}, drift {percent(quality.load.drift, 1, signed=True)}"
-    )
-    terminal.say(wrapped(f"drive speed: {_speed(seen)}", "  "))
+            yield f"  {role.replace('_', ' ')}: {source}"
+    yield wrapped(f"other columns: {', '.join(record.channels) or 'none'}", "  ")
+    yield f"  normal force: {quantity(quality.load.mean, 'N')}, drift {percent(quality.load.drift, 1, signed=True)}"
+    yield wrapped(f"drive speed: {_speed(seen)}", "  ")
     if len(seen.steps) == 1:
-        _say_regime(seen.regime, terminal)
-    terminal.say(f"  verdict: {seen.judgement.verdict}")
+        yield _regime_line(seen.regime)
+    yield f"  verdict: {seen.judgement.verdict}"
     for finding in seen.judgement.findings:
-        terminal.say(wrapped(f"{finding.severity}: {finding.message}", "    "))
+        yield wrapped(f"{finding.severity}: {finding.message}", "    ")
     for step in seen.steps:
-        _say_step(step, len(seen.steps) > 1, terminal)
-    _say_classical(seen.classical.rows, terminal)
-    _say_directions(seen.classical.directions, terminal)
-    terminal.say()
+        yield from _step_lines(step, len(seen.steps) > 1)
+    yield from _classical_lines(seen.classical)
+    yield ""
+
+
+def _speed(seen: Inspection) -> str:
+    if seen.drive.speed is None and len(seen.steps) > 1:
+        each = [f"step {s.step.number}: {_drive(s.drive)}, {s.drive.source}" for s in seen.steps if s.drive.programme]
+        return "; ".join(each) or "not in the log"
+    if seen.drive.programme is None:
+        return f"not in the log ({seen.drive.trouble})" if seen.drive.trouble != UNTOLD else "not in the log"
+    return _drive(seen.drive) + ("" if seen.record.drive_speed is not None else f", {seen.drive.source}")
+
+
+def _drive(drive: RecordedDrive) -> str:
+    return speed(drive.speed) if drive.speed is not None else programme_text(drive.programme or ())
+
+
+def _regime_line(seen: LogRegime) -> str:
+    word = "none yet" if seen.regime is None else seen.regime.value.replace("_", " ")
+    return wrapped(f"regime: {word} ({100 * seen.confidence:.0f} % sure): {'; '.join(seen.evidence)}", "  ")
+
+
+def _step_lines(seen: StepSeen, several: bool) -> Iterator[str]:
+    phases, step = seen.phases, seen.step
+    if several:
+        given = ", ".join(f"{key} = {value}" for key, value in list(step.parameters.items())[:6])
+        yield wrapped(f"step {step.number}: rows {step.start + 1} to {step.stop}; {given}", "  ")
+        yield _regime_line(seen.seen)
+    if seen.drive.stands:
+        return
+    stands = 0.0  # the share in which the drive of a programme stands: what no stroke holds
+    if seen.seen.regime is Regime.PROGRAMME:
+        stands = 1.0 - sum(s.stop - s.start for s in seen.seen.strokes) / (step.stop - step.start)
+    shares = {
+        "rising as in stick": phases.share(STICK),
+        "falling as in slip": phases.share(SLIP),
+        "sliding": max(phases.share(SLIDING) - stands, 0.0),
+        **({"while the drive stands": stands} if stands else {}),
+    }
+    text = ", ".join(f"{100 * share:.1f} % {word}" for word, share in shares.items())
+    # The force rises on after the onset of slip, and again before the mass rests: a slip lasts longer than its fall.
+    yield wrapped(f"{phases.count} stick-slip cycles; force {text}; noise {quantity(phases.noise, 'N', 3)}", "  ")
+    if phases.count:
+        falling, cycle = number(phases.samples_per_slip, 2), number(phases.samples_per_cycle, 4)
+        yield wrapped(f"{falling} samples in each fall, peak to valley, {cycle} in each cycle", "  ")
+
+
+def _classical_lines(table: ClassicalTable) -> Iterator[str]:
+    """The classical table, one column per stroke, the longest ones; figures that none of them has are left out. Then
+    both directions of strokes to and fro, apart."""
+    longest = sorted(table.rows, key=lambda stroke: stroke["samples"], reverse=True)[:MOST_STROKES]  # type: ignore[arg-type,return-value]
+    shown = [stroke for stroke in table.rows if stroke in longest]
+    rows = [["classical table", *(f"step {s['step']} stroke {s['stroke']}" for s in shown)]]
+    spreads = {key.replace("_sd", "", 1): key for key in shown[0] if "_sd" in key}
+    for key in (key for key in shown[0] if key not in HEADINGS and "_sd" not in key):
+        name, unit = split_key(key)
+        cells = [_cell(stroke.get(key), stroke.get(spreads.get(key, "")), unit) for stroke in shown]
+        if any(cell != DASH for cell in cells):
+            rows.append([name, *cells])
+    yield columns(rows)
+    if len(table.rows) > len(shown):
+        yield f"  … and {len(table.rows) - len(shown)} strokes more: see --json"
+    if table.directions:
+        yield columns(
+            [
+                ["all strokes", *("forth" if way.direction > 0 else "back" for way in table.directions)],
+                ["strokes", *(str(way.strokes) for way in table.directions)],
+                ["coefficient", *(_cell(way.coefficient, way.coefficient_sd, "") for way in table.directions)],
+                ["last against first tenth", *(_cell(way.trend_percent, None, "%") for way in table.directions)],
+            ]
+        )
+
+
+def _cell(value: Json, sd: Json, unit: str) -> str:
+    if not isinstance(value, int | float):
+        return DASH
+    return quantity(value, unit, 3) + (f" ± {quantity(sd, unit, 2)}" if isinstance(sd, int | float) and sd else "")
 
 
 def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:
@@ -171,98 +235,14 @@ def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:
     return columns(rows)
 
 
-def _speed(seen: Inspection) -> str:
-    if seen.drive.speed is None and len(seen.steps) > 1:
-        told = [f"step {s.step.number}: {_drive(s.drive)}, {s.drive.source}" for s in seen.steps if s.drive.programme]
-        return "; ".join(told) or "not in the log"
-    if seen.drive.programme is None:
-        return f"not in the log ({seen.drive.trouble})" if seen.drive.trouble != UNTOLD else "not in the log"
-    source = "" if seen.record.drive_speed is not None else f", {seen.drive.source}"
-    return f"{_drive(seen.drive)}{source}"
+# ----------------------------------------------------------------------------------------------------------------------
+# As a document.
+# ----------------------------------------------------------------------------------------------------------------------
 
 
-def _drive(drive: RecordedDrive) -> str:
-    return speed(drive.speed) if drive.speed is not None else programme_text(drive.programme or ())
-
-
-def _say_regime(seen: LogRegime, terminal: Terminal) -> None:
-    word = "none yet" if seen.regime is None else seen.regime.value.replace("_", " ")
-    sure = f"{100 * seen.confidence:.0f} % sure"
-    terminal.say(wrapped(f"regime: {word} ({sure}): {'; '.join(seen.evidence)}", "  "))
-
-
-def _say_step(seen: StepSeen, several: bool, terminal: Terminal) -> None:
-    phases, step = seen.phases, seen.step
-    if several:
-        given = ", ".join(f"{key} = {value}" for key, value in list(step.parameters.items())[:6])
-        terminal.say(wrapped(f"step {step.number}: rows {step.start + 1} to {step.stop}; {given}", "  "))
-        _say_regime(seen.seen, terminal)
-    if seen.drive.stands:
-        return
-    stands = _stands(seen)
-    shares = ", ".join(
-        f"{100 * share:.1f} % {word}"
-        for share, word in (
-            (phases.share(STICK), "rising as in stick"),
-            (phases.share(SLIP), "falling as in slip"),
-            (max(phases.share(SLIDING) - stands, 0.0), "sliding"),
-            *(((stands, "while the drive stands"),) if stands else ()),
-        )
-    )
-    # The force rises on after the onset of slip, and again before the mass rests: a slip lasts longer than its fall.
-    told = f"{phases.count} stick-slip cycles; force {shares}; noise {quantity(phases.noise, 'N', 3)}"
-    terminal.say(wrapped(told, "  "))
-    if not phases.count:
-        return
-    falling, cycle = number(phases.samples_per_slip, 2), number(phases.samples_per_cycle, 4)
-    samples = f"{falling} samples in each fall, peak to valley, {cycle} in each cycle"
-    terminal.say(wrapped(samples, "  "))
-
-
-def _stands(seen: StepSeen) -> float:
-    """The share of a step in which the drive of a programme stands: what no stroke holds."""
-    if seen.seen.regime is not Regime.PROGRAMME:
-        return 0.0
-    return 1.0 - sum(stroke.stop - stroke.start for stroke in seen.seen.strokes) / (seen.step.stop - seen.step.start)
-
-
-def _say_classical(strokes: Sequence[Mapping[str, Any]], terminal: Terminal) -> None:
-    """The classical table, one column per stroke, the longest ones; figures that none of them has are left out."""
-    longest = sorted(strokes, key=lambda stroke: stroke["samples"], reverse=True)[:MOST_STROKES]
-    shown = [stroke for stroke in strokes if stroke in longest]
-    rows = [["classical table", *(f"step {s['step']} stroke {s['stroke']}" for s in shown)]]
-    spreads = {key.replace("_sd", "", 1): key for key in shown[0] if "_sd" in key}
-    for key in (key for key in shown[0] if key not in HEADINGS and "_sd" not in key):
-        name, unit = split_key(key)
-        cells = [_cell(stroke.get(key), stroke.get(spreads.get(key, "")), unit) for stroke in shown]
-        if any(cell != DASH for cell in cells):
-            rows.append([name, *cells])
-    terminal.say(columns(rows))
-    if len(strokes) > len(shown):
-        terminal.say(f"  … and {len(strokes) - len(shown)} strokes more: see --json")
-
-
-def _say_directions(directions: Sequence[ClassicalDirection], terminal: Terminal) -> None:
-    """Both directions of strokes to and fro, apart."""
-    if not directions:
-        return
-    rows = [["all strokes", *("forth" if way.direction > 0 else "back" for way in directions)]]
-    rows.append(["strokes", *(str(way.strokes) for way in directions)])
-    rows.append(["coefficient", *(_cell(way.coefficient, way.coefficient_sd, "") for way in directions)])
-    rows.append(["last against first tenth", *(_cell(way.trend_percent, None, "%") for way in directions)])
-    terminal.say(columns(rows))
-
-
-def _cell(value: float | None, sd: float | None, unit: str) -> str:
-    if value is None:
-        return DASH
-    return quantity(value, unit, 3) + (f" ± {quantity(sd, unit, 2)}" if sd else "")
-
-
-def document(seen: Inspection) -> dict[str, Any]:
+def document(seen: Inspection) -> dict[str, object]:
     """The inspection as a JSON-able document, SI."""
-    record, quality = seen.record, seen.judgement.quality
-    programme = seen.drive.programme
+    record, quality, programme = seen.record, seen.judgement.quality, seen.drive.programme
     return {
         "path": seen.path,
         "format": record.metadata.get("format"),
@@ -286,19 +266,19 @@ def document(seen: Inspection) -> dict[str, Any]:
     }
 
 
-def _regime(seen: LogRegime) -> Mapping[str, Any]:
+def _regime(seen: LogRegime) -> Mapping[str, object]:
     value = None if seen.regime is None else seen.regime.value
     return {"regime": value, "confidence": seen.confidence, "evidence": list(seen.evidence)}
 
 
-def _step_document(seen: StepSeen) -> Mapping[str, Any]:
+def _step_document(seen: StepSeen) -> Mapping[str, object]:
     phases, step = seen.phases, seen.step
     return {
         "run": step.run,
         "step": step.number,
         "rows": step.stop - step.start,
         "parameters": dict(step.parameters),
-        "friction_sign": seen.sign,
+        "friction_sign": -1 if int(np.sum(seen.signs)) < 0 else 1,
         **_regime(seen.seen),
         "cycles": phases.count,
         "noise_N": phases.noise,
@@ -314,3 +294,78 @@ def _step_document(seen: StepSeen) -> Mapping[str, Any]:
         "onsets_s": phases.cycles.onset,
         "arrests_s": phases.cycles.arrest,
     }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# As a picture: forces over time with their phases, whole and a few cycles.
+# ----------------------------------------------------------------------------------------------------------------------
+
+STRETCHES = 1200  # of the overview: the lowest and highest of each, so that no spike is lost
+CLOSE_CYCLES = 4
+MOST_SHADED = 400  # phases of an overview; more of them would be one grey
+COLOURS = {"accept": "tab:green", "accept with warnings": "darkorange", "reject": "tab:red"}
+SHADES = ((SLIP, "C1", "slip"), (SLIDING, "C0", "sliding"))
+
+
+def draw(logs: Sequence[Inspection], path: Path) -> None:
+    """Per log: friction and normal force over time, and a few cycles closer by."""
+    from matplotlib.figure import Figure
+
+    from data_io.atomic import atomic_path
+
+    figure = Figure(figsize=(11.0, 3.7 * len(logs)), layout="constrained")
+    for part, item in zip(figure.subfigures(len(logs), 1, squeeze=False)[:, 0], logs, strict=True):
+        ratios = {"height_ratios": (3, 1), "width_ratios": (2.2, 1)}
+        grid = part.subplots(2, 2, sharex="col", squeeze=False, gridspec_kw=ratios)
+        codes = dict.fromkeys(f.code.replace("_", " ") for f in item.judgement.findings if f.severity != "info")
+        title = f"{Path(item.path).name} · {item.judgement.verdict}{': ' if codes else ''}{', '.join(codes)}"
+        part.suptitle(title.replace("$", r"\$"), fontsize=9, color=COLOURS[item.judgement.verdict])
+        close = _few_cycles(item)
+        for column, span in enumerate(((0.0, float(item.record.time[-1])), close)):
+            _draw_span(grid[0, column], grid[1, column], item, span)
+        grid[0, 0].set_ylabel("friction force [N]", fontsize=8)
+        grid[1, 0].set_ylabel("normal [N]", fontsize=8)
+        named = dict(zip(*reversed(grid[0, 0].get_legend_handles_labels()), strict=True))  # one entry of a kind
+        if named:
+            grid[0, 0].legend(named.values(), named.keys(), fontsize=8, loc="upper right", ncols=4)
+        grid[0, 1].set_title(f"{close[0]:.4g} to {close[1]:.4g} s", fontsize=8)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=130)
+
+
+def _draw_span(friction: Axes, normal: Axes, item: Inspection, span: tuple[float, float]) -> None:
+    """Both forces within a span [s], the phases behind them, and every spike."""
+    from data_io.arrays import true_runs
+    from identify.report.style import extremes
+
+    record = item.record
+    inside = slice(*np.searchsorted(record.time, [span[0], span[1] + 1e-12]).tolist())
+    for axes, values in ((friction, record.friction_force), (normal, record.normal_force)):
+        kept = extremes(values[inside], STRETCHES)
+        axes.plot(record.time[inside][kept], values[inside][kept], color="0.2", lw=0.7, zorder=2)
+        axes.tick_params(labelsize=8)
+    for step in item.steps:
+        time = record.time[step.step.start : step.step.stop]
+        for phase, colour, label in SHADES:
+            spans = [(float(time[a]), float(time[b - 1])) for a, b in true_runs(step.phases.phase == phase)]
+            spans = [(a, b) for a, b in spans if b >= span[0] and a <= span[1]]
+            for begin, end in spans[:: max(len(spans) // MOST_SHADED, 1)]:
+                # An edge, so that a slip narrower than a dot of the picture is still seen.
+                friction.axvspan(begin, end, facecolor=colour, edgecolor=colour, alpha=0.3, lw=0.4, label=label)
+        rows = np.flatnonzero(step.phases.spikes) + step.step.start
+        if rows.size:
+            friction.plot(record.time[rows], record.friction_force[rows], "x", ms=3, color="crimson", label="spike")
+    normal.set_xlim(*span)
+    normal.set_xlabel("time [s]")
+
+
+def _few_cycles(item: Inspection) -> tuple[float, float]:
+    """A stretch of a few cycles in the middle of the log; without cycles its middle tenth."""
+    onsets = np.concatenate([seen.phases.cycles.onset for seen in item.steps])
+    end = float(item.record.time[-1])
+    if onsets.size <= CLOSE_CYCLES:
+        return (0.45 * end, 0.55 * end) if onsets.size == 0 else (0.0, end)
+    first = (onsets.size - CLOSE_CYCLES) // 2
+    period = float(onsets[first + 1] - onsets[first])
+    begin, last = float(onsets[first]), float(onsets[first + CLOSE_CYCLES - 1])
+    return max(begin - 0.5 * period, 0.0), min(last + 0.6 * period, end)

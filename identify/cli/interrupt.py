@@ -32,46 +32,21 @@ def interruptible(last_words: Callable[[], None] | None = None) -> Iterator[None
         last_words: said where the command did not end within `GRACE`; then this process ends, with exit code 130.
             None: the command may take its time.
     """
-    _received.clear()
     _stands_down.clear()
     try:
         before = [signal.signal(number, _interrupt) for number in SIGNALS]
     except ValueError:  # not the main thread: signals do not come here
         yield
         return
-    unraisable = sys.unraisablehook
-
-    def without_interruptions(event: sys.UnraisableHookArgs) -> None:
-        """A signal that comes within a callback of the garbage collector is not raised, but it is remembered."""
-        if not isinstance(event.exc_value, KeyboardInterrupt):
-            unraisable(event)
-
-    sys.unraisablehook = without_interruptions
-    try:
-        with _watched(last_words):
-            yield
-    finally:
-        _unmute()
-        sys.unraisablehook = unraisable
-        for number, handler in zip(SIGNALS, before, strict=True):
-            signal.signal(number, handler)
-
-
-@contextmanager
-def _watched(last_words: Callable[[], None] | None) -> Iterator[None]:
-    """A thread hears of a signal at once, while Python's own handler waits until compiled code returns."""
-    if last_words is None:
-        yield
-        return
+    # A thread learns of a signal at once, while Python's own handler waits until compiled code returns.
     sender, receiver = socket.socketpair()
     sender.setblocking(False)
-    before = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
-    ended = threading.Event()
+    wakeup, ended = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False), threading.Event()
 
     def watch() -> None:
-        while (heard := receiver.recv(1)) and heard[0] not in SIGNALS:
+        while (byte := receiver.recv(1)) and byte[0] not in SIGNALS:
             pass
-        if heard and not ended.wait(GRACE) and not _stands_down.is_set():
+        if byte and last_words is not None and not ended.wait(GRACE) and not _stands_down.is_set():
             _leave(last_words)
 
     threading.Thread(target=watch, daemon=True).start()
@@ -79,8 +54,26 @@ def _watched(last_words: Callable[[], None] | None) -> Iterator[None]:
         yield
     finally:
         ended.set()
-        signal.set_wakeup_fd(before)
+        _received.clear()
+        signal.set_wakeup_fd(wakeup)
         sender.close()
+        _unmute()
+        for number, handler in zip(SIGNALS, before, strict=True):
+            signal.signal(number, handler)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    """Raise KeyboardInterrupt, and keep quiet what a solver says of that: it takes it for a failed evaluation."""
+    _received.append(number)
+    if not _muted and not _stands_down.is_set():
+        _muted.append(sys.stderr)
+        sys.stderr = io.StringIO()
+    raise KeyboardInterrupt
+
+
+def _unmute() -> None:
+    if _muted:
+        sys.stderr = _muted.pop()
 
 
 def _leave(last_words: Callable[[], None]) -> NoReturn:
@@ -91,7 +84,7 @@ def _leave(last_words: Callable[[], None]) -> NoReturn:
     with suppress(Exception):
         _unmute()
         if sys.stderr.isatty():
-            sys.stderr.write("\r\x1b[K\x1b[?25h")  # the line of a progress bar, and the cursor it hid
+            sys.stderr.write("\r\x1b[K")  # the line of a progress bar
         last_words()
         sys.stdout.flush()
         sys.stderr.flush()
@@ -119,23 +112,15 @@ def unfinished(folder: Path) -> Iterator[None]:
         _unfinished.discard(folder)
 
 
-def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
-    """Raise KeyboardInterrupt, and keep quiet what a solver says of that: it takes it for a failed evaluation."""
-    _received.append(number)
-    if not _muted and not _stands_down.is_set():
-        _muted.append(sys.stderr)
-        sys.stderr = io.StringIO()
-    raise KeyboardInterrupt
-
-
-def _unmute() -> None:
-    if _muted:
-        sys.stderr = _muted.pop()
-
-
 def interrupted() -> bool:
     """Whether a signal came since the command began, whatever became of its KeyboardInterrupt."""
     return bool(_received)
+
+
+def check_interrupted() -> None:
+    """Raise the KeyboardInterrupt again that CasADi turns into a solver that "stopped by itself"."""
+    if interrupted():
+        raise KeyboardInterrupt
 
 
 def taken_as_handled() -> None:
@@ -147,9 +132,3 @@ def taken_as_handled() -> None:
     exec("")
     _unmute()
     _stop_compiling()
-
-
-def check_interrupted() -> None:
-    """Raise the KeyboardInterrupt again that CasADi turns into a solver that "stopped by itself"."""
-    if interrupted():
-        raise KeyboardInterrupt

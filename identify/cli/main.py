@@ -9,22 +9,15 @@ import sys
 import traceback
 import warnings
 from argparse import SUPPRESS, ArgumentParser, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import NoReturn
 
+from identify import check_data_io
 from identify.base.errors import IdentifyError
-from identify.base.packages import check_data_io
-from identify.cli.common import (
-    DEFECT,
-    INTERRUPTED,
-    WRONG_INPUT,
-    Answer,
-    CommandLineError,
-    standard_terminal,
-)
+from identify.base.progress import silence
+from identify.cli.common import DEFECT, INTERRUPTED, WRONG_INPUT, Answer, Command, CommandLineError, Terminal
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
-from identify.cli.progress import HowToTell, silence
 
 STOPPED = "interrupted; no half-written result is left behind"
 LONGEST = 400  # characters of a sentence that ends a command
@@ -38,43 +31,36 @@ first steps:
 
 exit codes: 0 done, 2 wrong input, 3 ran without success, 130 interrupted, 1 a defect of ours
 """
+GROUPS = "fit inspect logs bench studies simulate calculators app".split()
 
 
 class _Parser(ArgumentParser):
     """Complains by raising, so that a wrong command line ends like every other error; takes no shortened options."""
 
-    def __init__(self, **arguments: Any) -> None:
-        super().__init__(allow_abbrev=False, **arguments)
-
     def error(self, message: str) -> NoReturn:
         raise CommandLineError(f"{message}; see: {self.prog} --help")
 
 
-COMMANDS = """
-demo inspect logs rig plan fit verify batch compare simulate calculators app cache
-""".split()
+def commands() -> list[Command]:
+    """Every command, in the order of the help."""
+    return [command for name in GROUPS for command in import_module(f"identify.cli.{name}").COMMANDS]
 
 
-def commands() -> list[Any]:
-    """Every command, in the order of the help: those that a module lists, or the module itself.
-
-    They bring NumPy and pandas, a good part of a second: imported within `main`, which an interruption ends in words.
-    """
-    modules = [import_module(f"identify.cli.{name}") for name in COMMANDS]
-    return [command for module in modules for command in getattr(module, "COMMANDS", (module,))]
-
-
-def build_parser() -> _Parser:
+def build_parser() -> ArgumentParser:
     """The parser of all commands."""
     parser = _Parser(
-        prog="stickslip", description=DESCRIPTION, epilog=EPILOG, formatter_class=RawDescriptionHelpFormatter
+        prog="stickslip",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=RawDescriptionHelpFormatter,
+        allow_abbrev=False,
     )
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     known = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     for command in commands():
-        sub = known.add_parser(command.NAME, help=command.HELP, description=command.HELP)
+        sub = known.add_parser(command.name, help=command.help, description=command.help, allow_abbrev=False)
         command.add_arguments(sub)
-        sub.set_defaults(run=command.run)
+        sub.set_defaults(work=command.run)
     for place in (parser, *known.choices.values()):
         place.add_argument("--json", action="store_true", help="one JSON document on standard output, words on stderr")
         place.add_argument("--debug", action="store_true", help="show the traceback of an error")
@@ -98,7 +84,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if argv is None else argv)
     json_mode, debug = "--json" in given, "--debug" in given
     _open_streams()
-    with interruptible(_last_words(json_mode) if argv is None else None):
+    out = sys.stdout  # while a command runs, its words may be sent elsewhere
+
+    def last_words() -> None:
+        with contextlib.redirect_stdout(out):
+            _print_document(_failed(INTERRUPTED, STOPPED, False), json_mode)
+
+    with interruptible(last_words if argv is None else None):
         answer = _ended(given, json_mode, debug)
     try:
         _print_document(answer, json_mode)
@@ -123,21 +115,13 @@ def _open_streams() -> None:
             stream.reconfigure(encoding="utf-8", errors="replace")
 
 
-def _last_words(json_mode: bool) -> Callable[[], None]:
-    """What is said where the command had to be ended from outside."""
-    out = sys.stdout  # while a command runs, its words may be sent elsewhere
-
-    def say() -> None:
-        with contextlib.redirect_stdout(out):
-            _print_document(_failed(INTERRUPTED, STOPPED, False), json_mode)
-
-    return say
-
-
 def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
     """Run, and turn every kind of end into an answer."""
     try:
-        _check_packages()
+        try:
+            check_data_io()
+        except ImportError as hidden:
+            raise CommandLineError(str(hidden)) from None
         answer = _run(given, json_mode)
         check_interrupted()
         return answer
@@ -148,7 +132,12 @@ def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
         if interrupted():  # a library made an error of its own out of the KeyboardInterrupt
             taken_as_handled()
             return _failed(INTERRUPTED, STOPPED, debug)
-        if _mendable(error):
+        mendable: tuple[type[Exception], ...] = (CommandLineError, IdentifyError, OSError)
+        if not isinstance(error, CommandLineError):
+            from data_io.values import LogError, UnitError
+
+            mendable = (*mendable, LogError, UnitError)
+        if isinstance(error, mendable):
             return _failed(WRONG_INPUT, _sentence(error), debug)
         words = f"{type(error).__name__}: {error}".strip()
         return _failed(DEFECT, f"a defect of ours ({words}); run again with --debug and report what it prints", debug)
@@ -162,8 +151,12 @@ def _run(given: list[str], json_mode: bool) -> Answer:
             arguments: Namespace = parser.parse_args(given)
         except SystemExit:  # help was asked for and printed
             return Answer(document={"status": "done"})
-        how: HowToTell = "verbose" if "--verbose" in given else getattr(arguments, "progress", "shown")
-        terminal = standard_terminal(json_mode, quiet="--quiet" in given, progress=how)
+        quiet = "--quiet" in given
+        terminal = Terminal(
+            words=sys.stderr if json_mode else sys.stdout,
+            notes=open(os.devnull, "w", encoding="utf-8") if quiet else sys.stderr,  # noqa: PTH123, SIM115 - to the end
+            progress="verbose" if "--verbose" in given else getattr(arguments, "progress", "shown"),
+        )
         if arguments.version:
             from importlib.metadata import version
 
@@ -171,33 +164,12 @@ def _run(given: list[str], json_mode: bool) -> Answer:
             terminal.say(f"stickslip {installed}")
             return Answer(document={"status": "done", "version": installed})
         if arguments.command is None:
-            raise CommandLineError(f"no command was given; expected one of {', '.join(c.NAME for c in commands())}")
+            raise CommandLineError(f"no command was given; expected one of {', '.join(c.name for c in commands())}")
         with warnings.catch_warnings():
             if not arguments.debug:
                 warnings.simplefilter("ignore")  # of libraries, for developers; what users must know is in the answer
-            answer: Answer = arguments.run(arguments, terminal)
+            answer: Answer = arguments.work(arguments, terminal)
     return answer
-
-
-def _check_packages() -> None:
-    """Look whether a file of the user hides a package of ours.
-
-    Raises:
-        CommandLineError: one does.
-    """
-    try:
-        check_data_io()
-    except ImportError as hidden:
-        raise CommandLineError(str(hidden)) from None
-
-
-def _mendable(error: Exception) -> bool:
-    """Whether the user can mend it, and its text is a sentence for the user."""
-    if isinstance(error, CommandLineError):
-        return True
-    from data_io.values import LogError, UnitError
-
-    return isinstance(error, (IdentifyError, LogError, UnitError, OSError))
 
 
 def _sentence(error: BaseException) -> str:

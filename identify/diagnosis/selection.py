@@ -29,7 +29,6 @@ from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
 from identify.logs.rhythms import SpectralLine, rhythms
 from identify.scene import Scene
-from identify.scene.variant import scene_with
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.solve import solve
 
@@ -85,7 +84,7 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     """
     report = progress or to_nobody
     report("looking at the logs", 0.0)
-    prepared = prepare_scene(scene_with(scene, LOOKED_AT, {}), records).logs
+    prepared = prepare_scene(scene.with_effects(LOOKED_AT), records).logs
     for sentence in prefit_warnings(prepared):
         report(Notice(sentence), 0.0)
     if wrong_unit(prepared) or not alike([log for log in prepared if log.left_out is None]):
@@ -234,7 +233,7 @@ class _Comparison:
         present = {*ALWAYS, *effects}
         roles = {BY_NAME[name].role for name in present} - {""}
         held = [n for n in HELD if n in self.tried and n not in present and BY_NAME[n].role not in roles]
-        made = scene_with(self._scene, [e.name for e in ALL if e.name in present or e.name in held], self._starts)
+        made = self._scene.with_effects([e.name for e in ALL if e.name in present or e.name in held], self._starts)
         shared = {q.name for name in present for q in BY_NAME[name].parameters}
         parameters = dict(made.parameters)
         for effect in (BY_NAME[name] for name in held):

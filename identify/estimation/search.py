@@ -17,10 +17,9 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.budget import time_is_up
+from identify.base.budget import of_which, stage, time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
-from identify.base.stages import of_which, stage
 from identify.estimation.attempt import (
     Attempt,
     gated,

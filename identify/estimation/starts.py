@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.stages import stage
+from identify.base.budget import stage
 from identify.estimation.attempt import HORIZONS, place_on
 from identify.logs.prepare import Prepared, beginning
 from identify.logs.unknowns import Unknowns

@@ -1,10 +1,10 @@
-"""The [parameters] table: start, bounds, fixed values and priors of each parameter of the model."""
+"""The [parameters] table: start, bounds, fixed values, priors and ties of each parameter of the model."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 from identify.base.errors import SceneError
 from identify.effects import ALL
@@ -42,24 +42,26 @@ def read_parameters(
         SceneError: an unknown name, a value outside the model's box, or a contradiction.
     """
     known = {p.name: p for p in declared}
-    for effect in ALL:
-        for p in effect.parameters:
-            if isinstance(value, Mapping) and p.name in value and p.name not in known:
-                raise SceneError(
-                    f"[parameters] names {p.name}, which belongs to the effect {effect.name}; add it to effects or "
-                    f"drop {p.name}"
-                )
+    off = {p.name: effect.name for effect in ALL for p in effect.parameters if p.name not in known}
+    for name in value if isinstance(value, Mapping) else ():
+        if name in off:
+            raise SceneError(
+                f"[parameters] names {name}, which belongs to the effect {off[name]}; add it to effects or drop {name}"
+            )
     table = TomlTable.of(value, "[parameters]", known, "[parameters] mu_s = { start = 0.6 }")
     specs = {}
     for name, p in known.items():
         if name in table.data:
-            specs[name] = _parameter(_opened(table.data[name], p), p)
+            specs[name] = _parameter(table.data[name], p)
         elif p.kind != "rig":
             specs[name] = default_spec(p)
-    check_ties(specs, declared)
-    for name, (where, number) in elsewhere.items():
-        if name in specs:
-            specs[name] = _given_elsewhere(specs[name], known[name], where, number, name in table.data)
+    _check_ties(specs, declared)
+    for name in elsewhere.keys() & specs.keys():
+        (where, number), p = elsewhere[name], known[name]
+        if name in table.data and specs[name].fixed != number:
+            raise SceneError(f"{name} stands in {where} and in [parameters] as well; keep one of them")
+        _check_admitted(f"{where} is {number:g} {p.unit}", number, p)
+        specs[name] = replace(specs[name], fixed=number, stated=True)
     return specs
 
 
@@ -68,113 +70,92 @@ def default_spec(p: Parameter) -> ParameterSpec:
     return ParameterSpec(p.name, None, p.lower, p.upper, fixed=p.default if p.kind == "given" else None)
 
 
-def _opened(value: object, p: Parameter) -> Any:
-    """The table of one parameter; a bare value of one that is taken as given holds it there."""
-    if p.kind != "given":
-        return value
-    if isinstance(value, (str, int, float)):
-        return {"fixed": value}
-    if isinstance(value, Mapping) and "fixed" not in value and not any(word in value for word in SEARCHED):
-        raise SceneError(
-            f"[parameters] {p.name} has {'bounds' if value else 'an empty table'} only, and is taken as given; "
-            f"write a start or a prior to have it searched, or its value alone to hold it there"
-        )
-    return value
-
-
-def _given_elsewhere(said: ParameterSpec, p: Parameter, where: str, number: float, twice: bool) -> ParameterSpec:
-    """The parameter held at the value that another table gives."""
-    if twice and said.fixed != number:
-        raise SceneError(f"{p.name} stands in {where} and in [parameters] as well; keep one of them")
-    if not p.lower <= number <= p.upper:
-        raise SceneError(
-            f"{where} is {number:g} {p.unit}; the model admits {p.lower:g} to {p.upper:g} {p.unit}: move it there"
-        )
-    return replace(said, fixed=number, stated=True)
+def _check_admitted(stated: str, number: float | None, p: Parameter) -> None:
+    if number is not None and not p.lower <= number <= p.upper:
+        raise SceneError(f"{stated}; the model admits {p.lower:g} to {p.upper:g} {p.unit}: move it there")
 
 
 def _parameter(value: object, p: Parameter) -> ParameterSpec:
-    example = (
-        f'{p.name} = {{ start = "{p.default:g} {p.unit}" }}' if p.unit else f"{p.name} = {{ start = {p.default} }}"
-    )
+    where = f"[parameters] {p.name}"
+    if p.kind == "given" and isinstance(value, (str, int, float)):  # a bare value holds it there
+        value = {"fixed": value}
+    if p.kind == "given" and isinstance(value, Mapping) and not {"fixed", *SEARCHED} & set(value):
+        raise SceneError(
+            f"{where} has {'bounds' if value else 'an empty table'} only, and is taken as given; write a start or a "
+            "prior to have it searched, or its value alone to hold it there"
+        )
     number = Key(p.unit)
-    keys = {"start": number, "lower": number, "upper": number, "fixed": number, "prior": Key(), "per": Key(read=text)}
-    table = TomlTable.of(value, f"[parameters] {p.name}", keys | {"tie": Key()}, example)
+    keys = dict.fromkeys(("start", "lower", "upper", "fixed"), number)
+    start = f'"{p.default:g} {p.unit}"' if p.unit else p.default
+    known = keys | {"prior": Key(), "per": Key(read=text), "tie": Key()}
+    table = TomlTable.of(value, where, known, f"{p.name} = {{ start = {start} }}")
     if p.name in RIG_PARAMETERS and "fixed" in table.data:
-        raise SceneError(f"{table.where} is fixed, but its value stands in [rig]; drop the line to keep it there")
-    example, known = "prior = { mean = …, sd = … }", {"mean": number, "sd": number}
-    prior = TomlTable.of(table.data.get("prior", {}), table.place("prior"), known, example)
-    if len(prior.data) == 1:
-        raise SceneError(f"{prior.where} has only {next(iter(prior.data))!r}; give both mean and sd")
-    lower, upper = table.get("lower"), table.get("upper")
-    for word, bound in (("lower", lower), ("upper", upper)):
-        if bound is not None and not p.lower <= bound <= p.upper:
-            raise SceneError(
-                f"{table.place(word)} is {bound:g}; the model admits {p.lower:g} to {p.upper:g} {p.unit}: move it there"
-            )
+        raise SceneError(f"{where} is fixed, but its value stands in [rig]; drop the line to keep it there")
+    stated = {name: table.get(name) for name in keys}
+    for word in ("lower", "upper"):
+        if stated[word] is not None:
+            _check_admitted(f"{table.place(word)} is {stated[word]:g}", stated[word], p)
+    mean, sd = _prior(table, number)
     return ParameterSpec(
         name=p.name,
-        start=table.get("start"),
-        lower=p.lower if lower is None else lower,
-        upper=p.upper if upper is None else upper,
-        fixed=table.get("fixed"),
-        prior_mean=prior.get("mean"),
-        prior_sd=_sd(prior),
+        start=stated["start"],
+        lower=p.lower if stated["lower"] is None else stated["lower"],
+        upper=p.upper if stated["upper"] is None else stated["upper"],
+        fixed=stated["fixed"],
+        prior_mean=mean,
+        prior_sd=sd,
         per=table.get("per"),
-        tie=_tie(table, p),
+        tie=_tie(table.data["tie"], table.place("tie"), p) if "tie" in table.data else None,
         stated=True,
     )
 
 
-def _tie(table: TomlTable, p: Parameter) -> Tie | None:
-    """The parameter this one follows.
+def _prior(table: TomlTable, number: Key) -> tuple[float | None, float | None]:
+    """Mean and standard deviation, which may be a share of the mean."""
+    prior = TomlTable.of(
+        table.data.get("prior", {}),
+        table.place("prior"),
+        {"mean": number, "sd": number},
+        "prior = { mean = …, sd = … }",
+    )
+    if len(prior.data) == 1:
+        raise SceneError(f"{prior.where} has only {next(iter(prior.data))!r}; give both mean and sd")
+    mean: float | None = prior.get("mean")
+    relative = share(prior.data.get("sd"), prior.place("sd"))
+    return mean, prior.get("sd") if relative is None else relative * abs(mean or 0.0)
 
-    Raises:
-        SceneError: no name, or a relation that its scale does not have.
-    """
-    if "tie" not in table.data:
-        return None
+
+def _tie(value: object, where: str, p: Parameter) -> Tie:
+    """The parameter this one follows; a logarithmic one by a factor, another by an offset."""
+    relation, other = ("factor", "offset") if p.scale == "log" else ("offset", "factor")
     known = {"to": Key(read=text), "factor": Key(), "offset": Key(p.unit)}
-    said = TomlTable.of(table.data["tie"], table.place("tie"), known, 'tie = { to = "mu_s" }')
-    to = said.get("to")
-    if to is None:
-        raise SceneError(f'{said.where} names no parameter; give tie = {{ to = "mu_s" }}')
-    wrong = "offset" if p.scale == "log" else "factor"
-    if wrong in said.data:
-        right = "factor" if wrong == "offset" else "offset"
-        raise SceneError(f"{said.where} has {wrong}, which {p.name} cannot take; give {right} instead")
-    factor, offset = said.get("factor"), said.get("offset")
-    if factor is not None and not factor > 0.0:
-        raise SceneError(f"{said.place('factor')} is {factor:g}; expected a positive number: correct it")
-    return Tie(to, 1.0 if factor is None else factor, 0.0 if offset is None else offset)
+    table = TomlTable.of(value, where, known, 'tie = { to = "mu_s" }')
+    if "to" not in table.data:
+        raise SceneError(f'{where} names no parameter; give tie = {{ to = "mu_s" }}')
+    if other in table.data:
+        raise SceneError(f"{where} has {other}, which {p.name} cannot take; give {relation} instead")
+    stated = table.values()
+    if not stated.get("factor", 1.0) > 0.0:
+        raise SceneError(f"{where} factor is {stated['factor']:g}; expected a positive number: correct it")
+    return Tie(**stated)
 
 
-def check_ties(specs: Mapping[str, ParameterSpec], declared: Sequence[Parameter]) -> None:
-    """Refuse ties to what is not there, is tied itself, or has another scale.
-
-    Raises:
-        SceneError: one sentence.
-    """
+def _check_ties(specs: Mapping[str, ParameterSpec], declared: Sequence[Parameter]) -> None:
+    """Refuse ties to what is not there, is tied itself, or has another scale."""
     scales = {p.name: p.scale for p in declared if p.kind != "rig"}
     for name, spec in specs.items():
         if spec.tie is None:
             continue
-        other = specs.get(spec.tie.to)
-        if spec.tie.to not in scales or name not in scales or other is None:
+        to = spec.tie.to
+        if to not in scales or name not in scales or to not in specs:
             raise SceneError(
-                f"{name} is tied to {spec.tie.to!r}, which is no friction parameter of this scene; expected one of "
+                f"{name} is tied to {to!r}, which is no friction parameter of this scene; expected one of "
                 f"{', '.join(scales)}: correct it"
             )
-        if other.tie is not None or other.fixed is not None or spec.tie.to == name:
-            raise SceneError(f"{name} is tied to {spec.tie.to}, which is not searched itself; tie it to one that is")
-        if scales[name] != scales[spec.tie.to]:
+        if specs[to].tie is not None or specs[to].fixed is not None or to == name:
+            raise SceneError(f"{name} is tied to {to}, which is not searched itself; tie it to one that is")
+        if scales[name] != scales[to]:
             raise SceneError(
-                f"{name} is tied to {spec.tie.to}, but one is searched by its logarithm and the other is not; tie "
-                "parameters of one kind"
+                f"{name} is tied to {to}, but one is searched by its logarithm and the other is not; tie parameters of "
+                "one kind"
             )
-
-
-def _sd(prior: TomlTable) -> float | None:
-    relative = share(prior.data.get("sd"), prior.place("sd"))
-    deviation: float | None = prior.get("sd") if relative is None else relative * abs(prior.get("mean") or 0.0)
-    return deviation

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -17,11 +17,12 @@ from identify.effects import ALL
 from identify.effects.quantities import Parameter
 from identify.model.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
 from identify.scene.parameters import declared_by, default_spec
-from identify.scene.rig import question_bare_numbers
-from identify.scene.tables import check_ranges
-from identify.scene.toml import known_effects, read_parts, read_toml, with_rig_file
+from identify.scene.parts import known_effects, read_parts
+from identify.scene.tables import TIED, check_ranges
+from identify.scene.toml import question_bare_numbers, read_toml, with_rig_file
 from identify.scene.values import EACH_LOG, Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
-from identify.scene.words import document_of
+
+NEUTRAL = (("factor", 1.0), ("offset", 0.0))  # of a tie
 
 
 @dataclass(frozen=True)
@@ -51,11 +52,7 @@ class Scene:
     source: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        _check_mass(self)
-        _check_log_overrides(self)
-        _check_groups(self)
-        _check_rig_bounds(self)
-        _check_coefficients(self)
+        _check_consistent(self)
         if not self.logs and self.rig.drive_speed is None:
             raise SceneError(
                 'the scene has no drive speed; give drive_speed = "… mm/s" under [rig], or in the file that rig names'
@@ -113,8 +110,36 @@ class Scene:
         )
 
     def as_document(self) -> dict[str, Any]:
-        """The scene as JSON-able tables, SI numbers, absolute log paths; `from_document` rebuilds it."""
-        return document_of(self)
+        """The scene as JSON-able tables, SI numbers, absolute log paths; `from_document` rebuilds it.
+
+        What is not stated is absent. Where the effects are still to be chosen that goes for every parameter the scene
+        does not name: a default written down would be read back as stated.
+        """
+        listed, rig = self.effects != "auto", self.rig
+        optional = {
+            "extrapolate": list(self.extrapolate),
+            "quality": dict(self.thresholds.own),
+            "fit": {"time_limit": self.time_limit} if self.time_limit != DEFAULT_TIME_LIMIT else {},
+            "tolerances": dict(self.tolerances),
+        }
+        table = _stated(asdict(rig), without=("tolerances", "ratio_tolerances"))
+        table |= {name: {"value": table[name], "tolerance": share} for name, share in rig.tolerances.items()}
+        if "zeta" in rig.ratio_tolerances:
+            del table["damping"]
+            table["zeta"] = {"value": rig.zeta, "tolerance": rig.ratio_tolerances["zeta"]}
+        if "natural_frequency" in rig.ratio_tolerances:
+            table[TIED] = rig.ratio_tolerances["natural_frequency"]
+        law = _stated({"coefficient": self.contact.coefficient, "exponent": self.contact.exponent})
+        return {
+            "name": self.name,
+            "effects": _plain(self.effects),
+            "rig": table,
+            "contact": _stated({"area": self.contact.area, "area_law": law}),
+            **{name: part for name, part in optional.items() if part},
+            "initial": asdict(self.initial),
+            "parameters": {name: _table_of(s) for name, s in self.parameters.items() if listed or s.stated},
+            "logs": [_stated(asdict(entry)) | {"path": str(entry.path.absolute())} for entry in self.logs],
+        }
 
     @property
     def model(self) -> Model:
@@ -135,23 +160,29 @@ class Scene:
         """The parameters of the model; of every effect there is while the effects are still to be chosen."""
         return declared_by(self.effects)
 
-    def with_effects(self, names: Sequence[str]) -> Scene:
+    def with_effects(self, names: Sequence[str], starts: Mapping[str, float] | None = None) -> Scene:
         """The scene with exactly these effects; what it says of their parameters is kept, the others have defaults.
+
+        Args:
+            starts: values [SI] at which parameters start (or are held) that the scene gives no value.
 
         Raises:
             SceneError: an unknown effect, a composition that is refused, or one that does not suit the scene.
         """
         effects = known_effects(names)
-        elsewhere = self.contact.parameters
         specs = {}
         for p in declared_by(effects):
             if p.name in self.parameters:
                 specs[p.name] = self.parameters[p.name]
             elif p.kind != "rig":
-                spec = default_spec(p)
-                if p.name in elsewhere:
-                    spec = replace(spec, fixed=elsewhere[p.name][1], stated=True)
-                specs[p.name] = spec
+                specs[p.name] = default_spec(p)
+                if p.name in self.contact.parameters:
+                    specs[p.name] = replace(specs[p.name], fixed=self.contact.parameters[p.name][1], stated=True)
+        for name, value in (starts or {}).items():
+            spec = specs.get(name)
+            if spec is not None and not spec.states_value:
+                within = min(max(value, spec.lower), spec.upper)
+                specs[name] = replace(spec, start=within) if spec.fixed is None else replace(spec, fixed=value)
         allowed = tuple(name for name in self.extrapolate if name in effects)
         return replace(self, effects=effects, parameters=specs, extrapolate=allowed)
 
@@ -239,57 +270,50 @@ def _build(document: Mapping[str, object], folder: Path, name: str, source: Path
     return Scene(**(parts | {"name": parts["name"] or name}), source=source)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Parts of a scene that contradict each other.
-# ----------------------------------------------------------------------------------------------------------------------
+def _plain(value: object) -> object:
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return dict(value) if isinstance(value, Mapping) else value
 
 
-def _check_groups(scene: Scene) -> None:
-    """A parameter that differs by a label asks for that label of every log."""
-    for name, spec in scene.parameters.items():
-        if spec.per is None or spec.per == EACH_LOG:
-            continue
-        for entry in scene.logs:
-            if spec.per not in entry.labels:
-                raise SceneError(
-                    f"{name} differs by {spec.per}, of which log {entry.path.name} says nothing; give it labels = "
-                    f'{{ {spec.per} = "…" }}, or write per = "log"'
-                )
+def _stated(table: Mapping[str, object], without: Sequence[str] = ()) -> dict[str, Any]:
+    """The table without what it does not state; tuples become lists, as in JSON."""
+    return {key: _plain(v) for key, v in table.items() if v is not None and v != () and v != {} and key not in without}
 
 
-def _check_log_overrides(scene: Scene) -> None:
-    """A log may not give its own value of what is estimated for all."""
+def _table_of(spec: ParameterSpec) -> dict[str, Any]:
+    tie = {} if spec.tie is None else {k: v for k, v in asdict(spec.tie).items() if (k, v) not in NEUTRAL}
+    table = _stated(asdict(spec), without=("name", "prior_mean", "prior_sd", "stated", "tie"))
+    return table | _stated({"prior": _stated({"mean": spec.prior_mean, "sd": spec.prior_sd}), "tie": tie})
+
+
+def _check_consistent(scene: Scene) -> None:
+    """Refuse parts of a scene that contradict each other. Raises SceneError."""
+    auto = scene.effects == "auto"
+    if scene.rig.mass == 0.0 and (auto or "inertia" in scene.effects):
+        raise SceneError("mass is 0 kg; expected a positive number: correct it, or take inertia out of effects")
     for entry in scene.logs:
-        for name in RIG_PARAMETERS:
-            if name in scene.parameters and getattr(entry, name) is not None:
+        for name, spec in scene.parameters.items():
+            if name in RIG_PARAMETERS and getattr(entry, name) is not None:
                 raise SceneError(
                     f"log {entry.path.name} gives its own {name}, but [parameters] estimates one {name} for all logs; "
                     "drop one of the two"
                 )
-
-
-def _check_mass(scene: Scene) -> None:
-    """Only a model without inertia does without a mass."""
-    if scene.rig.mass == 0.0 and (scene.effects == "auto" or "inertia" in scene.effects):
-        raise SceneError("mass is 0 kg; expected a positive number: correct it, or take inertia out of effects")
-
-
-def _check_rig_bounds(scene: Scene) -> None:
-    """A rig quantity that is estimated starts within its bounds."""
+            if spec.per not in (None, EACH_LOG, *entry.labels):
+                raise SceneError(
+                    f"{name} differs by {spec.per}, of which log {entry.path.name} says nothing; give it labels = "
+                    f'{{ {spec.per} = "…" }}, or write per = "log"'
+                )
     for name in RIG_PARAMETERS:
-        spec, value = scene.parameters.get(name), getattr(scene.rig, name)
-        if spec and not spec.lower <= value <= spec.upper:
+        bounds, value = scene.parameters.get(name), getattr(scene.rig, name)
+        if bounds and not bounds.lower <= value <= bounds.upper:
             raise SceneError(
-                f"{name} = {value:g} of [rig] is outside the bounds {spec.lower:g} to {spec.upper:g} of [parameters]; "
-                "widen them"
+                f"{name} = {value:g} of [rig] is outside the bounds {bounds.lower:g} to {bounds.upper:g} of "
+                "[parameters]; widen them"
             )
-
-
-def _check_coefficients(scene: Scene) -> None:
-    """Kinetic friction is not above static friction, and above zero."""
     values = scene.values()
     static, kinetic = values["mu_s"], values["mu_k0"]
-    change = values.get("delta_mu_k", 0.0) if scene.effects != "auto" else 0.0  # which law holds is still open
+    change = 0.0 if auto else values.get("delta_mu_k", 0.0)  # which law holds is still open
     if kinetic > static:
         raise SceneError(
             f"mu_k0 = {kinetic:g} is above mu_s = {static:g} (start values, or defaults where none is given); give "

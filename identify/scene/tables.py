@@ -17,19 +17,18 @@ from identify.effects import ALL
 
 LONGEST_WORD = 60  # characters of a word that are compared with known ones
 LARGEST = 1e18  # of an SI unit, and its inverse the least: no rig has it, and what is made of several is a number still
+Reader = Callable[[Any, str, str], Any]  # (value, SI unit, place in a sentence) -> what the scene takes, or SceneError
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """The known word that looks most like this one."""
-    said = word[:LONGEST_WORD].lower()
-    return max(known, key=lambda name: difflib.SequenceMatcher(None, said, name.lower()).ratio())
+    start = word[:LONGEST_WORD].lower()
+    return max(known, key=lambda name: difflib.SequenceMatcher(None, start, name.lower()).ratio())
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Kinds of values: (value, SI unit, place in a complaint) -> what the scene takes. Each raises SceneError.
+# Kinds of values.
 # ----------------------------------------------------------------------------------------------------------------------
-
-Reader = Callable[[Any, str, str], Any]
 
 
 def quantity(value: object, unit: str, where: str) -> float:
@@ -37,13 +36,13 @@ def quantity(value: object, unit: str, where: str) -> float:
 
     Args:
         unit: the SI unit of the result ("" for a pure number).
-        where: names the place in a complaint, such as "[rig] mass".
+        where: names the place in a sentence, such as "[rig] mass".
 
     Raises:
         SceneError: neither a number nor text, an unknown unit, or a number that is not finite.
     """
-    shape = f'"1.5 {unit}"' if unit else "0.5"
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        shape = f'"1.5 {unit}"' if unit else "0.5"
         raise SceneError(f"{where} is {value!r}; expected a quantity such as {shape}, or a bare SI number")
     try:
         number = float(parse_quantity(value, unit)) if isinstance(value, str) else float(value)
@@ -77,11 +76,7 @@ def is_number(text: str) -> bool:
 
 
 def share(value: object, where: str) -> float | None:
-    """ "2 %" as 0.02; None for anything that is no percentage.
-
-    Raises:
-        SceneError: a percentage without a number.
-    """
+    """ "2 %" as 0.02; None for anything that is no percentage. SceneError: a percentage without a number."""
     if not isinstance(value, str) or not value.strip().endswith("%"):
         return None
     return quantity(value.strip()[:-1].strip(), "", where) / 100.0
@@ -93,7 +88,7 @@ def part(value: object, unit: str, where: str) -> float:
     return quantity(value, unit, where) if percent is None else percent
 
 
-def speed(value: object, unit: str, where: str) -> Any:
+def speed(value: object, unit: str, where: str) -> float | tuple[tuple[float, float], ...]:
     """A speed, or a programme: pairs of start [s] and speed [m/s]."""
     if not isinstance(value, (list, tuple)):
         pace = stated(value, unit, where)
@@ -109,7 +104,6 @@ def speed(value: object, unit: str, where: str) -> Any:
 
 
 def _span(value: object, _unit: str, where: str) -> tuple[float, float]:
-    """A pair [start, stop] of times [s]."""
     if not isinstance(value, (list, tuple)) or len(value) != 2:
         raise SceneError(f'{where} is {value!r}; expected two times such as ["5 s", "20 s"]')
     return stated(value[0], "s", where), stated(value[1], "s", where)
@@ -131,8 +125,7 @@ def _number(value: object, unit: str, where: str) -> float:
     return stated(value, unit, where) if unit else part(value, unit, where)
 
 
-def whole(value: object, _unit: str, where: str) -> int:
-    """A whole number."""
+def _whole(value: object, _unit: str, where: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise SceneError(f"{where} is {value!r}; expected a whole number: correct it")
     return value
@@ -161,6 +154,11 @@ def _words(value: object, _unit: str, where: str) -> dict[str, str]:
     return {name: str(word) for name, word in table.data.items()}
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# Keys.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True)
 class Key:
     """What a key of a scene holds.
@@ -185,7 +183,6 @@ class Key:
 POSITIVE, NOT_NEGATIVE = "positive", "not negative"
 DAMPING = ("damping", "zeta", "loss_factor", "log_decrement")
 TIED = "natural_frequency_tolerance"  # of sqrt(k/m), in which errors of stiffness and mass that are the same cancel
-SPEED = Key("m/s", speed, usual=(1e-9, 1.0, "mm/s"))
 RIG: Mapping[str, Key] = {
     "mass": Key("kg", sign=NOT_NEGATIVE, usual=(1e-5, 50.0, "g")),
     "stiffness": Key("N/m", sign=POSITIVE, usual=(10.0, 1e9, "N/mm")),
@@ -195,25 +192,21 @@ RIG: Mapping[str, Key] = {
     "loss_factor": Key(),
     "log_decrement": Key(),
     "damping_frequency": Key("1/s"),
-    "drive_speed": SPEED,
+    "drive_speed": Key("m/s", speed, usual=(1e-9, 1.0, "mm/s")),
     "normal_force": Key("N", sign=POSITIVE, usual=(1e-4, 1e4, "mN")),
     "noise": Key("N", sign=POSITIVE),
 }
 LOG: Mapping[str, Key] = {
     "path": Key(read=text),
-    "drive_speed": SPEED,
-    "step": Key(read=whole),
-    "run": Key(read=whole),
+    "step": Key(read=_whole),
+    "run": Key(read=_whole),
     "columns": Key(read=_words),
     "units": Key(read=_words),
-    "normal_force": RIG["normal_force"],
-    "stiffness": RIG["stiffness"],
+    **{name: RIG[name] for name in ("drive_speed", "normal_force", "stiffness", "damping", "noise")},
     "mass": Key("kg", sign=POSITIVE, usual=RIG["mass"].usual),
-    "damping": RIG["damping"],
-    "noise": RIG["noise"],
     "window": Key("s", _span),
     "exclude": Key("s", _spans),
-    "skip_cycles": Key(read=whole),
+    "skip_cycles": Key(read=_whole, sign=NOT_NEGATIVE),
     "tare": Key("N", _zero),
     "normal_tare": Key("N", _zero),
     "crosstalk": Key("", _number, limit=1.0),
@@ -227,7 +220,7 @@ AREA_LAW: Mapping[str, Key] = {"coefficient": Key("m^2", sign=POSITIVE), "expone
 INITIAL: Mapping[str, Key] = {"elongation": Key("m"), "sliding_speed": Key("m/s"), "gamma": Key()}
 
 
-def check(where: str, key: Key, value: Any) -> None:
+def check(where: str, key: Key, value: object) -> None:
     """Refuse a value that no rig has.
 
     Raises:
@@ -240,27 +233,22 @@ def check(where: str, key: Key, value: Any) -> None:
                 f"the programme of {where} starts at {starts} s; expected rising times from 0: begin it with [0, speed]"
             )
         for start, pace in value:
-            check_size(f"the start of a step of {where}", "s", start)
-            check_size(where, key.unit, pace)
+            check(f"the start of a step of {where}", Key("s"), start)
+            check(where, Key(key.unit), pace)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return
     shown = f"{value:g} {key.unit}".rstrip()
+    least, most = SIZES.get(key.unit, (1.0 / LARGEST, LARGEST))
     if key.sign == POSITIVE and not value > 0.0:
         raise SceneError(f"{where} is {shown}; expected a positive number: correct it")
     if key.sign == NOT_NEGATIVE and not value >= 0.0:
         raise SceneError(f"{where} is {shown}; expected zero or a positive number: correct it")
     if abs(value) >= key.limit:
         raise SceneError(f"{where} is {value:g}; expected less than {key.limit:.3g} to either side: correct it")
-    check_size(where, key.unit, value)
-
-
-def check_size(where: str, unit: str, value: float | None) -> None:
-    """Refuse a number of a size that no rig has. Raises SceneError."""
-    least, most = SIZES.get(unit, (1.0 / LARGEST, LARGEST))
     if value and not least <= abs(value) <= most:
         raise SceneError(
-            f"{where} is {f'{value:g} {unit}'.rstrip()}, which no rig has; expected a number between {least:g} and "
-            f"{most:g}: correct it, or its unit"
+            f"{where} is {shown}, which no rig has; expected a number between {least:g} and {most:g}: correct it, or "
+            "its unit"
         )
 
 
@@ -291,13 +279,17 @@ class TomlTable:
         return TomlTable(value, where, known if isinstance(known, Mapping) else {})
 
     def place(self, key: str) -> str:
-        """How a complaint calls this key."""
+        """What a sentence calls this key."""
         return f"{self.where} {key}"
 
     def get(self, name: str) -> Any:
         """The value of a key, as its table says; None where it is absent."""
         key = self.keys[name]
         return key.read(self.data[name], key.unit, self.place(name)) if name in self.data else None
+
+    def values(self) -> dict[str, Any]:
+        """The values of all keys that are there."""
+        return {name: self.get(name) for name in self.data}
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -330,9 +322,9 @@ def check_ranges(
     for effect in ALL:
         if effect.name not in effects or effect.name in extrapolate:
             continue
-        asked = loads if effect.role == LOAD_LAW else loads[:1] or [1.0]
-        for load in asked:
-            for pace in speeds if effect.role != LOAD_LAW else speeds[:1] or [1.0]:
+        by_load = effect.role == LOAD_LAW
+        for load in loads if by_load else loads[:1] or [1.0]:
+            for pace in (speeds[:1] or [1.0]) if by_load else speeds:
                 sentence = effect.refusal(values, load, pace)
                 if sentence is not None:
                     raise SceneError(f'{sentence}, or use it there all the same: extrapolate = ["{effect.name}"]')

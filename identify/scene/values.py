@@ -95,13 +95,13 @@ class Contact:
     @property
     def parameters(self) -> dict[str, tuple[str, float]]:
         """The parameters of the effect pressure_dependence that it stands for, and where the scene says so."""
+        law: dict[str, float] = {}
         if self.coefficient is not None and self.exponent is not None:
-            where = "[contact] area_law"
             law = {"contact_area": self.coefficient, "area_force": 1.0, "area_exponent": self.exponent}
-            return {name: (where, value) for name, value in law.items()}
-        if self.area is None:
-            return {}
-        return {"contact_area": ("[contact] area", self.area), "area_exponent": ("[contact] area", 0.0)}
+        elif self.area is not None:
+            law = {"contact_area": self.area, "area_exponent": 0.0}
+        where = "[contact] area_law" if self.area is None else "[contact] area"
+        return {name: (where, value) for name, value in law.items()}
 
     def area_at(self, normal_force: float) -> float | None:
         """Apparent area [m^2] under a normal force [N]; None where the scene does not say."""
@@ -173,15 +173,18 @@ class ParameterSpec:
                 raise SceneError(
                     f"the {word} of {self.name} is {value:g}, outside {bounds}; move it inside or widen the bounds"
                 )
-        if self.fixed is not None and (self.start is not None or self.prior_mean is not None):
-            raise SceneError(f"{self.name} is fixed and has a start or a prior as well; keep one of them")
         check(f"the prior sd of {self.name}", Key(sign=POSITIVE), self.prior_sd)
-        if self.per is not None and (self.fixed is not None or self.tie is not None):
-            raise SceneError(f"{self.name} has per = {self.per!r} and is fixed or tied as well; keep one of them")
-        if self.tie is not None and (self.fixed, self.start, self.prior_mean) != (None, None, None):
-            raise SceneError(
-                f"{self.name} is tied to {self.tie.to} and has a value of its own as well; keep one of them"
-            )
+        fixed, own = self.fixed is not None, self.start is not None or self.prior_mean is not None
+        for twice, words in (
+            (fixed and own, "is fixed and has a start or a prior"),
+            (self.per is not None and (fixed or self.tie is not None), f"has per = {self.per!r} and is fixed or tied"),
+            (
+                self.tie is not None and (fixed or own),
+                f"is tied to {self.tie and self.tie.to} and has a value of its own",
+            ),
+        ):
+            if twice:
+                raise SceneError(f"{self.name} {words} as well; keep one of them")
 
 
 @dataclass(frozen=True)
@@ -226,5 +229,3 @@ class LogEntry:
         for start, stop in ((self.window,) if self.window else ()) + self.exclude:
             if not start < stop:
                 raise SceneError(f"a window {where} runs from {start:g} to {stop:g} s; expected start before stop")
-        if self.skip_cycles < 0:
-            raise SceneError(f"skip_cycles {where} is {self.skip_cycles}; expected 0 or more")

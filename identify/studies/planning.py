@@ -16,9 +16,8 @@ from data_io.source import file_sha256
 from identify.base.errors import SceneError
 from identify.base.progress import Progress, to_nobody
 from identify.scene import Scene
-from identify.scene.rig import located
 from identify.scene.tables import LOG, is_number
-from identify.scene.toml import TOP, put, read_toml
+from identify.scene.toml import TOP, located, put, read_toml
 from identify.studies.job import BatchError, Job, LogFile, content_key, folder_names, numerics
 
 OWN = ("path", "group", "drive_speed")

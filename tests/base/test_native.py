@@ -1,5 +1,6 @@
-"""Machine code: the same numbers as the virtual machine, found again, and never needed."""
+"""Machine code: digit for digit the numbers of the virtual machine, found again, and never needed."""
 
+import math
 import os
 import signal
 import subprocess
@@ -11,12 +12,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from identify.base import compile_worker, native
-from identify.base import compiled as mapped
+from identify.base import compile_worker, compiled, native
 from identify.base.compiled import Mapped
 from identify.effects import MAIN
 from identify.model.model import assemble
 from identify.shooting.blocks import AgeingBlock, RestBlock, SlideBlock, block
+
+SAMPLES = np.array([-2.5, -1.0, -0.3, -0.0, 0.0, 0.2, 0.7, 1.0, 1.9, 30.0, math.nan])
+ROWS = [np.linspace(0.1, 2.0, 10).reshape(5, 2), np.linspace(-1.0, 1.0, 5)]
 
 
 def function(factor: float = 2.0) -> ca.Function:
@@ -24,41 +27,77 @@ def function(factor: float = 2.0) -> ca.Function:
     return ca.Function("sample", [x, y], [factor * x * ca.exp(y), ca.sin(y) / x[0]])
 
 
-LANES = [np.linspace(0.1, 2.0, 10).reshape(5, 2), np.linspace(-1.0, 1.0, 5)]
-
-
 def made(f: ca.Function) -> None:
-    identity = native.key(f, lanes=True)
+    identity = native.key(f, simd=True)
     assert identity is not None
     native.start([(f, identity)])
     native.wait()
 
 
-def test_any_number_of_lanes_gives_what_the_formula_says():
-    (x, y), run = LANES, Mapped(function(), 4)
-    scaled, ratio = run([x, y])
-    np.testing.assert_allclose(scaled, 2 * x * np.exp(y)[:, None], rtol=1e-15)
-    np.testing.assert_allclose(ratio[:, 0], np.sin(y) / x[:, 0], rtol=1e-15)
-    assert not run.native
+def bound(function: ca.Function) -> Mapped:
+    """The function as its best machine code, which is made now."""
+    identity = native.key(function, simd=True)
+    assert identity is not None and identity.startswith("simd-")
+    native.start([(function, identity)])
+    native.wait()
+    return Mapped(function)
 
 
-def test_machine_code_is_found_by_the_next_who_asks_and_gives_the_same_numbers(machine_code):
+def every_operation() -> ca.Function:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    made = [
+        x + y, x - y, x * y, x / y, -x, 2 * x, x**2, 1 / x, x < y, x <= y, ca.eq(x, y), ca.ne(x, y),
+        ca.logic_not(x), ca.logic_and(x, y), ca.logic_or(x, y), ca.if_else(x > 0.1, y, x / 3), ca.fmin(x, y),
+        ca.fmax(x, y), ca.fabs(x), ca.power(ca.fabs(x), y), ca.power(ca.fabs(x), 1.7), ca.atan2(x, y),
+        ca.copysign(x, y), ca.sqrt(x), ca.exp(x), ca.expm1(x), ca.log(x), ca.log1p(x), ca.sin(x), ca.cos(x), ca.tan(x),
+        ca.tanh(x), ca.sinh(x), ca.cosh(x), ca.asin(x), ca.acos(x), ca.atan(x), x, ca.SX(0.1),
+    ]  # fmt: skip
+    return ca.Function("every", [ca.vertcat(x, y)], [ca.vertcat(*made), ca.dot(x, y)])
+
+
+def used(function: ca.Function) -> set[int]:
+    return {function.instruction_id(k) for k in range(function.n_instructions())}
+
+
+def test_machine_code_is_found_by_the_next_who_asks_and_not_for_another_function(machine_code):
     plain = Mapped(function(), 4)
-    before = plain(LANES)
+    before = plain(ROWS)
+    np.testing.assert_allclose(before[0], 2 * ROWS[0] * np.exp(ROWS[1])[:, None], rtol=1e-15)
     made(function())
-    again = Mapped(function(), 4)
-    after = again(LANES)
-    assert again.native and not plain.native
-    for a, b in zip(before, after, strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-14)
-    assert not list(machine_code.glob("build-*"))
-
-
-def test_another_function_is_not_mistaken_for_it(machine_code):
-    made(function())
-    other = Mapped(function(3.0), 4)
-    np.testing.assert_allclose(other(LANES)[0], 3 * LANES[0] * np.exp(LANES[1])[:, None], rtol=1e-15)
+    again, other = Mapped(function(), 4), Mapped(function(3.0), 4)
+    for a, b in zip(before, again(ROWS), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert again.native and not plain.native and not list(machine_code.glob("build-*"))
+    np.testing.assert_allclose(other(ROWS)[0], 3 * ROWS[0] * np.exp(ROWS[1])[:, None], rtol=1e-15)
     assert not other.native
+
+
+def test_every_operation_that_is_written_is_tried_here():
+    assert set(native.OPERATIONS) - used(every_operation()) <= {ca.OP_ASSIGN}
+
+
+@pytest.mark.parametrize("register", [native.register(), (2, ()), (4, ())])
+@pytest.mark.parametrize("rows", [1, 7, 121])
+def test_row_by_row_the_numbers_are_those_of_the_virtual_machine(machine_code, monkeypatch, register, rows):
+    monkeypatch.setattr(native, "register", lambda: register)
+    f = every_operation()
+    points = np.stack(np.meshgrid(SAMPLES, SAMPLES), axis=-1).reshape(-1, 2)[:rows]
+    before = [out.copy() for out in Mapped(f)([points])]
+    run = bound(f)
+    after = run([points])
+    assert run.native and run._runs[1] == register[0]
+    for a, b in zip(before, after, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_what_cannot_be_written_for_several_rows_is_compiled_for_one(machine_code):
+    x = ca.SX.sym("x")
+    for unwritten in (ca.erf(x), x + math.inf):
+        f = ca.Function("alone", [x], [unwritten])
+        assert native.simd_code(f, 4) is None
+        run = bound(f)
+        np.testing.assert_array_equal(run([SAMPLES])[0], Mapped(f)([SAMPLES])[0])
+        assert run.native and run._runs[1] == 1
 
 
 @pytest.mark.parametrize("kind", [RestBlock("onset"), AgeingBlock(), SlideBlock(2), SlideBlock(2, worn=True)])
@@ -70,28 +109,20 @@ def test_shooting_blocks_agree_to_ten_digits(machine_code, kind):
     f = made_block.derivatives.function
     before = Mapped(f, 4)(given)
     made(f)
-    compiled = Mapped(f, 4)
-    after = compiled(given)
-    assert compiled.native
+    code = Mapped(f, 4)
+    after = code(given)
+    assert code.native
     for a, b in zip(before, after, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-10 * np.max(np.abs(a)))
 
 
-@pytest.mark.parametrize("lanes", [1, 3, 31, 32, 33, 70])
-def test_lanes_beyond_the_last_full_call_are_not_filled_up(lanes, monkeypatch):
-    monkeypatch.setattr(mapped, "WORK", 2 * function().n_instructions())  # two lanes hide a call
-    run, x = Mapped(function()), np.linspace(0.1, 2.0, 2 * lanes).reshape(lanes, 2)
-    calls = []
-    really = mapped._Bench.run
-
-    def noted(bench, given):
-        calls.append((bench.chunk, given[0].shape[0]))
-        return really(bench, given)
-
-    monkeypatch.setattr(mapped._Bench, "run", noted)
-    scaled, _ = run([x, np.zeros(lanes)])
-    np.testing.assert_array_equal(scaled, 2 * x)
-    assert calls == [(size, n) for size, n in ((32, lanes - lanes % 32), (2, lanes % 32)) if n]
+@pytest.mark.parametrize("rows", [1, 3, 31, 32, 33, 70])
+def test_rows_beyond_the_last_full_call_are_not_filled_up(rows):
+    run, x = Mapped(function()), np.linspace(0.1, 2.0, 2 * rows).reshape(rows, 2)
+    run._few = 2
+    np.testing.assert_array_equal(run([x, np.zeros(rows)])[0], 2 * x)
+    known = run._local.buffers
+    assert set(known) == {size for size, count in ((32, rows - rows % 32), (2, rows % 32)) if count}
 
 
 HEAVY = """
@@ -149,41 +180,28 @@ def test_what_is_compiled_ends_with_its_process_however_that_ends(machine_code, 
 
 def test_the_cache_keeps_to_its_limit_and_lets_go_of_the_oldest(machine_code, monkeypatch):
     base, day = native.folder(), 86_400.0
-    for number in range(4):
-        path = base / f"plain-{number:040}.0123456789abcdef.so"
-        path.write_bytes(bytes(400_000))
-        os.utime(path, (time.time() - day * (4 - number),) * 2)
+    names = [f"plain-{number:040}.0123456789abcdef.so" for number in range(4)]
+    for number, name in enumerate(names):
+        (base / name).write_bytes(bytes(400_000))
+        os.utime(base / name, (time.time() - day * (4 - number),) * 2)
     (base / "mine.so").write_bytes(bytes(10))  # not of ours: stays
     monkeypatch.setenv("STICKSLIP_CACHE_MB", "1")
     native.make_room(base)
-    assert sorted(path.name for path in base.iterdir()) == [
-        "mine.so",
-        *(f"plain-{number:040}.0123456789abcdef.so" for number in (2, 3)),
-    ]
-    monkeypatch.setenv("STICKSLIP_CACHE_MB", "nonsense")
-    assert native.limit() == native.LIMIT
-
-
-def test_what_is_used_again_is_not_the_oldest(machine_code):
-    made(function())
-    (library,) = machine_code.glob("*.so")
-    os.utime(library, (time.time() - 1e6,) * 2)
-    assert native.find(native.key(function(), lanes=True), "sample") is not None
-    assert native._age(library) < 60.0
+    assert sorted(path.name for path in base.iterdir()) == ["mine.so", *names[2:]]
 
 
 def used_much(run: Mapped, times: int = 4) -> None:
     """Calls as of a function that has cost much more than compiling it; every one gives the right numbers."""
-    expected = [function()(x, y)[0].full().ravel() for x, y in zip(*LANES, strict=True)]
+    expected = [function()(x, y)[0].full().ravel() for x, y in zip(*ROWS, strict=True)]
     for _ in range(times):
         run.spent += 2.0 * run.cost + 1.0
-        np.testing.assert_array_equal(run(LANES)[0], expected)
+        np.testing.assert_array_equal(run(ROWS)[0], expected)
         native.wait()
 
 
 def test_what_has_cost_as_much_as_compiling_it_is_compiled_while_it_runs(machine_code):
     run = Mapped(function(), 4)
-    run(LANES)
+    run(ROWS)
     assert not native.busy() and not run.native, "it has not cost much yet"
     used_much(run)
     assert run.native and run.settled
@@ -191,12 +209,12 @@ def test_what_has_cost_as_much_as_compiling_it_is_compiled_while_it_runs(machine
 
 def test_what_was_used_is_compiled_for_later_processes(machine_code):
     run = Mapped(function(9.0), 4)
-    run(LANES)
+    run(ROWS)
     run.spent += 0.5 * run.cost
-    mapped.keep()
+    compiled.keep()
     native.wait()
     again = Mapped(function(9.0), 4)
-    again(LANES)
+    again(ROWS)
     assert again.native and not run.native
 
 
@@ -214,7 +232,7 @@ def test_thirty_damaged_libraries_are_thrown_away_and_made_again(machine_code):
     for data in (*cuts, *flips):
         library.write_bytes(data)
         run = Mapped(function(), 4)
-        np.testing.assert_allclose(run(LANES)[0], 2 * LANES[0] * np.exp(LANES[1])[:, None], rtol=1e-15)
+        np.testing.assert_allclose(run(ROWS)[0], 2 * ROWS[0] * np.exp(ROWS[1])[:, None], rtol=1e-15)
         assert not run.native and not library.exists() and not native.failed(run.key)
     used_much(run)
     assert run.native and library.read_bytes() == sound
@@ -228,7 +246,7 @@ def test_a_library_appears_at_once_and_whole(machine_code, tmp_path):
     compile_worker.compile_in(build, [native.compiler(), "-shared", "-fPIC"], tmp_path)
     (library,) = tmp_path.glob("*.so")
     assert library.name == compile_worker.library_name("plain-" + 40 * "a", library.read_bytes())
-    assert [path.name for path in build.iterdir()] == ["function.c"]
+    assert not build.exists()
 
 
 @pytest.fixture
@@ -258,15 +276,15 @@ def test_a_compiler_that_fails_is_not_asked_again_for_a_day(failing, machine_cod
 
 
 def test_what_cannot_be_written_gives_up_its_own_claim_only(machine_code, monkeypatch):
-    jobs = [(f, native.key(f, lanes=True)) for f in (function(2.0), function(3.0), function(4.0))]
-    really = native.wide.code
+    jobs = [(f, native.key(f, simd=True)) for f in (function(2.0), function(3.0), function(4.0))]
+    really = native.simd_code
 
-    def full(f, lanes):
+    def full(f, rows):
         if f is jobs[1][0]:
             raise OSError("the disk is full")
-        return really(f, lanes)
+        return really(f, rows)
 
-    monkeypatch.setattr(native.wide, "code", full)
+    monkeypatch.setattr(native, "simd_code", full)
     native.start(jobs)
     native.wait()
     assert [native.find(key, "sample") is not None for _, key in jobs] == [True, False, True]
@@ -275,7 +293,7 @@ def test_what_cannot_be_written_gives_up_its_own_claim_only(machine_code, monkey
 
 def test_what_dead_processes_left_is_removed_and_what_others_are_at_is_not(machine_code):
     f, base = function(), native.folder()
-    identity = native.key(f, lanes=True)
+    identity = native.key(f, simd=True)
     other = base / f"build-{identity}"
     other.mkdir()
     made(f)
@@ -311,23 +329,8 @@ def test_compiling_is_ended_on_demand_and_leaves_nothing(machine_code):
     assert list(machine_code.iterdir()) == []
 
 
-def test_without_a_process_to_compile_in_nothing_stays_claimed(machine_code, monkeypatch):
-    def none(*_, **__):
-        raise BlockingIOError("no more processes")
-
-    monkeypatch.setattr(native.subprocess, "Popen", none)
-    made(function())
-    assert not list(machine_code.glob("build-*"))
-
-
 def test_a_folder_that_others_can_write_to_is_not_trusted(machine_code):
     native.folder()
     machine_code.chmod(0o777)
     native.folder.cache_clear()
-    assert native.folder() is None and native.key(function(), lanes=True) is None
-
-
-def test_nothing_is_compiled_where_it_is_switched_off(machine_code, monkeypatch):
-    monkeypatch.setenv("STICKSLIP_COMPILE", "0")
-    native.compiler.cache_clear()
-    assert native.key(function(), lanes=True) is None
+    assert native.folder() is None and native.key(function(), simd=True) is None

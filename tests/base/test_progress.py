@@ -52,8 +52,8 @@ def test_in_a_notebook_one_place_changes(notebook, capsys):
 def test_on_a_terminal_one_line_changes(monkeypatch):
     terminal = io.StringIO()
     terminal.isatty = lambda: True
-    monkeypatch.setattr(sys, "stderr", terminal)
-    work(ProgressBar())
+    monkeypatch.setenv("TERM", "xterm")
+    work(ProgressBar(terminal))
     lines = terminal.getvalue().split("\n")
     assert len(lines) == 2 and lines[0].endswith("log 2 was cut <short>") and " 50%" in lines[1]
 

@@ -1,95 +1,183 @@
-"""The command line helps whoever mistypes: unknown words, logs taken for scenes; quiet and verbose."""
+"""The command line: exit codes, one sentence per error, JSON on standard output, help for whoever mistypes."""
 
 import io
 import json
+import warnings
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from identify import examples, identification
-from identify.cli import fit as fit_command
-from identify.cli import main as cli
-from identify.cli.common import Answer
-from identify.cli.progress import Progress
-from tests.support.fake_fit import fit_of_a_scene
+from identify import examples
+from identify.cli import fit as fit_group
+from identify.cli.common import Answer, Progress
+from tests.support.command import refused, stickslip
 
 LOG = examples.FOLDER / "5_mm_per_s.txt.gz"
+RIG = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N"]
+SIMULATE = ["simulate", "--scene", examples.SCENE, *RIG, "--out", "a.csv"]
+NO_RESULT = {"schema": 1, "status": "converged", "parameters": {}, "logs": [], "provenance": {"scene": {}}}
+
+
+@pytest.fixture
+def work(monkeypatch):
+    """Have `stickslip fit` do something else."""
+
+    def put(run):
+        (fit,) = (command for command in fit_group.COMMANDS if command.name == "fit")
+        monkeypatch.setattr(fit_group, "COMMANDS", (replace(fit, run=run),))
+
+    return put
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("arguments", "words"),
     [
-        (["fit", "--scene", "x.toml", "--acuracy=tight"], "unrecognized arguments: --acuracy=tight"),
+        ([], "no command was given"),
+        (["fitt"], "invalid choice: 'fitt'"),
+        (["fit"], "--scene"),
+        (["fit", "--scene", "none.toml"], "none.toml: no such scene file"),
+        (["fit", "--scene", examples.SCENE, "--set", "rig.mas=1"], "'mass'"),
+        (["fit", "--scene", examples.SCENE, "--set", "rig.mass=-1 kg"], "mass is -1 kg"),
+        (["fit", "--scene", examples.SCENE, "--set", "parameters.mu_s={start=99}"], "start of mu_s is 99"),
+        (["fit", "--scene", examples.SCENE, "--columns", "time"], "--columns time=T"),
+        (["fit", "--scene", examples.SCENE, "--normal-force", "3 mm"], "--normal-force"),
+        (["fit", "--scene", examples.SCENE, "--step", "two"], "--step"),
+        ([*SIMULATE[:-1], "a.txt", "--duration", "1", "--rate", "9"], ".csv or .h5"),
+        ([*SIMULATE, "--duration", "0", "--rate", "9"], "--duration"),
+        ([*SIMULATE, "--duration", "1", "--rate", "9 m"], "--rate"),
+        ([*SIMULATE[:3], *SIMULATE[-2:], "--duration", "1", "--rate", "9"], "drive speed"),
+        ([*SIMULATE, "--duration", "1e8", "--rate", "1e6"], "1e+14 samples"),
+        ([*SIMULATE, "--duration", "1", "--rate", "0.1"], "1 sample;"),
+        ([*SIMULATE, "--duration", "1", "--rate", "9", "--noise", "-1 N"], "--noise is -1 N"),
+        ([*SIMULATE, "--duration", "1", "--rate", "9", "--seed", "-1"], "--seed is -1"),
+        (["fit", "none.csv", "--scene", examples.SCENE], "none.csv: there is no such log"),
+        (["fit", "--scene", examples.SCENE, "--set", "logs.2.path='none.csv'"], "none.csv: there is no such log"),
+        (["fit", "--scene", examples.SCENE, "--out", f"{__file__}/a/b"], "which is a file"),
+        (["fit", "--scene", examples.SCENE, "--out", "x" * 300], "too long"),
         (["fit", "--scene", "x.toml", "--acc", "tight"], "unrecognized arguments: --acc"),
-        (["fitt", "--scene", "x"], "invalid choice: 'fitt'"),
         (["plan"], "required: SCENE.toml|result.json"),
+        (["fit", "--scene", examples.SCENE, "--starts", "mine"], "--starts"),
+        (["stability", "--scene", examples.SCENE, "--at", "stifness=3"], "'stiffness'"),
+        (["stability", "--scene", examples.SCENE, "--at", "stiffness"], "KEY=VALUE"),
+        (["stability", "--scene", examples.SCENE, "--at", "drive_speed=0"], "zero"),
+        (["stability", "--scene", examples.SCENE, "--plot", "s.txt"], ".png"),
+        (["stability", "--result", "none.json"], "no such file"),
+        (["inspect", examples.FOLDER / "1_mm_per_s.txt.gz", "--run", "3"], "run 3 was asked for"),
+        (["fit", "--scene", examples.SCENE, "--run", "last"], "--run"),
+        (["stability", "--scene", examples.SCENE, "--at", "mass=-1 kg"], "--at mass is -1"),
+        (["stability", "--scene", examples.SCENE, "--at", "stiffness=0"], "--at stiffness is 0"),
+        (["stability", "--scene", examples.SCENE, "--at", "drive_speed=-1 mm/s"], "--at drive_speed is -0.001 m/s"),
+        (["stability", "--scene", examples.SCENE, "--at", "normal_force=-2 N"], "--at normal_force is -2 N"),
+        (["amplitude", "--scene", examples.SCENE, "--at", "normal_force=0 N"], "--at normal_force is 0 N"),
+        (["amplitude", "--scene", examples.SCENE, "--at", "mu_k0=0.9"], "mu_k0 is 0.9 here"),
+        (["amplitude", "--scene", examples.SCENE, "--at", "delta_mu_k=-0.9"], "above 0"),
+        (["amplitude", "--scene", examples.SCENE, "--plot", "none/a.png"], "folder does not exist"),
+        (["amplitude", "--result", "."], "this is a folder"),
     ],
 )
-def test_a_word_that_is_not_known_is_refused_by_name(given, words, capsys):
-    assert cli.main(given) == 2
-    assert words in capsys.readouterr().err
+def test_wrong_command_lines(folder, capsys, arguments, words):
+    assert words in refused(capsys, *arguments)
+    assert not list(folder.iterdir())
 
 
-@pytest.mark.parametrize("command", ["fit", "simulate", "stability"])
-def test_a_log_given_as_a_scene_is_recognised(command, tmp_path, capsys):
-    more = ["--duration", "1", "--rate", "100", "--out", str(tmp_path / "x.csv")] if command == "simulate" else []
-    assert cli.main([command, "--scene", str(LOG), *more]) == 2
-    said = capsys.readouterr().err
+@pytest.mark.parametrize("name", ["x" * 5000, "/".join(["some folder"] * 500)])
+def test_a_long_path_is_shortened_in_the_sentence(folder, capsys, name):
+    for command in (
+        ["fit", "--scene", name],
+        ["fit", "--scene", examples.SCENE, name],
+        ["inspect", name],
+        ["fit", "--scene", examples.SCENE, "--out", name],
+        [*SIMULATE[:-1], f"{name}.csv", "--duration", "1", "--rate", "9"],
+    ):
+        told = refused(capsys, *command)
+        assert len(told) < 500 and name[:50] in told and "…" in told
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[" * 100_000, "not JSON"),
+        (bytes(range(256)), "not JSON"),
+        ("3", "no result"),
+        (json.dumps({**NO_RESULT, "provenance": {}}), "no result"),
+        (json.dumps({**NO_RESULT, "parameters": 3}), "no result"),
+        (json.dumps({**NO_RESULT, "parameters": {"a": {}}}), "no result"),
+        (json.dumps({**NO_RESULT, "logs": [{}]}), "no result"),
+        (json.dumps({**NO_RESULT, "logs": [{"sha256": "0"}]}), "no result"),
+        (json.dumps({**NO_RESULT, "correlation": {"names": ["a"]}}), "no result"),
+        (json.dumps(NO_RESULT), "the scene recorded there: the scene has no effects"),
+    ],
+)
+def test_what_is_no_result_is_refused(folder, capsys, text, words):
+    name = "result.json"
+    Path(name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    for command in (["verify", name], ["stability", "--result", name], ["amplitude", "--result", name]):
+        assert words in refused(capsys, *command)
+
+
+def test_version_and_help_are_documents_too(folder, capsys):
+    code, out, words = stickslip(capsys, "--version", "--json")
+    assert code == 0 and json.loads(out)["version"] in words
+    code, out, words = stickslip(capsys, "fit", "--help", "--json")
+    assert code == 0 and json.loads(out)["status"] == "done" and "--scene" in words
+    code, out, _ = stickslip(capsys, "--help")
+    assert code == 0 and "first steps" in out
+
+
+def test_warnings_of_libraries_are_shown_to_developers_only(folder, capsys, work):
+    def warning(arguments, terminal):
+        warnings.warn("overflow in square", RuntimeWarning, stacklevel=1)
+        return Answer()
+
+    work(warning)
+    assert stickslip(capsys, "fit", "--scene", "x") == (0, "", "")
+    with pytest.warns(RuntimeWarning, match="overflow"):
+        stickslip(capsys, "fit", "--scene", "x", "--debug")
+
+
+def test_a_defect_is_exit_code_1_without_traceback(folder, capsys, work):
+    def broken(arguments, terminal):
+        raise ZeroDivisionError("by zero")
+
+    work(broken)
+    code, out, err = stickslip(capsys, "fit", "--scene", "x", "--json")
+    assert code == 1 and "Traceback" not in err and "defect of ours" in json.loads(out)["message"]
+    code, out, err = stickslip(capsys, "fit", "--scene", "x", "--debug")
+    assert code == 1 and "Traceback" in err
+
+
+@pytest.mark.parametrize("command", ["fit", "stability"])
+def test_a_log_given_as_a_scene_is_recognised_and_the_advice_gets_further(command, folder, capsys):
+    said = refused(capsys, command, "--scene", LOG)
     assert "this is a log, not a scene; write a scene from it with: stickslip scene" in said
-    broken = tmp_path / "scene.toml"
-    broken.write_text("[rig\nmass = 1")
-    assert cli.main([command, "--scene", str(broken), *more]) == 2
-    assert "not valid TOML" in capsys.readouterr().err
+    Path("broken.toml").write_text("[rig\nmass = 1")
+    assert "not valid TOML" in refused(capsys, command, "--scene", "broken.toml")
+    assert stickslip(capsys, "scene", LOG, "--out", "scene.toml")[0] == 0
+    assert "still to fill in" in refused(capsys, command, "--scene", "scene.toml")
 
 
-def test_the_advice_for_a_log_given_as_a_scene_gets_further(tmp_path, capsys):
-    assert cli.main(["scene", str(LOG), "--out", str(tmp_path / "scene.toml")]) == 0
-    assert cli.main(["fit", "--scene", str(tmp_path / "scene.toml")]) == 2
-    assert "still to fill in" in capsys.readouterr().err
-
-
-def test_quiet_says_the_answer_alone_and_verbose_the_seconds(monkeypatch, capsys):
+def test_quiet_says_the_answer_alone_and_verbose_the_seconds(work, capsys):
     def run(_arguments, terminal):
-        with Progress(terminal.notes, terminal.progress) as progress:
+        with terminal.bar() as progress:
             progress("reading", 0.1)
         terminal.say("the answer")
         return Answer()
 
-    monkeypatch.setattr(fit_command, "run", run)
-    heard = []
-    for more in ([], ["--quiet"], ["--verbose"], ["--progress", "json"]):
-        assert cli.main(["fit", "--scene", "x", *more]) == 0
-        heard.append(capsys.readouterr())
-    assert [h.out for h in heard] == ["the answer\n"] * 4
-    assert [h.err for h in heard[:2]] == ["reading\n", ""] and heard[2].err.split()[1:] == ["s", "reading"]
-    told = json.loads(heard[3].err)
-    assert set(told) == {"stage", "share", "seconds"} and told["stage"] == "reading"
-    assert cli.main(["fit", "--quiet"]) == 2
-    assert "--scene" in capsys.readouterr().err, "an error is said all the same"
+    work(run)
+    styles = ([], ["--quiet"], ["--verbose"], ["--progress", "json"])
+    ends = [stickslip(capsys, "fit", "--scene", "x", *style) for style in styles]
+    assert [end[:2] for end in ends] == [(0, "the answer\n")] * 4
+    assert [end[2] for end in ends[:2]] == ["reading\n", ""] and ends[2][2].split()[1:] == ["s", "reading"]
+    line = json.loads(ends[3][2])
+    assert set(line) == {"stage", "share", "seconds"} and line["stage"] == "reading"
+    assert "--scene" in stickslip(capsys, "fit", "--quiet")[2], "an error is said all the same"
 
 
 def test_a_bar_says_how_long_it_will_take(monkeypatch):
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
+    stream = io.StringIO()
+    stream.isatty = lambda: True
     monkeypatch.setenv("TERM", "xterm")
-    stream = Terminal()
-    with Progress(stream) as progress:
+    with Progress(stream, "shown") as progress:
         progress("solving", 0.5)
-    assert "left about" in stream.getvalue()
-
-
-@pytest.mark.parametrize("starts", ["data", "user", "both", None])
-def test_where_the_search_starts_can_be_said(starts, monkeypatch, tmp_path, capsys):
-    asked = []
-
-    def fit(_scene, *, starts, **_):
-        asked.append(starts)
-        return fit_of_a_scene()
-
-    monkeypatch.setattr(identification, "fit", fit)
-    monkeypatch.setattr("identify.report.write_report", lambda *_: None)
-    monkeypatch.chdir(tmp_path)
-    more = [] if starts is None else ["--starts", starts]
-    assert cli.main(["fit", "--scene", str(examples.SCENE), *more]) == 0 and asked == [starts]
-    assert cli.main(["fit", "--scene", str(examples.SCENE), "--starts", "mine"]) == 2
+    assert "left about" in stream.getvalue() and " 50%" in stream.getvalue()

@@ -40,7 +40,6 @@ CALCULATORS = (
     ("stability", "--result", "out/result.json", "--advice"),
     ("amplitude", "--result", "out/result.json", "--json"),
     ("stability", "--scene", "scene.toml"),
-    ("simulate", "--result", "out/result.json", "--duration", "0.5 s", "--rate", "1 kHz", "--out", "again.csv"),
     ("compare", "out", "--by", "material", "--out", "compared"),
 )
 

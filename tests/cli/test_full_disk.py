@@ -1,22 +1,43 @@
-"""A disk that fills at any byte: one sentence, and neither a half file nor a crash of a library.
+"""Every command that writes, on a disk that fills at some byte: exit code 2, one sentence, and no half file.
 
 The system lets no file grow beyond a limit here, which fails as a full disk does: in the middle of a write.
 """
 
+import json
 import resource
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from data_io import LogError, Record, write_archive, write_csv, write_hdf5
-from identify.cli.folder import result_folder
-from identify.report import write_report
-from tests.support.command import refused
+from data_io import Record, write_csv
+from experiments.batch_trials import started
+from identify import identification
+from identify.cli import main as cli
+from tests.support.batch_case import write_case
 from tests.support.fake_fit import fake_fit
 
-SHARES = (0.0, 0.1, 0.5, 0.9, 0.999)  # of a file that fits; none of it reaches the disk then
+SCENE = """
+effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
+[rig]
+mass = "0.2 kg"
+stiffness = "1470 N/m"
+damping = "147 N/m"
+drive_speed = "0.5 mm/s"
+normal_force = "2 N"
+[parameters]
+mu_s = { start = 0.6 }
+mu_k0 = { start = 0.4 }
+delta_mu_k = { start = -0.1 }
+a = { start = "250 s/m" }
+D = { start = "60 um" }
+t_cr = { start = "0.4 s" }
+"""
+
+
+SHARES = (0.0, 0.3, 0.97)  # of the largest file that a command writes
 
 
 @contextmanager
@@ -31,49 +52,91 @@ def no_file_larger_than(size):
         sys.dont_write_bytecode = bytecode
 
 
-def record():
-    random, n = np.random.default_rng(2), 20_000
-    return Record(
-        time=1e-3 * np.arange(n), normal_force=2.0 + random.normal(0, 0.1, n), friction_force=random.normal(1, 0.1, n)
-    )
+@pytest.fixture
+def case(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("scene.toml").write_text(SCENE)
+    time = np.arange(4000) / 200.0
+    random = np.random.default_rng(0)
+    force = 0.8 + 0.4 * ((time / 0.5) % 1.0) + 0.002 * random.standard_normal(time.size)
+    write_csv(Record(time, np.full(time.size, 2.0), force), Path("log.csv"))
+    return tmp_path
 
 
-def write_two(log, path):
-    write_archive([log, log], path)
+def files(folder):
+    return {path for path in folder.rglob("*") if path.is_file() and path.name != ".lock"}
 
 
-@pytest.mark.parametrize(("write", "name"), [(write_hdf5, "log.h5"), (write_two, "two.h5"), (write_csv, "log.csv")])
-def test_a_log_is_written_whole_or_not_at_all(folder, write, name):
-    log = record()
-    write(log, folder / name)
-    size = (folder / name).stat().st_size
-    (folder / name).unlink()
-    for share in SHARES:
-        with no_file_larger_than(share * size), pytest.raises(LogError, match="cannot be written"):
-            write(log, folder / name)
-        assert list(folder.iterdir()) == []
+COMMANDS = {
+    "convert": ["convert", "log.csv", "--out", "new.h5"],
+    "anonymise": ["convert", "log.csv", "--anonymise", "--out", "new.h5"],
+    "simulate": ["simulate", "--scene", "scene.toml", "--duration", "5 s", "--rate", "200 Hz", "--out", "new.csv"],
+    "simulate to HDF5": ["simulate", "--scene", "scene.toml", "--duration", "5 s", "--rate", "200 Hz", "--out", "n.h5"],
+    "scene": ["scene", "log.csv", "--out", "new.toml"],
+    "plot": ["inspect", "log.csv", "--plot", "new.svg"],
+    "plan": ["plan", "scene.toml", "--out", "new.csv", "--speed", "0.5 mm/s"],
+}
 
 
-def test_a_report_is_written_whole_or_not_at_all(folder):
-    fit = fake_fit()
-    write_report(fit, folder / "whole")
-    sizes = sorted(path.stat().st_size for path in (folder / "whole").rglob("*") if path.is_file())
-    for size in (sizes[0], sizes[-1]):
-        with (
-            no_file_larger_than(size - 1),
-            pytest.raises(OSError, match="too large"),
-            result_folder(folder / "out") as to,
-        ):
-            write_report(fit, to)
-        assert [path.name for path in folder.iterdir()] == ["whole"]
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_a_command_writes_is_whole_or_not_there(case, capsys, name):
+    before = files(case)
+    assert cli.main([*COMMANDS[name], "--quiet"]) == 0
+    made = files(case) - before
+    largest = max(path.stat().st_size for path in made)
+    for path in made:
+        path.unlink()
+    capsys.readouterr()
+    for share in SHARES if name != "plan" else SHARES[1:2]:
+        with no_file_larger_than(share * largest):
+            assert cli.main([*COMMANDS[name], "--quiet"]) == 2
+        _, words = capsys.readouterr()
+        assert words.count("\n") == 1 and "too large" in words and "new" in words + "new" * ("n.h5" in words)
+        assert files(case) == before
 
 
-def test_an_anonymous_log_is_not_left_without_its_key(folder, capsys, monkeypatch):
-    write_csv(record(), folder / "log.csv")
+def test_a_fit_leaves_no_half_report(case, capsys, monkeypatch):
+    monkeypatch.setattr(identification, "fit", lambda *_, **__: fake_fit())
+    Path("fit.toml").write_text(SCENE + '[[logs]]\npath = "log.csv"\n')
+    before = files(case)
+    assert cli.main(["fit", "--scene", "fit.toml", "--out", "whole", "--quiet"]) == 0
+    sizes = sorted(path.stat().st_size for path in files(case) - before)
+    before = files(case)
+    for size in (0, sizes[-1] - 1):
+        capsys.readouterr()
+        with no_file_larger_than(size):
+            assert cli.main(["fit", "--scene", "fit.toml", "--out", "new", "--quiet"]) == 2
+        _, words = capsys.readouterr()
+        assert words.count("\n") == 1 and "too large" in words and files(case) == before
 
-    def full(*_):
-        raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("identify.cli.logs._write_key", full)
-    sentence = refused(capsys, "convert", "log.csv", "--anonymise", "--out", "log.h5", "--quiet")
-    assert "No space left" in sentence and [path.name for path in folder.iterdir()] == ["log.csv"]
+def test_a_batch_stops_and_keeps_what_is_whole_and_so_does_its_comparison(case, capsys):
+    manifest, scene = write_case(case / "case", ["g1", "g2", "g3"])
+
+    def batch(out, size=None):
+        limit = (
+            "" if size is None else f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size})); "
+        )
+        process = started([manifest, "--scene", scene, "--out", out, "--json"], before=limit)
+        document = json.loads(process.communicate()[0])
+        return process.returncode, document
+
+    assert batch(case / "whole")[0] == 0
+    sizes = {path.name: path.stat().st_size for path in files(case / "whole")}
+    for size in (0, sizes["result.json"] - 1, sizes["job.json"] + 1):
+        out = case / f"new{size}"
+        code, document = batch(out, size)
+        assert code == 2 and "too large" in document["message"].lower()
+        assert {path.name for path in files(out)} <= {"batch.json", "index.csv"}
+    compared = ["compare", str(case / "whole"), "--by", "material", "--out", "compared", "--quiet"]
+    before = files(case)
+    assert cli.main(compared) == 0
+    sizes = sorted(path.stat().st_size for path in files(case) - before)
+    before = files(case)
+    compared[-2] = "again"
+    for size in (0, sizes[0], sizes[-1] - 1):
+        capsys.readouterr()
+        with no_file_larger_than(size):
+            assert cli.main(compared) == 2
+        _, words = capsys.readouterr()
+        assert words.count("\n") == 1 and "too large" in words and files(case) == before

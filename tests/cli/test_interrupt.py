@@ -1,21 +1,31 @@
-"""Ctrl-C and SIGTERM end a command within two seconds, whatever it is at; nothing half-written stays."""
+"""Ctrl-C and SIGTERM end a command within two seconds, whatever it is at; an output folder is replaced whole."""
 
+import contextlib
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from identify.cli import fit as fit_group
 from identify.cli import interrupt
+from identify.cli.common import Answer, CommandLineError
+from identify.cli.folder import RESULT, check_replaceable, result_folder, stamp
+from tests.support.command import stickslip
 
 ROOT = Path(__file__).resolve().parents[2]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
+
+
 DEAF = """
 import sys, time
 from pathlib import Path
+from dataclasses import replace
 from identify.cli import main as cli, fit
 from identify.cli import interrupt
 from identify.cli.folder import result_folder
@@ -32,21 +42,31 @@ def run(arguments, terminal):
             except KeyboardInterrupt:
                 pass
 
-fit.run = run
+fit.COMMANDS = (replace(fit.COMMANDS[1], run=run),)
 sys.argv = ["stickslip", "fit", "--scene", "x", *sys.argv[1:]]
 raise SystemExit(cli.main())
 """
 
 
+@pytest.fixture
+def work(monkeypatch):
+    """Have `stickslip fit` do something else."""
+
+    def put(run):
+        (fit,) = (command for command in fit_group.COMMANDS if command.name == "fit")
+        monkeypatch.setattr(fit_group, "COMMANDS", (replace(fit, run=run),))
+
+    return put
+
+
 def stopped(folder, number, *arguments, before="pass", seconds=60.0):
     """Exit code, output, words and seconds of a deaf command that was sent a signal."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     script = DEAF.format(before=before, seconds=seconds)
     process = subprocess.Popen(
         [sys.executable, "-c", script, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        env=environment,
+        env=ENVIRONMENT,
         cwd=folder,
         text=True,
     )
@@ -95,3 +115,119 @@ def test_what_a_solver_says_of_an_interrupt_is_not_shown(tmp_path):
     code, _, words, _ = stopped(tmp_path, signal.SIGINT, before=solver, seconds=0.0)
     assert code == 130 and "CasADi" not in words and "Traceback" not in words
     assert words.splitlines()[-1] == "stickslip: interrupted; no half-written result is left behind"
+
+
+def test_interruption_is_exit_code_130(folder, capsys, work):
+    def interrupted(arguments, terminal):
+        raise KeyboardInterrupt
+
+    work(interrupted)
+    code, out, _ = stickslip(capsys, "fit", "--scene", "x", "--json")
+    assert code == 130 and json.loads(out)["status"] == "error"
+
+
+def test_an_interruption_that_a_solver_swallows_still_ends_the_command(folder, capsys, work):
+    def swallowing(arguments, terminal):
+        with terminal.bar() as progress, result_folder(folder / "out") as fresh:
+            (fresh / "result.json").write_text("{}")
+            with contextlib.suppress(KeyboardInterrupt):  # as CasADi does
+                os.kill(os.getpid(), signal.SIGINT)
+            if arguments.set:
+                progress("the next stage")
+        return Answer()
+
+    work(swallowing)
+    for more in ([], ["--set", "rig.mass=1"]):
+        code, _, words = stickslip(capsys, "fit", "--scene", "x", *more)
+        assert code == 130 and "next stage" not in words and not list(folder.iterdir())
+    work(lambda arguments, terminal: Answer())
+    assert stickslip(capsys, "fit", "--scene", "x")[0] == 0, "it is forgotten with the next command"
+
+
+def test_an_interruption_that_a_library_makes_an_error_of_is_still_one(folder, capsys, work):
+    def converting(arguments, terminal):
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        except KeyboardInterrupt:
+            raise SystemError("returned a result with an exception set") from None
+        return Answer()
+
+    work(converting)
+    code, out, _ = stickslip(capsys, "fit", "--scene", "x", "--json")
+    assert code == 130 and "interrupted" in json.loads(out)["message"]
+
+
+@pytest.mark.parametrize("work", ["{}", "exec({!r})"])
+def test_an_interruption_while_the_imports_come_in_is_one_sentence(folder, work):
+    signalled = "import os, signal, time; os.kill(os.getpid(), signal.SIGINT); time.sleep(60)"
+    (folder / "casadi.py").write_text(work.format(signalled))
+    path = os.pathsep.join([str(folder), ENVIRONMENT["PYTHONPATH"]])
+    command = [sys.executable, "-m", "identify", "fit", "--scene", "x"]
+    done = subprocess.run(command, capture_output=True, text=True, env={**ENVIRONMENT, "PYTHONPATH": path})
+    assert done.returncode == 130
+    assert done.stderr == "stickslip: interrupted; no half-written result is left behind\n"
+
+
+def result_in(path, text="{}"):
+    path.mkdir()
+    (path / "result.json").write_text('{"schema": 1, "status": "converged"}')
+    (path / "report.html").write_text(text)
+    return path
+
+
+def test_a_result_of_ours_is_replaced_whole(folder):
+    out = result_in(folder / "out", "old")
+    (out / "figures").mkdir()
+    with result_folder(out) as fresh:
+        (fresh / "report.html").write_text("new")
+        assert (out / "report.html").read_text() == "old", "until all is written"
+    assert [item.name for item in out.iterdir()] == ["report.html"]
+    assert list(folder.iterdir()) == [out]
+
+
+def test_what_another_command_wrote_meanwhile_is_not_replaced(folder):
+    out = result_in(folder / "out", "old")
+    before = stamp(out)
+    with result_folder(out) as other:
+        (other / "report.html").write_text("of the other")
+        (other / "result.json").write_text('{"schema": 1, "status": "converged"}')
+    with (
+        pytest.raises(CommandLineError, match=r"this result stands in .*out-2"),
+        result_folder(out, RESULT, before) as fresh,
+    ):
+        (fresh / "report.html").write_text("mine")
+    assert (out / "report.html").read_text() == "of the other"
+    assert (folder / "out-2" / "report.html").read_text() == "mine" and len(list(folder.iterdir())) == 2
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError, OSError])
+def test_an_interruption_leaves_the_old_result(folder, error):
+    out = result_in(folder / "out", "old")
+    with pytest.raises(error), result_folder(out) as fresh:
+        (fresh / "report.html").write_text("half")
+        raise error
+    assert (out / "report.html").read_text() == "old" and list(folder.iterdir()) == [out]
+
+
+def test_what_is_not_ours_is_not_replaced(folder):
+    strange = folder / "photos"
+    strange.mkdir()
+    (strange / "cat.png").write_text("")
+    with pytest.raises(CommandLineError, match="no result of ours"):
+        check_replaceable(strange)
+    noted = result_in(folder / "out")
+    (noted / "notes.txt").write_text("mine")
+    with pytest.raises(CommandLineError, match=r"notes\.txt"):
+        check_replaceable(noted)
+    with pytest.raises(CommandLineError, match="is a file"):
+        check_replaceable(noted / "notes.txt")
+    with pytest.raises(CommandLineError, match="runs in"):
+        check_replaceable(Path())
+
+
+def test_new_and_empty_folders_are_fine(folder):
+    (folder / "empty").mkdir()
+    for out in (folder / "empty", folder / "a" / "b ü"):
+        with result_folder(out) as fresh:
+            (fresh / "result.json").write_text("{}")
+        assert (out / "result.json").exists()

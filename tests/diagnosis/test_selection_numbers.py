@@ -5,7 +5,6 @@ import pytest
 from identify.diagnosis.effect_choice import choose_from_numbers
 from identify.effects import ALL
 from identify.scene import Scene
-from identify.scene.variant import scene_with
 
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": 1e-3, "normal_force": 4.0}
 PAIR = {"mu_s": 0.6, "mu_k0": 0.45, "delta_mu_k": -0.1, "a": 500.0, "D": 37.4e-6, "t_cr": 0.5}
@@ -64,5 +63,5 @@ def test_a_reference_force_stated_at_its_default_is_kept_from_the_logs():
             "logs": [{"path": "log.csv"}],
         }
     )
-    made = scene_with(scene, ("inertia", "contact_ageing", "load_dependence"), {"reference_force": 1.2})
+    made = scene.with_effects(("inertia", "contact_ageing", "load_dependence"), {"reference_force": 1.2})
     assert made.parameters["reference_force"].fixed == 1.0

@@ -11,7 +11,7 @@ import identify.effects
 import identify.model.model
 import identify.scene.parameters
 import identify.scene.scene
-import identify.scene.toml
+import identify.scene.parts
 from data_io import Record
 from experiments.study_problem import DEMO, RIG
 from identify.base.outcome import Status
@@ -72,7 +72,7 @@ def test_a_model_without_ageing_is_fitted_with_its_own_parameters_only():
 def test_one_more_effect_reaches_simulation_and_fit_by_being_listed(monkeypatch):
     effects = (*identify.effects.ALL, ViscousContact())
     names = (*MAIN, ViscousContact.name)
-    tables = (identify.scene.scene, identify.scene.parameters, identify.scene.toml)
+    tables = (identify.scene.scene, identify.scene.parameters, identify.scene.parts)
     for module in (identify.effects, identify.model.model, *tables):
         monkeypatch.setattr(module, "ALL", effects, raising=False)
         monkeypatch.setattr(module, "NAMES", tuple(e.name for e in effects), raising=False)

@@ -104,7 +104,7 @@ CASES = [
     (["logs.1.path=7"], "expected a text in quotes", ['logs.1.path="7"']),
     (["logs.1.columns=7"], "expected a table such as", ['logs.1.columns={time="T"}']),
     (["logs.1.crosstalk=2"], "expected less than 1 to either side", ["logs.1.crosstalk=0.9"]),
-    (["logs.1.skip_cycles=-1"], "expected 0 or more", ["logs.1.skip_cycles=0"]),
+    (["logs.1.skip_cycles=-1"], "expected zero or a positive", ["logs.1.skip_cycles=0"]),
     (['rig.mass="TODO g"'], "replace each TODO by a quantity with its unit", ['rig.mass="180 g"']),
     (['name="a/b"'], "leave out the slashes", ['name="ab"']),
     (["fit.time_limit=0"], 'expected a positive time, such as "60 s"', ['fit.time_limit="60 s"']),

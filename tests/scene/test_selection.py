@@ -3,7 +3,6 @@
 import pytest
 
 from identify.scene import Scene
-from identify.scene.variant import scene_with
 
 EFFECTS = ("inertia", "contact_ageing", "skin_compliance", "load_dependence")
 
@@ -18,7 +17,7 @@ def _auto(**parameters):
 
 
 def test_a_scene_that_says_nothing_starts_where_the_logs_say():
-    made = scene_with(_auto(), EFFECTS, {"skin_stiffness": 7600.0, "reference_force": 1.2, "mu_s": 1e9})
+    made = _auto().with_effects(EFFECTS, {"skin_stiffness": 7600.0, "reference_force": 1.2, "mu_s": 1e9})
     assert made.parameters["skin_stiffness"].start == 7600.0
     assert made.parameters["reference_force"].fixed == 1.2
     assert made.parameters["mu_s"].start == made.parameters["mu_s"].upper
@@ -27,7 +26,7 @@ def test_a_scene_that_says_nothing_starts_where_the_logs_say():
 
 @pytest.mark.parametrize("said", [{"start": "3000 N/m"}, {"fixed": "3000 N/m"}])
 def test_what_the_scene_says_stands(said):
-    made = scene_with(_auto(skin_stiffness=said), EFFECTS, {"skin_stiffness": 7600.0})
+    made = _auto(skin_stiffness=said).with_effects(EFFECTS, {"skin_stiffness": 7600.0})
     kept = made.parameters["skin_stiffness"]
     assert 3000.0 in (kept.start, kept.fixed)
     assert 7600.0 not in (kept.start, kept.fixed)
@@ -35,4 +34,4 @@ def test_what_the_scene_says_stands(said):
 
 def test_bounds_alone_leave_the_start_open():
     bounded = _auto(skin_stiffness={"lower": "1000 N/m", "upper": "5000 N/m"})
-    assert scene_with(bounded, EFFECTS, {"skin_stiffness": 7600.0}).parameters["skin_stiffness"].start == 5000.0
+    assert bounded.with_effects(EFFECTS, {"skin_stiffness": 7600.0}).parameters["skin_stiffness"].start == 5000.0

@@ -1,11 +1,11 @@
-"""Effects on the command line: simulated, asked about, left out, refused in one sentence."""
+"""`stability`, `amplitude` and effects on the command line: asked about, left out, refused in one sentence."""
 
 import json
-import tomllib
 from pathlib import Path
 
 import pytest
 
+from data_io import read_log
 from identify import examples
 from identify.effects import ALL, MAIN, NAMES
 from identify.scene import Scene
@@ -21,6 +21,26 @@ zeta = 0.05
 drive_speed = "2 mm/s"
 normal_force = "1 N"
 """
+
+
+SCENE = """
+name = "new-pair"
+effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
+[rig]
+mass = "0.2 kg"
+stiffness = "1470 N/m"
+damping = "147 N/m"
+drive_speed = "1 mm/s"
+normal_force = "1 N"
+[parameters]
+mu_s = { fixed = 0.62 }
+mu_k0 = { fixed = 0.43 }
+delta_mu_k = { fixed = -0.13 }
+D = { start = "37.4 um" }
+"""
+
+
+SIMULATE = ["--duration", "1", "--rate", "50", "--out", "a.csv"]
 
 
 def beside_the_others(name):
@@ -41,8 +61,6 @@ def scene_file(folder):
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "inertia"])
 def test_every_effect_is_simulated_and_says_so_in_the_log(name, scene_file, capsys):
-    from data_io import read_log
-
     path = scene_file(beside_the_others(name))
     code, _, err = stickslip(capsys, "simulate", "--scene", path, "--duration", "1", "--rate", "200", "--out", "a.csv")
     assert code == 0, err
@@ -52,43 +70,6 @@ def test_every_effect_is_simulated_and_says_so_in_the_log(name, scene_file, caps
     again = Scene.from_document(json.loads(told["scene_SI"]))
     assert again.values() == values == Scene.from_toml(path).values()
     assert told["rate_Hz"] == 200.0 and told["duration_s"] == 1.0 and told["version"]
-
-
-def test_a_log_says_the_same_in_both_formats(scene_file, capsys):
-    from data_io import read_log
-
-    path = scene_file([*MAIN, "skin_compliance"])
-    for out in ("a.csv", "a.h5"):
-        assert stickslip(capsys, "simulate", "--scene", path, "--duration", "1", "--rate", "50", "--out", out)[0] == 0
-    text, binary = read_log("a.csv").metadata, read_log("a.h5").metadata
-    for key in ("effects", "parameters_SI", "scene_SI", "duration_s", "rate_Hz", "noise_N", "seed"):
-        assert text[key] == binary[key]
-
-
-SIMULATE = ["--duration", "1", "--rate", "50", "--out", "a.csv"]
-
-
-def test_wrong_scenes_end_in_one_sentence(scene_file, capsys):
-    for effects, top, more, words in (
-        (["inertia", "skin_complience"], "", "", "did you mean 'skin_compliance'"),
-        ([*MAIN, "linear_weakening"], "", "", "laws of the same thing (velocity law)"),
-        (["inertia", "sensor_second_lag"], "", "", "needs the effect sensor_lag"),
-        (["inertia", "power_law"], "", "[parameters]\nlowest_speed = '5 mm/s'", "power_law was measured from 0.005"),
-        (["inertia"], "extrapolate = ['power_law']", "", "not among the effects"),
-        (MAIN, "", "[parameters]\nlag_time = { start = 1 }", "belongs to the effect sensor_lag"),
-    ):
-        path = scene_file(list(effects) if effects != "auto" else effects, more, top)
-        assert words in refused(capsys, "simulate", "--scene", path, *SIMULATE)
-
-
-@pytest.mark.slow
-def test_extrapolation_is_allowed_where_the_scene_says_so(scene_file, capsys):
-    more = "[parameters]\nlowest_speed = '5 mm/s'"
-    path = scene_file(["inertia", "power_law"], more, "extrapolate = ['power_law']")
-    assert stickslip(capsys, "simulate", "--scene", path, *SIMULATE)[0] == 0
-    assert stickslip(capsys, "amplitude", "--scene", path)[0] == 0
-    path = scene_file(["inertia", "power_law"])
-    assert "1e-06 m/s" in refused(capsys, "amplitude", "--scene", path, "--at", "drive_speed=1 um/s")
 
 
 def test_calculators_refuse_what_never_repeats_and_leave_it_out_where_asked(scene_file, capsys):
@@ -127,26 +108,51 @@ def test_parameters_of_any_effect_set_the_operating_point(scene_file, capsys):
     assert "did you mean 'skin_stiffness'" in refused(capsys, "amplitude", "--scene", path, "--at", "skin_stifness=1")
 
 
-@pytest.mark.slow
-def test_a_fit_says_which_effects_it_took_and_why(folder, capsys):
-    logs = ["1_mm_per_s.txt.gz", "5_mm_per_s.txt.gz"]
-    code, out, err = stickslip(capsys, "fit", *logs, "--scene", examples.SCENE, "--out", "r", "--json")
-    assert code == 0, err
-    effects = json.loads(out)["effects"]
-    assert effects["names"] == [*MAIN, "varying_normal_force"] and effects["chosen"] == "listed"
-    assert [reason["effect"] for reason in effects["reasons"]] == effects["names"]
-    assert all(reason["kept"] and reason["sentence"] for reason in effects["reasons"])
-    assert all(reason["value"] is not None for reason in effects["reasons"] if reason["effect"] in MAIN)
-    page = Path("r/report.html").read_text(encoding="utf-8")
-    assert "Effects: which and why" in page and "contact ageing" in page
-    assert "Listed in the scene. Where numbers stand" in page
+def test_calculators_answer_for_each_log(folder, capsys):
+    code, out, words = stickslip(capsys, "amplitude", "--scene", examples.SCENE, "--json")
+    points = json.loads(out)["points"]
+    speeds = [point["operating_point"]["drive_speed"]["value"] for point in points]
+    assert code == 0 and speeds == pytest.approx([1e-4 / 60, 1e-4, 1e-3, 5e-3])
+    words = " ".join(words.split())
+    assert "assumed: mu_s, mu_k0, D, t_cr, delta_mu_k, a" in words
+    assert "Over the ranges of what is assumed, at 0.1 mm/min and 0.935 N: the force falls by" in words
 
 
-def test_a_drafted_scene_follows_the_measured_load(folder, capsys):
-    log = examples.FOLDER / "0.1_mm_per_s.txt.gz"
-    assert stickslip(capsys, "scene", log, "--out", "draft.toml")[0] == 0
-    effects = tomllib.loads(Path("draft.toml").read_text(encoding="utf-8"))["effects"]
-    assert effects == [*MAIN, "varying_normal_force"]
-    assert all(
-        "varying_normal_force" in Scene.from_toml(path).effects for path in (examples.SCENE, examples.SCENE_AT_50_HZ)
-    )
+def test_an_operating_point_is_asked_for(folder, capsys):
+    at = ["--at", "drive_speed=2 mm/s", "normal_force=1 N", "--at", "stiffness=2 N/mm"]  # in one option, or in several
+    code, out, _ = stickslip(capsys, "stability", "--scene", examples.SCENE, *at, "--plot", "s.svg", "--json")
+    (point,) = json.loads(out)["points"]
+    assert code == 0 and Path("s.svg").read_text().startswith("<?xml")
+    assert point["operating_point"]["drive_speed"]["value"] == 0.002
+    assert point["groups"]["omega_n"]["value"] == pytest.approx((2000 / 0.2) ** 0.5)
+
+
+def run(capsys, *arguments):
+    code, out, _ = stickslip(capsys, "stability", *arguments)
+    return code, out
+
+
+def test_assumed_values_are_named_and_give_ranges(tmp_path, capsys):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE, encoding="utf-8")
+    code, text = run(capsys, "--scene", str(scene))
+    words = " ".join(text.split())
+    assert code == 0 and words.startswith("Stated: mu_s, mu_k0, ") and "assumed: " in words.split(".")[0]
+    assert "Over the ranges of what is assumed stick-slip ends above a drive speed: " in words
+    assert "ends above a drive speed of" not in words and "Probability of stick-slip at 1 mm/s and 1 N" in words
+    document = json.loads(run(capsys, "--scene", str(scene), "--json")[1])
+    assert sorted(document["assumed"]) == ["a", "t_cr"] and "existing_result" not in document
+    end = document["points"][0]["stability"]["critical_speed"]
+    assert end["interval"][1] > 1.5 * end["interval"][0]
+
+
+def test_a_result_beside_the_scene_is_offered_and_stated_values_are_no_guess(tmp_path, capsys):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE + 'a = { fixed = "300 s/m" }\nt_cr = { fixed = "0.5 s" }\n', encoding="utf-8")
+    (tmp_path / "stickslip-new-pair").mkdir()
+    (tmp_path / "stickslip-new-pair" / "result.json").write_text("{}", encoding="utf-8")
+    document = json.loads(run(capsys, "--scene", str(scene), "--json")[1])
+    assert document["assumed"] == [] and document["existing_result"].endswith("stickslip-new-pair/result.json")
+    words = " ".join(run(capsys, "--scene", str(scene), "--at", "a=200 s/m")[1].split())
+    assert "A fit of this scene stands beside it: --result" in words and "assumed" not in words
+    assert "Stick-slip ends above a drive speed of" in words

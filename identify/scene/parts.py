@@ -1,0 +1,323 @@
+"""From the tables of a scene file to the frozen values of a scene, part by part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from data_io.thresholds import Thresholds
+from data_io.units import UnitError, parse_quantity
+from data_io.values import LogError
+from identify.base.budget import DEFAULT_TIME_LIMIT
+from identify.base.errors import SceneError
+from identify.effects import ALL, MAIN, NAMES
+from identify.model.model import RIG_PARAMETERS
+from identify.scene.parameters import declared_by, read_parameters
+from identify.scene.tables import (
+    AREA_LAW,
+    CONTACT,
+    DAMPING,
+    INITIAL,
+    LOG,
+    RIG,
+    TIED,
+    Key,
+    TomlTable,
+    is_number,
+    nearest,
+    part,
+    share,
+    stated,
+)
+from identify.scene.toml import TOP, is_rig, located, to_fill_in
+from identify.scene.values import USUAL_TOLERANCES, Contact, Initial, LogEntry, Rig
+
+Effects = tuple[str, ...] | Literal["auto"]
+
+
+def read_parts(document: Mapping[str, object], folder: Path) -> dict[str, Any]:
+    """The frozen values behind the tables of a scene file, as a `Scene` takes them; "name" is None where none is given.
+
+    Args:
+        folder: what relative log paths are relative to.
+
+    Raises:
+        SceneError: one sentence: what was found where, what was expected, what to do.
+    """
+    if is_rig(document):
+        raise SceneError(
+            "it holds a rig, as stickslip rig writes it, and no scene; give a scene that names it: "
+            'rig = "RIG.toml" in place of its [rig] table'
+        )
+    top = TomlTable.of(document, "the scene", TOP, '[rig] mass = "0.2 kg"')
+    if missing := list(to_fill_in(document)):
+        raise SceneError(f"still to fill in: {', '.join(missing)}; replace each TODO by a quantity with its unit")
+    effects = _effects(document.get("effects"))
+    parameters = document.get("parameters", {})
+    rig, damping, damping_frequency = _rig(document.get("rig"), parameters, effects)
+    contact = _contact(document.get("contact", {}))
+    logs = document.get("logs", [])
+    if not isinstance(logs, Sequence) or isinstance(logs, str):
+        raise SceneError(f'[[logs]] is {logs!r}; expected one [[logs]] table per log, each with path = "…"')
+    name = top.get("name")
+    if name is not None and set(name) & set("/\0"):
+        raise SceneError(f"name is {name!r}; expected a word that a folder can be called: leave out the slashes")
+    return {
+        "name": name,
+        "effects": effects,
+        "extrapolate": _extrapolate(document.get("extrapolate", []), effects),
+        "rig": rig,
+        "parameters": read_parameters(parameters, declared_by(effects), damping_frequency | contact.parameters),
+        "logs": tuple(_log_entry(entry, number, folder, rig, damping) for number, entry in enumerate(logs, 1)),
+        "initial": Initial(
+            **TomlTable.of(document.get("initial", {}), "[initial]", INITIAL, '[initial] elongation = "0 mm"').values()
+        ),
+        "contact": contact,
+        "thresholds": _thresholds(document.get("quality", {})),
+        "time_limit": _time_limit(document.get("fit", {})),
+        "tolerances": _tolerances(document.get("tolerances", {})),
+    }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The rig: values with their tolerances, damping in any of its forms, speeds and programmes.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class StatedDamping:
+    """How [rig] states the damping, where it follows the stiffness or the mass that a log has for itself: `ratio` h/k,
+    or `dashpot` c [N s/m], with h = c sqrt(k/m); both None: h itself."""
+
+    ratio: float | None = None
+    dashpot: float | None = None
+
+    def at(self, stiffness: float, mass: float) -> float | None:
+        """h [N/m] of a rig with this stiffness [N/m] and mass [kg]; None where h itself is stated."""
+        if self.dashpot is not None:
+            return self.dashpot * math.sqrt(stiffness / mass)
+        return None if self.ratio is None else self.ratio * stiffness
+
+
+def _rig(
+    value: object, parameters: object, effects: Effects
+) -> tuple[Rig, StatedDamping, dict[str, tuple[str, float]]]:
+    """The rig, how its damping was stated, and the frequency at which that acts, where one is given."""
+    on = effects if effects != "auto" else MAIN[:1]
+    damped_by = next((e.name for e in ALL if e.name in on and any(p.name == "damping" for p in e.parameters)), None)
+    table = TomlTable.of(value, "[rig]", RIG, '[rig] mass = "0.2 kg", stiffness = "1470 N/m"')
+    table = TomlTable({**table.data, **_searched(table.data, parameters)}, "[rig]", RIG)
+    given = [name for name in DAMPING if name in table.data]
+    if len(given) > 1:
+        raise SceneError(f"[rig] gives the damping {len(given)} times ({', '.join(given)}); keep one of them")
+    if damped_by and not given:
+        raise SceneError(
+            f"[rig] has no damping although the effect {damped_by} is on; give one of {', '.join(DAMPING)}"
+        )
+    values: dict[str, Any] = {}
+    tolerances: dict[str, float] = {}
+    ratios: dict[str, float] = {}
+    dashpot = _is_dashpot(table)
+    for key in ("mass", "stiffness", *DAMPING, "drive_speed", "normal_force", "noise"):
+        unit = "N s/m" if key == "damping" and dashpot else RIG[key].unit
+        stated_value, tolerance = _with_tolerance(table, key, unit)
+        values[key] = None if stated_value is None else RIG[key].read(stated_value, unit, table.place(key))
+        if tolerance is not None:
+            tolerances["damping" if key in DAMPING else key] = tolerance
+        if tolerance and key in ("zeta", "loss_factor"):
+            # Known of h/k: h is as uncertain as k on top of it, and errs with it.
+            ratios["zeta"] = tolerance
+            tolerances["damping"] = math.hypot(tolerance, tolerances.get("stiffness", 0.0))
+    if TIED in table.data:
+        ratios["natural_frequency"] = table.get(TIED)
+    if "inertia" not in on:
+        values["mass"] = values["mass"] or 0.0
+    for key, example in (("mass", "0.2 kg"), ("stiffness", "1470 N/m")):
+        if values[key] is None:
+            raise SceneError(f'[rig] has no {key}; give {key} = "{example}"')
+    ratio = _damping_ratio({key: values.pop(key) for key in DAMPING[1:]})
+    how = StatedDamping(ratio, values["damping"] if dashpot else None)
+    if dashpot and not values["mass"]:
+        raise SceneError("[rig] damping is in N s/m, which takes a mass to be h of eq. 1; give the mass, or h in N/m")
+    followed = how.at(values["stiffness"], values["mass"])
+    values["damping"] = values["damping"] or 0.0 if followed is None else followed
+    frequency = table.get("damping_frequency")
+    if frequency is not None and effects != "auto" and "driven_damping" not in effects:
+        raise SceneError(
+            "[rig] damping_frequency belongs to the effect driven_damping; add it to effects instead of "
+            "hysteresis_damping, or drop damping_frequency"
+        )
+    elsewhere = {} if frequency is None else {"damping_frequency": (table.place("damping_frequency"), frequency)}
+    return Rig(**values, tolerances=tolerances, ratio_tolerances=ratios), how, elsewhere
+
+
+def _searched(rig: Mapping[str, object], parameters: object) -> dict[str, float]:
+    """A value for each quantity that [rig] leaves out and [parameters] has searched: its start, the mean of its prior,
+    or the middle of its bounds."""
+    values = {}
+    for key in RIG_PARAMETERS:
+        table = parameters.get(key) if isinstance(parameters, Mapping) else None
+        if not isinstance(table, Mapping) or any(name in rig for name in (DAMPING if key == "damping" else (key,))):
+            continue
+        where, unit, prior = f"[parameters] {key}", RIG[key].unit, table.get("prior")
+        value = table.get("start", prior.get("mean") if isinstance(prior, Mapping) else None)
+        if value is not None:
+            values[key] = stated(value, unit, where)
+        elif "lower" in table and "upper" in table:
+            lower, upper = (stated(table[word], unit, f"{where} {word}") for word in ("lower", "upper"))
+            values[key] = math.sqrt(lower * upper) if lower * upper > 0.0 else 0.5 * (lower + upper)
+    return values
+
+
+def _with_tolerance(table: TomlTable, key: str, unit: str) -> tuple[Any, float | None]:
+    """The value of a rig key, and its relative standard deviation where one is stated."""
+    value = table.data.get(key)
+    if not isinstance(value, Mapping):
+        return value, None
+    inner = TomlTable.of(value, table.place(key), ("value", "tolerance"), '{ value = "0.2 kg", tolerance = "2 %" }')
+    if "value" not in value:
+        raise SceneError(f"{inner.where} has no value; write {{ value = …, tolerance = … }}")
+    tolerance, where = value.get("tolerance"), inner.place("tolerance")
+    relative = share(tolerance, where)
+    if relative is None and isinstance(tolerance, str):
+        reference = RIG[key].read(value["value"], unit, inner.where)
+        if isinstance(reference, tuple):
+            raise SceneError(f"{where} of a programme is {tolerance!r}; expected a share such as 2 %")
+        try:
+            relative = stated(tolerance, unit, where) / abs(reference)
+        except SceneError as reason:
+            raise SceneError(f"{reason}; a share such as 2 % does as well") from None
+    elif relative is None and tolerance is not None:
+        relative = stated(tolerance, "", where)
+    return value["value"], relative
+
+
+def _is_dashpot(table: TomlTable) -> bool:
+    """Whether the damping is that of a dashpot, in N s/m."""
+    value = table.data.get("damping")
+    text = value.get("value") if isinstance(value, Mapping) else value
+    try:
+        return isinstance(text, str) and parse_quantity(text, "N s/m") is not None and not is_number(text)
+    except UnitError:
+        return False
+
+
+def _damping_ratio(stated: Mapping[str, float | None]) -> float | None:
+    """h/k = 2 zeta = loss factor, from whichever is stated; log decrement d: zeta = d/sqrt(4 pi^2 + d^2)."""
+    zeta, decrement = stated["zeta"], stated["log_decrement"]
+    if zeta is not None and zeta > 1.0:
+        raise SceneError(
+            f"[rig] zeta is {zeta:g}, more than critical damping (1); expected a ratio such as 0.05 or "
+            '"5 %"; a rig that hardly swings has damping = "… N/m"'
+        )
+    if decrement is not None:
+        zeta = decrement / math.hypot(2.0 * math.pi, decrement)
+    return stated["loss_factor"] if zeta is None else 2.0 * zeta
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The other parts.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _log_entry(value: object, number: int, folder: Path, rig: Rig, damping: StatedDamping) -> LogEntry:
+    """One log of the scene; the damping follows its own stiffness and mass where [rig] states it by them."""
+    table = TomlTable.of(value, f"[[logs]] number {number}", LOG, '[[logs]] path = "slow.csv"')
+    if "path" not in table.data:
+        raise SceneError(f'{table.where} has no path; give path = "slow.csv", relative to the scene file')
+    dashpot = _is_dashpot(table)
+    values = {name: table.get(name) for name in table.data if name != "damping" or not dashpot}
+    stiffness, mass = values.get("stiffness"), values.get("mass")
+    if dashpot:
+        damping = StatedDamping(dashpot=stated(table.data["damping"], "N s/m", table.place("damping")))
+    follows = dashpot or stiffness is not None or (mass is not None and damping.dashpot is not None)
+    if follows and "damping" not in values:
+        values["damping"] = damping.at(stiffness or rig.stiffness, mass or rig.mass)
+    return LogEntry(**(values | {"path": located(folder, values["path"])}))
+
+
+def _tolerances(value: object) -> dict[str, float]:
+    """What the published intervals hold, relative: "2 %" or 0.02; 0 takes that quantity as exact."""
+    known = dict.fromkeys(USUAL_TOLERANCES, Key(read=part))
+    table = TomlTable.of(value, "[tolerances]", known, '[tolerances] stiffness = "2 %"')
+    for name, relative in table.values().items():
+        if not 0.0 <= relative < 1.0:
+            raise SceneError(f'{table.place(name)} is {relative:g}; expected a share from 0 to below 1, such as "2 %"')
+    return table.values()
+
+
+def _time_limit(value: object) -> float:
+    """How long a fit may take [s]."""
+    table = TomlTable.of(value, "[fit]", {"time_limit": Key("s")}, '[fit] time_limit = "60 s"')
+    limit: float = table.values().get("time_limit", DEFAULT_TIME_LIMIT)
+    if not limit > 0.0:
+        raise SceneError(f'{table.place("time_limit")} is {limit:g} s; expected a positive time, such as "60 s"')
+    return limit
+
+
+def _thresholds(value: object) -> Thresholds:
+    """The user's own thresholds of the quality gate: pure numbers, or shares in percent."""
+    table = TomlTable.of(value, "[quality]", None, "[quality] jitter = 0.1")
+    try:
+        return Thresholds(
+            {
+                name: math.inf if number in (math.inf, "inf") else part(number, "", table.place(name))
+                for name, number in table.data.items()
+            }
+        )
+    except LogError as error:
+        raise SceneError(f"[quality]: {error}") from None
+
+
+def known_effects(value: Sequence[str], where: str = "effects") -> tuple[str, ...]:
+    """The effects named, in the order of the table of effects.
+
+    Raises:
+        SceneError: an unknown name; the nearest known one is named.
+    """
+    for name in value:
+        if name not in NAMES:
+            raise SceneError(
+                f"{where} names {name!r}, which is not known; did you mean {nearest(name, NAMES)!r}? "
+                f"Known are {', '.join(NAMES)}"
+            )
+    return tuple(name for name in NAMES if name in value)
+
+
+def _is_list(value: object) -> bool:
+    return isinstance(value, (list, tuple)) and all(isinstance(name, str) for name in value)
+
+
+def _effects(value: Any) -> Effects:
+    if value == "auto":
+        return "auto"
+    if not _is_list(value):
+        listed = ", ".join(f'"{name}"' for name in MAIN)
+        text = "no effects" if value is None else f"effects = {value!r}"
+        raise SceneError(f'the scene has {text}; expected a list: effects = [{listed}, …], or "auto"')
+    twice = next((name for place, name in enumerate(value) if name in value[:place]), None)
+    if twice is not None:
+        raise SceneError(f"effects names {twice!r} twice; expected each effect once: remove one of the two")
+    return known_effects(value)
+
+
+def _extrapolate(value: Any, effects: Effects) -> tuple[str, ...]:
+    if not _is_list(value):
+        raise SceneError(f'extrapolate is {value!r}; expected a list of effects: extrapolate = ["power_law"]')
+    names = known_effects(value, "extrapolate")
+    off = [name for name in names if effects != "auto" and name not in effects]
+    if off:
+        raise SceneError(f"extrapolate names {off[0]}, which is not among the effects; add it there, or drop it here")
+    return names
+
+
+def _contact(value: object) -> Contact:
+    table = TomlTable.of(value, "[contact]", CONTACT, '[contact] area = "0.8 cm^2"')
+    example = "{ coefficient = …, exponent = … }"
+    law = TomlTable.of(table.data.get("area_law", {}), "[contact] area_law", AREA_LAW, example)
+    if len(table.data) == 2 or len(law.data) == 1:
+        raise SceneError(f"[contact] expects either an area or area_law = {example}; keep exactly one")
+    return Contact(table.get("area"), law.get("coefficient"), law.get("exponent"))

@@ -1,0 +1,463 @@
+"""`inspect`, `scene`, `convert` and `simulate`: the verdict a person agrees with, drafts, and logs that read back."""
+
+import gzip
+import json
+import re
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from data_io import LogError, Record, Step, read_log, write_csv, write_hdf5
+from data_io.anonymise import anonymous, is_plain_setting, is_usual
+from identify import examples
+from identify.cli.inspection import StatedRig, draw, inspection
+from identify.effects import MAIN
+from identify.scene import Scene
+from tests.support.command import refused, stickslip
+from tests.support.verdict_cases import noise, saw
+
+RIG = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N"]
+LOG = "T,Fz,Fx\ns,N,N\n" + "".join(f"{0.01 * i:.2f},1.0,{0.3 + 0.001 * (i % 7)}\n" for i in range(200))
+LOGS = [examples.FOLDER / name for name in ("1_mm_per_s.txt.gz", "5_mm_per_s.txt.gz")]
+MEASURED = Path(__file__).resolve().parents[3] / "shared" / "data" / "paper_on_paper"
+
+
+HEAD = """Created by CETR Data Viewer ver.2.19.106 05/12/22 14:43:46
+C:\\Users\\meier\\secret project\\skin.tst
+
+Run # 1
+Script file C:\\Users\\meier\\skin on paper.cts
+Run date 12 May 2022 12:21:50
+Operator = Anna Meier
+Note: volunteer V07 was nervous
+Step No. 1
+
+Set Force    = -200
+Velocity     = 2
+Sample of Anna = 3
+Duration     = 2.17
+Started at: 12:21:58.029 12 May 2022
+
+T,Fx,Fz,COF,Annas Kanal
+sec,g,g,,mm
+"""
+
+
+# what somebody who looks at the plot says of each record, beside its spikes
+SEEN = {
+    "k168_v42": {"spikes", "uneven_cycles", "friction_drift"},
+    "k1002_v42": {"spikes", "uneven_cycles"},
+    "k168_v1100": {"spikes", "uneven_cycles", "stick_slope"},
+    "k1002_v4300": {"spikes", "near_harmonic", "stick_slope"},
+}
+
+
+def write(name, text):
+    Path(name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    return name
+
+
+def simulated(capsys, path, *more):
+    arguments = ["simulate", "--scene", examples.SCENE, *RIG, "--duration", "2", "--rate", "500", "--out", path, *more]
+    code, out, err = stickslip(capsys, *arguments)
+    assert code == 0, err
+    return out
+
+
+@pytest.mark.parametrize("name", SEEN)
+def test_the_verdict_on_measured_records_is_that_of_a_person(name, capsys):
+    path = MEASURED / f"{name}.csv"
+    if not path.is_file():
+        pytest.skip("the measured paper-on-paper records are not on this machine")
+    stiffness, speed = (word[1:] for word in name.split("_"))
+    arguments = ["inspect", str(path), "--stiffness", f"{stiffness} N/m", "--drive-speed", f"{speed} um/s", "--json"]
+    code, out, _ = stickslip(capsys, *arguments)
+    quality = json.loads(out)["logs"][0]["quality"]
+    assert code == 0
+    assert quality["verdict"] == "accept with warnings"
+    assert {f["code"] for f in quality["findings"] if f["severity"] != "info"} == SEEN[name]
+
+
+def log_with_everything():
+    """Rest with an offset, stick-slip with three spikes and a gap, a stop; the drive's own column tells of it."""
+    time = np.delete(np.arange(6000) / 500.0, slice(2500, 2505))
+    moving = (time >= 1.0) & (time < 11.0)
+    force = np.where(moving, 0.4 + saw(time - 1.0), np.where(time < 1.0, 0.05, 0.33)) + noise(1, time.size)
+    rows = np.searchsorted(time, [3.1, 6.7, 8.3])
+    force[rows] += 0.3
+    track = 1e-3 * np.clip(time - 1.0, 0.0, 10.0)
+    return Record(
+        time, 1.0 + noise(2, time.size), force, channels={"Position": track}, channel_units={"Position": "m"}
+    ), time[rows]
+
+
+def drawn(monkeypatch, seen, path):
+    figures = []
+    monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: figures.append(self) or path.touch())
+    monkeypatch.setattr("data_io.atomic.atomic_path", nullcontext)
+    draw(seen, path)
+    return figures[0].subfigs
+
+
+def test_the_plot_shows_phases_and_spikes_as_found(monkeypatch, tmp_path):
+    record, times = log_with_everything()
+    seen = inspection("a.csv", record)
+    codes = {f.code for f in seen.judgement.findings}
+    assert codes == {"residual_force", "stopped", "dropouts", "spikes"}
+    (part,) = drawn(monkeypatch, [seen], tmp_path / "a.png")
+    whole, close = part.axes[:2]
+    handles = dict(zip(*reversed(whole.get_legend_handles_labels()), strict=True))
+    assert {"slip", "spike"} <= set(handles) and close.get_title().endswith(" s")
+    spikes = next(line for line in whole.lines if line.get_label() == "spike")
+    np.testing.assert_array_equal(spikes.get_xdata(), times)
+    assert part.get_suptitle().startswith("a.csv · accept with warnings: ")
+    low, high = whole.get_ylim()
+    assert low < record.friction_force.min() and high > record.friction_force.max()
+
+
+def test_a_clean_log_shows_neither_spikes_nor_rests(monkeypatch, tmp_path):
+    time = np.arange(4000) / 500.0
+    seen = inspection("clean.csv", Record(time, 1.0 + noise(2), 0.4 + saw(time) + noise(1)))
+    (part,) = drawn(monkeypatch, [seen], tmp_path / "a.png")
+    labels = set(part.axes[0].get_legend_handles_labels()[1])
+    assert labels == {"slip"} and part.get_suptitle() == "clean.csv · accept"
+
+
+def test_no_spike_of_a_long_log_is_thinned_away(monkeypatch, tmp_path):
+    time = np.arange(60_000) / 2000.0
+    force = 0.4 + saw(time) + noise(1, time.size)
+    force[30_001] += 1.0
+    seen = inspection("long.csv", Record(time, np.ones(time.size), force))
+    (part,) = drawn(monkeypatch, [seen], tmp_path / "a.png")
+    assert part.axes[0].get_ylim()[1] > 1.4
+
+
+def test_inspect_tells_what_is_in_the_logs(folder, capsys):
+    slow, stepped = examples.FOLDER / "0.1_mm_per_s.txt.gz", examples.FOLDER / "1_mm_per_s.txt.gz"
+    code, words, _ = stickslip(capsys, "inspect", slow, stepped)
+    assert code == 0 and "5 stick-slip cycles" in words and "column Fx in g" in words
+    code, out, _ = stickslip(capsys, "inspect", slow, stepped, "--json")
+    one, two = json.loads(out)["logs"]
+    assert one["rows"] == 10001 and [step["cycles"] for step in two["steps"]] == [0, 13]
+    assert one["steps"][0]["noise_N"] == pytest.approx(5e-3, rel=0.05)
+    assert two["steps"][1]["stick_slope_N_per_s"][0] == pytest.approx(1470 * 1e-3, rel=0.02)
+    assert max(len(line) for line in words.splitlines() if "/" not in line) <= 80
+
+
+def test_several_logs_end_in_a_table_of_all_and_a_picture(folder, capsys):
+    logs = [LOGS[0], examples.FOLDER / "0.1_mm_per_s_at_50_Hz.txt.gz"]
+    Path("bad $log$ µ.csv").write_text("T,Fx,Fz\ns,N,N\n0,1,1\n1,1,1\n0.5,1,1\n")
+    for ending in ("png", "svg", "pdf"):
+        code, out, _ = stickslip(capsys, "inspect", *logs, "bad $log$ µ.csv", "--plot", f"all.{ending}")
+        assert code == 2 and Path(f"all.{ending}").stat().st_size > 5000
+    head, stepped, coarse, bad = out.splitlines()[-5:-1]
+    assert head.split()[0] == "log" and max(map(len, (head, stepped, coarse, bad))) <= 80
+    assert stepped.split() == ["1_mm_per_s.txt.gz", "1000", "Hz", "several", "stick", "slip", "13", "accept"]
+    assert coarse.split()[:3] == ["0.1_mm_per_s_at_50_Hz.t…", "50", "Hz"] and coarse.endswith("warnings")
+    assert bad.endswith("reject")
+    code, out, _ = stickslip(capsys, "inspect", "bad $log$ µ.csv", LOGS[0], "--json")
+    document = json.loads(out)
+    assert code == 2 and "1 of 2 logs cannot be read" in document["message"]
+    assert [log["quality"]["verdict"] for log in document["logs"]] == ["reject", "accept"]
+    assert "falls from" in document["logs"][0]["quality"]["findings"][0]["message"]
+
+
+def test_rig_and_window_of_the_command_line(folder, capsys):
+    record, _ = log_with_everything()
+    write_hdf5(record, folder / "a.h5")
+
+    def codes(*more):
+        code, out, _ = stickslip(capsys, "inspect", "a.h5", "--json", *more)
+        (log,) = json.loads(out)["logs"]
+        assert code == 0
+        return {f["code"] for f in log["quality"]["findings"] if f["severity"] != "info"}, log
+
+    assert codes()[0] == {"residual_force", "stopped", "dropouts"}
+    found, log = codes("--window", "1.2 s,4 s", "--channels", "none")
+    assert found == set() and log["columns"].keys() == {"time", "normal_force", "friction_force"}
+    # the sticks rise by 0.2 N in 0.36 s
+    assert "stick_slope" not in codes("--stiffness", "555 N/m", "--drive-speed", "1 mm/s")[0]
+    assert "stick_slope" in codes("--stiffness", "640 N/m", "--drive-speed", "1 mm/s")[0]
+    for wrong in (["--window", "3"], ["--stiffness", "2 kg"]):
+        refused(capsys, "inspect", "a.h5", *wrong)
+    assert "reading" not in stickslip(capsys, "inspect", "a.h5")[2], "a short log shows no progress"
+
+
+def test_the_gate_of_the_report_and_that_of_inspect_are_one():
+    record, _ = log_with_everything()
+    told = inspection("a.csv", record, StatedRig(500.0, 1e-3)).judgement.result()
+    assert told.figures["residual_force"].value == pytest.approx(0.05, abs=1e-3)
+    assert told.figures["force_after_stop"].value == pytest.approx(0.33, abs=1e-3)
+    assert told.figures["missing_rows"].value == 5 and told.figures["spikes"].value == 3
+    assert told.figures["stick_slope_error"].value == pytest.approx(0.2 / 0.36 / 0.5 - 1, abs=0.02)
+
+
+def test_a_first_scene_is_drafted_from_the_logs(folder, capsys):
+    logs = sorted(examples.FOLDER.glob("*.txt.gz"))
+    code, words, _ = stickslip(capsys, "scene", *logs, "--out", "pair.toml")
+    assert code == 0 and "rig.mass, rig.zeta" in words
+    sentence = refused(capsys, "fit", "--scene", "pair.toml")
+    assert "still to fill in: rig.mass, rig.zeta" in sentence
+    text = Path("pair.toml").read_text().replace("TODO kg", "0.2 kg").replace('zeta = "TODO"', 'damping = "147 N/m"')
+    Path("pair.toml").write_text(text)
+    scene = Scene.from_toml("pair.toml")
+    assert scene.effects == (*MAIN[:4], "varying_normal_force")
+    assert scene.rig.stiffness == pytest.approx(1470, rel=0.01), "force per drive distance while it sticks"
+    truth = json.loads(examples.TRUTH.read_text())["logs"]
+    for entry in scene.logs:
+        assert entry.drive_speed == pytest.approx(truth[entry.path.name]["drive_speed"], rel=1e-3)
+        assert entry.path.resolve() == examples.FOLDER / entry.path.name
+    steps = {entry.path.name: entry.step for entry in scene.logs if entry.step is not None}
+    assert steps == {"1_mm_per_s.txt.gz": 2}, "the hold before the test is left out"
+
+
+def test_a_first_scene_takes_a_rig_that_was_measured(folder, capsys):
+    log = examples.FOLDER / "1_mm_per_s.txt.gz"
+    Path("bench").mkdir()
+    write("bench/rig.toml", 'mass = "0.2 kg"\nstiffness = "1470 N/m"\nzeta = 0.05\n')
+    asked = ("scene", log, "--rig", "bench/rig.toml", "--out", "scenes.toml")
+    code, words, _ = stickslip(capsys, *asked)
+    assert code == 0 and "still to fill in" not in words
+    scene = Scene.from_toml("scenes.toml")
+    assert (scene.rig.mass, scene.rig.stiffness) == pytest.approx((0.2, 1470.0))
+    Path("scenes.toml").unlink()
+    assert "cannot be read" in refused(capsys, *asked[:3], "bench/none.toml", *asked[4:])
+    write("other.toml", "effects = []\n")
+    assert "is no file of a rig" in refused(capsys, *asked[:3], "other.toml", *asked[4:])
+    assert not Path("scenes.toml").exists()
+
+
+def test_what_a_log_does_not_tell_is_left_to_fill_in(folder, capsys):
+    rise = (0.4 * (i % 50) / 50 for i in range(500))
+    rows = "".join(f"{0.01 * i:.2f},{force:.5f}\n" for i, force in enumerate(rise))
+    write("bare.csv", "T,Fx\ns,N\n" + rows)
+    code, out, _ = stickslip(capsys, "scene", "bare.csv", "--normal-force", "2 N", "--out", "pair.toml", "--json")
+    assert code == 0
+    assert json.loads(out)["to_fill_in"] == ["rig.mass", "rig.stiffness", "rig.zeta", "logs.1.drive_speed"]
+    assert 'normal_force = "2 N"' in Path("pair.toml").read_text()
+    assert "exists" in refused(capsys, "scene", "bare.csv", "--normal-force", "2 N", "--out", "pair.toml")
+
+
+def test_steps_too_short_to_stand_alone_are_no_logs(folder, capsys):
+    step = "T,Fz,Fx\ns,N,N\n"
+    rise = "".join(f"{0.01 * i:.2f},2,{0.4 * (i % 50) / 50:.5f}\n" for i in range(500))
+    write("steps.csv", f"{step}0,2,0.1\n{step}{rise}")
+    assert stickslip(capsys, "scene", "steps.csv", "--out", "pair.toml")[0] == 0
+    text = Path("pair.toml").read_text()
+    assert text.count("[[logs]]") == 1 and "step = 2" in text
+
+
+def test_one_run_of_several_is_chosen(folder, capsys):
+    text = gzip.decompress((examples.FOLDER / "1_mm_per_s.txt.gz").read_bytes()).decode()
+    begin = text.index("Run # 1")
+    write("runs.txt", text + text[begin:].replace("Run # 1", "Run # 2"))
+    assert "--run" in refused(capsys, "inspect", "runs.txt")
+    code, out, _ = stickslip(capsys, "inspect", "runs.txt", "--run", "2", "--json")
+    assert code == 0 and [step["run"] for step in json.loads(out)["logs"][0]["steps"]] == [2, 2]
+    assert stickslip(capsys, "scene", "runs.txt", "--run", "2", "--out", "pair.toml")[0] == 0
+    text = Path("pair.toml").read_text().replace("TODO kg", "0.2 kg").replace('zeta = "TODO"', 'damping = "147 N/m"')
+    (entry,) = Scene.from_toml(write("pair.toml", text)).logs
+    assert (entry.run, entry.step) == (2, 2)
+
+
+def test_simulated_logs_are_read_back(folder, capsys):
+    words = simulated(capsys, "log.csv", "--noise", "5 mN", "--seed", "3")
+    assert "1001 samples" in words
+    simulated(capsys, "log.h5", "--noise", "0.005", "--seed", "3")
+    simulated(capsys, "quiet.csv")
+    noisy, same, quiet = read_log("log.csv"), read_log("log.h5"), read_log("quiet.csv")
+    assert (noisy.friction_force == same.friction_force).all() and len(noisy) == 1001
+    spread = (noisy.friction_force - quiet.friction_force).std()
+    assert 0.0045 < spread < 0.0055
+    assert noisy.drive_speed == 1e-3
+    arguments = ["simulate", "--scene", examples.SCENE, *RIG, "--duration", "1", "--rate", "100", "--out", "a.csv"]
+    code, out, err = stickslip(capsys, *arguments, "--json")
+    assert code == 0 and json.loads(out)["rows"] == 101 and "101 samples" in err, "words go to standard error"
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.h5"])
+def test_only_a_simulated_log_is_written_over(folder, capsys, name):
+    again = ["simulate", "--scene", examples.SCENE, *RIG, "--duration", "1", "--rate", "9", "--out", name]
+    simulated(capsys, name)
+    simulated(capsys, name, "--noise", "5 mN", "--seed", "3")
+    record = read_log(name)
+    assert record.metadata["seed"] == 3
+    measured = replace(record, metadata={**record.metadata, "simulated": False})
+    Path(name).unlink()
+    (write_csv if name.endswith("csv") else write_hdf5)(measured, Path(name))
+    before = Path(name).read_bytes()
+    commands = [again, *([["convert", LOGS[0], "--out", name]] if name.endswith("h5") else [])]
+    for command in commands:
+        assert "may hold a measured log" in refused(capsys, *command) and Path(name).read_bytes() == before
+
+
+def test_a_scene_without_friction_says_which_default_it_takes(folder, capsys):
+    rig = 'mass = "0.2 kg"\nstiffness = "1470 N/m"\nzeta = 0.05\nnormal_force = "1 N"\ndrive_speed = "1 mm/s"\n'
+    scene = f"effects = {json.dumps(list(MAIN))}\n[rig]\n{rig}[parameters]\nmu_s = {{ start = 0.7 }}\n"
+    Path("scene.toml").write_text(scene)
+    more = ["--duration", "2 s", "--rate", "1 kHz", "--out", "log.csv"]
+    code, out, _ = stickslip(capsys, "simulate", "--scene", "scene.toml", *more)
+    said = " ".join(out.split())
+    assert code == 0
+    assert "documented defaults are taken: mu_k0 0.45, D 40 µm, t_cr 0.5 s, delta_mu_k −0.1, a 300 s/m" in said
+    assert "mu_s 0.6" not in said
+
+
+def test_converted_log_holds_the_same_numbers(folder, capsys):
+    log = examples.FOLDER / "1_mm_per_s.txt.gz"
+    assert stickslip(capsys, "convert", log, "--out", "a.h5")[0] == 0
+    assert (read_log("a.h5").friction_force == read_log(log).friction_force).all()
+    assert stickslip(capsys, "convert", log, "--out", "b.h5", "--anonymise")[0] == 0
+    assert (read_log("b.h5").friction_force == read_log(log).friction_force).all()
+    content = Path("b.h5").read_bytes()
+    for word in (b"make_example_logs", b"Jan 2026", b"1_mm_per_s"):
+        assert word in Path("a.h5").read_bytes() and word not in content
+
+
+BAD_LOGS = {
+    "missing": (None, "no such file"),
+    "empty": ("", "empty"),
+    "binary": (bytes(range(256)) * 40, "reader"),
+    "no time": (LOG.replace("T,", "Q,"), "time"),
+    "no force": (LOG.replace("Fx", "Q"), "friction"),
+    "no units": (LOG.replace("s,N,N\n", ""), "unit"),
+    "NaN block": (
+        "\n".join(
+            line if not 40 <= i < 60 else line.split(",")[0] + ",nan,nan" for i, line in enumerate(LOG.split("\n"))
+        ),
+        "rows",
+    ),
+    "clock backwards": (LOG.replace("\n1.00,", "\n0.50,"), "clock"),
+    "one row": ("\n".join(LOG.split("\n")[:3]) + "\n", "row"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_LOGS)
+def test_bad_logs_are_refused_in_one_sentence(folder, capsys, case):
+    content, word = BAD_LOGS[case]
+    name = "log.csv" if content is None else write("log.csv", content)
+    assert stickslip(capsys, "convert", write("good.csv", LOG), "--out", "good.h5")[0] == 0
+    sentence = refused(capsys, "convert", name, "--out", "log.h5")
+    assert word in sentence and name in sentence
+    assert not Path("log.h5").exists()
+
+
+def cetr(folder, name="Anna Meier.txt", rows=60):
+    path = folder / name
+    random = np.random.default_rng(3)
+    lines = [f"{i / 50:.4f},{random.normal(50, 5):.4f},-200.1,0.25,{i / 7:.6f}" for i in range(rows)]
+    path.write_text(HEAD + "\n".join(lines) + "\n")
+    return path
+
+
+def same_numbers(record, other):
+    for name, values in record.columns().items():
+        assert values.tobytes() == other.columns()[name].tobytes(), name
+
+
+def test_metadata_checksum_and_provenance_are_complete(tmp_path):
+    source = cetr(tmp_path)
+    record = read_log(source)
+    write_hdf5(record, tmp_path / "log.h5")
+    with h5py.File(tmp_path / "log.h5") as file:
+        attrs, step = dict(file.attrs), file["run_1/step_1"]
+        assert attrs["source_file"] == "Anna Meier.txt" and attrs["source_sha256"] == record.metadata["sha256"]
+        assert re.fullmatch(r"stick-slip-workbench \d.*", attrs["created_by"])
+        assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", attrs["created"])
+        assert step["time"].compression == "gzip" and step["time"].fletcher32 and step["time"].shuffle
+        about = json.loads(file["about"][()])["metadata"]
+    assert about["Operator"] == "Anna Meier" and about["friction_force_source"] == "column Fx in g"
+    assert about["source_format"] == record.metadata["format"]
+
+
+def test_a_window_from_the_first_row_on_is_read_and_nothing_else(tmp_path):
+    n = 5000
+    steps = (Step(1, 1, 0, 2000), Step(1, 2, 2000, n))
+    record = Record(np.arange(n) / 100, np.ones(n), np.arange(n) * 1.0, channels={"Z": np.ones(n)}, steps=steps)
+    write_hdf5(record, tmp_path / "log.h5")
+    part = read_log(tmp_path / "log.h5", step=2, window=(5.0, 6.0), channels=())
+    assert part.friction_force.tolist() == list(range(2500, 2601)) and not part.channels
+    assert part.metadata["file_time_start"] == 25.0 and part.time[0] == 0.0
+    with pytest.raises(LogError, match=r"holds 0 row.*runs from 0 to 29.99 s, .* shows 20 s; move"):
+        read_log(tmp_path / "log.h5", step=2, window=(30.0, 40.0))
+    with pytest.raises(LogError, match="start before its stop"):
+        read_log(tmp_path / "log.h5", window=(2.0, 1.0))
+    text = cetr(tmp_path)
+    cut = read_log(text, window=(0.5, 0.7))
+    np.testing.assert_array_equal(cut.friction_force, read_log(text).friction_force[25:36])
+    assert cut.metadata["file_time_start"] == pytest.approx(0.5)
+
+
+def test_columns_of_any_group_are_found_by_their_usual_names(tmp_path):
+    path = tmp_path / "daq.h5"
+    with h5py.File(path, "w") as file:
+        for test in ("slow", "fast"):
+            group = file.create_group(f"tests/{test}")
+            for name, unit in (("Time", "ms"), ("Fx", "mN"), ("Fz", "N")):
+                values = np.arange(1, 51.0) * (2 if test == "fast" else 1)
+                group.create_dataset(name, data=values, chunks=(7,), compression="lzf").attrs["units"] = unit
+            group["comment"] = "words"
+    assert [read_log(path, run=run).friction_force[0] for run in (1, 2)] == [2e-3, 1e-3]  # in the order of their names
+    assert read_log(path, run=1).metadata["group"] == "/tests/fast"
+    with pytest.raises(LogError, match="runs 1, 2"):
+        read_log(path)
+    with pytest.raises(LogError, match="step 3 was asked for"):
+        read_log(path, step=3)
+
+
+def test_anonymous_files_name_nobody_and_the_key_tells_all(tmp_path, capsys):
+    folder = tmp_path / "Anna"
+    folder.mkdir()
+    source, out = cetr(folder), tmp_path / "log.h5"
+    assert stickslip(capsys, "convert", source, "--out", out, "--anonymise")[0] == 0
+    record, back = read_log(source), read_log(out)
+    raw = out.read_bytes()
+    for word in ("Anna", "Meier", "meier", "secret", "skin", "V07", "2022", record.metadata["sha256"]):
+        assert word.encode() not in raw and word not in json.dumps(back.about(), default=str), word
+    same_numbers(Record(record.time, record.normal_force, record.friction_force), back)
+    assert dict(back.steps[0].parameters) == {"Set Force": "-200", "Velocity": "2", "Duration": "2.17"}
+    assert set(back.channels) == {"COF", "channel 2"} and back.metadata["friction_force_source"] == "column Fx in g"
+    np.testing.assert_array_equal(back.channels["channel 2"], record.channels["Annas Kanal"])
+    key = json.loads((tmp_path / "log.key.json").read_text())
+    (told,) = key["logs"].values()
+    assert told["metadata"]["Operator"] == "Anna Meier" and told["metadata"]["sha256"] == record.metadata["sha256"]
+    assert told["channels"] == {"channel 2": "Annas Kanal"}
+    assert told["steps"][0]["parameters"]["Started at"] == "12:21:58.029 12 May 2022"
+    assert (tmp_path / "log.key.json").stat().st_mode & 0o077 == 0
+    # the key is never written over by that of other logs
+    out.unlink()
+    assert "may hold the key of other logs" in refused(capsys, "convert", source, "--out", out, "--anonymise")
+    assert json.loads((tmp_path / "log.key.json").read_text()) == key
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "plain"),
+    [
+        ("Set Force", "-200", True),
+        ("Velocity", "0.1 mm/s", True),
+        ("Set Force", "200 please", False),
+        ("Serial number", "12345", False),
+        ("Operator", "7", False),
+        ("Duration", "about 3", False),
+        ("Größe", "3", False),
+        ("Started at", "12:21:58", False),
+        ("Laps", 12, True),
+        ("Annas Zahl", 12, False),
+    ],
+)
+def test_settings_that_stay_are_numbers_under_usual_names(name, value, plain):
+    assert is_plain_setting(name, value) == plain
+
+
+def test_usual_names_of_columns_stay():
+    assert all(
+        map(is_usual, ["Fx", "V1", "COF", "Z", "XYZ", "Friction force", "Temperature", "Laps", "Rotary.Velocity"])
+    )
+    assert not any(map(is_usual, ["Anna", "Kraft von Meier", "Probe 7", "", "12"]))
+    safe = anonymous(Record(np.arange(3.0), np.ones(3), np.ones(3), channels={"Anna": np.ones(3)}))
+    assert list(safe.record.channels) == ["channel 1"]
