@@ -10,8 +10,8 @@ import pytest
 import identify.effects
 import identify.model.model
 import identify.scene.parameters
-import identify.scene.scene
 import identify.scene.parts
+import identify.scene.scene
 from data_io import Record
 from experiments.study_problem import DEMO, RIG
 from identify.base.outcome import Status
