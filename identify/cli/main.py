@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import NoReturn
 
-from identify import check_data_io
+import identify
 from identify.base.errors import IdentifyError
 from identify.base.progress import silence
 from identify.cli.common import DEFECT, INTERRUPTED, WRONG_INPUT, Answer, Command, CommandLineError, Terminal
@@ -119,7 +119,7 @@ def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
     """Run, and turn every kind of end into an answer."""
     try:
         try:
-            check_data_io()
+            identify.check_data_io()
         except ImportError as hidden:
             raise CommandLineError(str(hidden)) from None
         answer = _run(given, json_mode)
