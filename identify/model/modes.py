@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 ModeName = Literal["stick", "slip", "worn"]
-GuardName = Literal["speed", "clearance", "release", "fold"]
+GuardName = Literal["speed", "clearance", "release"]
 
 # Guards, positive while a mode holds (in the order the step function returns them):
 # speed      sliding speed along the direction of slip; zero: the mass comes to rest
 # clearance  bounded state minus its lower bound; zero: the contact is fresh, the state is clamped
 # release    minus the free rate of the bounded state; zero: it leaves its bound again
-# Without inertia one more, which no step function returns:
-# fold       the speed that balances the forces ceases to exist, or to be stable
 GUARDS: tuple[GuardName, ...] = ("speed", "clearance", "release")
 
 

@@ -59,7 +59,7 @@ DENSE = 0.3  # natural times sqrt(m/k): longest step where extremes are sought b
 def _steps(model: Model) -> tuple[list[Mapped], list[Mapped]]:
     """Trials by which of them comes (`BurstState.which`), and event functions by mode."""
     modes = MODES[: len(sliding_modes(model.clamped is not None))]
-    trials = [Mapped(paced(model, HIGH, mode, locating, True)) for mode in modes for locating in (False, True)]
+    trials = [Mapped(paced(model, HIGH, mode, locating)) for mode in modes for locating in (False, True)]
     return trials, [Mapped(event_functions(model, mode)) for mode in modes]
 
 

@@ -84,13 +84,7 @@ def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: floa
     """Rest from state x until the static limit is overcome, or for `limit` [s]."""
     x = x.copy()
     x[SPEED] = 0.0
-    return rested(x, situated, start, limit, rests.until(x, situated, limit))
-
-
-def rested(x: Array, situated: Situated, start: float, limit: float, end: tuple[float | None, Array, float]) -> Stick:
-    """The rest from state x with this end: when the mass breaks away [s], or None; its state and the force of the drive
-    [N] then, or at the limit."""
-    onset, after, force = end
+    onset, after, force = rests.until(x, situated, limit)
     until = limit if onset is None else onset
     times, states = ([0.0, until], [x, after]) if until > 0.0 else ([0.0], [x])
     return Stick("stick", start, situated, times, states, None if onset is None else "speed", force)
@@ -109,8 +103,6 @@ FIRST = 1e-3  # of the natural time: the very first step
 FREEING = 8  # doublings of the last digit of the elongation that set a mass free which only rounding holds
 FLOOR = 1e-6  # absolute over relative tolerance, of typical states
 ROUNDING = 1e-12  # what the rounding of the forces makes of the speed within a thousandth of the natural time
-CREEP = 1e-13  # of the typical speed: a mass that creeps to rest under a drive at rest does not get slower
-CREPT = 3  # nodes in a row that are that slow: a mass that is braked to rest passes within one step
 LEAST = 1e-9  # friction coefficients within this of zero are rounding
 
 
@@ -124,39 +116,26 @@ class Machine:
         p: parameters (n_p,).
         locate: False takes the step at whose end an event function is negative as it is (a control for tests:
             accuracy is lost).
-        stops: False slides on where the mass comes to rest, by the motion forwards.
     """
 
-    def __init__(
-        self, model: Model, p: Array, scale: Scales, plan: Plan, *, locate: bool = True, stops: bool = True
-    ) -> None:
-        self.model, self.locate, self.scale, self.p, self.stops = model, locate, scale, p, stops
-        self.moment, self._steps, self._pace = scale.time, MAX_STEPS, 0.0  # the last: of a motion that goes on [s]
-        self.tolerances = np.concatenate([[plan.rtol], plan.rtol * self._floor(plan.rtol)])
+    def __init__(self, model: Model, p: Array, scale: Scales, plan: Plan, *, locate: bool = True) -> None:
+        self.model, self.locate, self.scale, self.p = model, locate, scale, p
+        self._steps, self._pace = MAX_STEPS, 0.0  # the last: of a motion that goes on [s]
+        floor = FLOOR * scale.state
+        # The speed of a slip that starts from balance grows from nothing: relative down to the rounding of the forces.
+        floor[SPEED] *= min(ROUNDING / plan.rtol, 1.0)
+        self.tolerances = np.concatenate([[plan.rtol], plan.rtol * floor])
         self._left, self._borrowed = list(plan.methods), list[Stepper]()
         self.stepper = self._next()
         self.rests = resting.borrowed(model)
-        self.modes = sliding_modes(model.clamped is not None)
-        self.first = dict.fromkeys(self.modes, min(FIRST * scale.time, scale.first))
-        self.following: dict[ModeName, dict[GuardName, ModeName]] = {
-            name: dict(mode.exits) for name, mode in self.modes.items()
-        }
-        self.exits = {
-            name: tuple(GUARDS.index(guard) for guard, _ in mode.exits if stops or guard != "speed")
-            for name, mode in self.modes.items()
-        }
-
-    def _floor(self, rtol: float) -> Array:
-        """Sizes of the states (n_x,) below which their errors count absolutely."""
-        floor = FLOOR * self.scale.state
-        # The speed of a slip that starts from balance grows from nothing: relative down to the rounding of the forces.
-        floor[SPEED] *= min(ROUNDING / rtol, 1.0)
-        return floor
+        modes = sliding_modes(model.clamped is not None)
+        self.first = dict.fromkeys(modes, min(FIRST * scale.time, scale.first))
+        self.following: dict[ModeName, dict[GuardName, ModeName]] = {n: dict(mode.exits) for n, mode in modes.items()}
 
     def _next(self) -> Stepper:
         """The stepper of the first method that is left."""
         method, scale = self._left[0], self.scale
-        stepper = borrowed(self.model, method, self.stops)
+        stepper = borrowed(self.model, method)
         self._borrowed.append(stepper)
         longest = min(method.reach * scale.time, scale.longest)
         stepper.tune(self.p, self.tolerances, (longest, SHORTEST * scale.time, scale.farthest, self.locate))
@@ -176,10 +155,6 @@ class Machine:
         falls = float(self.model.slip(x, self.p, situated.at(0.0, situated.direction))[clamped]) < 0.0
         return "worn" if falls else "slip"
 
-    def rest(self, x: Array, situated: Situated, limit: float) -> Stick:
-        """Rest from state x until the static limit is overcome, or for `limit` [s]."""
-        return rest(self.rests, x, situated, situated.time, limit)
-
     def slide(self, mode: ModeName, x: Array, situated: Situated, limit: float) -> Slide:
         """Slide from state x in one mode until that ends, or for `limit` [s].
 
@@ -187,14 +162,7 @@ class Machine:
             SimulationError: too many steps or a state that is not finite; the motion runs away.
         """
         begin = self._begin(mode, x, situated, limit)
-        times, states = [0.0], [(x if begin is None else begin).tolist()]
-
-        def ended(by: GuardName | None) -> Slide:
-            return Slide(mode, situated.time, situated, times, states, by, self.stepper.method, self.tolerances)
-
-        if begin is None:
-            return ended("speed")
-        at, tried, creeps = self.stepper.places, 0, self._creeps(situated, x)
+        times, states, at, tried = [0.0], [begin.tolist()], self.stepper.places, 0
         while tried < self._steps:
             rows = self.stepper.go_on()
             if len(times) == 1 and rows[0][at.t] > 0.0 and rows[0][at.stop] == Stop.NOT_YET:
@@ -207,28 +175,37 @@ class Machine:
                 if row[at.stop]:
                     break
             stop = row[at.stop]
-            if creeps and self._crept(mode, situated, times, states):
-                return ended("speed")
             if stop == Stop.NOT_YET and not self._held_back(tried, times[-1]):
                 continue
             if stop in (Stop.NOT_YET, Stop.STUCK):
                 break
-            ended_by = None if stop == Stop.TIME_IS_UP else self._end(mode, row, times, states)
-            self._pace = self.stepper.pace if ended_by in ("clearance", "release") else 0.0
+            by = None if stop == Stop.TIME_IS_UP else self._end(mode, row, times, states)
+            self._pace = self.stepper.pace if by in ("clearance", "release") else 0.0
             self._steps = min(MAX_STEPS, self._steps - len(times) + STEPS_PER_PHASE)
-            return ended(ended_by)
-        return self._unfinished(ended(None), x, limit)
+            return Slide(mode, situated.time, situated, times, states, by, self.stepper.method, self.tolerances)
+        if len(self._left) > 1:  # the next method takes over for good
+            del self._left[0]
+            self.stepper = self._next()
+            return self.slide(mode, x, situated, limit)
+        phase, speed = f"the {mode} phase at {situated.time:.6g} s", abs(states[-1][SPEED])
+        if not speed < RUNAWAY * self.scale.state[SPEED]:
+            raise SimulationError(
+                f"{phase} runs away (it reached {speed:.3g} m/s): friction falls with speed without a floor; make the "
+                "slope smaller, or take the law velocity_weakening"
+            )
+        raise SimulationError(
+            f"{phase} did not end within {self._steps} steps (it reached {times[-1]:.3g} s): the motion is too "
+            "stiff to follow; check mass, a and normal force"
+        )
 
-    def _begin(self, mode: ModeName, x: Array, situated: Situated, limit: float) -> Array | None:
-        """The state from which a slide goes on, None where it does not."""
-        self.stepper.start(mode, x, situated, limit, max(self.first[mode], self._pace))
-        if x[SPEED] != 0.0 or self.stepper.speeding >= 0.0:
-            return x
-        for doublings in range(FREEING):  # the last digits of the forces may hold back a slip that begins
+    def _begin(self, mode: ModeName, x: Array, situated: Situated, limit: float) -> Array:
+        """The state from which a slide goes on: the last digits of the forces may hold back a slip that begins."""
+        for doublings in range(-1, FREEING):
             near = x.copy()
-            near[ELONGATION] += situated.direction * 2.0**doublings * np.spacing(abs(x[ELONGATION]))
-            self.stepper.start(mode, near, situated, limit, self.first[mode])
-            if self.stepper.speeding >= 0.0:
+            if doublings >= 0:
+                near[ELONGATION] += situated.direction * 2.0**doublings * np.spacing(abs(x[ELONGATION]))
+            self.stepper.start(mode, near, situated, limit, max(self.first[mode], self._pace))
+            if x[SPEED] != 0.0 or self.stepper.speeding >= 0.0:
                 return near
         self.stepper.start(mode, x, situated, limit, self.first[mode])
         return x
@@ -238,33 +215,16 @@ class Machine:
         crawls = tried > CRAWLING[0] and reached < tried * CRAWLING[1] * self.scale.time
         return len(self._left) > 1 and (crawls or tried > PATIENCE)
 
-    def _unfinished(self, slide: Slide, x: Array, limit: float) -> Slide:
-        """What becomes of a slide from x that did not end: the next method takes over for good, where there is one."""
-        if len(self._left) > 1:
-            del self._left[0]
-            self.stepper = self._next()
-            return self.slide(slide.mode, x, slide.situated, limit)
-        phase, speed = f"the {slide.mode} phase at {slide.start:.6g} s", abs(slide.states[-1][SPEED])
-        if not speed < RUNAWAY * self.scale.state[SPEED]:
-            raise SimulationError(
-                f"{phase} runs away (it reached {speed:.3g} m/s): friction falls with speed without a floor; make the "
-                "slope smaller, or take the law velocity_weakening"
-            )
-        raise SimulationError(
-            f"{phase} did not end within {self._steps} steps (it reached {slide.duration:.3g} s): the motion is too "
-            "stiff to follow; check mass, a and normal force"
-        )
-
     def _end(self, mode: ModeName, last: list[float], times: list[float], states: list[list[float]]) -> GuardName:
         """The event that ends a slide; its last node lies there, with the event function exactly zero."""
-        stepper, at = self.stepper, self.stepper.places
+        stepper, at, exits = self.stepper, self.stepper.places, [GUARDS.index(g) for g in self.following[mode]]
         if last[at.stop] == Stop.LOCATED:
             ends = stepper.ends
-            guard = min(self.exits[mode], key=lambda i: abs(ends[i] / (ends[N_GUARDS + i] or 1e-300)))
+            guard = min(exits, key=lambda i: abs(ends[i] / (ends[N_GUARDS + i] or 1e-300)))
         else:
             x, t, h = last[: at.n], last[at.t], last[at.h]
             row = stepper.trial(mode, x, t, h)[at.n + 1 :]
-            fallen = [i for i in self.exits[mode] if row[i] < 0.0 or (row[i] == 0.0 and t > 0.0)]
+            fallen = [i for i in exits if row[i] < 0.0 or (row[i] == 0.0 and t > 0.0)]
             length, guard = h, fallen[0]
             if self.locate:
                 length, guard = min(
@@ -280,73 +240,22 @@ class Machine:
             after[clamped] = self.model.states[clamped].lower or 0.0
         return GUARDS[guard]
 
-    def _creeps(self, situated: Situated, x: Array) -> bool:
-        """Whether a mass can creep to rest for ever: nothing that drives it moves or changes with time."""
-        if situated.drive_speed != 0.0 or situated.force_slope != 0.0 or self.model.clocked:
-            return False
-        still = x.copy()
-        still[SPEED] = 0.0
-        return float(self.model.slip(still, self.p, situated.at(0.0))[ELONGATION]) == 0.0
-
-    def _crept(self, mode: ModeName, situated: Situated, times: list[float], states: list[list[float]]) -> bool:
-        """Whether the mass has crept to where its speed has no digits left; then the nodes end where it fell so low.
-
-        Under a drive at rest a damped mass only nears its rest, faster than any power of time, and rounding would
-        decide whether and when it is at rest.
-        """
-        limit, last = CREEP * self.scale.state[SPEED], len(states) - 1
-        if abs(states[-1][SPEED]) >= limit:
-            return False
-        fast = next((i for i in range(last, -1, -1) if abs(states[i][SPEED]) >= limit), last)
-        if last - fast < CREPT:
-            return False
-        x, t, whole = states[fast], times[fast], times[fast + 1] - times[fast]
-
-        def above(length: float) -> float:
-            return situated.direction * self.stepper.trial(mode, x, t, length)[SPEED] - limit
-
-        length = low = 1e-12 * whole
-        if above(low) > 0.0:
-            length = brentq(above, low, whole, xtol=1e-15 * whole, rtol=1e-14)
-        after = self.stepper.trial(mode, x, t, length)[: len(x)]
-        after[SPEED] = 0.0
-        times[fast + 1 :], states[fast + 1 :] = [t + length], [after]
-        return True
-
     def check_braking(self, slide: Slide) -> None:
         """Refuse a slide in which friction does not brake where the mass is fastest.
 
         Raises:
             SimulationError: where, and what to do.
         """
-        speeds = [abs(state[SPEED]) for state in slide.states]
-        fastest = max(speeds)
-        i = speeds.index(fastest)
-        if i == len(speeds) - 1 and slide.ended_by not in (None, "speed"):
+        i = int(np.argmax(np.abs(slide.x[:, SPEED])))
+        if i == len(slide.times) - 1 and slide.ended_by not in (None, "speed"):
             return  # it gets faster in the next mode
         coefficient = self.stepper.coefficient(slide.mode, slide.states[i], slide.times[i])
         if coefficient < -LEAST:
             raise SimulationError(
                 f"friction pushes at {slide.start + slide.times[i]:.6g} s (coefficient {coefficient:.3g} at "
-                f"{fastest:.3g} m/s): a law has left its range; let friction fall less with speed and along the track"
+                f"{abs(slide.states[i][SPEED]):.3g} m/s): a law has left its range; let friction fall less with speed "
+                "and along the track"
             )
-
-    def counts(self, phase: Phase) -> bool:
-        """Whether a phase belongs to the motion."""
-        return phase.duration > 0.0
-
-    def chatter(self, t: float, longest: float) -> str:
-        """Why time does not pass at t [s], where no phase is longer than that [s], and what to do."""
-        if longest > 0.0 and t + longest == t:
-            return (
-                f"at {t:.6g} s slips of {longest:.3g} s are less than the last digit of the time: the rest before them "
-                "is too long for their forces to be told; start shortly before the onset, with the elongation it has "
-                "there"
-            )
-        return (
-            f"the contact sticks and slips without time passing at {t:.6g} s (chatter): "
-            "the static coefficient hardly exceeds the kinetic one; simulate sliding instead"
-        )
 
 
 def from_zero(value: Callable[[float], float], h: float) -> float:
@@ -361,6 +270,19 @@ def from_zero(value: Callable[[float], float], h: float) -> float:
 
 MAX_PHASES = 2_000_000
 STALLED = 1000  # rests and slides within one moment of the machine: chatter, refused by name
+
+
+def _chatter(t: float, longest: float) -> str:
+    """Why time does not pass at t [s], where no phase is longer than that [s], and what to do."""
+    if longest > 0.0 and t + longest == t:
+        return (
+            f"at {t:.6g} s slips of {longest:.3g} s are less than the last digit of the time: the rest before them is "
+            "too long for their forces to be told; start shortly before the onset, with the elongation it has there"
+        )
+    return (
+        f"the contact sticks and slips without time passing at {t:.6g} s (chatter): "
+        "the static coefficient hardly exceeds the kinetic one; simulate sliding instead"
+    )
 
 
 def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: float, x: Array) -> Iterator[Phase]:
@@ -383,17 +305,17 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
         situated = Situated(p, drive.at(t), direction, *normal_force.line(t), t)
         limit = max(float(ends[segment]) - t, 0.0)
         if mode == "stick":
-            phase = stick = machine.rest(x, situated, limit)
+            phase = stick = rest(machine.rests, x, situated, t, limit)
             direction = -1.0 if stick.drive_force < 0.0 else 1.0
         else:
             phase = slide = machine.slide(mode, x, situated, limit)
             machine.check_braking(slide)
         end, longest = phase.start + phase.duration, max(longest, phase.duration)
         if number % STALLED == STALLED - 1:
-            if t - marked < machine.moment:
-                raise SimulationError(machine.chatter(t, longest))
+            if t - marked < machine.scale.time:
+                raise SimulationError(_chatter(t, longest))
             marked, longest = t, 0.0
-        if machine.counts(phase):
+        if phase.duration > 0.0:
             yield phase
         t, x = end, phase.end
         if phase.ended_by is None:

@@ -20,7 +20,6 @@ from identify.simulation.stepper import Situated, symbols
 Array = NDArray[np.float64]
 
 _BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
-_EARLY = np.concatenate([[0.0], np.geomspace(1e-16, 1.0, 193)])  # of the longest rest: where a start is looked at
 NEWTON_STEPS = 60
 MARGIN, SLOPE, DRIVE, RESTED = 0, 1, 2, 3  # places in a row
 SAFETY = 1e-12  # of the force of what oscillates
@@ -57,14 +56,8 @@ class Resting:
         self._row.bind([self._x, self._c, self._t])
         self._bend.bind([self._x, self._c, self._bends])
 
-    def until(
-        self, x: Array, situated: Situated, limit: float, *, through_zero: bool = False
-    ) -> tuple[float | None, Array, float]:
+    def until(self, x: Array, situated: Situated, limit: float) -> tuple[float | None, Array, float]:
         """Rest from x (n_x,), its speed zero, for at most `limit` [s].
-
-        Args:
-            through_zero: where the drive moves the mass at once, take the negative time at which it would begin to if
-                the margin is concave, so that the onset stays a smooth function of the start.
 
         Returns:
             when the static limit is overcome [s] (0: at once; None: not before the limit), the state then or at the
@@ -74,36 +67,13 @@ class Resting:
             SimulationError: too fast a vibration to be looked at.
         """
         margin, force = self.margin(x, situated)
-        early = margin <= 0.0
-        if early and not (through_zero and self._concave(limit)):
+        if margin <= 0.0:
             return 0.0, x, force
         onset = None
         if limit > 0.0:
-            concave = early or self._concave(limit)
-            onset = self._by_newton(limit, -np.inf if early else 0.0) if concave else self._by_scan(0.0, limit)
-        return onset, *self._ended(limit if onset is None else onset)
-
-    def from_balance(
-        self, x: Array, situated: Situated, limit: float, least: float
-    ) -> tuple[float | None, Array, float]:
-        """The same from a start that may have no margin: the first margin of more than `least` [N] says whether
-        the mass rests."""
-        self.margin(x, situated)
-        times, onset = _EARLY * limit, None
-        margins = self._at_times(self._margins, times)
-        counts = np.flatnonzero(np.abs(margins) > least)
-        if counts.size and limit > 0.0:
-            first = int(counts[0])
-            if margins[first] < 0.0:
-                onset = float(times[max(first - 1, 0)])
-            elif times[first] < limit:
-                onset = self._by_scan(float(times[first]), limit)
-        return onset, *self._ended(limit if onset is None else onset)
-
-    def _ended(self, t: float) -> tuple[Array, float]:
-        """The state (n_x,) and the force of the drive [N] at the end of a rest."""
-        row = self._at(t)
-        return row[RESTED:].copy(), float(row[DRIVE])
+            onset = self._by_newton(limit) if self._concave(limit) else self._by_scan(limit)
+        row = self._at(limit if onset is None else onset)
+        return onset, row[RESTED:].copy(), float(row[DRIVE])
 
     def margin(self, x: Array, situated: Situated) -> tuple[float, float]:
         """By how much a mass at rest in x (n_x,) withstands the drive [N], and the force of the drive [N]."""
@@ -123,8 +93,8 @@ class Resting:
         np.multiply(_BENDS, limit, out=self._bends)
         return bool(self._bend()[0] <= 0.0)
 
-    def _by_newton(self, limit: float, earliest: float) -> float | None:
-        """The only zero of a concave function that is positive at the earliest time, from the right."""
+    def _by_newton(self, limit: float) -> float | None:
+        """The only zero of a concave margin that is positive at the start, from the right."""
         t, last = limit, np.inf
         for _ in range(NEWTON_STEPS):
             row = self._at(t)
@@ -134,25 +104,24 @@ class Resting:
             step = value / slope if slope < 0.0 else 0.0
             # Beyond the last digits the steps no longer shrink, or change sign.
             if step <= 1e-15 * abs(t) or (step >= last and step <= 1e-12 * limit):
-                return max(t - max(step, 0.0), earliest)
-            t, last = max(t - step, earliest), step
+                return max(t - max(step, 0.0), 0.0)
+            t, last = max(t - step, 0.0), step
         return t
 
-    def _by_scan(self, since: float, limit: float) -> float | None:
-        """The first zero after a time at which the margin is positive; where it is positive without what oscillates,
-        by more than the force of that, nothing is looked at finely."""
+    def _by_scan(self, limit: float) -> float | None:
+        """The first zero of the margin; where it is positive without what oscillates, by more than the force of that,
+        nothing is looked at finely."""
         period, force = swing(self.model, self._c[:-5])
 
         def margin(times: Array) -> Array:
             if times.size == 1:
-                return self._at(since + float(times[0]))[MARGIN : MARGIN + 1]
-            return self._at_times(self._margins, since + times)
+                return self._at(float(times[0]))[MARGIN : MARGIN + 1]
+            return self._at_times(self._margins, times)
 
         def least(times: Array) -> Array:
-            return self._at_times(self._calm, since + times) - (1.0 + SAFETY) * force
+            return self._at_times(self._calm, times) - (1.0 + SAFETY) * force
 
-        onset = first_zero(margin, limit - since, period, least)
-        return None if onset is None else since + onset
+        return first_zero(margin, limit, period, least)
 
     def _at_times(self, function: Mapped, times: Array) -> Array:
         """A margin [N] at times (n,) [s]."""

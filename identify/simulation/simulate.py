@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from identify.base.errors import SimulationError
 from identify.model.model import ELONGATION, Model
 from identify.scene.tables import quantity
-from identify.simulation.balance import METHOD, BalancedMachine, sizes, with_speed
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.phases import Machine, phases
 from identify.simulation.plan import ACCURACY, SAFETY, Plan, Stepping, accuracy_for, admit, plan, scales
@@ -39,14 +38,7 @@ def initial_states(model: Model, p: Array, u: Array, given: Mapping[str, float])
         p: parameters (n_p,). u: inputs (4,) at the start. given: states by name; "elongation" is the whole one, of
             rig and series element together.
 
-    Raises:
-        SimulationError: a sliding speed for a model without inertia, where it is no state.
     """
-    if model.balance is not None and given.get("sliding_speed", 0.0) != 0.0:
-        raise SimulationError(
-            f"the motion is to start at {given['sliding_speed']:g} m/s, but without inertia the speed follows from the "
-            "balance of forces; drop sliding_speed from [initial], or add the effect inertia"
-        )
     names = [s.name for s in model.states]
     chosen = {name: value for name, value in given.items() if name in names}
     named = {s.name: s.start for s in model.states} | chosen
@@ -81,6 +73,11 @@ def run(
     Raises:
         SimulationError: what the model refuses, by name.
     """
+    if model.balance is not None:
+        raise SimulationError(
+            "the effect inertia is off: without a mass nothing says how long a slip takes; add inertia to effects and "
+            "give the mass under [rig]"
+        )
     admit(model, values, duration, start or {})
     asked = accuracy if isinstance(accuracy, Stepping) else Stepping(accuracy / SAFETY)
     accuracy = ACCURACY if isinstance(accuracy, Stepping) else accuracy
@@ -89,25 +86,18 @@ def run(
     p = np.array([values[name] for name in model.parameter_names])
     initial = start or {}
     programme, load = Drive.of(drive), NormalForce.of(normal_force)
-    force = float(load.at(0.0))
-    build: type[Machine] = Machine
-    if model.balance is None:
-        scale = scales(model, p, force)
-        first = plan(scale, asked)
-    else:
-        model, build = with_speed(model), BalancedMachine
-        scale, first = sizes(model, p, force, duration), Plan(asked.rtol, (METHOD,))
+    scale = scales(model, p, float(load.at(0.0)))
     x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
 
     def made(steps: Plan) -> Trajectory:
-        with closing(build(model, p, scale, steps, locate=asked.locate)) as machine:
+        with closing(Machine(model, p, scale, steps, locate=asked.locate)) as machine:
             motion = tuple(phases(machine, programme, load, duration, x))
         other, share = steps.other()
         return Trajectory(
             model, motion, duration, accuracy, Second(lambda: made(other), share, other.rtol < steps.rtol)
         )
 
-    return made(first)
+    return made(plan(scale, asked))
 
 
 def simulate(

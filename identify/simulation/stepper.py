@@ -2,8 +2,7 @@
 
 A burst takes `method.trials` trials in a row: the step length follows the error estimate, and where an event function
 has fallen to zero within a step the trials go on from the same node, with lengths by Newton's method, until it is
-zero. So switch times are as accurate as the integration, not as its interpolation. Without inertia the sliding speed is
-a state whose equation is the balance of forces.
+zero. So switch times are as accurate as the integration, not as its interpolation.
 """
 
 from __future__ import annotations
@@ -29,7 +28,6 @@ N_GUARDS = len(GUARDS)
 ROUNDING = 1e-15  # of the forces: a few last digits
 ABOVE = 1e-3  # of its reach: by so much a bounded state may err beyond its upper bound
 LARGEST = 1e150  # of a state: beyond, squares overflow
-PROJECTIONS = 3  # Newton steps that put a speed inside a step on the balance of forces
 
 # ----------------------------------------------------------------------------------------------------------------------
 # What stays the same during one phase of motion.
@@ -86,42 +84,10 @@ def symbols(model: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
 
 @lru_cache(maxsize=64)
 def rate(model: Model, mode: ModeName) -> ca.Function:
-    """(x, constants (n_p + 5,), t in phase) -> dx/dt; of a speed without inertia the balance of forces [N]."""
+    """(x, constants (n_p + 5,), t in phase) -> dx/dt."""
     x, c, t, p, u = symbols(model)
     field = model.worn if mode == "worn" else model.slip
     return ca.Function("rate", [x, c, t], [ca.densify(field(x, p, u))])
-
-
-@lru_cache(maxsize=64)
-def on_balance(model: Model, mode: ModeName) -> ca.Function:
-    """What the balance of forces says of the speed at (x, constants, t), without inertia.
-
-    Where the balance depends on the speed the system has index 1 and the speed is its root; where it does not (Coulomb
-    friction, contact ageing) it has index 2, and the speed is what keeps the balance (Hairer and Wanner, Solving
-    Ordinary Differential Equations II, VI.1 and VII.4).
-
-    Returns:
-        (5,): speed after a Newton step [m/s], its rate [m/s^2], load minus friction [N], and how that changes with
-        speed [N s/m] and with sliding distance [N/m]. A small mass follows a speed while the first of these two is
-        negative, or zero with the second negative.
-    """
-    x, c, t, _p, _u = symbols(model)
-    motion = rate(model, mode)(x, c, t)
-    force = motion[SPEED]
-    others = ca.vertcat(motion[:SPEED], 0, motion[SPEED + 1 :])
-    by_speed = ca.jacobian(force, x[SPEED])
-    drift = ca.jtimes(force, x, others) + ca.jacobian(force, t)
-    by_way = ca.jtimes(force, x, ca.jacobian(others, x[SPEED]))
-    bend = ca.jtimes(drift, x, others) + ca.jacobian(drift, t)
-    free = by_speed == 0
-    speed = x[SPEED] - ca.if_else(free, drift / by_way, force / by_speed)
-    speeding = -ca.if_else(free, bend / by_way, drift / by_speed)
-    return ca.Function("on_balance", [x, c, t], [ca.densify(ca.vertcat(speed, speeding, force, by_speed, by_way))])
-
-
-def _put(x: Expression, i: int, value: Expression) -> Expression:
-    """A vector with one of its elements replaced."""
-    return ca.vertcat(x[:i], value, x[i + 1 :])
 
 
 @lru_cache(maxsize=64)
@@ -137,18 +103,15 @@ def event_functions(model: Model, mode: ModeName) -> ca.Function:
     if model.clamped is not None and "release" in exits:
         guards[2] = -free(x, c, t)[model.clamped]
     guard, motion = ca.vertcat(*guards), moving(x, c, t)
-    if model.balance is not None:
-        motion = _put(motion, SPEED, on_balance(model, mode)(x, c, t)[1])
     slopes = ca.jtimes(guard, x, motion) + ca.jacobian(guard, t)
     return ca.Function("event_functions", [x, c, t], [ca.densify(ca.vertcat(guard, slopes))])
 
 
 @lru_cache(maxsize=64)
-def trial(model: Model, method: Method, mode: ModeName, stops: bool = True) -> ca.Function:
+def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
     """(x and t and h, constants, tolerances) -> x after, error norm (<= 1 acceptable), event functions, their slopes.
 
-    One vector; constants: p, then the numbers of `Situated`; tolerances: rtol, atol (n_x,). stops as of `burst`: a
-    motion that goes on through rest may leave the bounds of a state.
+    One vector; constants: p, then the numbers of `Situated`; tolerances: rtol, atol (n_x,).
     """
     kind, n = method.kind, len(model.states)
     z = kind.sym("z", n + 2)
@@ -158,19 +121,11 @@ def trial(model: Model, method: Method, mode: ModeName, stops: bool = True) -> c
     # A largest value hides what is not a number: such a step is refused.
     good = ca.sum1(ca.fabs(after)) < LARGEST
     # So is one to where no motion leads: the equations of an implicit step have other solutions, too.
-    for i, state in enumerate(model.states if stops else ()):
+    for i, state in enumerate(model.states):
         if state.lower is not None and state.upper is not None:
             reach = state.upper - state.lower
             inside = ca.logic_and(after[i] < state.upper + ABOVE * reach, after[i] > state.lower - reach)
             good = ca.logic_and(good, inside)
-    if model.balance is not None:
-        says = on_balance(model, mode)
-        at = says(after, c, t + h)
-        after = _put(after, SPEED, at[0])
-        stable = ca.logic_or(at[3] < 0.0, ca.logic_and(at[3] == 0.0, at[4] < 0.0))
-        # A speed that is unstable at zero did not get below zero by itself: that is another branch.
-        other = ca.logic_and(c[-4] * at[0] < 0.0, says(_put(after, SPEED, 0), c, t + h)[3] > 0.0)
-        good = ca.logic_and(good, ca.logic_and(stable, ca.logic_not(other)))
     norm = ca.if_else(good, norm, ca.inf)
     row = ca.vertcat(after, norm, event_functions(model, mode)(after, c, t + h))
     return ca.Function(f"trial_{mode}", [z, c, tolerances], [ca.cse(ca.densify(row))])
@@ -185,9 +140,6 @@ def within(model: Model, method: Method, mode: ModeName) -> ca.Function:
     c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", n + 1)
     x, t, h, part = z[:n], z[n], z[n + 1], z[n + 2]
     inside = method.within(_problem(model, method, mode, z, c, tolerances), x, t, h, part, z[n + 3 :])
-    if model.balance is not None:
-        for _ in range(PROJECTIONS):
-            inside = _put(inside, SPEED, on_balance(model, mode)(inside, c, t + part)[0])
     return ca.Function(f"within_{mode}", [z, c, tolerances], [ca.cse(ca.densify(inside))])
 
 
@@ -200,14 +152,10 @@ def _problem(
     # What a state moves by in the step counts as its size: a speed that falls through zero is not chased to zero.
     size = ca.fabs(x) + h * ca.fabs(moving(x, c, t))
     blur = type(x).zeros(n)
-    if model.balance is None:
-        # Forces have so many digits: what their rounding makes of the speed, until it decays, is no error of the step.
-        lasts = h if method.smooth else h / (1.0 + h * ca.fabs(_speed_decay(moving)(x, c, t)))
-        blur[SPEED] = lasts * ROUNDING * ca.fabs(_load(model)(x, c, t)) / c[model.parameter_names.index("mass")]
-    algebraic = None if model.balance is None else SPEED
-    return StepProblem(
-        moving, c, lambda after: tolerances[1:] + blur + tolerances[0] * ca.fmax(size, ca.fabs(after)), algebraic
-    )
+    # Forces have so many digits: what their rounding makes of the speed, until it decays, is no error of the step.
+    lasts = h if method.smooth else h / (1.0 + h * ca.fabs(_speed_decay(moving)(x, c, t)))
+    blur[SPEED] = lasts * ROUNDING * ca.fabs(_load(model)(x, c, t)) / c[model.parameter_names.index("mass")]
+    return StepProblem(moving, c, lambda after: tolerances[1:] + blur + tolerances[0] * ca.fmax(size, ca.fabs(after)))
 
 
 def _speed_decay(moving: ca.Function) -> ca.Function:
@@ -222,19 +170,12 @@ def _load(model: Model) -> ca.Function:
     return ca.Function("load", [x, c, t], [ca.densify(model.load(x, p, u))])
 
 
-def friction(model: Model, mode: ModeName, x: Expression, c: Expression, t: Expression) -> Expression:
-    """Friction force of the contact while it slides [N]: what the load leaves of the inertia."""
-    load = _load(model)(x, c, t)
-    if model.balance is not None:
-        return load
-    return load - c[model.parameter_names.index("mass")] * rate(model, mode)(x, c, t)[SPEED]
-
-
 @lru_cache(maxsize=64)
 def coefficient(model: Model, mode: ModeName) -> ca.Function:
     """(x, constants, t) -> friction coefficient, positive where friction brakes."""
     x, c, t, _p, u = symbols(model)
-    return ca.Function("coefficient", [x, c, t], [ca.densify(u[2] * friction(model, mode, x, c, t) / u[1])])
+    inertia = c[model.parameter_names.index("mass")] * rate(model, mode)(x, c, t)[SPEED]
+    return ca.Function("coefficient", [x, c, t], [ca.densify(u[2] * (_load(model)(x, c, t) - inertia) / u[1])])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -281,15 +222,14 @@ class BurstState:
 
 
 @lru_cache(maxsize=64)
-def burst(model: Model, method: Method, stops: bool) -> ca.Function:
+def burst(model: Model, method: Method) -> ca.Function:
     """`method.trials` trials in a row: (z, bounds, constants, tolerances) -> z after each of them, column by column.
 
     z as in `BurstState`; bounds: time limit, longest and shortest step [s], whether switches are located, farthest way
-    of a step [m]. A trial that is refused repeats the node with another length. Without `stops` the mass goes on
-    through rest, by the motion forwards.
+    of a step [m]. A trial that is refused repeats the node with another length.
     """
     at, modes = BurstState(len(model.states)), MODES[: len(sliding_modes(model.clamped is not None))]
-    each = [paced(model, method, mode, locating, stops) for mode in modes for locating in (False, True)]
+    each = [paced(model, method, mode, locating) for mode in modes for locating in (False, True)]
     given = [ca.MX.sym(name, each[0].numel_in(i)) for i, name in enumerate("zbct")]
     z = ca.MX.sym("z", at.size)
     by_kind = ca.Function.conditional("by_kind", each, ca.Function("idle", [z, *given[1:]], [z]))
@@ -300,22 +240,21 @@ def burst(model: Model, method: Method, stops: bool) -> ca.Function:
     return ca.Function("burst", given, [ca.horzcat(*nodes[1:])])
 
 
-def paced(model: Model, method: Method, mode: ModeName, locating: bool, stops: bool) -> ca.Function:
+def paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.Function:
     """One trial in one mode, walking on or locating a switch: (z, bounds, constants, tolerances) -> z after it."""
     kind, at = method.kind, BurstState(len(model.states))
     z, bounds = kind.sym("z", at.size), kind.sym("bounds", 5)
     c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", at.n + 1)
     x, t, ends, control = z[: at.n], z[at.t], z[at.ends], z[at.control]
-    watched = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
-    exits = [i for i in watched if stops or GUARDS[i] != "speed"]
+    exits = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
     h = z[at.h] if locating else _length(model, at, z, exits, bounds)
-    row = trial(model, method, mode, stops)(ca.vertcat(x, t, h), c, tolerances)
+    row = trial(model, method, mode)(ca.vertcat(x, t, h), c, tolerances)
     after, after_ends = row[: at.n], row[at.n + 1 :]
     if locating:
         (moved, *control_after, stop), more = _locating(control, h, after_ends, exits, tolerances[0], method.smooth)
         after, h = after + more * rate(model, mode)(after, c, t + h), h + more
     else:
-        moved, *control_after, stop = _walking(at, z, h, row[at.n :], (exits, watched), bounds, method)
+        moved, *control_after, stop = _walking(at, z, h, row[at.n :], exits, bounds, method)
     new = ca.vertcat(
         ca.if_else(moved, after, x),
         t + ca.if_else(moved, h, 0),
@@ -345,13 +284,11 @@ def _walking(
     z: Expression,
     h: Expression,
     trial_end: Expression,
-    guards: tuple[list[int], list[int]],
+    exits: list[int],
     bounds: Expression,
     method: Method,
 ) -> tuple[Expression, ...]:
-    """Whether a trial of length h towards the next node is taken, and the control after it; guards: those that end the
-    mode, and those of which a minimum near zero is to be a node."""
-    exits, watched = guards
+    """Whether a trial of length h towards the next node is taken, and the control after it."""
     t, before, control, ends = z[at.t], z[at.ends], z[at.control], trial_end[1:]
     error, step, watch = control[1], control[2], control[6]
     norm = ca.if_else(trial_end[0] <= WRONG, ca.fmax(trial_end[0], 1e-10), WRONG)
@@ -367,7 +304,6 @@ def _walking(
         fallen = ca.logic_or(fallen, down)
         risen = ca.logic_or(risen, ca.logic_and(down, before[i] <= 0.0))
         guess = ca.fmin(guess, ca.if_else(down, _first_guess(h, before, ends, i), h))
-    for i in watched:
         dip = ca.fmin(dip, _dip(h, before, ends, i))
     met, dips = ca.logic_and(good, fallen), ca.logic_and(ca.logic_and(good, watch > 0.5), dip < h)
     taken = ca.logic_and(good, ca.logic_not(ca.logic_or(fallen, dips)))
@@ -439,16 +375,15 @@ def _locating(
 # Steps of one scene with one method: the compiled trials and bursts with their buffers.
 # ----------------------------------------------------------------------------------------------------------------------
 
-Kind = tuple[Model, Method, bool]  # of a stepper: whether it stops where the mass comes to rest
 SOME = 100  # bursts: before them nobody looks for machine code
 MUCH = 20_000  # bursts: some seconds of the virtual machine, what the compiler takes
 
 
 class Stepper:
-    """Steps one model with one method, `stops` as of `burst`; holds buffers, so one at a time uses it: `borrowed`."""
+    """Steps one model with one method; holds buffers, so one at a time uses it: `borrowed`."""
 
-    def __init__(self, model: Model, method: Method, stops: bool) -> None:
-        self.model, self.method, self.kind = model, method, (model, method, stops)
+    def __init__(self, model: Model, method: Method) -> None:
+        self.model, self.method = model, method
         self.places = BurstState(len(model.states))
         n = self.places.n
         self._z, self._xth = np.zeros(self.places.size), np.zeros(n + 2)
@@ -458,13 +393,13 @@ class Stepper:
         self._trials, self._ends, self._coefficients = (dict[ModeName, Compiled]() for _ in range(3))
         for mode in sliding_modes(model.clamped is not None):
             for calls, function, given in (
-                (self._trials, trial(model, method, mode, stops), [self._xth, self._constants, self._tolerances]),
+                (self._trials, trial(model, method, mode), [self._xth, self._constants, self._tolerances]),
                 (self._ends, event_functions(model, mode), [self._z[:n], self._constants, np.zeros(1)]),
                 (self._coefficients, coefficient(model, mode), [x, self._constants, t]),
             ):
                 calls[mode] = compiled(function)
                 calls[mode].bind(given)
-        self._function = burst(*self.kind)
+        self._function = burst(model, method)
         self._bind(self._function)
         self._count, self._look, self.native = 0, float(SOME), False
 
@@ -539,16 +474,16 @@ class Stepper:
         return float(self._coefficients[mode]()[0])
 
 
-_IDLE: dict[Kind, list[Stepper]] = {}
+_IDLE: dict[tuple[Model, Method], list[Stepper]] = {}
 
 
-def borrowed(model: Model, method: Method, stops: bool = True) -> Stepper:
+def borrowed(model: Model, method: Method) -> Stepper:
     """A stepper nobody uses: one that was given back, or a new one."""
-    idle = _IDLE.get((model, method, stops))
-    return idle.pop() if idle else Stepper(model, method, stops)
+    idle = _IDLE.get((model, method))
+    return idle.pop() if idle else Stepper(model, method)
 
 
 def give_back(stepper: Stepper) -> None:
     """Let others use it."""
     stepper.hasten()
-    _IDLE.setdefault(stepper.kind, []).append(stepper)
+    _IDLE.setdefault((stepper.model, stepper.method), []).append(stepper)

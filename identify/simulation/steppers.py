@@ -21,13 +21,12 @@ class StepProblem:
     """What a step is taken of.
 
     rate: (x (n_x,), constants, t [s]) -> dx/dt. scale: from the state after a step to the tolerated error of each state
-    (n_x,). algebraic: place of a state of which `rate` gives not a rate but what must be zero; implicit methods only.
+    (n_x,).
     """
 
     rate: ca.Function
     constants: Expression
     scale: Callable[[Expression], Expression]
-    algebraic: int | None = None
 
     def __call__(self, x: Expression, t: Expression) -> Expression:
         """dx/dt (n_x,) in state x at time t [s]."""
@@ -101,7 +100,6 @@ ERROR = np.array([-13 - 7 * S6, -13 + 7 * S6, -1.0]) / 3
 # Row i: coefficients of share, share^2, share^3 of the polynomial that is one at node i, zero at 0 and the others.
 LAGRANGE = np.linalg.inv(NODES[:, None] ** np.arange(1, 4)).T
 INSIDE = 0.4  # of a step, between two nodes: where its polynomial is farthest from the motion, nearly
-BRIEF, TINY = 1e-6, 1e-30  # of a step, and [s]: what is nearer to its start lies on a straight line
 NEWTON_STEPS = 8
 SOLVED = 0.1  # a stage may be wrong by that share of what the step may be
 
@@ -130,11 +128,10 @@ class Radau(Method):
         z, move, real_inverse = self._stages(problem, x, t, h)
         after = x + z[:, 2]
         tolerated = problem.scale(after)
-        mass = _mass(problem, x)
-        error = real_inverse @ (problem(x, t) + mass @ z @ (ERROR / h))
+        error = real_inverse @ (problem(x, t) + z @ (ERROR / h))
         inside = x + z @ (LAGRANGE @ INSIDE ** np.arange(1, 4))
         slope = z @ (LAGRANGE @ (np.arange(1, 4) * INSIDE ** np.arange(3)) / h)
-        defect = real_inverse @ (problem(inside, t + INSIDE * h) - mass @ slope)
+        defect = real_inverse @ (problem(inside, t + INSIDE * h) - slope)
         norm = ca.fmax(largest(error, tolerated), largest(defect, tolerated))
         return after, ca.fmax(norm, largest(move[:, 2], SOLVED * tolerated))
 
@@ -147,9 +144,6 @@ class Radau(Method):
         Newton's steps may find their way in the step itself and, a last digit apart, not find it again: then it is the
         cubic through both ends, with the rates there.
         """
-        if problem.algebraic is not None:  # nothing decays in it faster than its balance moves
-            taken = ca.fmax(ca.fmax(part, BRIEF * h), TINY)
-            return x + part / taken * (self.step(problem, x, t, taken)[0] - x)
         z, share = self._stages(problem, x, t, h)[0], part / h
         curve = x + z @ ca.vertcat(*(share * (a + share * (b + share * c)) for a, b, c in LAGRANGE.tolist()))
         first, last = h * problem(x, t), h * problem(after, t + h)
@@ -163,19 +157,16 @@ class Radau(Method):
     ) -> tuple[Expression, Expression, Expression]:
         """Moves from x to the three stages (n_x, 3), what the last Newton step moved them by, and the inverse of the
         real factor."""
-        n, slope = x.numel(), _slope(problem.rate)(x, problem.constants, t)
-        mass = _mass(problem, x)
-        # In equations times h, and an algebraic state over h: inverses without pivoting lose no digits.
-        rows, columns = ca.DM.eye(n) + (h - 1) * mass, mass + (ca.DM.eye(n) - mass) / h
-        scaled = rows @ slope @ columns
-        mixed = ca.blockcat([[PAIR[0] * mass - scaled, -PAIR[1] * mass], [PAIR[1] * mass, PAIR[0] * mass - scaled]])
-        real_inverse = columns @ ca.inv(REAL * mass - scaled) @ rows
-        mixed_inverse = ca.diagcat(columns, columns) @ ca.inv(mixed) @ ca.diagcat(rows, rows)
+        n, one = x.numel(), ca.DM.eye(x.numel())
+        # In equations times h: inverses without pivoting lose no digits.
+        scaled = h * _slope(problem.rate)(x, problem.constants, t)
+        mixed = ca.blockcat([[PAIR[0] * one - scaled, -PAIR[1] * one], [PAIR[1] * one, PAIR[0] * one - scaled]])
+        real_inverse, mixed_inverse = h * ca.inv(REAL * one - scaled), h * ca.inv(mixed)
         z = ca.SX.zeros(n, 3)
         move = z
         for _ in range(NEWTON_STEPS):
             rates = [problem(x + z[:, i], t + NODES[i] * h) for i in range(3)]
-            turned, w = ca.horzcat(*rates) @ BACK.T, mass @ z @ BACK.T
+            turned, w = ca.horzcat(*rates) @ BACK.T, z @ BACK.T
             first = turned[:, 0] - REAL / h * w[:, 0]
             second = turned[:, 1] - (PAIR[0] * w[:, 1] - PAIR[1] * w[:, 2]) / h
             third = turned[:, 2] - (PAIR[1] * w[:, 1] + PAIR[0] * w[:, 2]) / h
@@ -183,15 +174,6 @@ class Radau(Method):
             move = ca.horzcat(real_inverse @ first, pair[:n], pair[n:]) @ FORWARD.T
             z = z + move
         return z, move, real_inverse
-
-
-def _mass(problem: StepProblem, x: Expression) -> ca.DM:
-    """What the rates of change are multiplied by in the equations of a step (n_x, n_x): one, or zero (algebraic)."""
-    return (
-        ca.DM.eye(x.numel())
-        if problem.algebraic is None
-        else ca.diag(ca.DM([float(i != problem.algebraic) for i in range(x.numel())]))
-    )
 
 
 def _slope(rate: ca.Function) -> ca.Function:
