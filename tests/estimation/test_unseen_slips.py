@@ -37,7 +37,6 @@ def test_followed_it_would_claim_slips_that_nobody_saw(monkeypatch: pytest.Monke
     prepared, unknowns = case()
     assert place_on(prepared, [SLOWEST], unknowns) == []
     monkeypatch.setattr(following, "SHOWN", 0.0)
-    monkeypatch.setattr(following, "SURE", 0.0)
     [(_, cut, trajectory)] = place_on(prepared, [SLOWEST], unknowns)
     assert trajectory.arrests > 100 and cut.data.end < 0.5 * prepared[SLOWEST].data.end
 
@@ -51,6 +50,3 @@ def test_a_train_of_slips_that_show_together_is_followed(monkeypatch: pytest.Mon
     monkeypatch.setattr(following, "MOST_STRETCHES", 400)  # not to the end
     [(_, _, trajectory)] = place_on(prepared, [1], unknowns)
     assert 100 < trajectory.arrests < 251
-    monkeypatch.setattr(following, "TRAIN", float("inf"))
-    [(_, _, trajectory)] = place_on(prepared, [1], unknowns)
-    assert trajectory.arrests == 3  # the first ones show by themselves

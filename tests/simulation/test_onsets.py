@@ -54,7 +54,7 @@ def test_slips_that_are_no_time_at_all_are_refused_with_that_reason() -> None:
 
 def test_bursts_as_machine_code_give_the_same_numbers(machine_code: Path) -> None:
     model, p = assemble(MAIN), np.array([PAIR[name] for name in assemble(MAIN).parameter_names])
-    stepper, function = Stepper(model, LOW, True), burst(model, LOW, True)
+    stepper, function = Stepper(model, LOW), burst(model, LOW)
 
     def nodes() -> np.ndarray:
         stepper.tune(p, np.full(4, 1e-6), (np.inf, 1e-15, np.inf, True))
