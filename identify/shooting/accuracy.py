@@ -16,14 +16,11 @@ from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import Model, assemble
 from identify.shooting.blocks import SlideBlock, block
-from identify.shooting.grid import COARSE_GRID
 from identify.shooting.passes import ORDER, Solved, solve_in_passes
-from identify.shooting.placing import place
-from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
 
-OFFSETS = (0.3, 0.1, 0.03, 0.0)  # of the spread: how far from the answer the solves of the table start
+OFFSET = 0.1  # of the spread: how far from the answer the solves of the table start
 FINEST = 1e-4
 FEWEST_STEPS = 4  # of the fine passes
 HALVING = 4.0  # times the Newton step that gives their error: what an answer with half the steps costs
@@ -89,9 +86,10 @@ def accuracy_table(
     Args:
         size: standard errors (f,) of the free parameters; levels: from coarse to fine.
     """
-    begin, trajectories = _start(logs, answer, unknowns)
+    begin = np.clip(answer.theta + OFFSET * unknowns.spread * unknowns.free, unknowns.lower, unknowns.upper)
     data, since = [log.data for log in logs], time.process_time()
-    solved = solve_in_passes(data, trajectories, replace(unknowns, start=begin).with_weak_priors())
+    begin = np.where(unknowns.free, begin, answer.theta)
+    solved = solve_in_passes(data, answer.trajectories, replace(unknowns, start=begin).with_weak_priors())
     iterations, reached = solved.iterations, list[tuple[Accuracy, Solved, float, int]]()
     for level in levels:
         for _ in range(level.refinements):
@@ -170,26 +168,6 @@ def effect_shares(model: Model) -> dict[str, float]:
 
 def _instructions(model: Model) -> int:
     return block(model, SlideBlock(FEWEST_STEPS)).derivatives.instructions
-
-
-def _start(logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns) -> tuple[Array, list[ShootingTrajectory]]:
-    """A start as far from the answer as its motion can still be placed on every log."""
-    if not all(trajectory.cycles for trajectory in answer.trajectories):
-        return answer.theta, answer.trajectories
-    for offset in OFFSETS:
-        theta = np.where(unknowns.free, answer.theta + offset * unknowns.spread, answer.theta)
-        theta = np.clip(theta, unknowns.lower, unknowns.upper)
-        p = [
-            unknowns.values(trajectory.theta(theta), log.data.base)
-            for trajectory, log in zip(answer.trajectories, logs, strict=True)
-        ]
-        events = [0.5 * (trajectory.onset + trajectory.arrest) for trajectory in answer.trajectories]
-        placed = place(unknowns.model, [log.data for log in logs], p, events, COARSE_GRID)
-        good = [trajectory for trajectory in placed if trajectory is not None]
-        counts = [trajectory.cycles for trajectory in good] == [trajectory.cycles for trajectory in answer.trajectories]
-        if counts and len(good) == len(logs):
-            return theta, [replace(g, own=a.own) for g, a in zip(good, answer.trajectories, strict=True)]
-    return answer.theta, answer.trajectories
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -16,10 +16,7 @@ from numpy.typing import NDArray
 
 from identify.base.compiled import Mapped
 from identify.base.tableaus import RK4, step
-from identify.model.model import ELONGATION, INPUTS, SPEED, TIME, Model
-from identify.simulation.phases import rest
-from identify.simulation.resting import Resting, swing
-from identify.simulation.stepper import Situated
+from identify.model.model import INPUTS, SPEED, TIME, Model
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -47,21 +44,6 @@ class Slips:
     def rested(self) -> Bools:
         """Whether each lane came to rest."""
         return np.isfinite(self.arrest)
-
-    def replaced(self, which: Indices, others: Slips) -> Slips:
-        """These slips with some (k,) of them replaced by others (k lanes)."""
-        steps = max(self.states.shape[0], others.states.shape[0])
-
-        def placed(mine: Array, other: Array) -> Array:
-            out = _held(mine, steps)
-            out[:, which] = _held(other, steps)
-            return out
-
-        ends = ("h", "wear", "arrest", "at_wear", "at_arrest")
-        new = {name: getattr(self, name).copy() for name in ends}
-        for name, array in new.items():
-            array[which] = getattr(others, name)
-        return Slips(states=placed(self.states, others.states), rates=placed(self.rates, others.rates), **new)
 
     def at(self, times: Array) -> Array:
         """States (n, m, n_x) at times (n, m) [s] from the onset of each lane, cubic Hermite; held outside."""
@@ -180,11 +162,6 @@ def _mark(model: Model, out: Slips, component: int, step: Indices, free: Array, 
     state[lanes] = at
 
 
-def _held(course: Array, steps: int) -> Array:
-    """A course (s, n, n_x) that stays where it ends up to so many steps; a copy."""
-    return np.concatenate([course, np.repeat(course[-1:], steps - course.shape[0], axis=0)])
-
-
 def _lowest(model: Model) -> float:
     """The bound of the bounded state."""
     return 0.0 if model.clamped is None else model.states[model.clamped].lower or 0.0
@@ -207,8 +184,6 @@ def _first_root(y: Array, slope: Array, bend: Array) -> Array:
 # ----------------------------------------------------------------------------------------------------------------------
 
 NEWTON_STEPS = 40
-TREMBLING = 3.0  # times the swing of the drive: a shorter slip is a tremble of the contact, and the stick goes on
-MOST_TREMBLES = 30  # before one slip
 
 
 @lru_cache(maxsize=16)
@@ -233,10 +208,10 @@ def load_cell(model: Model, x: Array, p: Array, u: Array) -> Array:
 
 
 def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
-    """Rest each lane until the drive overcomes its grip.
+    """Rest each lane until the drive overcomes its static limit.
 
-    The spare grip falls convexly at late times, so Newton from a late time converges monotonically. Where the drive
-    vibrates it does not: the first onset is searched lane by lane.
+    The breakaway margin falls convexly at late times, so Newton from a late time converges monotonically. No drive may
+    vibrate.
 
     Args:
         u: (n, 4), time at the start of the rest.
@@ -253,15 +228,6 @@ def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):
         t = (rested + k * u[:, 0] * 1e12) / (k * u[:, 0])  # the grip of a contact that rested for ever
         t = np.where(np.isfinite(t), np.maximum(t, 0.0), 0.0)
-        swings = _swings(model, p)
-        if np.any(swings > 0.0):
-            longest = t + 2 * swings / np.maximum(k * u[:, 0], 1e-300) + 1e-9
-            resting = Resting(model)
-            rests = [
-                rest(resting, x[i], Situated(p[i], u[i, 0], 1.0, u[i, 1], 0.0, u[i, TIME]), u[i, TIME], longest[i])
-                for i in range(t.size)
-            ]
-            return np.array([r.duration for r in rests]), np.stack([r.x[-1] for r in rests])
         for _ in range(NEWTON_STEPS):
             spare, slope, _state = functions["spare"]([x, p, u, t])
             move = -spare[:, 0] / slope[:, 0]
@@ -272,44 +238,6 @@ def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
                 break
     state = functions["spare"]([x, p, u, t])[2]
     return t, state
-
-
-def break_away(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> tuple[Array, Slips]:
-    """Rest each lane and let it slip; where the drive vibrates, the trembles before the slip count as rest.
-
-    Near the end of a stick a vibration lets the contact slip by no more than it moves itself, some times over, before
-    it slides away: such slips are below the noise of a log, and no falls that are seen.
-
-    Returns:
-        time from x to the slip (n,) [s], as that of `stick`; the slips.
-    """
-    time, at_onset = stick(model, x, p, u)
-    slips = slip(model, at_onset, p, _later(u, time), per_half_period)
-    swings = _swings(model, p)
-    shortest = TREMBLING * swings / p[:, model.parameter_names.index("stiffness")]
-    for _ in range(MOST_TREMBLES):
-        moved = at_onset[:, ELONGATION] - slips.at_arrest[:, ELONGATION]
-        again = np.flatnonzero(slips.rested & (swings > 0.0) & (moved < shortest))
-        if again.size == 0:
-            break
-        since = time[again] + slips.arrest[again]
-        more, at_onset[again] = stick(model, slips.at_arrest[again], p[again], _later(u[again], since))
-        time[again] = since + more
-        later = slip(model, at_onset[again], p[again], _later(u[again], time[again]), per_half_period)
-        slips = slips.replaced(again, later)
-    return time, slips
-
-
-def _swings(model: Model, p: Array) -> Array:
-    """Force of what oscillates in the drive on the contact of each lane (n,) [N]."""
-    if not model.vibrates:
-        return np.zeros(p.shape[0])
-    return np.array([swing(model, lane)[1] for lane in p])
-
-
-def _later(u: Array, t: Array) -> Array:
-    """The inputs t (n,) [s] later."""
-    return np.column_stack([u[:, :TIME], u[:, TIME] + np.nan_to_num(t)])
 
 
 def rested(model: Model, x: Array, p: Array, u: Array, t: Array) -> Array:

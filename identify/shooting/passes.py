@@ -1,4 +1,4 @@
-"""Solve in passes: coarse, then fine; after each the samples are assigned anew to the event times found.
+"""Solve in passes: coarse, then fine; after each the samples are assigned anew to the event times of its solution.
 
 A pass assigns samples to integration steps from constant event times. When the last pass moved no event by more than
 half a sample, the assignment and the answer agree. Where a pass fails, it is solved again from where it began within a
@@ -30,12 +30,11 @@ ORDER = 4  # of the step formula
 SETTLED = 0.5  # samples: the last event shift
 RETURNED = 1e-4  # samples: events are where they were after an earlier pass
 AT_BOUND = 0.9  # of the way to the next event: as far as an event can go in one pass
-VANISHING = 0.05  # samples: an event that goes as far as it can, and no farther than this, stands still
 SAMPLE_OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
 PASSES, MOST_PASSES = 6, 40  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
 ALL_BUT = 1.2  # times the noise variance
 GAUSS_NEWTON, EXACT = 12, 25  # iterations of a pass: more of the one is a ridge, of the other a wrong start
-NEAR, OPEN = 0.1, 0.5  # largest row of a motion from which the exact Hessian leads on, and of one that is given up
+NEAR = 0.1  # largest row of a motion from which the exact Hessian leads on
 LOST = 10.0  # times the misfit with which a pass began, or the noise: one that ends with more has lost its way
 FIRST_WEIGHT, FACTOR = 100.0, 10.0  # of the trust region, in units of the weakest prior, and its change
 REJECTED = 3  # passes in a trust region that fail before the start is given up
@@ -120,7 +119,7 @@ def solve_in_passes(
         passed = Solved(problem, grid, trajectories, solution, moved, theta, shift, iterations, number, seconds)
         if not solution.success or _is_lost(passed):
             failed, failures = failed or passed, failures + 1
-            if failures > REJECTED or solution.constraint_violation > OPEN or time_is_up():
+            if failures > REJECTED or time_is_up():
                 break
             weight, exact = FACTOR * weight if weight > 0.0 else FIRST_WEIGHT, False
             continue
@@ -183,28 +182,18 @@ def _ordered(trajectory: ShootingTrajectory) -> bool:
     return bool(np.all(np.isfinite(trajectory.until)) and np.all(np.diff(trajectory.until) > 0))
 
 
-def _interval(log: LogData, trajectory: ShootingTrajectory) -> float:
-    """How far samples lie apart [s], or the share of a slip that counts as that where slips are shorter (not where
-    half of them last no time at all: a motion that no one can settle)."""
-    slip = float(np.median(trajectory.slips)) if trajectory.slips.size else 0.0
-    return min(log.interval, SAMPLE_OF_A_SLIP * slip) if slip > 0.0 else log.interval
-
-
 def _shift_in_samples(
     problem: Problem, solution: Solution, logs: list[LogData], trajectories: list[ShootingTrajectory]
 ) -> float:
     """Largest event offset of this pass in sample intervals of its log; where slips last no longer than samples lie
-    apart, in shares of a slip: in one pass no event leaves the phases beside it."""
+    apart, in shares of a slip. An event that goes as far as it can has not settled."""
     worst = 0.0
     for place, log, trajectory in zip(problem.layout.places, logs, trajectories, strict=True):
-        index = place.events
-        if index.size:
-            interval = _interval(log, trajectory)
-            offset = solution.x[index]
-            worst = max(worst, float(np.max(np.abs(offset))) / interval)
-            # A rest that vanishes halves from pass to pass, for ever, and moves nothing.
-            far = goes_as_far_as_it_can(problem, solution.x, index)
-            if np.any(far & (np.abs(offset) > VANISHING * interval)):
+        if place.events.size:
+            slip = float(np.median(trajectory.slips)) if trajectory.slips.size else 0.0
+            interval = min(log.interval, SAMPLE_OF_A_SLIP * slip) if slip > 0.0 else log.interval
+            worst = max(worst, float(np.max(np.abs(solution.x[place.events]))) / interval)
+            if np.any(goes_as_far_as_it_can(problem, solution.x, place.events)):
                 worst = max(worst, 2.0 * SETTLED)
     return worst
 

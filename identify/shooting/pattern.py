@@ -27,15 +27,15 @@ from identify.shooting.layout import Family, Indices, Layout
 
 Array = NDArray[np.float64]
 
-PORTION = 1 << 15  # samples worked on at once: few enough to stay in cache
+PORTION = 1 << 15  # samples worked on at once, about: few enough to stay in cache
 LINE = 2  # coefficients of a line
 
 
 @dataclass(frozen=True)
 class CellSamples:
-    """Samples of one log in cells of a family: number of the log; cells (k,) that hold any, none twice, how many each
-    holds (k,), and of these samples, cell by cell, the index (n,), or their slice where they follow each other, and
-    u in [0, 1] (n,). A cell of many samples is cut: its others come later."""
+    """Samples of one log in cells of a family: number of the log; cells (k,) that hold any, how many each holds (k,),
+    and of these samples, cell by cell, the index (n,), or their slice where they follow each other, and u in [0, 1]
+    (n,)."""
 
     log: int
     cells: Indices
@@ -52,7 +52,7 @@ class CellSamples:
         value = np.repeat(taken[:, order - 1], self.lengths, axis=0)
         for power in range(order - 2, -1, -1):
             value *= u
-            value += _each(taken[:, power], self.lengths)
+            value += np.repeat(taken[:, power], self.lengths, axis=0)
         return value
 
 
@@ -68,53 +68,44 @@ class Moments:
     square: Array
     count: Array
 
-    def slope_at(self, curve: Array) -> Array:
-        """Gradient of half the weighted squares with respect to the curve coefficients, shape of curve."""
-        return np.asarray(self._bent(curve - self.reference) - self.pull)
+    def slope_at(self, curve: Array, blocks: slice = slice(None)) -> Array:
+        """Gradient of half the weighted squares of some blocks with respect to their curve coefficients."""
+        step = curve - self.reference[blocks]
+        return np.asarray(np.matmul(self.curvature[blocks], step[..., None])[..., 0] - self.pull[blocks])
 
     def squares_at(self, curve: Array) -> Array:
         """Sum of squared weighted residuals of each block (B,) at these curve coefficients."""
-        step = curve - self.reference
-        return np.asarray(self.square + np.sum(step * (self._bent(step) - 2 * self.pull), axis=(1, 2)))
+        return np.asarray(
+            self.square + np.sum((curve - self.reference) * (self.slope_at(curve) - self.pull), axis=(1, 2))
+        )
 
     def around(self, curve: Array) -> Moments:
         """The same samples, compressed around another curve."""
         return replace(self, reference=curve, pull=-self.slope_at(curve), square=self.squares_at(curve))
 
-    def of(self, blocks: slice) -> Moments:
-        """Those of some blocks."""
-        columns = (self.curvature, self.pull, self.reference, self.square, self.count)
-        return Moments(*(column[blocks] for column in columns))
-
-    def _bent(self, step: Array) -> Array:
-        return np.asarray(np.matmul(self.curvature, step[..., None])[..., 0])
-
 
 def samples_of(family: Family, logs: Sequence[LogData], portion: int = PORTION) -> Iterator[CellSamples]:
-    """The samples in the cells of a family, log by log and a portion at a time."""
-    n_cells = family.block.n_cells
+    """The samples in the cells of a family, log by log and some cells at a time."""
     flat = family.edges.reshape(-1, 2)
     for number, log in enumerate(logs):
-        cells = np.flatnonzero(np.repeat(family.log == number, n_cells))
-        if cells.size == 0:
-            continue
+        cells = np.flatnonzero(np.repeat(family.log == number, family.block.n_cells))
         first, last = np.searchsorted(log.time, flat[cells].T, side="left")
         final = flat[cells, 1] >= log.end
         last = np.where(final, np.searchsorted(log.time, log.end, side="right"), last)
         full = last > first
         cells, first, lengths = cells[full], first[full], (last - first)[full]
-        if cells.size == 0:
-            continue
-        for part, begin, held in _portions(first, lengths, portion):
-            ends = begin + held
+        chunk = (np.cumsum(lengths) - lengths) // portion
+        for begin in np.flatnonzero(np.diff(chunk, prepend=-1)).tolist():
+            part = slice(begin, int(np.searchsorted(chunk, chunk[begin], side="right")))
+            held, ends = lengths[part], first[part] + lengths[part]
             sample: Indices | slice
-            if np.array_equal(begin[1:], ends[:-1]):  # as a rule: a slice copies nothing
-                sample = slice(int(begin[0]), int(ends[-1]))
+            if np.array_equal(first[part][1:], ends[:-1]):  # as a rule: a slice copies nothing
+                sample = slice(int(first[begin]), int(ends[-1]))
             else:
                 sample = np.arange(int(held.sum())) + np.repeat(ends - np.cumsum(held), held)
             edges = flat[cells[part]]
-            u = log.time[sample] - _each(edges[:, 0], held)
-            u /= _each(edges[:, 1] - edges[:, 0], held)
+            u = log.time[sample] - np.repeat(edges[:, 0], held)
+            u /= np.repeat(edges[:, 1] - edges[:, 0], held)
             yield CellSamples(number, cells[part], held, sample, u)
 
 
@@ -129,73 +120,38 @@ def compressed(family: Family, logs: Sequence[LogData], reference: Array, portio
     powers, pull = np.zeros((n, 2 * order - 1)), np.zeros((n, order))
     square, number = np.zeros(n), np.zeros(n)
     line = np.where(np.arange(order) < LINE, reference, 0.0)
-    beginning = line.reshape(n, order)[:, :LINE]
     for held in samples_of(family, logs, portion):
-        log, cells, u = logs[held.log], held.cells, held.u
-        weight, force = log.weight[held.samples], log.force[held.samples]
+        log, cells = logs[held.log], held.cells
         first = np.cumsum(held.lengths) - held.lengths
-        r = force - held.of_curve(beginning)
-        number[cells] += held.lengths if weight.min() > 0 else np.add.reduceat((weight > 0).astype(float), first)
-        pulled = weight * r
-        square[cells] += np.add.reduceat(np.multiply(pulled, r, out=r), first)
-        weighed = weight.copy()
+        weight = log.weight[held.samples]
+        r = log.force[held.samples] - held.of_curve(line.reshape(n, order)[:, :LINE])
+        number[cells] = held.lengths if weight.min() > 0 else np.add.reduceat((weight > 0).astype(float), first)
+        pulled, weighed = weight * r, weight.copy()
+        square[cells] = np.add.reduceat(np.multiply(pulled, r, out=r), first)
         for i in range(2 * order - 1):
-            powers[cells, i] += np.add.reduceat(weighed, first)
-            weighed *= u
+            powers[cells, i] = np.add.reduceat(weighed, first)
+            weighed *= held.u
             if i < order:
-                pull[cells, i] += np.add.reduceat(pulled, first)
-                pulled *= u
+                pull[cells, i] = np.add.reduceat(pulled, first)
+                pulled *= held.u
     hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
-    shape = (count, n_cells)
-    about_line = Moments(
-        powers[:, hankel].reshape(*shape, order, order),
-        pull.reshape(*shape, order),
-        line,
-        square.reshape(shape).sum(axis=1),
-        number.reshape(shape).sum(axis=1),
-    )
+    curvature = powers[:, hankel].reshape(count, n_cells, order, order)
+    squares, numbers = (column.reshape(count, n_cells).sum(axis=1) for column in (square, number))
+    about_line = Moments(curvature, pull.reshape(count, n_cells, order), line, squares, numbers)
     return about_line.around(reference)
-
-
-def _each(values: Array, lengths: Indices) -> Array:
-    """What belongs to cells (k, *rest), for each of their samples (n, *rest), or for all of one cell (1, *rest)."""
-    return values if lengths.size == 1 else np.repeat(values, lengths, axis=0)
-
-
-def _portions(first: Indices, lengths: Indices, most: int) -> Iterator[tuple[slice, Indices, Indices]]:
-    """So many samples at a time of cells (k,): which cells in a row, and where their samples of it begin, and how many
-    they are."""
-    ends = np.cumsum(lengths)
-    begins = ends - lengths
-    for start in range(0, int(ends[-1]), most):
-        stop = start + most
-        part = slice(int(np.searchsorted(ends, start, side="right")), int(np.searchsorted(begins, stop)))
-        skipped = np.maximum(start - begins[part], 0)
-        yield part, first[part] + skipped, np.minimum(ends[part], stop) - begins[part] - skipped
-
-
-BLOCKS_AT_ONCE = 1024  # blocks worked on at once: few enough for all their derivatives to stay in cache
-
-
-@dataclass(frozen=True)
-class IndexMaps:
-    """Constant index maps of some blocks of one family: which entries of their dense Jacobian (b, n_rows, n_slots) and
-    Hessian (b, n_slots, n_slots) count, and where these stand among those of all parts."""
-
-    blocks: slice
-    jacobian_entries: Indices
-    hessian_entries: Indices
-    jacobian: slice
-    hessian: slice
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Where a family stands: slots and rows of its blocks, and the index maps part by part."""
+    """Where a family stands: slots and rows of its blocks; which entries of their dense Jacobians (B, n_rows, n_slots)
+    and Hessians (B, n_slots, n_slots) count, and where these stand among those of all families."""
 
     slots: Indices
     rows: Indices
-    parts: tuple[IndexMaps, ...]
+    jacobian_entries: Indices
+    hessian_entries: Indices
+    jacobian: slice
+    hessian: slice
 
     @cached_property
     def used(self) -> tuple[int, ...]:
@@ -221,13 +177,23 @@ class Pattern:
     """The nonzeros of the Jacobian (m, n) of the rows and of the upper triangle of the Hessian (n, n), both by columns,
     and the index maps of every family."""
 
-    def __init__(self, layout: Layout, at_once: int = BLOCKS_AT_ONCE) -> None:
+    def __init__(self, layout: Layout) -> None:
         n, m = layout.size, layout.rows
         self.shape, self.about = (m, n), layout.prior_about
         jacobian, hessian, self.counts = list[Indices](), list[Indices](), (0, 0)
-        self.families = [
-            Scatter(f.slots, f.rows, tuple(self._parts(f, at_once, jacobian, hessian))) for f in layout.families
-        ]
+        self.families = list[Scatter]()
+        for family in layout.families:
+            slots, rows = family.slots, family.rows
+            known = slots >= 0
+            entries = np.flatnonzero(np.broadcast_to(known[:, None, :], (*rows.shape, slots.shape[1])))
+            jacobian.append((slots[:, None, :] * m + rows[:, :, None]).ravel()[entries])
+            # Slots of the end state do not enter the curve, but keeping them keeps one rule for all kinds.
+            left, right = slots[:, :, None], slots[:, None, :]
+            upper = np.flatnonzero(known[:, :, None] & known[:, None, :] & (left <= right))
+            hessian.append((right * n + left).ravel()[upper])
+            before, self.counts = self.counts, (self.counts[0] + entries.size, self.counts[1] + upper.size)
+            own = slice(before[0], self.counts[0]), slice(before[1], self.counts[1])
+            self.families.append(Scatter(slots, rows, entries, upper, *own))
         order, first, places = _in_order(np.concatenate(jacobian))
         self._jacobian_order = order
         # Parameters that are tied meet in one column: their entries are added up.
@@ -241,24 +207,6 @@ class Pattern:
         self._hessian_slot[order] = np.cumsum(first) - 1
         self._hessian_rows, self._hessian_columns = (places % n).astype(np.int32), places // n
         self._hessian_starts = np.searchsorted(self._hessian_columns, np.arange(n + 1)).astype(np.int32)
-
-    def _parts(
-        self, family: Family, at_once: int, jacobian: list[Indices], hessian: list[Indices]
-    ) -> Iterator[IndexMaps]:
-        """The index maps of a family; places of its entries in the matrices, column by column, go to the lists."""
-        m, n = self.shape
-        for begin in range(0, family.slots.shape[0], at_once):
-            blocks = slice(begin, begin + at_once)
-            slots, rows = family.slots[blocks], family.rows[blocks]
-            known = slots >= 0
-            entries = np.flatnonzero(np.broadcast_to(known[:, None, :], (*rows.shape, slots.shape[1])))
-            jacobian.append((slots[:, None, :] * m + rows[:, :, None]).ravel()[entries])
-            # Slots of the end state do not enter the curve, but keeping them keeps one rule for all kinds.
-            left, right = slots[:, :, None], slots[:, None, :]
-            upper = np.flatnonzero(known[:, :, None] & known[:, None, :] & (left <= right))
-            hessian.append((right * n + left).ravel()[upper])
-            before, self.counts = self.counts, (self.counts[0] + entries.size, self.counts[1] + upper.size)
-            yield IndexMaps(blocks, entries, upper, slice(before[0], self.counts[0]), slice(before[1], self.counts[1]))
 
     def fits(self, layout: Layout) -> bool:
         """Whether a layout has the same unknowns and rows, block by block."""

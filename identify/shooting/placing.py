@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from data_io.arrays import thinned
 from identify.logs.log_data import LogData
-from identify.model.model import ELONGATION, TIME, Model
+from identify.model.model import ELONGATION, Model
 from identify.shooting import batch as lanes
 from identify.shooting.batch import Slips
 from identify.shooting.features import Waves, middle_of_fall
@@ -52,15 +52,12 @@ def place(
     """
     if not logs or not sum(f.size for f in falls):
         return [None for _ in logs]
+    still = {name: value for name, value in model.quiet if np.isfinite(value)}  # what vibrates is left to the shooting
+    p = [np.array([still.get(n, v) for n, v in zip(model.parameter_names, q.tolist(), strict=True)]) for q in p]
     side = _side_by_side(logs, p, falls)
     starts = [_at_begin(model, log, q, f) for log, q, f in zip(logs, p, falls, strict=True)]
     x = _arrests(model, side, _first_arrests(model, side, starts), np.array([log.noise for log in logs])[side.log])
     slips, onset = _placed(model, logs, side, x)
-    if model.clocked:
-        # Now that the cycles stand in time, so do the sticks before them.
-        arrests = onset + np.where(slips.rested, slips.arrest, 0.0)
-        begins = np.array([log.begin for log in logs])[side.log]
-        side.u[:, TIME] = np.where(side.first, begins, np.roll(arrests, 1))
     # Now that the first onset is known, so is the bounded state at the begin; the first cycles are made again.
     for number, lane in zip(np.unique(side.log), np.flatnonzero(side.first), strict=True):
         starts[number] = _begin_state(model, logs[number], side.p[lane], starts[number], float(onset[lane]))
@@ -87,7 +84,7 @@ def _arrests(model: Model, side: _Lanes, x: Array, noise: Array) -> Array:
     stiffness = side.p[:, model.parameter_names.index("stiffness")]
     least, most = SWEEPS
     for sweep in range(1, most + 1):
-        _, slips = lanes.break_away(model, x, side.p, side.u, PER_HALF_PERIOD // 2)
+        slips = lanes.slip(model, lanes.stick(model, x, side.p, side.u)[1], side.p, side.u, PER_HALF_PERIOD // 2)
         handed = np.where(np.isfinite(slips.at_arrest), slips.at_arrest, x)
         handed = np.where(side.first[:, None], x, np.roll(handed, 1, axis=0))
         moved = stiffness * np.abs(handed - x)[:, ELONGATION]
@@ -100,14 +97,11 @@ def _arrests(model: Model, side: _Lanes, x: Array, noise: Array) -> Array:
 
 def _placed(model: Model, logs: list[LogData], side: _Lanes, x: Array) -> tuple[Slips, Array]:
     """Simulate every cycle from its arrest x (n, n_x) and place it on the data: the slips, their onsets (n,) [s]."""
-    _, slips = lanes.break_away(model, x, side.p, side.u, PER_HALF_PERIOD)
+    slips = lanes.slip(model, lanes.stick(model, x, side.p, side.u)[1], side.p, side.u, PER_HALF_PERIOD)
     waves, middle = _waves(model, slips, side)
     onset = side.fall - middle
     samples = _around(logs, side, onset, waves.duration)
-    onset = onset + _scan(waves, samples, onset)
-    for _ in range(2):
-        onset = onset + _shift(waves, samples, onset)
-    return slips, onset
+    return slips, onset + _scan(waves, samples, onset)
 
 
 def _side_by_side(logs: list[LogData], p: list[Array], falls: list[Array]) -> _Lanes:
@@ -209,16 +203,6 @@ def _scan(waves: Waves, samples: _Samples, onset: Array) -> Array:
         best = np.where(square < cost, shift, best)
         cost = np.minimum(square, cost)
     return best
-
-
-def _shift(waves: Waves, samples: _Samples, onset: Array) -> Array:
-    """One Gauss-Newton step of each cycle's time shift on its own samples (n,) [s]."""
-    value, slope = waves.with_rates(samples.time - onset[:, None])
-    with np.errstate(all="ignore"):
-        pull = np.sum(samples.weight * (samples.force - value) * slope, axis=1)
-        move = -pull / np.sum(samples.weight * slope**2, axis=1)
-    limit = 0.5 * np.maximum(samples.interval, 0.1 * waves.duration) / SHIFTS
-    return np.asarray(np.clip(np.where(np.isfinite(move), move, 0.0), -limit, limit))
 
 
 def trajectory_of(

@@ -24,6 +24,13 @@ from identify.shooting.transcription import transcribe
 Array = NDArray[np.float64]
 
 
+BLOCKS_AT_ONCE = 1024  # blocks worked on at once: few enough for all their derivatives to stay in cache
+
+
+def _chunks(count: int) -> list[slice]:
+    return [slice(begin, begin + BLOCKS_AT_ONCE) for begin in range(0, count, BLOCKS_AT_ONCE)]
+
+
 @dataclass(frozen=True)
 class Point:
     """Everything at one point z (scaled unknowns): cost, rows, the curve coefficients of every family, and with
@@ -156,11 +163,11 @@ class Problem:
         known = zip(self.layout.families, self.moments, self.pattern.families, point.curves, strict=True)
         for family, moments, scatter, curve in known:
             slots, pull = family.slot_values(x), on_cost * moments.slope_at(curve)
-            for part in scatter.parts:
-                at = part.blocks
+            second = np.empty((*slots.shape, slots.shape[1]))
+            for at in _chunks(slots.shape[0]):
                 weights = on_rows[family.rows[at]], pull[at].reshape(pull[at].shape[0], -1)
-                second = family.block.hessian(slots[at], family.constants[at], *weights, scatter.used)
-                np.take(second, part.hessian_entries, out=entries[part.hessian])
+                second[at] = family.block.hessian(slots[at], family.constants[at], *weights, scatter.used)
+            np.take(second, scatter.hessian_entries, out=entries[scatter.hessian])
         summed = self.pattern.hessian(entries, scale)
         summed.data += on_cost * point.hessian.data
         return summed
@@ -186,19 +193,18 @@ class Problem:
         in_hessian[self.pattern.counts[1] :] = np.concatenate(layout.prior_hessian)
         for family, moments, scatter in zip(layout.families, self.moments, self.pattern.families, strict=True):
             slots, curve, pull = family.slot_values(x), np.empty_like(moments.reference), np.empty(family.slots.shape)
-            for part in scatter.parts:
-                at = part.blocks
-                rows[family.rows[at]], curve[at], d_rows, d_curve = family.block.evaluate(
+            d_rows, hessian = np.empty((*family.rows.shape, slots.shape[1])), np.empty((*slots.shape, slots.shape[1]))
+            for at in _chunks(slots.shape[0]):
+                rows[family.rows[at]], curve[at], d_rows[at], d_curve = family.block.evaluate(
                     slots[at], family.constants[at], derivatives=True
                 )
-                held = moments.of(at)
-                bend = np.matmul(held.curvature, d_curve)  # (b, cells, order, n_slots)
+                bend = np.matmul(moments.curvature[at], d_curve)  # (b, cells, order, n_slots)
                 shape = (bend.shape[0], -1, bend.shape[-1])
                 tall = d_curve.reshape(shape).transpose(0, 2, 1)
-                pull[at] = np.matmul(tall, held.slope_at(curve[at]).reshape(shape[0], -1, 1))[..., 0]
-                hessian = np.matmul(tall, bend.reshape(shape))
-                np.take(d_rows, part.jacobian_entries, out=in_jacobian[part.jacobian])
-                np.take(hessian, part.hessian_entries, out=in_hessian[part.hessian])
+                pull[at] = np.matmul(tall, moments.slope_at(curve[at], at).reshape(shape[0], -1, 1))[..., 0]
+                np.matmul(tall, bend.reshape(shape), out=hessian[at])
+            np.take(d_rows, scatter.jacobian_entries, out=in_jacobian[scatter.jacobian])
+            np.take(hessian, scatter.hessian_entries, out=in_hessian[scatter.hessian])
             cost += 0.5 * float(np.sum(moments.squares_at(curve)))
             curves.append(curve)
             gradient += scatter.gradient(pull, z.size) * scale

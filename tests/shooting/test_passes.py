@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -53,16 +52,3 @@ def test_a_pass_that_fails_is_solved_again_within_a_trust_region_that_is_gone_at
     if firm:
         assert weights[-1] == 0.0
         assert found.solution.cost == pytest.approx(right.solution.cost, abs=1e-3)
-
-
-@pytest.mark.parametrize(("shift", "settles"), [(0.5 * passes.VANISHING, True), (2.0 * passes.VANISHING, False)])
-def test_a_rest_that_vanishes_halves_for_ever_and_counts_as_settled(shift, settles):
-    """An event that goes as far as it can in a pass has farther to go, unless that is next to nothing."""
-    interval = 0.05
-    place = SimpleNamespace(events=np.array([0, 1]))
-    reach = np.array([1.0, shift * interval])
-    layout = SimpleNamespace(places=[place], upper=reach, lower=-reach)
-    solution = SimpleNamespace(x=np.array([0.0, -shift * interval]))
-    log, trajectory = SimpleNamespace(interval=interval), SimpleNamespace(slips=np.empty(0))
-    moved = passes._shift_in_samples(SimpleNamespace(layout=layout), solution, [log], [trajectory])
-    assert (moved < passes.SETTLED) == settles

@@ -12,7 +12,7 @@ from identify.model.model import SPEED, assemble
 from identify.shooting.blocks import AgeingBlock
 from identify.shooting.grid import COARSE_GRID, Grid
 from identify.shooting.passes import solve_in_passes
-from identify.shooting.pattern import Pattern, compressed
+from identify.shooting.pattern import compressed
 from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.solve import solve
 from identify.shooting.transcription import transcribe
@@ -177,22 +177,6 @@ def test_a_cell_may_be_compressed_in_portions(portion):
         whole.evaluate(z, derivatives=False).cost, rel=1e-12
     )
     assert whole.with_moments(parts).samples == whole.samples
-
-
-@pytest.mark.parametrize("portion", [1, 7])
-def test_derivatives_may_be_taken_in_portions(portion):
-    whole = _problem(MIXED, free=(*case.FRICTION, "mass"), load_sd=1e-3)[0]
-    z, on_rows = _somewhere(whole, 1e-2), np.random.default_rng(7).standard_normal(whole.layout.rows)
-    assert all(len(family.parts) == 1 for family in whole.pattern.families)
-    cut = Problem(whole.logs, whole.layout, pattern=Pattern(whole.layout, portion))
-    assert max(len(family.parts) for family in cut.pattern.families) > 3
-    one, other = (problem.evaluate(z, derivatives=True) for problem in (whole, cut))
-    for name in ("rows", "gradient"):
-        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-9)
-    pairs = [(one.jacobian, other.jacobian), (one.hessian, other.hessian)]
-    pairs.append(tuple(problem.exact_hessian(z, 0.7, on_rows) for problem in (whole, cut)))
-    for left, right in pairs:
-        np.testing.assert_allclose(left.toarray(), right.toarray(), rtol=1e-9, atol=1e-9 * abs(left).max())
 
 
 def test_multipliers_of_a_solution_balance_its_gradient():

@@ -14,9 +14,9 @@ from identify.effects import MAIN
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
-from identify.shooting import batch as lanes
 from identify.shooting.blocks import AgeingBlock, RestBlock
 from identify.shooting.grid import COARSE_GRID
+from identify.shooting.passes import solve_in_passes
 from identify.shooting.placing import place
 from identify.shooting.shooting import shooting_problem
 from identify.simulation.drive import NormalForce
@@ -27,7 +27,6 @@ PAIR = {"mu_s": 0.45, "mu_k0": 0.28, "delta_mu_k": -0.087, "a": 212.0, "D": 38e-
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
 VIBRATION = {"excitation_amplitude": 2.5e-6, "excitation_frequency": 47.0, "excitation_phase": -2.8}
 SPEED, DURATION, RATE, NOISE = 1e-4, 10.0, 500.0, 5e-3
-HALF_PERIOD = 0.5 / VIBRATION["excitation_frequency"]
 REAL = 0.05  # N: what drops by less is a tremble
 
 
@@ -64,18 +63,12 @@ def _placed():
     return trajectory
 
 
-def test_slips_are_placed_where_they_are_seen_past_the_trembles_before_them():
-    _, _, _, onsets, arrests = _case()
-    trajectory = _placed()
-    assert trajectory.onset == pytest.approx(onsets, abs=HALF_PERIOD)
-    assert trajectory.arrest == pytest.approx(arrests, abs=HALF_PERIOD)
-
-
-def test_a_tremble_that_counts_as_a_slip_is_no_fall_that_is_seen(monkeypatch):
-    # Negative control: as it was before trembles counted as rest.
-    monkeypatch.setattr(lanes, "TREMBLING", 0.0)
-    trajectory = _placed()
-    assert np.min(trajectory.arrest - trajectory.onset) < 0.02 < np.min(_case()[4] - _case()[3])
+def test_a_fit_from_slips_placed_without_the_vibration_ends_at_the_noise():
+    unknowns, log, _, _, arrests = _case()
+    solved = solve_in_passes([log], [_placed()], unknowns.with_weak_priors())
+    assert solved.solution.success
+    assert 2.0 * solved.solution.cost / solved.problem.samples == pytest.approx(1.0, abs=5.0 * (2.0 / 4000.0) ** 0.5)
+    assert solved.trajectories[0].arrest == pytest.approx(arrests, abs=1.0 / RATE)
 
 
 def _problem():
