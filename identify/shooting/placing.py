@@ -101,7 +101,10 @@ def _placed(model: Model, logs: list[LogData], side: _Lanes, x: Array) -> tuple[
     waves, middle = _waves(model, slips, side)
     onset = side.fall - middle
     samples = _around(logs, side, onset, waves.duration)
-    return slips, onset + _scan(waves, samples, onset)
+    onset = onset + _scan(waves, samples, onset)
+    for _ in range(2):
+        onset = onset + _shift(waves, samples, onset)
+    return slips, onset
 
 
 def _side_by_side(logs: list[LogData], p: list[Array], falls: list[Array]) -> _Lanes:
@@ -203,6 +206,16 @@ def _scan(waves: Waves, samples: _Samples, onset: Array) -> Array:
         best = np.where(square < cost, shift, best)
         cost = np.minimum(square, cost)
     return best
+
+
+def _shift(waves: Waves, samples: _Samples, onset: Array) -> Array:
+    """One Gauss-Newton step of each cycle's time shift on its own samples (n,) [s]."""
+    value, slope = waves.with_rates(samples.time - onset[:, None])
+    with np.errstate(all="ignore"):
+        pull = np.sum(samples.weight * (samples.force - value) * slope, axis=1)
+        move = -pull / np.sum(samples.weight * slope**2, axis=1)
+    limit = 0.5 * np.maximum(samples.interval, 0.1 * waves.duration) / SHIFTS
+    return np.asarray(np.clip(np.where(np.isfinite(move), move, 0.0), -limit, limit))
 
 
 def trajectory_of(

@@ -113,10 +113,13 @@ def test_a_first_stick_ends_before_the_force_is_highest() -> None:
     is told by the whole slip; with an onset at the peak the slips after it would rest by another time."""
     truth = {"mu_s": 0.4264, "mu_k0": 0.3415, "delta_mu_k": -0.05605, "a": 225.1, "D": 1.105e-4, "t_cr": 1.58}
     truth |= {"mass": 0.3509, "stiffness": 1528.0, "damping": 188.4}
-    motion, log = logged(truth, 1e-4, 5.0, 500.0, 0.0045, 2)
-    assert float(log.time[np.argmax(motion.sample(log.time)["force"])]) - motion.onsets[0] > 0.02
-    trajectory = followed(log).trajectory
-    slip, rest = trajectory.stretches[1:3]
-    assert (slip.ended_by, rest.ended_by) == ("arrest", "onset") and MODEL.clamped is not None
-    assert trajectory.start[MODEL.clamped] < 0.1  # it began fresh
-    assert rest.until - slip.until == pytest.approx(motion.onsets[1] - motion.arrests[0], rel=0.2)
+    shares = []
+    for seed in (2, 3, 4):
+        motion, log = logged(truth, 1e-4, 5.0, 500.0, 0.0045, seed)
+        assert float(log.time[np.argmax(motion.sample(log.time)["force"])]) - motion.onsets[0] > 0.02
+        trajectory = followed(log).trajectory
+        slip, rest = trajectory.stretches[1:3]
+        assert (slip.ended_by, rest.ended_by) == ("arrest", "onset") and MODEL.clamped is not None
+        assert trajectory.start[MODEL.clamped] < 0.1  # it began fresh
+        shares.append((rest.until - slip.until) / (motion.onsets[1] - motion.arrests[0]))
+    assert np.median(shares) == pytest.approx(1.0, abs=0.2)
