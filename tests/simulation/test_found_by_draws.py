@@ -80,6 +80,7 @@ def test_a_part_of_an_implicit_step_is_the_motion_there() -> None:
 
 VALUES = {"mu_s": 0.6, "mu_k0": 0.45, "stiffness": 1470.0, "mass": 0.2, "damping": 8.0 * 1470.0}
 
+
 def test_a_rest_of_millennia_loses_what_its_series_element_loses() -> None:
     model, x, stiff = assemble(("inertia", "skin_compliance")), 1e-4, 4400.0
     values = {n: VALUES[n] for n in ("mu_s", "mu_k0", "stiffness", "mass")}
