@@ -23,24 +23,29 @@ from identify.base.errors import FitError
 from identify.base.linear import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
-from identify.bench.next_log import Advice, advised, next_logs
-from identify.diagnosis.effect_choice import Choice
+from identify.base.result import NextLogResult
+from identify.bench.next_log import advised, next_logs
 from identify.diagnosis.explain import explain
 from identify.diagnosis.findings import Findings, against_data
-from identify.diagnosis.quantities import smoothed
 from identify.diagnosis.selection import choose_from_data
 from identify.effects import ALL
-from identify.estimation.agreement import largest_inflation
 from identify.estimation.attempt import Attempt
-from identify.estimation.certainty import certainty
+from identify.estimation.certainty import Question, certainty
 from identify.estimation.estimator import EstimationTask, Estimator
-from identify.estimation.hints import what_is_held
-from identify.estimation.multistart import multistart_around
+from identify.estimation.fit_wording import (
+    at_bounds,
+    ended,
+    prefit_warnings,
+    slides_only,
+    underivable,
+    untried,
+    wrong_unit,
+)
+from identify.estimation.influence import largest_inflation
 from identify.estimation.search import SearchProblem, alike, search
 from identify.estimation.starts import Sources
-from identify.estimation.status_words import at_bounds, ended, prefit_warnings, underivable, untried, wrong_unit
 from identify.estimation.stick_strength import with_strengths
-from identify.estimation.strategies import Strategy, Trace, Trial, run_strategy, tracing
+from identify.estimation.strategies import Strategy, Trace, Trial, tracing
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
 from identify.logs.scene_records import with_drives, with_records
@@ -75,7 +80,7 @@ class Task:
     ----------
     scene, records: the scene, and the records of its logs as they were read.
     prepared, unknowns: what the estimator takes of them, and the search space.
-    options: how finely, and which further results; seed: of all that is drawn.
+    options: how finely, and which further results; starts: where the search starts; seed: of all that is drawn.
     """
 
     scene: Scene
@@ -83,22 +88,9 @@ class Task:
     prepared: list[Prepared]
     unknowns: Unknowns
     options: FitOptions
-    seed: int
-
-
-@dataclass(frozen=True)
-class _Identified:
-    """What was identified: the scene with the effects that were fitted, its records as far as they were read for it,
-    how the effects were chosen (None: the scene lists them), where starts came from, the logs, what was found, which
-    log would tell more."""
-
-    scene: Scene
-    records: Sequence[Record] | None
-    choice: Choice | None
     starts: Sources
-    logs: list[Prepared]
-    findings: Findings
-    advice: Advice | None
+    seed: int
+    progress: Progress
 
 
 def fit(
@@ -132,23 +124,42 @@ def fit(
     began, worked, in_functions = time.perf_counter(), time.process_time(), Mapped.total
     report = noticed_once(progress or to_nobody)
     stated, drives = with_drives(Scene.of(scene), records)
+    used, choice, left = stated, None, (1.0 - REPORT_SHARE) * stated.time_limit  # [s]
     with timing_stages() as seconds:
-        found = _identified(stated, records, report, starts, seed, asked, estimator)
+        if estimator is None and asks_for_uneven(used):
+            used, estimator = used.with_effects([e for e in used.effects if e != UNEVEN_EFFECT]), UnevenEstimator()
+        if used.effects == "auto":
+            used, records = with_records(used, records)
+            before = now()
+            with time_limit(CHOICE_SHARE * left), stage("choose"):
+                choice = choose_from_data(used, records, report)
+            left -= now() - before
+            used = used.with_effects(choice.effects)
+        task = _prepared(used, records, asked, starts, seed, report)
+        with time_limit(left), tracing() as trace:
+            if choice is not None and choice.unfinished:
+                trace.not_tried.append("comparison of effects")
+            if estimator is None:
+                logs, findings = plain_or_uneven(task)
+            else:
+                logs, findings = task.prepared, estimated_by(estimator, task)
+            findings, proposed = _with_next_logs(findings, trace, report)
+        findings = _with_trace(findings, trace, used.time_limit)
     report(LAST_STAGE, 0.95)
-    findings, curves = found.findings, _curves(found.logs, found.findings)
+    curves = _curves(logs, findings)
     seconds["total"] = taken = time.perf_counter() - began
     processor, in_functions = time.process_time() - worked, Mapped.total - in_functions
-    result = result_of(found.scene, found.logs, findings, seconds, seed, found.choice)
+    result = result_of(used, logs, findings, seconds, seed, choice)
     if findings.status is Status.CONVERGED:
         solving = (result.timing_s["build"] + result.timing_s["solve"]) / max(len(findings.trace.trials), 1)
         spent = FitSeconds(processor, in_functions / taken, solving / taken * processor)
         result = replace(result, accuracy=accuracy_result(findings, asked.accuracy, spent))
-    used = (stated if stated.effects != "auto" else found.scene).as_document()
+    document = (stated if stated.effects != "auto" else used).as_document()
     result = replace(
         result,
-        next_logs=() if found.advice is None else found.advice.logs,
+        next_logs=proposed,
         notes=(*drives, *result.notes),
-        provenance={**result.provenance, "scene": used, "starts": found.starts, "asked": asked.document()},
+        provenance={**result.provenance, "scene": document, "starts": task.starts, "asked": asked.document()},
     )
     report(LAST_STAGE, 1.0)
     return Fit(result.to_dict(), curves)
@@ -164,59 +175,19 @@ def find(
     asked: FitOptions = DEFAULT_OPTIONS,
 ) -> tuple[list[Prepared], Findings]:
     """The estimation of `fit` by multiple shooting, without its report; arguments and errors as there."""
-    task = _prepared(scene, records, progress, asked, seed)
+    task = _prepared(scene, records, asked, starts, seed, progress)
     with time_limit((1.0 - REPORT_SHARE) * task.scene.time_limit), tracing() as trace:
-        logs, findings = _estimated(task, starts or _default_starts(scene), progress)
+        logs, findings = _estimated(task)
     return logs, _with_trace(findings, trace, task.scene.time_limit)
 
 
-def _identified(
+def _prepared(
     scene: Scene,
     records: Sequence[Record] | None,
-    progress: Progress,
+    options: FitOptions,
     starts: Sources | None,
     seed: int,
-    options: FitOptions,
-    estimator: Estimator | None,
-) -> _Identified:
-    """Choose effects where the scene asks for it, and estimate; arguments and errors as `fit`."""
-    choice, left = None, (1.0 - REPORT_SHARE) * scene.time_limit  # [s]
-    if estimator is None and asks_for_uneven(scene):
-        scene, estimator = scene.with_effects([e for e in scene.effects if e != UNEVEN_EFFECT]), UnevenEstimator()
-    if scene.effects == "auto":
-        scene, records = with_records(scene, records)
-        before = now()
-        with time_limit(CHOICE_SHARE * left), stage("choose"):
-            choice = choose_from_data(scene, records, progress)
-        left -= now() - before
-        scene = scene.with_effects(choice.effects)
-    starts = starts or _default_starts(scene)
-    task = _prepared(scene, records, progress, options, seed)
-    advice = None
-    with time_limit(left), tracing() as trace:
-        if choice is not None and choice.unfinished:
-            trace.not_tried.append("comparison of effects")
-        if estimator is None:
-            logs, findings = plain_or_uneven(task, starts, progress)
-        else:
-            logs, findings = task.prepared, estimated_by(estimator, task, progress)
-        if findings.status is Status.CONVERGED and findings.attempt is not None:
-            progress("the log that would tell more", 0.95)
-            advice = next_logs(findings)
-            if advice is not None:
-                findings = advised(findings, advice)
-            elif time_is_up():
-                trace.not_tried.append("the log that would tell more")
-    findings = _with_trace(findings, trace, task.scene.time_limit)
-    return _Identified(scene, records, choice, starts, logs, findings, advice)
-
-
-def _default_starts(scene: Scene) -> Sources:
-    return "both" if user_start(scene) else "data"
-
-
-def _prepared(
-    scene: Scene, records: Sequence[Record] | None, progress: Progress, options: FitOptions, seed: int
+    progress: Progress,
 ) -> Task:
     """The task of a fit: its logs read, cut into parts and prepared.
 
@@ -246,7 +217,8 @@ def _prepared(
         made = prepare_scene(scene, read)
         for sentence in prefit_warnings(made.logs):
             progress(Notice(sentence), 0.08)
-    return Task(made.scene, made.records, made.logs, made.unknowns, options, seed)
+    starts = starts or ("both" if user_start(scene) else "data")
+    return Task(made.scene, made.records, made.logs, made.unknowns, options, starts, seed, progress)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -254,27 +226,27 @@ def _prepared(
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def plain_or_uneven(task: Task, starts: Sources, progress: Progress) -> tuple[list[Prepared], Findings]:
+def plain_or_uneven(task: Task) -> tuple[list[Prepared], Findings]:
     """What multiple shooting finds, and where it fails since cycles differ among themselves, the estimator of uneven
     records; where that fails too, what multiple shooting found."""
     differ = not alike([log for log in task.prepared if log.left_out is None])
     with time_limit((PLAIN_SHARE if differ else 1.0) * seconds_left()):
-        prepared, findings = _estimated(task, starts, progress)
+        prepared, findings = _estimated(task)
     if findings.status is Status.CONVERGED or alike([log for log in prepared if log.left_out is None]):
         return prepared, findings
     began = now()
-    found = estimated_by(UnevenEstimator(), replace(task, prepared=prepared), progress)
-    logs = tuple(i + 1 for i in range(len(prepared)) if i not in found.left_out)
+    uneven = estimated_by(UnevenEstimator(), replace(task, prepared=prepared))
+    logs = tuple(i + 1 for i in range(len(prepared)) if i not in uneven.left_out)
     with tracing() as trace:
-        trace.trials.append(Trial("uneven estimator", logs, found.status.value, None, now() - began))
-    if found.status is not Status.CONVERGED:
-        return prepared, replace(findings, message=f"{findings.message}; {found.message}")
-    return prepared, found
+        trace.trials.append(Trial("uneven estimator", logs, uneven.status.value, None, now() - began))
+    if uneven.status is not Status.CONVERGED:
+        return prepared, replace(findings, message=f"{findings.message}; {uneven.message}")
+    return prepared, uneven
 
 
-def estimated_by(estimator: Estimator, task: Task, progress: Progress) -> Findings:
+def estimated_by(estimator: Estimator, task: Task) -> Findings:
     """What another estimator finds, as the result document takes it."""
-    found = estimator.estimate(EstimationTask(task.scene, task.prepared, task.unknowns, task.seed, progress))
+    found = estimator.estimate(EstimationTask(task.scene, task.prepared, task.unknowns, task.seed, task.progress))
     return Findings(
         found.status,
         found.message,
@@ -293,70 +265,45 @@ def asks_for_uneven(scene: Scene) -> bool:
     return effect.unfit(scene.values()) is not None
 
 
-def _estimated(task: Task, sources: Sources, progress: Progress) -> tuple[list[Prepared], Findings]:
+def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
     """The logs as they were fitted and what was found: started, solved and tested, then quantified or explained."""
     prepared, unknowns = task.prepared, task.unknowns
     if refused := wrong_unit(prepared):
         return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns)
     with time_limit(SEARCH_SHARE * seconds_left()):
-        attempt, left_out = search(SearchProblem(prepared, unknowns, sources, task.seed, progress=progress))
-        if attempt is not None and unknowns.model.vibrates:
-            progress("solving from other starts", 0.85)
-            first = attempt
-            with stage("solve"):
-                other = run_strategy(
-                    Strategy.VIBRATION_STARTS, lambda: multistart_around(first, prepared, unknowns, task.seed), first
-                )
-            attempt = other or attempt
+        attempt, left_out = search(SearchProblem(prepared, unknowns, task.starts, task.seed, progress=task.progress))
     if attempt is not None:
         prepared = with_strengths(prepared, attempt.fitted_logs[0].data.strength_sd)
     with stage("intervals"):
-        progress("intervals", 0.9)
-        findings = _quantified(task, prepared, attempt, left_out, progress)
-        if findings.status is Status.CONVERGED and findings.attempt and (average := smoothed(findings.attempt)):
-            return prepared, replace(findings, status=Status.MODEL_MISFIT, message=average)
-        findings, better = explain(findings, task.scene, task.records, prepared, progress)
+        task.progress("intervals", 0.9)
+        findings = _quantified(task, prepared, attempt, left_out)
+        findings, better = explain(findings, task.scene, task.records, prepared, task.progress)
         if better is not None:  # another optimum of the same model
             left_out = {i: why for i, why in left_out.items() if i not in better.log_numbers}
-            findings = _quantified(
-                task, prepared, replace(better, found_by=(Strategy.CAUSES.title,)), left_out, progress
-            )
+            findings = _quantified(task, prepared, replace(better, found_by=(Strategy.CAUSES.value,)), left_out)
     return prepared, findings
 
 
-def _quantified(
-    task: Task, prepared: list[Prepared], attempt: Attempt | None, left_out: dict[int, str], progress: Progress
-) -> Findings:
+def _quantified(task: Task, prepared: list[Prepared], attempt: Attempt | None, left_out: dict[int, str]) -> Findings:
     """Status, sentence, estimates and intervals of where a search ended."""
     scene, unknowns = task.scene, task.unknowns
     if attempt is None:
         return Findings(*untried(prepared, left_out), unknowns, left_out=left_out)
     if not np.all(np.isfinite(attempt.solved.theta)):
         return Findings(*ended(attempt, {}), unknowns, attempt, left_out)
-    sure = certainty(
-        attempt,
-        unknowns,
-        unknowns.base(stated_rig(scene)),
-        task.options,
-        speed_tolerance=scene.rig.tolerances.get("drive_speed", 0.0),
-        seed=task.seed,
-        progress=progress,
-    )
+    rig, speed_error = stated_rig(scene), scene.rig.tolerances.get("drive_speed", 0.0)
+    question = Question(unknowns, unknowns.base(rig), task.options, speed_error, task.seed, task.progress)
+    sure = certainty(attempt, question)
     if sure is None:
         return Findings(Status.SOLVER_FAILED, underivable(attempt), unknowns, attempt, left_out)
-    attempt = sure.attempt
-    theta = attempt.solved.theta
-    bounds: dict[str, str] = {}
+    attempt, theta, bounds = sure.attempt, sure.attempt.solved.theta, dict[str, str]()
     for at in (theta, *(trajectory.theta(theta) for trajectory in attempt.solved.trajectories)):
         bounds = at_bounds(unknowns, at) | bounds
-    status, message = ended(attempt, bounds)
-    held = []
+    status, message = sure.refused or ended(attempt, bounds)
     if status is Status.CONVERGED:
-        message = what_is_held(attempt.fitted_logs, attempt.solved.trajectories, sure.colours) or message
-    if attempt.gate.status is Status.CONVERGED:
-        inflation = largest_inflation(attempt, sure.colours)
-        tolerances = scene.rig.tolerances
-        held = against_data(sure.information, theta, stated_rig(scene), inflation, tolerances=tolerances)
+        message = slides_only(attempt.fitted_logs, attempt.solved.trajectories) or message
+    accepted = attempt.fits and sure.refused is None
+    held = against_data(attempt, unknowns, rig, largest_inflation(attempt, sure.noise)) if accepted else []
     return Findings(status, message, unknowns, attempt, left_out, sure, held)
 
 
@@ -365,24 +312,32 @@ def _quantified(
 # ----------------------------------------------------------------------------------------------------------------------
 
 
+def _with_next_logs(findings: Findings, trace: Trace, progress: Progress) -> tuple[Findings, tuple[NextLogResult, ...]]:
+    """Findings of an answer with the log to add beside every verdict that leaves something open, and these logs."""
+    if findings.status is not Status.CONVERGED or findings.attempt is None:
+        return findings, ()
+    progress("the log that would tell more", 0.95)
+    advice = next_logs(findings)
+    if advice is not None:
+        return advised(findings, advice), advice.logs
+    if time_is_up():
+        trace.not_tried.append("the log that would tell more")
+    return findings, ()
+
+
 def _with_trace(findings: Findings, trace: Trace, limit: float) -> Findings:
     """Findings with what was tried for them, and, in the sentence, what the time limit [s] did not suffice for."""
     trace.found_by = () if findings.attempt is None else findings.attempt.found_by
-    late = ""
-    if trace.not_tried:
-        begun = tuple(trial.strategy for trial in trace.trials)
-        parts = [f"{part} (begun)" if any(t.startswith(part) for t in begun) else part for part in trace.not_tried]
-        late = f"; the time limit of {limit:g} s left no time for: {', '.join(parts)} (see search in result.json); "
-        late += _more_time(limit)
-    return replace(findings, trace=trace, message=f"{findings.message}{late}")
-
-
-def _more_time(limit: float) -> str:
-    """What to do where the time [s] did not suffice."""
+    if not trace.not_tried:
+        return replace(findings, trace=trace)
+    begun = tuple(trial.strategy for trial in trace.trials)
+    parts = [f"{part} (begun)" if any(t.startswith(part) for t in begun) else part for part in trace.not_tried]
+    more = "fit fewer or shorter logs together, or fix under [parameters] what is known otherwise"
     if limit < LONGEST_ADVISED:
         longer = min(TIMES_LONGER * limit, LONGEST_ADVISED)
-        return f'a longer one: --time-limit "{longer:g} s", or time_limit under [fit] in the scene'
-    return "fit fewer or shorter logs together, or fix under [parameters] what is known otherwise"
+        more = f'a longer one: --time-limit "{longer:g} s", or time_limit under [fit] in the scene'
+    late = f"the time limit of {limit:g} s left no time for: {', '.join(parts)} (see search in result.json); {more}"
+    return replace(findings, trace=trace, message=f"{findings.message}; {late}")
 
 
 def _curves(prepared: list[Prepared], findings: Findings) -> tuple[LogCurves, ...]:
@@ -403,6 +358,6 @@ def _curves(prepared: list[Prepared], findings: Findings) -> tuple[LogCurves, ..
         curves[number] = fitted_curves(
             attempt.fitted_logs[place], unknowns, solved.theta, solved.trajectories[place], fitted[place], z
         )
-        if attempt.gate.status is not Status.CONVERGED:
+        if findings.status not in (Status.CONVERGED, Status.AT_BOUND):
             curves[number] = refused_curves(prepared[number], curves[number])
     return tuple(curves)

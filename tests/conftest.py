@@ -21,7 +21,6 @@ import pytest
 
 from identify import identification
 from identify.base import budget, compiled, native
-from identify.estimation import starts
 from identify.estimation.strategies import Strategy, tracing
 from identify.simulation.cost import SimulationCost
 from identify.uneven.slip_functions import slip_functions
@@ -110,9 +109,8 @@ def no_cost(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def one_try(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def one_try() -> Iterator[None]:
     """A search that gives up after its first start: for what has no answer, the others only take time."""
-    monkeypatch.setattr(starts, "RANDOM", ())
     with tracing((Strategy.FURTHER_STARTS,)):
         yield
 

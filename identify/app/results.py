@@ -20,7 +20,7 @@ from identify.report.summary import accuracy_text, tolerances_text
 
 Array = NDArray[np.float64]
 SHOWN = ("status", "message", "parameters", "gate", "fit", "search", "not_tried", "found_by", "next_logs", "notes",
-         "accuracy", "timing_s", "combinations")  # fmt: skip
+         "accuracy", "timing_s")  # fmt: skip
 
 
 def fit_seen(folder: Folder, name: str) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.app.folder import PageError
-from identify.estimation.preview import preview
+from identify.estimation.starts import preview
 from identify.logs.regime import Regime
 from identify.logs.scene_records import with_drives, with_records
 from identify.logs.segmented import Segmented

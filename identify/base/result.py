@@ -233,36 +233,6 @@ class ToleranceResult:
 
 
 @dataclass(frozen=True)
-class NaturalResult:
-    """A combination of parameters that is known better than its loosest part, by the factor `sharper`."""
-
-    name: str
-    meaning: str
-    value: float | None
-    unit: str
-    standard_error: float | None
-    interval: Interval
-    sharper: float | None
-
-
-@dataclass(frozen=True)
-class DirectionResult:
-    """A direction in which the parameters are known together: its size, what moves by how much, in words."""
-
-    size: float | None
-    moves: Mapping[str, float]
-    text: str
-
-
-@dataclass(frozen=True)
-class CombinationsResult:
-    """What is known better together than alone, and the directions from best to worst known."""
-
-    natural: tuple[NaturalResult, ...] = ()
-    directions: tuple[DirectionResult, ...] = ()
-
-
-@dataclass(frozen=True)
 class NoiseResult:
     """For how many samples the noise of each log remembers, and by how much that widens each parameter's error."""
 
@@ -485,7 +455,6 @@ class Result:
     not_tried: tuple[str, ...] = ()
     rig_sensitivity: Mapping[str, Mapping[str, Shift]] | None = field(default=None, metadata=OMITTED)
     tolerances: Mapping[str, ToleranceResult] | None = field(default=None, metadata=OMITTED)
-    combinations: CombinationsResult | None = field(default=None, metadata=OMITTED)
     noise: NoiseResult | None = field(default=None, metadata=OMITTED)
     profile: ProfileResult | None = field(default=None, metadata=OMITTED)
     optima: tuple[OptimumResult, ...] | None = field(default=None, metadata=OMITTED)

@@ -25,7 +25,7 @@ from identify.base.budget import time_is_up
 from identify.base.errors import SimulationError
 from identify.base.quantiles import NORMAL
 from identify.estimation.covariance import IDENTIFIED, inverse, sizes
-from identify.estimation.hints import WANTED, round_up
+from identify.estimation.fit_wording import WANTED, round_up
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION
 from identify.shooting.transcription import BOUNDED_START_SD

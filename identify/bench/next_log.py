@@ -17,7 +17,7 @@ from identify.bench.plan import BUDGET, LONGEST, dialled, drawn_places, driven
 from identify.bench.plan_words import two_figures
 from identify.diagnosis.findings import Findings
 from identify.estimation.covariance import IDENTIFIED, Estimate, inverse
-from identify.estimation.hints import hints, onsets
+from identify.estimation.fit_wording import hints, onsets
 from identify.logs.vibration import rhythmic
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def _knowledge(found: Findings) -> Knowledge | None:
     places = drawn_places(unknowns, theta, precision, log.data.base)
     shared = inverse(sure.covariance[np.ix_(kept, kept)])
     load_sd = float(np.median(log.data.onset_load_sd_at(trajectory.loaded_at))) if trajectory.parts else 0.0
-    apart = [each.data.interval * colour.memory for (each, _), colour in zip(pairs, sure.colours, strict=True)]
+    apart = [each.data.interval * model.inflation for (each, _), model in zip(pairs, sure.noise, strict=True)]
     return Knowledge(
         unknowns,
         kept,
@@ -92,7 +92,7 @@ def _knowledge(found: Findings) -> Knowledge | None:
         load_sd / log.mean_load,
         1.0 / min(each.data.interval for each, _ in pairs),
         LONGEST,
-        apart=max(apart) if any(not colour.white for colour in sure.colours) else 0.0,
+        apart=max(apart) if any(not model.white for model in sure.noise) else 0.0,
     )
 
 

@@ -1,29 +1,16 @@
-"""Which effects a model takes and why; `effects = "auto"` without logs, by the numbers of a scene.
-
-Without logs all that the scene speaks of is simulated together; then each effect is left out by itself, and stays where
-that changes drop, period or level of friction by more than the tolerance at one of the operating points.
-"""
+"""Which effects a model takes and why; `effects = "auto"` without logs, by the numbers of a scene."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from identify.base.errors import SceneError, SimulationError
+from identify.base.errors import SceneError
 from identify.base.result import EffectReason, EffectsResult
 from identify.effects import ALL, MAIN
-from identify.effects.quantities import Effect
-from identify.effects.typical import fall, slip_time, stick_time
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.simulation.simulate import initial_states, run
 
-TOLERANCE = 0.01  # relative change of drop, period or level from which an effect stays
-CYCLES = 12.0  # that are simulated; the first half settles
-ACCURACY = 1e-6
-SLIDES, STICKS = "slides without sticking", "sticks and slips where it slides with it"
 NORMAL_FORCE = 1.0  # [N], where neither rig nor logs state one
 
 
@@ -71,46 +58,29 @@ def price(effect: str, effects: Sequence[str]) -> str:
     return f"{states} states, {after - before} operations ({share:+.0f} %), {parameters} parameters"
 
 
-@dataclass(frozen=True)
-class CycleNumbers:
-    """What a motion settles to: drop [N] and period [s] of its cycles (0 without any), mean force [N]."""
-
-    drop: float
-    period: float
-    level: float
-
-
-def choose_from_numbers(scene: Scene, tolerance: float = TOLERANCE) -> Choice:
-    """The effects that the numbers of a scene call for, each with its reason.
-
-    Candidates are those of the paper's model and every effect of which the scene gives a number.
-
-    Parameters
-    ----------
-    tolerance: relative change of drop, period or level from which an effect stays.
+def choose_from_numbers(scene: Scene) -> Choice:
+    """The effects that the numbers of a scene call for, without logs: those of the paper's model, and every effect of
+    which the scene gives a number.
 
     Raises
     ------
-    SceneError: effects that do not go together, or no drive speed.
-    SimulationError: the model of all candidates cannot be simulated.
+    SceneError: effects that do not go together.
     """
-    candidates = _candidates(scene)
-    full = scene.with_effects(candidates)
-    points = _points(full)
-    whole = [_settled(full, *point) for point in points]
-    kept, reasons = [], list[EffectReason]()
+    chosen = _candidates(scene)
+    full, rigs = scene.with_effects(chosen), [scene.rig_for(entry) for entry in scene.logs] or [scene.rig]
+    values, reasons = full.values(), list[EffectReason]()
+    speed = next((r.drive_speed for r in rigs if isinstance(r.drive_speed, float) and r.drive_speed), None)
     for effect in ALL:
-        if effect.name not in full.model.effects:
-            reasons.append(EffectReason(effect.name, False, "the scene gives no number of it"))
-            continue
-        error, sentence = _without(full, effect, points, whole)
-        stays = error is None or error > tolerance
-        matters = effect.importance(full.values(), points[0][1], points[0][0])
-        kept += [effect.name, *effect.needs] if stays else []
-        words = f"{matters.sentence}; {sentence}" if matters else sentence
-        group, value = (matters.group, matters.value) if matters else ("", None)
-        reasons.append(EffectReason(effect.name, stays, words, group, value, error, price(effect.name, candidates)))
-    return Choice(tuple(e.name for e in ALL if e.name in kept), tuple(reasons))
+        kept = effect.name in full.model.effects
+        sentence, group, value = "the scene gives no number of it", "", None
+        if kept:
+            sentence = "it is part of the paper's model" if effect.name in MAIN else "the scene gives a number of it"
+            matters = effect.importance(values, rigs[0].normal_force or NORMAL_FORCE, abs(speed)) if speed else None
+            if matters is not None:
+                sentence, group, value = f"{matters.sentence}; {sentence}", matters.group, matters.value
+        cost = price(effect.name, chosen) if kept else ""
+        reasons.append(EffectReason(effect.name, kept, sentence, group, value, cost=cost))
+    return Choice(tuple(e.name for e in ALL if e.name in full.model.effects), tuple(reasons))
 
 
 def _candidates(scene: Scene) -> tuple[str, ...]:
@@ -125,67 +95,3 @@ def _candidates(scene: Scene) -> tuple[str, ...]:
     for effect in ALL:
         wanted |= set(effect.needs) if effect.name in wanted else set()
     return tuple(e.name for e in ALL if e.name in wanted)
-
-
-def _points(scene: Scene) -> list[tuple[float, float]]:
-    """Drive speeds [m/s] and normal forces [N] of the scene: those of its logs, else that of its rig."""
-    out = []
-    for rig in [scene.rig_for(entry) for entry in scene.logs] or [scene.rig]:
-        speeds = [v for _, v in rig.drive_speed] if isinstance(rig.drive_speed, tuple) else [rig.drive_speed]
-        out += [(abs(v), rig.normal_force or NORMAL_FORCE) for v in speeds if v]
-    if not out:
-        raise SceneError('the scene has no drive speed; give drive_speed = "… mm/s" under [rig]')
-    return list(dict.fromkeys(out))
-
-
-def _settled(scene: Scene, drive_speed: float, normal_force: float) -> CycleNumbers:
-    """What the motion of a scene settles to at an operating point."""
-    model, values = scene.model, scene.values()
-    p = np.array([values[name] for name in model.parameter_names])
-    start = initial_states(model, p, np.array([drive_speed, normal_force, 1.0, 0.0]), {})
-    loading = values["stiffness"] * drive_speed
-    cycle = stick_time(values, normal_force, drive_speed) + slip_time(values, normal_force, drive_speed)
-    first = values["mu_s"] * normal_force / loading
-    duration = 1.5 * first + CYCLES * max(cycle, fall(values, normal_force) / loading)
-    motion = run(model, values, drive_speed, normal_force, duration, start=start, accuracy=ACCURACY)
-    half = 0.5 * duration
-    level = float(np.mean(motion.sample(np.linspace(half, duration, 4001)[:-1])["force"]))
-    arrests = motion.arrests[motion.arrests > half]
-    last = arrests[-1] if arrests.size else 0.0
-    onsets = motion.onsets[(motion.onsets > half) & (motion.onsets < last)]
-    if onsets.size < 2:
-        return CycleNumbers(0.0, 0.0, level)
-    ends = arrests[np.searchsorted(arrests, onsets, side="right")]
-    drops = motion.sample(onsets)["force"] - motion.sample(ends)["force"]
-    return CycleNumbers(float(np.mean(drops)), float((onsets[-1] - onsets[0]) / (onsets.size - 1)), level)
-
-
-def _without(
-    scene: Scene, effect: Effect, points: Sequence[tuple[float, float]], whole: Sequence[CycleNumbers]
-) -> tuple[float | None, str]:
-    """Largest relative change without an effect (None: it cannot be left out), and a sentence."""
-    dependent = [e.name for e in ALL if effect.name in e.needs]
-    names = [n for n in scene.model.effects if n != effect.name and n not in dependent]
-    try:
-        assemble(tuple(names))
-        smaller = scene.with_effects(names)
-        left = [_settled(smaller, *point) for point in points]
-    except (SceneError, SimulationError) as refused:
-        return None, f"it cannot be left out: {refused}"
-    changes = [_change(a, b) for a, b in zip(whole, left, strict=True)]
-    worst = int(np.argmax([c[0] for c in changes]))
-    error, what = changes[worst]
-    if what in (SLIDES, STICKS):
-        return error, f"without it the mass {what}"
-    at = f" at {1e3 * points[worst][0]:.3g} mm/s" if len(points) > 1 else ""
-    return error, f"without it the {what} changes by {100 * error:.2g} %{at}"
-
-
-def _change(whole: CycleNumbers, left: CycleNumbers) -> tuple[float, str]:
-    """Largest relative change, and of what."""
-    if (whole.drop > 0.0) != (left.drop > 0.0):
-        return 1.0, SLIDES if whole.drop > 0.0 else STICKS
-    changes = [(abs(left.level / whole.level - 1.0), "mean friction force")]
-    if whole.drop > 0.0:
-        changes += [(abs(left.drop / whole.drop - 1.0), "drop"), (abs(left.period / whole.period - 1.0), "period")]
-    return max(changes)

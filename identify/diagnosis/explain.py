@@ -28,16 +28,17 @@ from identify.diagnosis.quantities import (
     Suggestion,
     held_quantities,
     in_series,
+    smoothed,
     suggestion,
     unknowns_of,
 )
 from identify.diagnosis.score_test import ALIKE, Column, Score, ScoreTable, score_table
-from identify.estimation.agreement import largest_inflation, noise_of
-from identify.estimation.attempt import Attempt, retested, solve_again, solve_from
+from identify.estimation.attempt import Attempt, solve_again, solve_from
 from identify.estimation.covariance import sizes
+from identify.estimation.fit_wording import EXCHANGE, wrong_unit
+from identify.estimation.influence import largest_inflation, noise_of
 from identify.estimation.search import SearchProblem, required_logs, search
-from identify.estimation.status_words import EXCHANGE, wrong_unit
-from identify.estimation.strategies import Strategy, as_one_trial, cut_short, may_run
+from identify.estimation.strategies import Strategy, as_one_trial, may_run
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
@@ -49,13 +50,12 @@ Array = NDArray[np.float64]
 MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)
 CLEAR = 16.0  # fall of chi^2 that noise does not reach
 REMAINS = 0.1  # share of a misfit that may remain where its cause is named
-SMOOTHED_REMAINS = 0.5  # the same where the signal was smoothed, and with it the noise that the misfit is measured by
 MATTERS = 0.05  # of its size by which a parameter must move for an answer that fits to be refused
-TRIES = 3  # quantities that are fitted again at most
+REFITTED = 3  # quantities that are fitted again at most
 ROUNDS = 6  # solves with a quantity moved, each from the step of the one before
 SETTLED = 0.3  # standard errors: a step that is smaller is the last one
-REMEMBERED = 2.0  # samples that count as one: noise that a treatment of the signal may have left
-LISTED = 12  # causes in the table
+AUTOCORRELATED = 2.0  # samples that count as one: noise that a treatment of the signal may have left
+LISTED, SEEN = 12, 2  # causes in the table; findings of the quality gate that are named
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,11 @@ class _Cause:
     error: float = np.inf
     alike: tuple[tuple[Score, float], ...] = ()
 
+    @property
+    def all(self) -> list[tuple[Score, float, float]]:
+        """Quantity, move and standard error: its own, then of what looks like it."""
+        return [(self.score, self.size, self.error), *((one, size, one.error) for one, size in self.alike)]
+
 
 def explain(
     findings: Findings, scene: Scene, read: Sequence[Record], prepared: Sequence[Prepared], progress: Progress
@@ -81,72 +86,87 @@ def explain(
         read: the records of the scene; prepared: the logs as they are followed.
     """
     attempt = findings.attempt
+    refused = ""
     if findings.status in MISFITS:
-        if swapped := _swapped(prepared):
-            message = f"normal force and friction force look swapped in {swapped}; {EXCHANGE}"
-            return replace(findings, status=Status.MODEL_MISFIT, message=message), None
-        if attempt is None and (unit := wrong_unit(prepared, placed=False)):
-            return replace(findings, status=Status.MODEL_MISFIT, message=unit), None
+        others = [log for log in prepared if log.left_out is None and not log.judgement.swapped]
+        swapped = dict.fromkeys(log.entry.path.name for log in prepared if log.judgement.swapped)
+        if swapped and not others:
+            refused = f"normal force and friction force look swapped in {', '.join(swapped)}; {EXCHANGE}"
+        elif attempt is None:
+            refused = wrong_unit(prepared, placed=False)
+    if attempt is not None and not refused and findings.status is not Status.AT_BOUND:
+        refused = smoothed(attempt)
+    if refused:
+        return replace(findings, status=Status.MODEL_MISFIT, message=refused), None
+    if findings.status in MISFITS:
         if attempt is None or any(log.unlike for log in prepared):
             return _unexplained(findings, prepared), None
     elif attempt is None or findings.status not in (Status.CONVERGED, Status.AT_BOUND) or not _doubtful(findings):
         return findings, None
     progress("looking for what is wrong", 0.95)
-    return _looked_for(findings, scene, read, Fitted(scene, findings.unknowns, tuple(prepared), attempt))
+    return _with_cause(findings, scene, read, Fitted(scene, findings.unknowns, tuple(prepared), attempt))
 
 
-def _looked_for(
+def _doubtful(findings: Findings) -> bool:
+    """Whether what fits is looked at again: the data contradict the rig as it was stated, noise is autocorrelated,
+    friction rises with the sliding speed, which is rare and what a lagging sensor makes of friction that falls, or the
+    scene says something of a parameter."""
+    unknowns, attempt = findings.unknowns, findings.attempt
+    assert attempt is not None
+    change = next((e.value for e in findings.estimates if e.name == "delta_mu_k" and e.verdict != "fixed"), None)
+    friction = np.array([p.kind == "friction" for p in unknowns.model.parameters])
+    theta, near = attempt.solved.theta, 1e-6 * unknowns.spread
+    sits = (theta - unknowns.lower < near) & unknowns.walls[0] | (unknowns.upper - theta < near) & unknowns.walls[1]
+    stated = (~unknowns.free | np.isfinite(unknowns.prior_sd) | sits) & friction
+    return bool(
+        any(held.contradicted for held in findings.held)
+        or (change is not None and change > 0.0)
+        or np.any(stated)
+        or any(model.inflation > AUTOCORRELATED for model in (findings.sure.noise if findings.sure else ()))
+    )
+
+
+def _with_cause(
     findings: Findings, scene: Scene, read: Sequence[Record], ended: Fitted
 ) -> tuple[Findings, Attempt | None]:
     """The findings with the cause that the score test names, where setting it free confirms it."""
     attempt, unknowns = ended.attempt, ended.unknowns
     assert attempt is not None
-    fits = _within_noise(attempt) or ended.fits
+    fits = attempt.fits or ended.fits
     table = _scores(attempt, held_quantities(attempt, unknowns))
     if table is None:
         return _unexplained(findings, ended.prepared), None
+    # First one of each class, by its highest score, and of a class that which has to move least for what is usual.
+    classes = [sorted(some, key=lambda one: abs(one.step) / one.column.usual) for some in table.classes(CLEAR)]
+    ordered = [one for row in zip_longest(*classes) for one in row if one is not None]
     causes, tries = list[_Cause](), 0
-    for score in _in_order(table):
+    for score in ordered:
         # What passes as autocorrelated noise may yet be a misfit that another cause has not.
         settled = any(replace(ended, attempt=cause.attempt).fits for cause in causes)
         as_likely = score.score > ALIKE**2 * table.scores[0].score
-        if tries == TRIES or (settled and not as_likely) or not may_run(Strategy.CAUSES):
+        if tries == REFITTED or (settled and not as_likely) or not may_run(Strategy.CAUSES):
             break
-        if any(_is(score, one) for cause in causes for one, _ in cause.alike):
+        if any(score.key == one.key for cause in causes for one, _ in cause.alike):
             continue
         tries += 1
         with as_one_trial(Strategy.CAUSES, score.column.name):
             cause = _refitted(scene, read, ended, score)
-        if cause is None or not _explains(cause, attempt, fits=fits):
+        if cause is None:
+            continue
+        # Of an answer that fits already it has to fit clearly better, else to leave little of the misfit.
+        clearly = attempt.excess - CLEAR * _inflation(attempt) if fits else REMAINS * attempt.excess
+        if not (cause.attempt.excess < clearly or (cause.attempt.fits and not fits)):
             continue
         cause = _with_alike(cause)
         if (better := _as_stated(cause, ended)) is not None:
             return findings, better
         causes.append(cause)
-        if score.column.whole:
-            break
     causes.sort(key=lambda cause: cause.attempt.excess)
     causes = [each for each in causes if each.attempt.excess < causes[0].attempt.excess + CLEAR]
     findings = replace(findings, causes=_rows(scene, attempt, unknowns, table, causes))
     if causes:
         return _caused(findings, scene, causes, fits=fits), None
     return _unexplained(findings, ended.prepared) if findings.status in MISFITS else findings, None
-
-
-def _is(one: Score, other: Score) -> bool:
-    return (one.column.name, one.log) == (other.column.name, other.log)
-
-
-def _in_order(table: ScoreTable) -> list[Score]:
-    """The quantities that noise does not explain, in the order in which they are fitted again: first one of each class,
-    by its highest score, and of a class that which has to move least, in units of what is usual."""
-    classes = [sorted((one for one in some if one.score > CLEAR), key=_unusual) for some in table.classes()]
-    return [one for row in zip_longest(*classes) for one in row if one is not None]
-
-
-def _unusual(score: Score) -> float:
-    """A move in units of what is usual for its quantity; none for what the noise shows by itself."""
-    return 0.0 if score.column.whole else abs(score.step) / score.column.usual
 
 
 def _scores(attempt: Attempt, columns: Sequence[Column], held: Sequence[int] = ()) -> ScoreTable | None:
@@ -158,7 +178,7 @@ def _scores(attempt: Attempt, columns: Sequence[Column], held: Sequence[int] = (
 
 
 def _inflation(attempt: Attempt) -> float:
-    return largest_inflation(attempt, noise_of(attempt).colours)
+    return largest_inflation(attempt, noise_of(attempt))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -169,33 +189,47 @@ def _inflation(attempt: Attempt) -> float:
 
 def _refitted(scene: Scene, read: Sequence[Record], ended: Fitted, score: Score) -> _Cause | None:
     """None where that leads to no answer of the same logs, or farther off than any statement is."""
-    name = score.column.name
-    if name in ended.unknowns.names:
-        found = _set_free(ended, score)
-    elif name in EFFECTS:
-        found = _with_effect(scene, read, ended, score)
+    if score.column.name in ended.unknowns.names:
+        cause = _set_free(ended, score)
+    elif score.column.name in EFFECTS:
+        cause = _with_effect(scene, read, ended, score)
     else:
-        found = _moved(ended, score)
-    if found is None or not np.isfinite(found.attempt.excess) or not abs(found.size) < score.column.most:
+        cause = _moved(ended, score)
+    if cause is None or not np.isfinite(cause.attempt.excess) or not abs(cause.size) < score.column.most:
         return None
-    return found if set(found.attempt.log_numbers) >= set(ended.logs) else None
+    return cause if set(cause.attempt.log_numbers) >= set(ended.logs) else None
 
 
 def _set_free(ended: Fitted, score: Score) -> _Cause | None:
-    """The fit with a parameter free: from the data, and where that does not fit from where the score points."""
-    attempt, unknowns, prepared = ended.attempt, ended.unknowns, list(ended.prepared)
+    """The fit with a parameter free, whatever the scene says of it: from the data, and where that does not fit from
+    where the score points."""
+    attempt, unknowns = ended.attempt, ended.unknowns
     assert attempt is not None
     i = unknowns.names.index(score.column.name)
-    before = float(attempt.solved.theta[unknowns.source[i]])
-    freed = _without_restraint(unknowns, i, before)
-    theta = attempt.solved.theta.copy()
-    theta[np.flatnonzero(unknowns.free)] += score.shift
-    theta[i] = before + score.step
-    moved = replace(freed, start=np.clip(theta, freed.lower, freed.upper))
-    data = replace(freed, start=np.where(np.arange(theta.size) == i, moved.start, freed.start))
-    found, _ = search(SearchProblem(prepared, data, thorough=False))
-    if found is None or not _within_noise(found):
-        other = solve_again(attempt, moved)
+    before, declared = float(attempt.solved.theta[unknowns.source[i]]), unknowns.model.parameters[i]
+    with np.errstate(divide="ignore"):
+        ends = np.array([declared.lower, declared.upper])
+        low, high = np.log(ends) if declared.scale == "log" else ends
+    if declared.name in RIG_PARAMETERS:
+        low, high = before - REACH, before + REACH
+    at = np.arange(unknowns.free.size) == i
+    freed = replace(
+        unknowns,
+        free=unknowns.free | at,
+        start=np.where(at, np.clip(before + score.step, low, high), unknowns.start),
+        lower=np.where(at, low, unknowns.lower),
+        upper=np.where(at, high, unknowns.upper),
+        prior_sd=np.where(at, np.inf, unknowns.prior_sd),
+        prior_about=np.where(at, -1, unknowns.prior_about),
+        walls=unknowns.walls & ~at,
+        ties=tuple(tie for tie in unknowns.ties if tie[0] != i),
+    )
+    found, _ = search(SearchProblem(list(ended.prepared), freed, thorough=False))
+    if found is None or not found.fits:
+        theta = attempt.solved.theta.copy()
+        theta[np.flatnonzero(unknowns.free)] += score.shift
+        theta[i] = before + score.step
+        other = solve_again(attempt, replace(freed, start=np.clip(theta, freed.lower, freed.upper)))
         found = other if found is None or other.excess < found.excess else found
     stated = float(unknowns.prior_mean[i]) if score.column.prior else before
     return _Cause(score, float(found.solved.theta[i]) - stated, found, freed)
@@ -214,9 +248,8 @@ def _with_effect(scene: Scene, read: Sequence[Record], ended: Fitted, score: Sco
     more = replace(more, parameters=parameters)
     try:
         found = fit_beside(ended, more, read)
-        if found.attempt is None or not _within_noise(found.attempt):
-            other = fit_model(more, read, thorough=False)
-            found = other if other.excess < found.excess else found
+        if found.attempt is None or not found.attempt.fits:
+            found = min(found, fit_model(more, read, thorough=False), key=lambda each: each.excess)
     except (FitError, SceneError):
         return None
     if found.attempt is None:
@@ -226,33 +259,11 @@ def _with_effect(scene: Scene, read: Sequence[Record], ended: Fitted, score: Sco
     return _Cause(score, float(np.exp(size)) if logarithmic else size, found.attempt, found.unknowns)
 
 
-def _without_restraint(unknowns: Unknowns, i: int, theta: float) -> Unknowns:
-    """The search in which parameter i is free, whatever the scene says of it, from theta."""
-    declared = unknowns.model.parameters[i]
-    with np.errstate(divide="ignore"):
-        ends = np.array([declared.lower, declared.upper])
-        low, high = np.log(ends) if declared.scale == "log" else ends
-    if declared.name in RIG_PARAMETERS:
-        low, high = theta - REACH, theta + REACH
-    at = np.arange(unknowns.free.size) == i
-    return replace(
-        unknowns,
-        free=unknowns.free | at,
-        start=np.where(at, theta, unknowns.start),
-        lower=np.where(at, low, unknowns.lower),
-        upper=np.where(at, high, unknowns.upper),
-        prior_sd=np.where(at, np.inf, unknowns.prior_sd),
-        prior_about=np.where(at, -1, unknowns.prior_about),
-        walls=unknowns.walls & ~at,
-        ties=tuple(tie for tie in unknowns.ties if tie[0] != i),
-    )
-
-
 def _moved(ended: Fitted, score: Score) -> _Cause | None:
     """The fit with a quantity that is none of the model moved, from step to step."""
     best, unknowns, column = ended.attempt, ended.unknowns, score.column
     assert best is not None and column.change is not None
-    size, known = float(np.clip(score.step, -column.most, column.most)), np.inf
+    size = float(np.clip(score.step, -column.most, column.most))
     theta = best.solved.theta.copy()
     theta[np.flatnonzero(unknowns.free)] += score.shift * size / score.step
     at = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
@@ -271,11 +282,6 @@ def _moved(ended: Fitted, score: Score) -> _Cause | None:
         if not np.isfinite(found.excess):
             return None
         best, at = found, replace(at, start=found.solved.theta)
-        if column.whole:
-            if known - found.excess < 1.0:
-                break
-            known = found.excess
-            continue
         again = _scores(best, [replace(column, at=size)])
         step = next((one for one in again.scores if one.log == score.log), None) if again is not None else None
         if step is None:
@@ -284,23 +290,6 @@ def _moved(ended: Fitted, score: Score) -> _Cause | None:
             break
         size = float(np.clip(size + step.step, -column.most, column.most))
     return _Cause(score, size, best, unknowns)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What a refit says: the cause, with what looks like it, or another answer of the model as it is stated.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-def _explains(cause: _Cause, attempt: Attempt, *, fits: bool) -> bool:
-    """Whether little is left of the misfit; of an answer that fits already, whether it fits clearly better."""
-    if fits:
-        return bool(cause.attempt.excess < attempt.excess - CLEAR * _inflation(attempt))
-    remains = SMOOTHED_REMAINS if cause.score.column.whole else REMAINS
-    return _within_noise(cause.attempt) or bool(cause.attempt.excess < remains * attempt.excess)
-
-
-def _within_noise(attempt: Attempt) -> bool:
-    return attempt.gate.status is Status.CONVERGED
 
 
 def _with_alike(cause: _Cause) -> _Cause:
@@ -316,7 +305,7 @@ def _with_alike(cause: _Cause) -> _Cause:
             size, unit = 1.0, cause.size  # its column is of the logarithm, of which nothing is no value
         unknowns = replace(unknowns, free=unknowns.free & (np.arange(unknowns.free.size) != i))
     table = _scores(attempt, held_quantities(attempt, unknowns), held)
-    of = [] if table is None else [(one.column.name, one.log) for one in table.scores]
+    of = [] if table is None else [one.key for one in table.scores]
     if table is None or (name, cause.score.log) not in of:
         return cause
     mine = of.index((name, cause.score.log))
@@ -348,112 +337,64 @@ def _as_stated(cause: _Cause, ended: Fitted) -> Attempt | None:
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def _suggestions(scene: Scene, attempt: Attempt, unknowns: Unknowns, cause: _Cause) -> list[Suggestion]:
-    """What the data suggest of a cause, and of each quantity that looks like it."""
-    out = [suggestion(scene, attempt, unknowns, cause.score, cause.size, cause.error)]
-    out += [suggestion(scene, attempt, unknowns, one, size, one.error) for one, size in cause.alike]
-    return out + [series for one in out if (series := in_series(scene, one)) is not None]
-
-
 def _caused(findings: Findings, scene: Scene, causes: Sequence[_Cause], *, fits: bool) -> Findings:
     """The findings of a fit whose cause is known, that first."""
     attempt, best = findings.attempt, causes[0]
     assert attempt is not None
-    named = {each.words: each for cause in causes for each in _suggestions(scene, attempt, findings.unknowns, cause)}
+    named: dict[str, Suggestion] = {}
+    for cause in causes:
+        asked = [suggestion(scene, attempt, findings.unknowns, *each) for each in cause.all]
+        series = [softer for each in asked if (softer := in_series(scene, each)) is not None]
+        named |= {each.words: each for each in (*asked, *series)}
     apart = ", which these data cannot tell apart" if len(named) > 1 else ""
     words, remedies = ", or ".join(named), "; or ".join(dict.fromkeys(each.remedy for each in named.values()))
     if not fits:
         share = f"but for {100.0 * max(best.attempt.excess, 0.0) / attempt.excess:.2g} % of it"
-        left = "within the noise" if _within_noise(best.attempt) else share
         message = (
-            f"{words}{apart and f'{apart},'} explains the misfit {left}: {remedies}; as stated the model does not "
-            f"describe these data (misfit {attempt.gate.chi2_per_sample:.3g} times the noise variance)"
+            f"{words}{apart and f'{apart},'} explains the misfit {'within the noise' if best.attempt.fits else share}: "
+            f"{remedies}; as stated the model does not describe these data (misfit {attempt.gate.chi2_per_sample:.3g} "
+            "times the noise variance)"
         )
         return replace(findings, status=Status.MODEL_MISFIT, message=message)
-    moved, name = _farthest(findings, scene, best)
-    moves = f", and {name} moves by {100.0 * moved:.2g} %" if name else ""
-    fall = f"chi^2 falls by {(attempt.excess - best.attempt.excess) / _inflation(attempt):.3g}{moves}"
-    message = f"the data ask for {words.rstrip(',')}{apart}: {remedies} ({fall}); {findings.message}"
-    refused = moved > MATTERS and findings.status is Status.CONVERGED
-    return replace(findings, status=Status.MODEL_MISFIT if refused else findings.status, message=message)
-
-
-def _farthest(findings: Findings, scene: Scene, best: _Cause) -> tuple[float, str]:
-    """By how much of its size the parameter moves that moves most, of those the data tell, and its name."""
-    unknowns, attempt = findings.unknowns, findings.attempt
-    assert attempt is not None
+    # The parameter that moves most for its size, of those the data determine.
+    unknowns, rig = findings.unknowns, stated_rig(scene)
     before, after = (
-        dict(zip(u.names, u.values(a.solved.theta, u.base(stated_rig(scene))).tolist(), strict=True))
+        dict(zip(u.names, u.values(a.solved.theta, u.base(rig)).tolist(), strict=True))
         for u, a in ((unknowns, attempt), (best.unknowns, best.attempt))
     )
     known = {e.name for e in findings.estimates if e.verdict in ("identified", "weak")} - {best.score.column.name}
     size = dict(zip(before, sizes(unknowns, np.array(list(before.values()))).tolist(), strict=True))
     moves = [(abs(after[name] - before[name]) / max(size[name], 1e-300), name) for name in known]
-    return max(moves, default=(0.0, ""))
+    moved, name = max(moves, default=(0.0, ""))
+    fall = f"chi^2 falls by {(attempt.excess - best.attempt.excess) / _inflation(attempt):.3g}"
+    fall += f", and {name} moves by {100.0 * moved:.2g} %" if name else ""
+    message = f"the data ask for {words}{apart}: {remedies} ({fall}); {findings.message}"
+    refused = moved > MATTERS and findings.status is Status.CONVERGED
+    return replace(findings, status=Status.MODEL_MISFIT if refused else findings.status, message=message)
 
 
 def _rows(
     scene: Scene, attempt: Attempt, unknowns: Unknowns, table: ScoreTable, causes: Sequence[_Cause]
 ) -> tuple[CauseResult, ...]:
     """The scores that noise does not explain, as the result lists them: causes first, with their refitted values."""
-    known, named = {}, {(cause.score.column.name, cause.score.log) for cause in causes}
-    for cause in causes:
-        refitted = (cause.score, cause.size, cause.error)
-        for score, size, error in (refitted, *((one, size, one.error) for one, size in cause.alike)):
-            known[score.column.name, score.log] = size, error
-    classes = [[one for one in some if one.score > CLEAR] for some in table.classes()]
-    classes.sort(key=lambda some: not any((one.column.name, one.log) in named for one in some))
+    known = {score.key: (size, error) for cause in causes for score, size, error in cause.all}
+    named = {cause.score.key for cause in causes}
+    classes = sorted(table.classes(CLEAR), key=lambda some: not any(one.key in named for one in some))
     out = []
     for number, some in enumerate(classes, 1):
-        for one in sorted(some, key=lambda each: (each.column.name, each.log) not in named):
-            size, error = known.get((one.column.name, one.log), (one.step, one.error))
-            asked = suggestion(scene, attempt, unknowns, one, size, error)
+        for one in sorted(some, key=lambda each: each.key not in named):
+            asked = suggestion(scene, attempt, unknowns, one, *known.get(one.key, (one.step, one.error)))
             values = asked.stated, asked.suggested, asked.standard_error
             out.append(CauseResult(asked.quantity, asked.log, number, one.score, *values))
     return tuple(out[:LISTED])
-
-
-def _doubtful(findings: Findings) -> bool:
-    """Whether what fits is looked at again: the data contradict the rig as it was stated, noise has a memory, friction
-    rises with the sliding speed, which is rare and what a lagging sensor makes of friction that falls, or the scene
-    says something of a parameter."""
-    unknowns, attempt = findings.unknowns, findings.attempt
-    assert attempt is not None
-    change = next((e.value for e in findings.estimates if e.name == "delta_mu_k" and e.verdict != "fixed"), None)
-    friction = np.array([p.kind == "friction" for p in unknowns.model.parameters])
-    theta = attempt.solved.theta
-    near = 1e-6 * unknowns.spread
-    sits = (theta - unknowns.lower < near) & unknowns.walls[0] | (unknowns.upper - theta < near) & unknowns.walls[1]
-    stated = (~unknowns.free | np.isfinite(unknowns.prior_sd) | sits) & friction
-    colours = [] if findings.sure is None else findings.sure.colours
-    return bool(
-        any(held.contradicted for held in findings.held)
-        or (change is not None and change > 0.0)
-        or np.any(stated)
-        or any(colour.memory > REMEMBERED for colour in colours)
-    )
-
-
-# What spoils samples, or is no part of the model: codes of the quality gate.
-SPOILS = (
-    "friction_clipped",
-    "spikes",
-    "dropouts",
-    "jitter",
-    "repeated_time",
-    "normal_clipped",
-    "unloaded_rows",
-    "load_ripple",
-    "friction_drift",
-)
-SEEN = 2  # of them that are named
 
 
 def _unexplained(findings: Findings, prepared: Sequence[Prepared]) -> Findings:
     """A misfit that nothing explains that was stated, with what the quality gate saw before the fit."""
     attempt, seen, more = findings.attempt, dict[str, str](), list[str]()
     missing = [] if attempt is None else [i for i in required_logs(prepared) if i not in attempt.log_numbers]
-    if missing and attempt is not None and _within_noise(retested(attempt)):
+    # An attempt that was taken over from another model has the tests of that.
+    if missing and attempt is not None and attempt.with_solved(attempt.solved).fits:
         names = listed([prepared[i].name for i in missing])
         message = (
             f"no answer of all logs was found: that of the others does not stick-slip as {names} does, and nothing "
@@ -465,15 +406,15 @@ def _unexplained(findings: Findings, prepared: Sequence[Prepared]) -> Findings:
             if finding.code in SPOILS and finding.severity != "info":
                 seen.setdefault(finding.code, f"{log.entry.path.name}: {finding.message}")
     if attempt is not None and attempt.gate.possible_causes and findings.status is not Status.SOLVER_FAILED:
-        more += [] if cut_short() else [attempt.gate.possible_causes]
+        more.append(attempt.gate.possible_causes)
     if seen:
         before = "; ".join([seen[code] for code in SPOILS if code in seen][:SEEN])
         more.append(f"before the fit this was seen: {before}")
     return replace(findings, message="; ".join([findings.message, *more]))
 
 
-def _swapped(prepared: Sequence[Prepared]) -> str:
-    """The names of the logs in which the forces look exchanged, where no other takes part; "" where one does."""
-    others = [log for log in prepared if log.left_out is None and not log.judgement.swapped]
-    names = dict.fromkeys(log.entry.path.name for log in prepared if log.judgement.swapped)
-    return "" if others else ", ".join(names)
+SPOILS = (
+    *("friction_clipped", "spikes", "dropouts", "jitter", "repeated_time", "normal_clipped", "unloaded_rows"),
+    *("load_ripple", "friction_drift"),
+)
+"""Findings of the quality gate of what spoils samples, or is no part of the model."""

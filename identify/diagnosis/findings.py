@@ -1,4 +1,4 @@
-"""What the search and the uncertainty found: the stuff the result document is made of."""
+"""What a fit found, as the result document takes it; and the rig as it was stated, against the data."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from identify.base.outcome import Status
 from identify.base.result import CauseResult, HeldResult
+from identify.diagnosis.quantities import held_quantities
+from identify.diagnosis.score_test import score_table
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import Certainty
 from identify.estimation.covariance import Estimate, Information
@@ -18,30 +20,20 @@ from identify.estimation.strategies import Trace
 from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS
 
-# ----------------------------------------------------------------------------------------------------------------------
-# What was taken as exact, held against the data: the score test.
-#
-# At an answer the cost is level along every free parameter. Along a rig quantity that was held it need not be: its
-# slope, over the information that is left on it with all else free, says where the data would put it, and how surely.
-# The misfit of thousands of samples does not see what a few parameters absorb; this does, and costs no fit.
-# ----------------------------------------------------------------------------------------------------------------------
-
 Array = NDArray[np.float64]
 
-TOLD = 1e-6  # of the information on a quantity that must be left with all else free
 VAGUE = 1.0  # standard error of a logarithm beyond which the data say nothing of it
 CLEAR = 25.0  # squared distance that noise does not reach
 
 
 @dataclass(frozen=True)
 class Held:
-    """A rig quantity against the data, SI: stated, and its tolerance (one standard deviation, relative; 0 as exact);
-    said: where the data would put it, to first order, and the relative standard error of that; squared: distance."""
+    """A rig quantity against the data, SI: stated; said: where the data would put it, to first order, and the relative
+    standard error of that; squared distance of both."""
 
     name: str
     unit: str
     stated: float
-    tolerance: float
     said: float
     error: float
     squared: float
@@ -52,36 +44,25 @@ class Held:
         return self.squared > CLEAR
 
 
-def against_data(
-    known: Information, theta: Array, rig: Mapping[str, float], memory: float, *, tolerances: Mapping[str, float]
-) -> list[Held]:
+def against_data(attempt: Attempt, unknowns: Unknowns, rig: Mapping[str, float], inflation: float) -> list[Held]:
     """Mass, stiffness and damping as stated, against what the data say of them with all that was free set free.
 
     Args:
-        known: at the answer theta (n_p,); rig: stated values [SI] by name; tolerances: of those that were not taken as
-            exact; memory: by how much the memory of the noise widens a variance.
+        rig: stated values [SI] by name; inflation: by how much autocorrelation of the noise widens a variance.
     """
-    unknowns, free = known.unknowns, known.free
+    columns = [column for column in held_quantities(attempt, unknowns) if column.name in RIG_PARAMETERS]
+    try:
+        scores = score_table(attempt.solved, columns, inflation).scores if columns else ()
+    except np.linalg.LinAlgError:  # directions that no log determines: their verdicts say so
+        return []
     out = []
-    for name in (n for n in RIG_PARAMETERS if n in unknowns.names and rig[n] > 0.0):
-        i, tolerance = unknowns.names.index(name), tolerances.get(name, 0.0)
-        if i not in free:
-            left = float(known.total[i, i] + known.total[i, free] @ known.shift(i))
-            if not left > TOLD * known.total[i, i]:
-                continue
-            move, error = -float(known.gradient[i]) / left, float(np.sqrt(memory / left))
-        elif tolerance > 0.0 and np.isfinite(unknowns.prior_sd[i]):
-            place = int(np.flatnonzero(free == i)[0])
-            left = 1.0 / float(known.covariance()[place, place]) - 1.0 / tolerance**2
-            if not left > TOLD / tolerance**2:
-                continue
-            move = float(theta[i]) + float(theta[i]) / (left * tolerance**2)
-            error = float(np.sqrt(memory / left))
-        else:
-            continue
+    for score in sorted(scores, key=lambda each: RIG_PARAMETERS.index(each.column.name)):
+        name = score.column.name
+        prior = unknowns.prior_sd[unknowns.names.index(name)] if score.column.prior else 0.0  # its error is in the step
+        error = float(np.sqrt(max(score.error**2 - prior**2, 0.0)))
         if error < VAGUE:
-            said, squared = rig[name] * float(np.exp(move)), move**2 / (error**2 + tolerance**2)
-            out.append(Held(name, unknowns.model.parameters[i].unit, rig[name], tolerance, said, error, squared))
+            unit, said = unknowns.model.parameter(name).unit, rig[name] * float(np.exp(score.step))
+            out.append(Held(name, unit, rig[name], said, error, score.score))
     return out
 
 
@@ -92,10 +73,10 @@ def held_results(held: list[Held]) -> dict[str, HeldResult]:
 
 @dataclass(frozen=True)
 class Findings:
-    """What the search and the uncertainty found: status and sentence, the attempt that was accepted or came
-    closest (None without one), why logs took no part, what is known of its parameters (None where nothing is); held:
-    the rig as it was stated, against the data; causes: the scores of what a misfit may come of; trace: what was tried;
-    estimator: its name; estimated: what an estimator found that is not the plain one."""
+    """What a fit found: status and sentence, the attempt that was accepted or came closest (None without one), why logs
+    took no part, what is known of its parameters (None where nothing is); held: the rig as it was stated, against the
+    data; causes: the scores of what a misfit may come of; trace: what was tried; estimator: its name; estimated: what
+    an estimator found that is not the plain one."""
 
     status: Status
     message: str

@@ -9,15 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.estimation.attempt import Attempt, retested, solve_from, usable
+from identify.estimation.attempt import Attempt, solve_from, usable
 from identify.estimation.search import SearchProblem, alike, search
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
 from identify.logs.unknowns import Unknowns
-from identify.model.model import Model
 from identify.scene import Scene
-from identify.shooting.passes import solve_in_passes
-from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
 
@@ -75,43 +72,17 @@ def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True)
 
 
 def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
-    """Fit a model from the motion of another one; where that misfits, where its states allow none, or the drive
-    vibrates, also from its parameters alone, and in the end from the data: the motion of a misfit can hold back what
-    would describe them."""
-    made = prepare_scene(scene, records)
-    prepared, unknowns, known = made.logs, made.unknowns, other.attempt
+    """Fit a model from where another one ended; where that misfits, from the data as well."""
+    made, known = prepare_scene(scene, records), other.attempt
     if known is None:
         return fit_model(scene, records, thorough=False)
-    cutoff = known.solved.solution.cost + COST_CUTOFF
-    best = Fitted(scene, unknowns, tuple(prepared), _from_motion(other, prepared, unknowns, cutoff))
-    if best.fits or (best.attempt is not None and other.fits and not unknowns.model.vibrates):
-        return best
-    at = replace(unknowns, start=values_of(other, unknowns))
-    placed = replace(best, attempt=solve_from(prepared, usable(prepared), at, cost_cutoff=cutoff))
-    best = placed if placed.logs == other.logs and placed.excess < best.excess else best
-    if np.isfinite(best.excess) or other.fits:
+    at = replace(made.unknowns, start=values_of(other, made.unknowns))
+    attempt = solve_from(made.logs, usable(made.logs), at, known.solved.solution.cost + COST_CUTOFF)
+    best = Fitted(scene, made.unknowns, tuple(made.logs), attempt)
+    if best.logs == other.logs and (best.fits or other.fits):
         return best
     searched = fit_model(scene, records, thorough=False)
-    return searched if searched.logs == other.logs else best
-
-
-def _from_motion(other: Fitted, prepared: list[Prepared], unknowns: Unknowns, cost_cutoff: float) -> Attempt | None:
-    """A model solved from the motion of another one; None where its states do not allow that."""
-    known = other.attempt
-    if known is None or (unknowns.model.clamped is None and other.unknowns.model.clamped is not None):
-        return None
-    logs, trajectories, unknowns = taken_over(other, prepared, unknowns)
-    try:
-        data, soft = [log.data for log in logs], unknowns.with_weak_priors()
-        solved = solve_in_passes(data, trajectories, soft, cost_cutoff=cost_cutoff)
-    except (ValueError, FloatingPointError):
-        return None
-    return retested(replace(known, fitted_logs=tuple(logs), solved=solved))
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Logs, motion and start of a model as another model left them.
-# ----------------------------------------------------------------------------------------------------------------------
+    return min(best, searched, key=lambda each: (each.logs != other.logs, each.excess))
 
 
 def values_of(other: Fitted, unknowns: Unknowns) -> Array:
@@ -125,49 +96,3 @@ def values_of(other: Fitted, unknowns: Unknowns) -> Array:
         searched[names[index]] = True
     start = np.array([theta[n] if searched.get(n) else unknowns.start[i] for i, n in enumerate(unknowns.names)])
     return np.clip(np.where(unknowns.free, start, unknowns.start), unknowns.lower, unknowns.upper)
-
-
-def taken_over(
-    other: Fitted, prepared: Sequence[Prepared], unknowns: Unknowns
-) -> tuple[list[Prepared], list[ShootingTrajectory], Unknowns]:
-    """Logs, motion and start of a model as another one left them."""
-    known = other.attempt
-    assert known is not None
-    logs, trajectories = list[Prepared](), list[ShootingTrajectory]()
-    for i, cut, motion in zip(known.log_numbers, known.fitted_logs, known.solved.trajectories, strict=True):
-        data = replace(prepared[i].data, begin=cut.data.begin, end=cut.data.end)
-        logs.append(replace(prepared[i], fit_mode=cut.fit_mode, data=data))
-        p = other.unknowns.values(motion.theta(known.solved.theta), cut.data.base)
-        trajectories.append(_translated(motion, other.unknowns.model, unknowns.model, p))
-    return logs, trajectories, replace(unknowns, start=values_of(other, unknowns))
-
-
-def _translated(trajectory: ShootingTrajectory, large: Model, small: Model, p: Array) -> ShootingTrajectory:
-    """The motion in the states of another model; a load cell that did not lag shows what its lag would.
-
-    Args:
-        p: parameters (n_p,) of the model the motion is from.
-    """
-    names = [s.name for s in large.states]
-    lags = [i for i, s in enumerate(small.states) if s.unit == "N" and s.name not in names]
-
-    def states(x: Array) -> Array:
-        out = np.stack(
-            [x[..., names.index(s.name)] if s.name in names else 0.0 * x[..., 0] + s.start for s in small.states],
-            axis=-1,
-        )
-        if lags and x.size:
-            flat = x.reshape(-1, x.shape[-1])
-            u = np.tile([0.0, 1.0, 1.0, 0.0], (flat.shape[0], 1))
-            shown = large.load(flat.T, np.repeat(p[:, None], flat.shape[0], axis=1), u.T)
-            out[..., lags] = np.array(shown).reshape(x.shape[:-1])[..., None]
-        for name in set(names) - {s.name for s in small.states}:
-            if name == large.series_state:
-                out[..., 0] -= x[..., names.index(name)]
-        return out
-
-    own = trajectory.own
-    if own.size:
-        at = [large.parameter_names.index(n) if n in large.parameter_names else -1 for n in small.parameter_names]
-        own = np.where(np.array(at) >= 0, own[at], np.nan)
-    return replace(trajectory, start=states(trajectory.start), nodes=states(trajectory.nodes), own=own)

@@ -22,18 +22,16 @@ Array = NDArray[np.float64]
 DIFFERENCE = 1e-5  # relative, of what is differentiable
 REACH = float(np.log(4.0))  # how far a ratio is moved
 LAGS = (0.03, 0.1, 0.3)  # of sqrt(m/k): a lag is no small change of a curve with kinks
-AVERAGE = "moving_average"
 EFFECTS = {
     "sensor_lag": ("sensor_lag", "lag_time"),
     "load_exponent": ("load_dependence", "load_exponent"),
     "force_zero": ("force_sensor", "sensor_offset"),
 }  # the effect, and its parameter, that a quantity is
-WIDEST = 60  # samples of an average that is looked for
 USUAL, EXPONENT = 0.05, 0.3  # errors of zeros, of the load, and exponents that are no surprise
 VARIED = 0.02  # relative range of the normal force below which nothing can be told of what it does
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What is other in a log with a quantity moved from one value to another. Ratios are moved by their logarithm.
+# What differs in a log with a quantity moved from one value to another. Ratios are moved by their logarithm.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
@@ -108,20 +106,9 @@ def _lagged(log: LogData, curve: Array, lag: float) -> Array:
     return np.concatenate([[before], shown[0]])
 
 
-def _averaged(_log: LogData, curve: Array, width: float) -> Array:
-    """An average over so many neighbouring samples, an odd number; none of 0."""
-    count = round(width)
-    if count < 2 or curve.size <= count:
-        return curve
-    padded = np.pad(curve, count // 2, mode="reflect", reflect_type="odd")
-    sums = np.cumsum(np.concatenate([[0.0], padded]))
-    return (sums[count:] - sums[:-count]) / count
-
-
 force_gain = _sensed(lambda _log, curve, size: np.exp(size) * curve)
 force_zero = _sensed(lambda _log, curve, size: curve + size)
 sensor_lag = _sensed(_lagged)
-moving_average = _sensed(_averaged)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -158,62 +145,7 @@ def held_quantities(attempt: Attempt, unknowns: Unknowns) -> list[Column]:
     natural = float(np.sqrt(mass / stiffness))
     half = np.pi * natural  # what lags by a slip or more shows none
     out += [Column("sensor_lag", sensor_lag, s * natural, positive=True, usual=natural, most=half) for s in LAGS]
-    out = [c for c in out if c.name not in EFFECTS or EFFECTS[c.name][0] not in unknowns.model.effects]
-    width = min(_width(log, curve) for log, curve in zip(logs, attempt.solved.fitted, strict=True))
-    return out + ([Column(AVERAGE, moving_average, float(width), whole=True)] if width > 1 else [])
-
-
-def _width(log: LogData, curve: Array) -> int:
-    """Over how many samples, an odd number, the noise of a log looks averaged; 1 where it does not.
-
-    The mean square of the difference of samples k apart grows in proportion to k up to the width of an average, and no
-    more from there; for white noise it does not grow at all, and for a slow misfit by little from one k to the next.
-    """
-    small = np.flatnonzero(_increments(log, curve) < 0.5)
-    return int(small[0]) | 1 if small.size else 1
-
-
-def _increments(log: LogData, curve: Array) -> Array:
-    """By how much the mean square of the difference of residuals k apart grows with k = 1, 2, ..., over its first."""
-    left = np.where(log.weight > 0.0, log.force - curve, np.nan)
-    squares = [float(np.nanmean((left[k:] - left[:-k]) ** 2)) for k in range(1, min(WIDEST, left.size // 2))]
-    return np.asarray(np.diff([0.0, *squares]) / max([1e-300, *squares[:1]]))
-
-
-STOPPED = 0.2  # of its median: the least of a power spectrum that a filter made; noise with a memory has 0.4 and more
-LINES, FEWEST = 64, 512  # of that spectrum; samples from which on it tells
-SHOWS = 9.0  # squares in noise variances by which an average changes a curve: three standard deviations
-
-
-def smoothed(attempt: Attempt) -> str | None:
-    """A sentence where the noise of a log is that of an averaged, filtered or resampled force, and an average as wide
-    would change its curve, whatever the model makes of it: a wrong damping looks like one. None where no log is such.
-
-    Every such treatment leaves frequencies at which hardly any noise is left (zeros of a moving average, the stop band
-    of a filter), while the spectrum of noise with a memory falls gradually. Its highest over its mean is the width in
-    samples.
-    """
-    from scipy.signal import welch  # which takes a third of a second to load
-
-    for log, curve in zip(attempt.fitted_logs, attempt.solved.fitted, strict=True):
-        data = log.data
-        used = (data.weight > 0.0) & np.isfinite(curve)
-        if np.count_nonzero(used) < FEWEST:
-            continue
-        power = welch((data.force - curve)[used], nperseg=LINES, detrend=False)[1]
-        inner = power[1:-1]
-        if np.min(inner) > STOPPED * np.median(inner):
-            continue
-        width = float(np.max(inner) / np.mean(power))
-        shown = np.where(np.isfinite(curve), curve, data.force)
-        change = np.where(used, _averaged(data, shown, round(width) | 1) - shown, 0.0)
-        if float(np.sum(data.weight * change**2)) > SHOWS:
-            return (
-                f"{log.name}: its noise is that of a force that was smoothed or resampled, like a moving average over "
-                f"{width:.0f} samples, which would change the force by more than the noise, and the model takes every "
-                f"sample as measured by itself: {REMEDIES[AVERAGE]}"
-            )
-    return None
+    return [c for c in out if c.name not in EFFECTS or EFFECTS[c.name][0] not in unknowns.model.effects]
 
 
 def is_held(unknowns: Unknowns, attempt: Attempt, i: int) -> bool:
@@ -235,30 +167,88 @@ def unknowns_of(attempt: Attempt, i: int) -> tuple[int, ...]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
+# A force that was averaged, filtered or resampled before the log was stored. Every such treatment leaves frequencies at
+# which hardly any noise is left (zeros of a moving average, the stop band of a filter), while the spectrum of
+# autocorrelated noise falls gradually.
+# ----------------------------------------------------------------------------------------------------------------------
+
+STOPPED = 0.2  # of its median: the least of a power spectrum that a filter made; autocorrelated noise has 0.4 and more
+LINES, FEWEST = 64, 512  # of that spectrum; samples from which on it tells
+SHOWS = 9.0  # squares in noise variances by which an average changes a curve: three standard deviations
+
+
+def smoothed(attempt: Attempt) -> str:
+    """A sentence where the noise of a log is that of an averaged, filtered or resampled force, and an average as wide
+    would change its curve, whatever the model makes of it: a wrong damping looks like one. "" where no log is such."""
+    from scipy.signal import welch  # which takes a third of a second to load
+
+    for log, curve in zip(attempt.fitted_logs, attempt.solved.fitted, strict=True):
+        data = log.data
+        used = (data.weight > 0.0) & np.isfinite(curve)
+        if np.count_nonzero(used) < FEWEST:
+            continue
+        # The median over stretches: a misfit stands in some of them.
+        power = welch((data.force - curve)[used], nperseg=LINES, detrend=False, average="median")[1]
+        if np.min(power[1:-1]) > STOPPED * np.median(power[1:-1]):
+            continue
+        width = float(np.max(power[1:-1]) / np.mean(power))
+        shown = np.where(np.isfinite(curve), curve, data.force)
+        box = np.ones(round(width) | 1) / (round(width) | 1)
+        padded = np.pad(shown, box.size // 2, mode="reflect", reflect_type="odd")
+        change = np.where(used, np.convolve(padded, box, mode="valid") - shown, 0.0)
+        if float(np.sum(data.weight * change**2)) > SHOWS:
+            return (
+                f"{log.name}: its noise is that of a force that was smoothed or resampled, like a moving average over "
+                f"{width:.0f} samples, which would change the force by more than the noise, and the model takes every "
+                "sample as measured by itself: export the force as it was sampled, without smoothing"
+            )
+    return ""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
 # How they are said.
 # ----------------------------------------------------------------------------------------------------------------------
 
-REMEDIES = {
-    "mass": "weigh what moves",
-    "stiffness": "measure it against a rigid block",
-    "damping": "let the rig ring down without contact",
-    "drive_speed": "look at the position of the drive, or time it over a known way",
-    "force_gain": "hang a known weight on the friction sensor",
-    "load_gain": "check its load, and whether it is of the same specimen as the others",
-    "load_zero": "zero the sensor of the normal force, or take that off: normal_tare in [[logs]]",
-    "force_zero": "zero the sensor of the friction force, or take that off: tare in [[logs]]",
-    "load_exponent": "add load_dependence to effects",
-    "sensor_lag": "add sensor_lag to effects",
-    "skin_stiffness": "add skin_compliance to effects",
-    AVERAGE: "export the force as it was sampled, without smoothing",
+SAID = {
+    "drive_speed": (
+        "a drive speed{of} {times:.3g} times the stated one{all}{values}",
+        "look at the position of the drive, or time it over a known way",
+    ),
+    "force_gain": (
+        "a friction force{of}{all} that reads {times:.3g} times what it is",
+        "hang a known weight on the friction sensor",
+    ),
+    "load_gain": (
+        "a normal force{of}{all} {times:.3g} times what is read",
+        "check its load, and whether it is of the same specimen as the others",
+    ),
+    "load_zero": (
+        "a normal force that reads {less:.3g} mN at zero",
+        "zero the sensor of the normal force, or take that off: normal_tare in [[logs]]",
+    ),
+    "force_zero": (
+        "a friction force that reads {milli:.3g} mN at zero",
+        "zero the sensor of the friction force, or take that off: tare in [[logs]]",
+    ),
+    "load_exponent": (
+        "friction coefficients that change with the normal force (exponent {minus:.3g})",
+        "add load_dependence to effects",
+    ),
+    "sensor_lag": ("a lag of the force sensor of {milli:.3g} ms", "add sensor_lag to effects"),
 }
-UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N/m"}
+"""Of each quantity that is no parameter of the model: what the data suggest, and what to do."""
+RATIOS = ("drive_speed", "force_gain", "load_gain")
+RIG_REMEDIES = {
+    "mass": ("kg", "weigh what moves"),
+    "stiffness": ("N/m", "measure it against a rigid block"),
+    "damping": ("N/m", "let the rig ring down without contact"),
+}
 
 
 @dataclass(frozen=True)
 class Suggestion:
     """A quantity (of one log, or of all: None) with what it is stated as and what the data suggest, in SI (of gains and
-    of the drive speed of all logs, as a ratio), and in words."""
+    of the drive speed of all logs, as a ratio), in words, and what to do about it."""
 
     quantity: str
     log: str | None
@@ -266,15 +256,7 @@ class Suggestion:
     suggested: float
     standard_error: float
     words: str
-
-    @property
-    def remedy(self) -> str:
-        """What to do about it."""
-        unit = UNITS.get(self.quantity)
-        if unit is None:
-            return REMEDIES.get(self.quantity.partition(":")[0], f"correct {self.quantity} under [parameters]")
-        start = f'[parameters] {self.quantity} = {{ start = "{three_figures(self.suggested)} {unit}" }}'
-        return f"{REMEDIES[self.quantity]}, or let it be estimated: {start}"
+    remedy: str
 
 
 def suggestion(
@@ -286,69 +268,58 @@ def suggestion(
         size: how far the data move it, in the units of its column; error: the standard error of that.
     """
     name, log = score.column.name, None if score.log is None else attempt.fitted_logs[score.log].name
-    of = "" if log is None else f" of {log}"
-    times = float(np.exp(size))
     if name in unknowns.names:
         return _of_parameter(scene, attempt, unknowns, score, size, error)
+    text, remedy = SAID[name]
+    times, values, stated, suggested = float(np.exp(size)), "", 0.0, size
+    if name in RATIOS:
+        stated, suggested, error = 1.0, times, error * times
     if name == "drive_speed" and score.log is not None:
         speed = attempt.fitted_logs[score.log].data.drive_speed
         unit, scale = speed_scale(speed)
-        values = f"{times * speed / scale:.3g} {unit} instead of {speed / scale:.3g} {unit}"
-        words = f"a drive speed{of} {times:.3g} times the stated one ({values})"
-        return Suggestion(name, log, speed, times * speed, error * times * speed, words)
-    if name in ("drive_speed", "force_gain", "load_gain"):
-        where = of or " in all logs"
-        words = {
-            "drive_speed": f"a drive speed {times:.3g} times the stated one in all logs",
-            "force_gain": f"a friction force{where} that reads {times:.3g} times what it is",
-            "load_gain": f"a normal force{where} {times:.3g} times what is read",
-        }[name]
-        return Suggestion(name, log, 1.0, times, error * times, words)
-    if name == AVERAGE:
-        words = f"a smoothing of the force, like a moving average over {size:.0f} samples,"
-        return Suggestion(name, log, 1.0, size, 0.0, words)
-    words = {
-        "load_zero": f"a normal force that reads {-1e3 * size:.3g} mN at zero",
-        "force_zero": f"a friction force that reads {1e3 * size:.3g} mN at zero",
-        "load_exponent": f"friction coefficients that change with the normal force (exponent {-size:.3g})",
-        "sensor_lag": f"a lag of the force sensor of {1e3 * size:.3g} ms",
-    }[name]
-    return Suggestion(name, log, 0.0, size, error, words)
+        values = f" ({times * speed / scale:.3g} {unit} instead of {speed / scale:.3g} {unit})"
+        stated, suggested, error = speed, times * speed, error * speed
+    of, everywhere = ("", " in all logs") if log is None else (f" of {log}", "")
+    milli = 1e3 * size
+    words = text.format(of=of, all=everywhere, values=values, times=times, milli=milli, less=-milli, minus=-size)
+    return Suggestion(name, log, stated, suggested, error, words, remedy)
 
 
 def _of_parameter(
     scene: Scene, attempt: Attempt, unknowns: Unknowns, score: Score, size: float, error: float
 ) -> Suggestion:
     """What the data suggest of a parameter, and what of the scene speaks against it."""
-    name = score.column.name
+    name, prior = score.column.name, bool(score.column.prior)
     i = unknowns.names.index(name)
     declared, spec = unknowns.model.parameters[i], scene.parameters.get(name)
     base, theta = unknowns.base(stated_rig(scene)), attempt.solved.theta.copy()
-    if score.column.prior:
+    if prior:
         theta[i] = unknowns.prior_mean[i]
     stated = float(unknowns.values(theta, base)[i])
     theta[unknowns.source[i]] += size
     value = float(unknowns.values(theta, base)[i])
-    standard_error = error * abs(value) if declared.scale == "log" else error
-    if name in RIG_PARAMETERS and not score.column.prior:
-        found, before = told_apart(value, stated)
-        words = f"a {name} of {found} {UNITS[name]} instead of {before} {UNITS[name]}"
-        return Suggestion(name, None, stated, value, standard_error, words)
+    error = error * abs(value) if declared.scale == "log" else error
+    if name in RIG_PARAMETERS:
+        unit, remedy = RIG_REMEDIES[name]
+        remedy += f', or let it be estimated: [parameters] {name} = {{ start = "{three_figures(value)} {unit}" }}'
+        if not prior:
+            better, before = told_apart(value, stated)
+            words = f"a {name} of {better} {unit} instead of {before} {unit}"
+            return Suggestion(name, None, stated, value, error, words, remedy)
+    else:
+        remedy = "add skin_compliance to effects" if name == "skin_stiffness" else f"correct {name} under [parameters]"
     if spec is not None and spec.fixed is not None:
         by = f"the value it is held at ({said(spec.fixed, declared.unit)})"
-    elif score.column.prior:
+    elif prior:
         tolerance = float(unknowns.prior_sd[i]) * (stated if declared.scale == "log" else 1.0)
         by = f"its prior ({said(stated, declared.unit)} ± {said(tolerance, declared.unit, stated)})"
     elif spec is not None and spec.tie is not None:
         by = f"its tie to {spec.tie.to}"
     else:
-        by = (
-            "its bounds"
-            if spec is None
-            else f"its bounds ({said(spec.lower, declared.unit)} to {said(spec.upper, declared.unit)})"
-        )
+        ends = "" if spec is None else f" ({said(spec.lower, declared.unit)} to {said(spec.upper, declared.unit)})"
+        by = f"its bounds{ends}"
     words = f"{name} = {said(value, declared.unit)} (ruled out by {by})"
-    return Suggestion(name, None, stated, value, standard_error, words)
+    return Suggestion(name, None, stated, value, error, words, remedy)
 
 
 def in_series(scene: Scene, softer: Suggestion) -> Suggestion | None:
@@ -357,5 +328,5 @@ def in_series(scene: Scene, softer: Suggestion) -> Suggestion | None:
         return None
     give = 1.0 / (1.0 / softer.suggested - 1.0 / softer.stated)
     error = softer.standard_error * (give / softer.suggested) ** 2
-    words = f"something of {three_figures(give)} N/m in series with the rig"
-    return Suggestion("skin_stiffness", None, np.inf, give, error, words)
+    words, remedy = f"something of {three_figures(give)} N/m in series with the rig", "add skin_compliance to effects"
+    return Suggestion("skin_stiffness", None, np.inf, give, error, words, remedy)

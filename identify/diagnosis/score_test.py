@@ -25,7 +25,6 @@ from identify.shooting.shooting import Problem
 from identify.shooting.transcription import transcribe
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 Change = Callable[[LogData, Array, float, float], LogData]
 """A log, with the curve fitted to it (n,) [N], as it is with a held quantity moved from one value to another."""
@@ -41,8 +40,8 @@ class Column:
 
     change: what its move does to a log; None for the mean of the prior of the unknowns `prior`. size: of the difference
     that stands for the derivative, finite where the quantity is not differentiable at its value; of: all logs together,
-    single ones, or both; positive: it can only grow; whole: it is there, with that size, or it is not;
-    usual: size of an error that is no surprise; most: what is farther off is no answer.
+    single ones, or both; positive: it can only grow; at: where it is; usual: size of an error that is no surprise;
+    most: what is farther off is no answer.
     """
 
     name: str
@@ -50,7 +49,6 @@ class Column:
     size: float
     of: Literal["all", "single", "both"] = "all"
     positive: bool = False
-    whole: bool = False
     at: float = 0.0
     usual: float = 0.05
     most: float = np.inf
@@ -73,6 +71,11 @@ class Score:
     error: float
     shift: Array
 
+    @property
+    def key(self) -> tuple[str, int | None]:
+        """What is scored: quantity and log."""
+        return self.column.name, self.log
+
 
 @dataclass(frozen=True)
 class ScoreTable:
@@ -87,11 +90,12 @@ class ScoreTable:
         size = np.sqrt(np.diag(self.information))
         return np.asarray(self.information / np.outer(size, size))
 
-    def classes(self) -> list[list[Score]]:
-        """The scores by class, highest first: what the data do not tell apart from the first of a class is in it."""
-        out, left, correlation = [], list(range(len(self.scores))), self.correlation
+    def classes(self, least: float) -> list[list[Score]]:
+        """The scores above a least one by class, highest first: what the data do not tell apart from the first of a
+        class is in it."""
+        out, left = [], [i for i, one in enumerate(self.scores) if one.score > least]
         while left:
-            mine = [i for i in left if i == left[0] or abs(correlation[left[0], i]) > ALIKE]
+            mine = [i for i in left if i == left[0] or abs(self.correlation[left[0], i]) > ALIKE]
             out.append([self.scores[i] for i in mine])
             left = [i for i in left if i not in mine]
         return out
@@ -122,7 +126,9 @@ def score_table(
         gradient[mine] = -weighted.T @ np.where(np.isfinite(curve), log.force - curve, 0.0)
         own[mine, mine] = weighted.T @ slope
     _add_priors(layout, z, columns, (border, gradient, own))
-    moving = np.setdiff1d(_moving(layout, z), np.array(held, dtype=np.int64))
+    x, near = z * layout.scale, AT_BOUND * layout.scale
+    moving = np.flatnonzero((x - layout.lower > near) & (layout.upper - x > near))
+    moving = np.setdiff1d(moving, np.array(held, dtype=np.int64))
     point = problem.evaluate(z, derivatives=True)
     assert point.hessian is not None and point.jacobian is not None and point.gradient is not None
     hessian, jacobian = point.hessian[moving][:, moving].tocsc(), point.jacobian[:, moving].tocsc()
@@ -138,23 +144,18 @@ def score_table(
     mix, of = _chosen(columns, logs)
     slope_of = mix @ (gradient - border.T @ answer[:, -1])
     left = mix @ (own - border.T @ answer[:, :-1]) @ mix.T
-    told = np.diag(left) > LEFT * np.einsum("ij,jk,ik->i", mix, own, mix)
     moves = np.zeros((layout.size, len(of)))
     moves[moving] = -(answer[: moving.size, :-1] @ mix.T)
     moves = (moves * layout.scale[:, None])[: layout.free.size]
-    found: dict[tuple[str, int | None], tuple[int, Score]] = {}
-    for i in np.flatnonzero(told).tolist():
-        column, of_log = of[i]
+    best: dict[tuple[str, int | None], tuple[int, Score]] = {}
+    for i in np.flatnonzero(np.diag(left) > LEFT * np.einsum("ij,jk,ik->i", mix, own, mix)).tolist():
+        column, log_number = of[i]
         step, error = -float(slope_of[i] / left[i, i]), float(np.sqrt(inflation / left[i, i]))
-        score = (step / error) ** 2
-        if column.whole:  # the fall of twice the cost with the step that it has to be
-            score, step = (2.0 * step / column.size - 1.0) * (column.size / error) ** 2, column.size
-        elif column.positive and column.at + step < 0.0:
-            score = 0.0
-        before = found.get((column.name, of_log))
-        if before is None or score > before[1].score:
-            found[column.name, of_log] = i, Score(column, of_log, score, step, error, moves[:, i] * step)
-    ranked = sorted(found.values(), key=lambda pair: -pair[1].score)
+        value = 0.0 if column.positive and column.at + step < 0.0 else (step / error) ** 2
+        score = Score(column, log_number, value, step, error, moves[:, i] * step)
+        if score.key not in best or value > best[score.key][1].score:
+            best[score.key] = i, score
+    ranked = sorted(best.values(), key=lambda pair: -pair[1].score)
     places = [i for i, _ in ranked]
     return ScoreTable(tuple(score for _, score in ranked), left[np.ix_(places, places)])
 
@@ -201,7 +202,7 @@ def _differences(solved: Solved, columns: Sequence[Column]) -> tuple[list[Array]
     and the slopes of the rows (l, m, k), those of a log being of its own blocks."""
     problem, curves, x = solved.problem, solved.fitted, solved.solution.x
     logs, layout = problem.logs, problem.layout
-    here = problem.evaluate(solved.solution.z, derivatives=True).rows
+    at_answer = problem.evaluate(solved.solution.z, derivatives=True).rows
     owner = np.zeros(layout.rows, dtype=np.int64)
     for family in layout.families:
         owner[family.rows] = family.log[:, None]
@@ -214,10 +215,11 @@ def _differences(solved: Solved, columns: Sequence[Column]) -> tuple[list[Array]
         changed = [column.change(log, curve, column.at, to) for log, curve in zip(logs, curves, strict=True)]
         moved = curves
         if any(new.force is old.force for new, old in zip(changed, logs, strict=True)):  # it moves the motion
-            layout_there = transcribe(changed, solved.formed_from, layout.unknowns, solved.grid)
-            other = Problem(changed, layout_there, problem.moments, problem.pattern)
-            z = x / layout_there.scale
-            rows[owner, np.arange(layout.rows), c] = (other.evaluate(z, derivatives=False).rows - here) / column.size
+            other_layout = transcribe(changed, solved.formed_from, layout.unknowns, solved.grid)
+            other = Problem(changed, other_layout, problem.moments, problem.pattern)
+            z = x / other_layout.scale
+            difference = other.evaluate(z, derivatives=False).rows - at_answer
+            rows[owner, np.arange(layout.rows), c] = difference / column.size
             moved = other.fitted(z)
         for slope, new, old, after, before in zip(slopes, changed, logs, moved, curves, strict=True):
             slope[:, c] = np.where(np.isfinite(before), (after - before - (new.force - old.force)) / column.size, 0.0)
@@ -255,9 +257,3 @@ def _add_priors(layout: Layout, z: Array, columns: Sequence[Column], sums: tuple
             border[0, unknown, c] -= layout.scale[unknown] / sd**2
             gradient[c] -= off[unknown] / sd
             own[c, c] += 1.0 / sd**2
-
-
-def _moving(layout: Layout, z: Array) -> Indices:
-    """The unknowns that do not sit at a bound."""
-    x, near = z * layout.scale, AT_BOUND * layout.scale
-    return np.flatnonzero((x - layout.lower > near) & (layout.upper - x > near))

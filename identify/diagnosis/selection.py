@@ -1,9 +1,9 @@
-"""effects = "auto" with logs: forward by what an effect promises to gain, backward by the Schwarz criterion (BIC).
+"""effects = "auto" with logs: stepwise by the Schwarz criterion (BIC; Schwarz, Ann. Statist. 6, 461, 1978).
 
-What the logs plainly call for is fitted first. The effect whose addition promises the largest fall of chi^2 is fitted,
-and stays if it pays for its parameters; then every effect that stays is left out in turn, or exchanged for one that it
-may stand in for, as long as the criterion falls. All models are parts of one: an absent effect is held at its null
-values, so that functions are built once and sums compare exactly (Schwarz, Ann. Statist. 6, 461, 1978).
+What the logs plainly call for is fitted first. Then the effect that pays most for its parameters is taken in, or the
+one that pays least left out, as long as the criterion falls; where the model misfits effects are taken in first. All
+models are parts of one: an absent effect is held at its null values, so that functions are built once and sums compare
+exactly.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ from identify.base.progress import Notice, Progress, to_nobody
 from identify.base.result import EffectReason
 from identify.base.wording import three_figures
 from identify.diagnosis.effect_choice import Choice, price
-from identify.diagnosis.fitted import Fitted, fit_beside, fit_model, taken_over
+from identify.diagnosis.fitted import Fitted, fit_beside, fit_model, values_of
 from identify.effects import ALL
+from identify.estimation.attempt import place_on
+from identify.estimation.fit_wording import prefit_warnings, wrong_unit
 from identify.estimation.search import alike
-from identify.estimation.status_words import prefit_warnings, wrong_unit
 from identify.logs.loads import swing
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
@@ -34,23 +35,6 @@ from identify.shooting.solve import solve
 
 Array = NDArray[np.float64]
 
-# What slips and sticks look alike under: each may stand where the other is true.
-MIMICS = (
-    ("contact_ageing", "velocity_weakening"),
-    ("velocity_weakening", "direct_effect"),
-    ("velocity_weakening", "sensor_lag"),
-    ("velocity_weakening", "linear_weakening"),
-    ("direct_effect", "sensor_lag"),
-    ("contact_ageing", "load_dependence"),
-    ("contact_ageing", "direct_effect"),
-    ("hysteresis_damping", "sensor_lag"),
-    ("hysteresis_damping", "direct_effect"),
-    ("hysteresis_damping", "load_dependence"),
-    ("skin_compliance", "sensor_lag"),
-    ("occlusion", "load_dependence"),
-    ("velocity_weakening", "load_dependence"),
-)
-PLAIN = 200.0  # fall of chi^2 that no mimic makes up for
 ALWAYS = ("inertia",)
 # Effects whose null values are numbers: held there, they are absent.
 HELD = ("velocity_weakening", "direct_effect", "load_dependence", "occlusion", "excitation", "finger_motion")
@@ -214,19 +198,45 @@ class _Comparison:
         self.tried = [one.effect for one in candidates if one.tried]
         self.kept = [one.effect for one in candidates if one.first]
         self.gains: dict[str, tuple[float, float]] = {}
+        self._fits: dict[frozenset[str], Fitted] = {}
 
     def run(self) -> bool:
         """Whether the time sufficed."""
         self._report("fitting all that plainly matters", 0.1)
         self.best = fit_model(self._with(self.kept), self._records)
+        self._fits[frozenset(self.kept)] = self.best
         while not time_is_up():
-            self._leave_out()
-            before = set(self.kept)
-            self._add()
-            self._exchange()
-            if set(self.kept) == before:
+            misfits = not self.best.fits
+            if not (self._step(adding=misfits) or self._step(adding=not misfits)):
                 return not time_is_up()
         return False
+
+    def _step(self, *, adding: bool) -> bool:
+        """Take in the effect that pays most for its parameters, or leave out the one that pays least; whether there is
+        one."""
+        steps = list[tuple[float, list[str], Fitted]]()
+        for effect in [e for e in self.tried if e not in self.kept] if adding else self.kept:
+            if time_is_up():
+                return False
+            effects = [*self.kept, effect] if adding else [e for e in self.kept if e != effect]
+            scene, key = self._with(effects), frozenset(effects)
+            if adding and key not in self._fits and self.best.fits:
+                least = float(np.log(max(self.best.samples, 2)))
+                if not (promise := _promise(self.best, scene, self._records)) > least:
+                    self.gains[effect] = max(promise, 0.0), least
+                    continue
+            self._report(f"{'with' if adding else 'without'} {effect}", 0.3 if adding else 0.6)
+            if key not in self._fits:
+                self._fits[key] = fit_beside(self.best, scene, self._records)
+            other = self._fits[key]
+            larger, smaller = (other, self.best) if adding else (self.best, other)
+            self.gains[effect] = _fall(larger, smaller), _penalty(larger, smaller)
+            steps.append((_bic(other, self.best), effects, other))
+        criterion, effects, other = min(steps, key=lambda step: step[0], default=(0.0, self.kept, self.best))
+        if not criterion < 0.0:
+            return False
+        self.kept, self.best = effects, other
+        return True
 
     def _with(self, effects: Iterable[str]) -> Scene:
         """The scene of a subset of effects: the others that can be are held at their null values."""
@@ -243,70 +253,18 @@ class _Comparison:
                     parameters[q.name] = replace(absent, fixed=effect.null.get(q.name, q.default))
         return replace(made, parameters=parameters)
 
-    def _add(self) -> None:
-        """Fit the effects in the order of what they promise; the first that pays is taken in, and the rest looked at
-        again."""
-        rest = [e for e in self.tried if e not in self.kept]
-        while rest and not time_is_up():
-            self._report(f"with {', '.join(rest)}", 0.3)
-            scenes = {effect: self._with([*self.kept, effect]) for effect in rest}
-            promised = {effect: _promise(self.best, scenes[effect], self._records) for effect in rest}
-            least, taken = float(np.log(max(self.best.samples, 2))), ""
-            self.gains |= {effect: (max(promised[effect], 0.0), least) for effect in rest}
-            # What no few iterations tell comes last.
-            for effect in sorted(rest, key=lambda e: -promised[e] if np.isfinite(promised[e]) else 0.0):
-                if not promised[effect] > least or time_is_up():
-                    return
-                other = fit_beside(self.best, scenes[effect], self._records)
-                self.gains[effect] = (_fall(other, self.best), _penalty(other, self.best))
-                if _bic(other, self.best) < 0.0:
-                    self.kept, self.best, taken = [*self.kept, effect], other, effect
-                    break
-            if not taken:
-                return
-            rest.remove(taken)
-
-    def _leave_out(self) -> None:
-        """Leave out what does not pay, the one that pays least first, until all that stays does."""
-        while not time_is_up():
-            smaller: dict[str, Fitted] = {}
-            for effect in self.kept:
-                self._report(f"without {effect}", 0.6)
-                scene = self._with([e for e in self.kept if e != effect])
-                smaller[effect] = fit_beside(self.best, scene, self._records)
-                self.gains[effect] = (_fall(self.best, smaller[effect]), _penalty(self.best, smaller[effect]))
-                if time_is_up():
-                    return
-            losers = [e for e in self.kept if self.gains[e][0] < self.gains[e][1]]
-            if not losers:
-                return
-            worst = min(losers, key=lambda e: _bic(smaller[e], self.best))
-            self.kept, self.best = [e for e in self.kept if e != worst], smaller[worst]
-
-    def _exchange(self) -> None:
-        """Put an effect in the place of one that it may stand in for, where that makes a better model."""
-        for out, into in (pair for both in MIMICS for pair in (both, both[::-1])):
-            possible = into in self.tried or into == "linear_weakening"
-            if out not in self.kept or into in self.kept or not possible or time_is_up():
-                continue
-            if self.gains.get(out, (0.0, 0.0))[0] > PLAIN:
-                continue
-            kept = [into if e == out else e for e in self.kept]
-            self._report(f"{into} in the place of {out}", 0.5)
-            other = fit_beside(self.best, self._with(kept), self._records)
-            if _bic(other, self.best) < 0.0:
-                self.gains[out] = (0.0, _penalty(self.best, other))
-                self.kept, self.best = kept, other
-
 
 def _promise(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> float:
     """About how much chi^2 would fall with one more effect: a few iterations, on the solution's grid."""
     if smaller.attempt is None:
         return np.inf
     made, solved = prepare_scene(scene, records), smaller.attempt.solved
-    logs, trajectories, unknowns = taken_over(smaller, made.logs, made.unknowns)
-    problem = shooting_problem([log.data for log in logs], trajectories, unknowns.with_weak_priors(), solved.grid)
-    tried = solve(problem, tolerance=1e-3, mu_init=1e-6, iterations=GLANCE)
+    at = replace(made.unknowns, start=values_of(smaller, made.unknowns)).with_weak_priors()
+    placed = place_on(made.logs, list(smaller.logs), at)
+    if len(placed) < len(smaller.logs):
+        return np.inf
+    logs, motion = [log.data for _, log, _ in placed], [trajectory for _, _, trajectory in placed]
+    tried = solve(shooting_problem(logs, motion, at, solved.grid), tolerance=1e-3, mu_init=1e-6, iterations=GLANCE)
     return 2.0 * (solved.solution.cost - tried.cost) if tried.constraint_violation < CLOSED else np.inf
 
 

@@ -20,27 +20,35 @@ from identify.shooting.placing import place
 from identify.shooting.shooting_trajectory import ShootingTrajectory, turned_back
 
 Array = NDArray[np.float64]
-PlacedLog = tuple[
-    int, Prepared, ShootingTrajectory
-]  # number of a log, the log as it is cut, and the motion placed on it
+PlacedLog = tuple[int, Prepared, ShootingTrajectory]  # number of a log, the log as it is cut, the motion placed on it
 
-CREEPING = 0.2  # of the noise variance: a misfit that is no reason to look for another start
 OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver stalled
 BETTER = 2.0  # squares in noise variances by which another motion must fit better to be taken
 MOVES = 2  # how often the motion is simulated from an answer
-HORIZONS = (0.125, 0.25, 0.5, 1.0)  # shares of a course before it slides steadily, each solved from the one before
+HORIZONS = (0.125, 0.25, 0.5, 1.0)  # shares of a programme before it slides steadily, each solved from the one before
+MET = 0.2  # of the noise variance: a beginning that misfits by more is not met
 
 
 @dataclass(frozen=True)
 class Attempt:
     """A solved start: the numbers of the logs that took part (from 0), and these logs as far as they were followed; the
-    solution and its gate; found_by: the titles of the strategies that led to it, in their order."""
+    solution and its gate; found_by: the strategies that led to it, in their order."""
 
     log_numbers: tuple[int, ...]
     fitted_logs: tuple[Prepared, ...]
     solved: Solved
     gate: Gate
     found_by: tuple[str, ...] = ()
+
+    @property
+    def fits(self) -> bool:
+        """Whether it passed the goodness-of-fit tests."""
+        return self.gate.status is Status.CONVERGED
+
+    @property
+    def names(self) -> list[str]:
+        """Of its logs."""
+        return [log.name for log in self.fitted_logs]
 
     @property
     def cost_per_sample(self) -> float | None:
@@ -56,10 +64,20 @@ class Attempt:
         obeys = solution.success or solution.constraint_violation < OBEYS
         return 2.0 * solution.cost - self.solved.problem.samples if obeys else np.inf
 
+    def with_solved(self, solved: Solved) -> Attempt:
+        """The same logs with another solution, and the tests of that."""
+        return replace(attempt_of(self.log_numbers, self.fitted_logs, solved), found_by=self.found_by)
+
 
 def usable(prepared: Sequence[Prepared]) -> list[int]:
     """Numbers of the logs that are not left out."""
     return [i for i, log in enumerate(prepared) if log.left_out is None]
+
+
+def attempt_of(numbers: Sequence[int], logs: Sequence[Prepared], solved: Solved) -> Attempt:
+    """A solution of logs with these numbers, tested."""
+    gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
+    return Attempt(tuple(numbers), tuple(logs), solved, gate)
 
 
 def solve_from(
@@ -78,27 +96,26 @@ def solve_from(
 def solve_placed(
     prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float = np.inf
 ) -> Attempt:
-    """Solve from a start that is placed on some of the logs, one at least; then from the motion simulated at the
-    answer, where its sequence of phases is another one; courses that are not met by way of their beginnings. The one
-    that fits better is kept."""
+    """Solve from a start that is placed on some of the logs, one at least, and from the motion simulated at the answer;
+    programmes that are not met, by way of their beginnings. The one that fits better is kept."""
     attempt = _moved(prepared, placed, unknowns, cost_cutoff)
-    courses = any(log.fit_mode.name == "continuous" for log in attempt.fitted_logs)
-    if attempt.gate.status is Status.CONVERGED or attempt.solved.solution.cost > cost_cutoff or not courses:
+    programmes = any(log.fit_mode.name == "continuous" for log in attempt.fitted_logs)
+    if attempt.fits or attempt.solved.solution.cost > cost_cutoff or not programmes:
         return attempt
     extended = _by_horizons(prepared, attempt.log_numbers, unknowns)
     return extended if extended is not None and _is_better(extended, attempt) else attempt
 
 
 def _moved(prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float) -> Attempt:
-    """Solve from a start, and from the motion simulated at the answer."""
+    """Solve from a start, and from the motion simulated at the answer, where its sequence of phases is another one."""
     attempt = _solved(placed, unknowns, cost_cutoff)
     for _ in range(MOVES):
         solved = attempt.solved
         if solved.solution.cost > cost_cutoff or not np.all(np.isfinite(solved.theta)) or time_is_up():
             break
         at_answer = replace(unknowns, start=solved.theta)
-        moved = _resimulated(prepared, attempt, at_answer)
-        other = None if moved is None else _solved(moved, at_answer, cost_cutoff)
+        simulated = _simulated(prepared, attempt, at_answer)
+        other = None if simulated is None else _solved(simulated, at_answer, cost_cutoff)
         if other is None or not _is_better(other, attempt):
             break
         attempt = other
@@ -107,12 +124,11 @@ def _moved(prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns
 
 def _is_better(other: Attempt, attempt: Attempt) -> bool:
     """Whether another motion is the one to take: of two the one that fits, else the one that fits clearly better."""
-    converged = [a.gate.status is Status.CONVERGED for a in (other, attempt)]
-    return converged[0] if converged[0] != converged[1] else other.excess < attempt.excess - BETTER
+    return other.fits if other.fits != attempt.fits else other.excess < attempt.excess - BETTER
 
 
 def _by_horizons(prepared: list[Prepared], numbers: Sequence[int], unknowns: Unknowns) -> Attempt | None:
-    """Solve with short beginnings of the courses, then with longer ones, each from the answer before; None where a
+    """Solve with short beginnings of the programmes, then with longer ones, each from the answer before; None where a
     beginning is not met. Parameters that are off make another sequence of sticks and slips in the long run, which no
     solve leaves again; over a few of them it is that of the data."""
     attempt: Attempt | None = None
@@ -122,7 +138,7 @@ def _by_horizons(prepared: list[Prepared], numbers: Sequence[int], unknowns: Unk
         if len(placed) < len(numbers) or time_is_up():
             return None
         attempt = _moved(logs, placed, unknowns, np.inf)
-        if not abs(attempt.gate.chi2_per_sample - 1.0) < CREEPING:
+        if not abs(attempt.gate.chi2_per_sample - 1.0) < MET:
             return None
         unknowns = replace(unknowns, start=attempt.solved.theta)
     return attempt
@@ -134,20 +150,20 @@ def _solved(placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float) -> 
     unknowns = replace(unknowns, start=trajectories[0].theta(unknowns.start))
     trajectories[0] = replace(trajectories[0], own=np.empty(0))
     with stage("solve"):
-        data, soft = [log.data for log in logs], unknowns.with_weak_priors()
-        solved = solve_in_passes(data, trajectories, soft, cost_cutoff=cost_cutoff)
+        data, weak = [log.data for log in logs], unknowns.with_weak_priors()
+        solved = solve_in_passes(data, trajectories, weak, cost_cutoff=cost_cutoff)
         of_which("build", solved.transcription_seconds, of="solve")
-        return Attempt(tuple(numbers), tuple(logs), solved, gated(solved, logs))
+        return attempt_of(numbers, logs, solved)
 
 
-def _resimulated(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -> list[PlacedLog] | None:
+def _simulated(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -> list[PlacedLog] | None:
     """The motion simulated at the answer (unknowns.start): of logs that are followed, and of those with cycles where
     these do not fit; None where every sequence of phases is that of the answer."""
-    fits, out, changed = attempt.gate.status is Status.CONVERGED, list[PlacedLog](), False
+    out, changed = list[PlacedLog](), False
     motions = zip(attempt.log_numbers, attempt.fitted_logs, attempt.solved.trajectories, strict=True)
     for number, log, trajectory in motions:
         out.append((number, log, trajectory))
-        if log.fit_mode.name == "sliding" or (log.fit_mode.name == "cycles" and fits):
+        if log.fit_mode.name == "sliding" or (log.fit_mode.name == "cycles" and attempt.fits):
             continue
         whole = replace(prepared[number], fit_mode=log.fit_mode)
         at_answer = replace(unknowns, start=trajectory.theta(unknowns.start))
@@ -174,38 +190,11 @@ def _with_loads_of(simulated: ShootingTrajectory, trajectory: ShootingTrajectory
     return replace(simulated, **{name: getattr(trajectory, name) for name in names})
 
 
-def retested(attempt: Attempt) -> Attempt:
-    """The attempt with the gate of its own solution: one that was taken over from another model has that model's."""
-    return replace(attempt, gate=gated(attempt.solved, attempt.fitted_logs))
-
-
-def gated(solved: Solved, logs: Sequence[Prepared]) -> Gate:
-    """The goodness-of-fit tests of a solution of these logs."""
-    return pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
-
-
-def stalled(attempt: Attempt) -> bool:
-    """Whether the curve fits, and the solver found no end to a ridge along which the data tell nothing."""
-    gate = attempt.gate
-    return gate.status is Status.SOLVER_FAILED and abs(gate.chi2_per_sample - 1.0) < CREEPING
-
-
 def solve_again(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0) -> Attempt:
     """Solve the logs of an attempt again from another theta (unknowns.start) and the motion found before, with at least
     so many steps per interval."""
-    logs, soft = attempt.fitted_logs, unknowns.with_weak_priors()
-    solved = solve_in_passes([log.data for log in logs], attempt.solved.trajectories, soft, steps=steps)
-    return replace(attempt, solved=solved, gate=gated(solved, logs))
-
-
-def placed_anew(attempt: Attempt, unknowns: Unknowns, theta: Array) -> Attempt | None:
-    """The logs of an attempt solved from theta (n_p,) as from a start that a user gives, with the motion that follows
-    from it; None where that is no answer of all of them, or fits no better."""
-    logs = list(attempt.fitted_logs)
-    found = solve_from(logs, list(range(len(logs))), replace(unknowns, start=theta))
-    if found is None or found.gate.status is not Status.CONVERGED or len(found.log_numbers) < len(logs):
-        return None
-    return replace(found, log_numbers=attempt.log_numbers) if found.excess < attempt.excess else None
+    data, weak = [log.data for log in attempt.fitted_logs], unknowns.with_weak_priors()
+    return attempt.with_solved(solve_in_passes(data, attempt.solved.trajectories, weak, steps=steps))
 
 
 def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[PlacedLog]:
@@ -221,7 +210,8 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
     for number, log, trajectory in zip(chosen, logs, placed, strict=True):
         if trajectory is None:
             continue
-        if _joins_up(trajectory, log):
+        ends = np.append(trajectory.onset[1:], log.data.end)
+        if trajectory.onset[0] > log.data.begin and np.all(ends > trajectory.arrest):
             out.append((number, as_far_as_placed(log, trajectory), trajectory))
         else:  # rests are shorter than slips are placed exactly
             out += [(number, *found) for found in _followed(log.as_continuous, unknowns)]
@@ -236,7 +226,7 @@ def as_far_as_placed(log: Prepared, trajectory: ShootingTrajectory) -> Prepared:
 
 
 def _followed(log: Prepared, unknowns: Unknowns) -> list[tuple[Prepared, ShootingTrajectory]]:
-    """The log of a course of its own, or of sliding, cut to what the start follows of it; empty where it does not."""
+    """The log of a programme, or of sliding, cut to what the start follows of it; empty where it does not."""
     p = unknowns.values(log.data.theta(unknowns.start), log.data.base)
     if log.fit_mode.name == "sliding":
         gliding = glide(unknowns.model, log.data, p)
@@ -245,9 +235,3 @@ def _followed(log: Prepared, unknowns: Unknowns) -> list[tuple[Prepared, Shootin
     if found is None:
         return []
     return [(replace(log, data=replace(log.data, end=min(found.end, log.data.end))), found.trajectory)]
-
-
-def _joins_up(trajectory: ShootingTrajectory, log: Prepared) -> bool:
-    """Whether every stick has a length, the last one too."""
-    ends = np.append(trajectory.onset[1:], log.data.end)
-    return bool(trajectory.onset[0] > log.data.begin and np.all(ends > trajectory.arrest))

@@ -1,17 +1,15 @@
-"""How well the parameters are known: information, covariance, intervals and verdicts.
+"""How well the parameters are known: information, covariance, intervals, verdicts, what errors of the rig add.
 
-First, a covariance that holds what a curved likelihood allows: widened until every likely point lies within it.
-
-Where the likelihood is no paraboloid, the covariance of its curvature at the answer leaves out points that the data
-find as likely. Profiles walk to such points; the covariance is widened until it holds each, where that takes least of
-the variances, and no further.
+The information matrix of all search variables (rig included) is the Schur complement of the KKT matrix at the
+solution: everything else (states, event times, multipliers) is eliminated. From it follow the covariance of what was
+free, and how it shifts with what was taken as exact.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,16 +18,119 @@ from numpy.typing import NDArray
 from identify.base.linear import solve_equilibrated
 from identify.base.quantiles import NORMAL
 from identify.logs.unknowns import Unknowns
+from identify.model.model import RIG_PARAMETERS
 from identify.shooting.layout import kept_parameters
+from identify.shooting.passes import Solved
 from identify.shooting.shooting import Problem
 
 Array = NDArray[np.float64]
 
+IDENTIFIED, WEAK = 0.20, 3.0  # interval ends within 20 % of the value; within a factor 3
+FARTHEST = 20.0  # a logarithm that is farther off than that is open
+
+
+@dataclass(frozen=True)
+class Information:
+    """Information matrix (n_p, n_p) of theta, priors included, and of the data alone; `joint` (n_p + o, n_p + o) that
+    of theta and of the o parameters that single logs or groups have for themselves."""
+
+    unknowns: Unknowns
+    total: Array
+    data: Array
+    joint: Array
+
+    @property
+    def free(self) -> NDArray[np.int64]:
+        """Indices of the free parameters."""
+        return np.flatnonzero(self.unknowns.free)
+
+    @property
+    def known(self) -> bool:
+        """Whether the model has derivatives there."""
+        return bool(np.all(np.isfinite(self.total)))
+
+    def covariance(self) -> Array:
+        """Covariance (f, f) of the free theta; directions the data do not determine have infinite variance."""
+        return inverse(self.total[np.ix_(self.free, self.free)])
+
+    def joint_covariance(self) -> Array:
+        """Covariance (f + o, f + o) of the free theta and of what single logs or groups have for themselves."""
+        n_p = len(self.unknowns.names)
+        kept = np.concatenate([self.free, np.arange(n_p, self.joint.shape[0])])
+        return inverse(self.joint[np.ix_(kept, kept)])
+
+    def shift(self, column: int) -> Array:
+        """How far the free theta (f,) move per unit of a theta that was held."""
+        return self._response(self.total[self.free, column])
+
+    def drive_speed_shift(self, values: Array) -> Array:
+        """How far the free theta (f,) move per relative error of all drive speeds together; values (n_p,) [SI] of all
+        parameters at the answer."""
+        return self._response(-(self.data @ _by_drive_speed(self.unknowns, values))[self.free])
+
+    def _response(self, change: Array) -> Array:
+        """The answer of the free theta to a change of their gradient, to first order."""
+        block = self.total[np.ix_(self.free, self.free)]
+        return np.asarray(-np.linalg.lstsq(block, change, rcond=1e-13)[0])
+
+
+def information_at(solved: Solved, unknowns: Unknowns) -> Information:
+    """The information of the data on all parameters, those held fixed too, at an answer."""
+    return information(*solved.problem.with_all_parameters(replace(unknowns, start=solved.theta), solved.solution.z))
+
+
+def information(problem: Problem, z: Array) -> Information:
+    """The information matrix at a solution of a problem in which every parameter is an unknown.
+
+    Args:
+        z: scaled unknowns (n,).
+
+    Raises:
+        ValueError: a problem that leaves parameters out.
+    """
+    layout = problem.layout
+    n_p = len(layout.unknowns.names)
+    if layout.free.size != n_p:
+        raise ValueError("the information matrix wants a problem with every parameter among its unknowns")
+    point = problem.evaluate(z, derivatives=True)
+    assert point.hessian is not None and point.jacobian is not None
+    hessian = (point.hessian + sp.triu(point.hessian, 1).T).tocsc()
+    jacobian = point.jacobian.tocsc()
+    kept = kept_parameters(layout)
+    rest = np.setdiff1d(np.arange(layout.size), kept)
+    kkt = sp.bmat([[hessian[rest][:, rest], jacobian[:, rest].T], [jacobian[:, rest], None]], format="csc")
+    right = sp.vstack([hessian[rest][:, kept], jacobian[:, kept]]).toarray()
+    schur = hessian[kept][:, kept].toarray() - right.T @ solve_equilibrated(kkt, right)
+    scale = layout.scale[kept]
+    joint = 0.5 * (schur + schur.T) / np.outer(scale, scale)
+    total = joint[:n_p, :n_p]
+    if kept.size > n_p:  # what logs have for themselves follows
+        across, own = joint[:n_p, n_p:], joint[n_p:, n_p:]
+        total = total - across @ np.linalg.lstsq(own, across.T, rcond=1e-13)[0]
+    return Information(layout.unknowns, total, total - layout.unknowns.prior_precision, joint)
+
+
+def inverse(matrix: Array) -> Array:
+    """Inverse (n, n) of a positive semidefinite matrix; what it does not hold gets a huge variance, not a small one."""
+    diagonal = np.diag(matrix)
+    # A parameter without any information: a variance large enough to say so and small enough to compute with.
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, max(1e-24 * float(np.max(diagonal)), 1e-24)))
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    floor = 1e-13 * max(float(values[-1]), 1.0)  # the largest is 1 and more, but of a matrix that holds nothing
+    scaled = vectors @ np.diag(1.0 / np.maximum(values, floor)) @ vectors.T
+    return np.asarray(scaled * np.outer(scale, scale))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A covariance that holds what a curved likelihood allows: widened until every likely point lies within it.
+#
+# Where the likelihood is no paraboloid, the covariance of its curvature at the answer leaves out points that the data
+# find as likely. Profiles lead to such points; the covariance is widened towards each that lies outside.
+# ----------------------------------------------------------------------------------------------------------------------
+
 ENOUGH = 1.5  # times the limit that a point's squared distance may have
 ROUNDS = 200
 ROUNDING = 1e-9
-FARTHEST = 20.0  # a logarithm that is farther off than that is open
-MIXTURES = np.logspace(-8.0, 4.0, 49)  # of the way across a ridge and the way to a point, by the largest eigenvalue
 
 
 def widened(covariance: Array, away: Array, limits: Array) -> Array:
@@ -50,138 +151,13 @@ def widened(covariance: Array, away: Array, limits: Array) -> Array:
         enough = ENOUGH * limits[far]
         if not distances[far] > enough * (1.0 + ROUNDING):
             return out
-        out = out + _least_widening(out, away[far], enough)
+        out = out + (1.0 / enough - 1.0 / distances[far]) * np.outer(away[far], away[far])
     return out
 
 
-def _least_widening(covariance: Array, away: Array, limit: float) -> Array:
-    """The rank-one matrix (f, f) that brings a point (f,) to a squared distance `limit` and widens the variances least.
-
-    A bent ridge leaves the covariance across its narrow directions: to widen it there takes little of any standard
-    error, to widen it towards the point itself takes much of all. Of r = (R + mu I)^-1 x, x the point in standard
-    errors and R the correlation, mu -> infinity is the latter, a small mu the former, and the r for which the relative
-    growths of the variances, k |r|^2, add up to least is one of these (Lagrange's condition).
-    """
-    sd = np.maximum(np.sqrt(np.diag(covariance)), np.abs(away) / np.sqrt(limit))  # what each needs by itself
-    x = away / sd
-    sizes, axes = np.linalg.eigh(covariance / np.outer(sd, sd))
-    x = axes.T @ x
-    excess = float(np.sum(x**2 / sizes)) - limit
-    ways = x / (sizes + MIXTURES[:, None] * sizes[-1])  # (mu, f)
-    reach, length = ways @ (x / sizes), np.sum(ways**2 / sizes, axis=1)
-    room = reach**2 - excess * length  # above nought where some multiple of r brings the point near enough
-    factor = excess / np.where(room > 0.0, room, np.nan)
-    best = int(np.nanargmin(factor * np.sum(ways**2, axis=1)))
-    widest = axes @ ways[best] * sd
-    return np.asarray(factor[best] * np.outer(widest, widest))
-
-
 # ----------------------------------------------------------------------------------------------------------------------
-# How well the parameters are known: information, covariance, intervals, verdicts, what rig errors do.
-#
-# The information matrix of all search variables (rig included) is the Schur complement of the KKT matrix at the
-# solution: everything else (states, event times, multipliers) is eliminated. From it follow the covariance of what was
-# free, and how it shifts with what was taken as exact.
+# Intervals and verdicts.
 # ----------------------------------------------------------------------------------------------------------------------
-
-SPEED_STEP = 1e-5  # relative, of the drive speed
-IDENTIFIED, WEAK = 0.20, 3.0  # interval ends within 20 % of the value; within a factor 3
-
-
-@dataclass(frozen=True)
-class Information:
-    """Information matrix (n_p, n_p) of theta, priors included, and of the data alone; `by_drive_speed` (n_p,) is
-    how the gradient with respect to theta changes per relative error of all drive speeds together; `joint`
-    (n_p + o, n_p + o) that of theta and of the o parameters that single logs or groups have for themselves; `gradient`
-    (n_p,) of the cost with respect to theta, the motion following: at an answer only what was held has any."""
-
-    unknowns: Unknowns
-    total: Array
-    data: Array
-    by_drive_speed: Array
-    joint: Array
-    gradient: Array
-
-    @property
-    def free(self) -> NDArray[np.int64]:
-        """Indices of the free parameters."""
-        return np.flatnonzero(self.unknowns.free)
-
-    def covariance(self) -> Array:
-        """Covariance (f, f) of the free theta; directions the data do not hold have infinite variance."""
-        return inverse(self.total[np.ix_(self.free, self.free)])
-
-    def joint_covariance(self) -> Array:
-        """Covariance (f + o, f + o) of the free theta and of what single logs or groups have for themselves."""
-        n_p = len(self.unknowns.names)
-        kept = np.concatenate([self.free, np.arange(n_p, self.joint.shape[0])])
-        return inverse(self.joint[np.ix_(kept, kept)])
-
-    def shift(self, column: int) -> Array:
-        """How far the free theta (f,) move per unit of a theta that was held."""
-        return self._response(self.total[self.free, column])
-
-    def drive_speed_shift(self) -> Array:
-        """How far the free theta (f,) move per relative error of all drive speeds together."""
-        return self._response(self.by_drive_speed[self.free])
-
-    def _response(self, change: Array) -> Array:
-        """The answer of the free theta to a change of their gradient, to first order."""
-        block = self.total[np.ix_(self.free, self.free)]
-        return np.asarray(-np.linalg.lstsq(block, change, rcond=1e-13)[0])
-
-
-def information(problem: Problem, z: Array) -> Information:
-    """The information matrix at a solution of a problem in which every parameter is an unknown.
-
-    Args:
-        z: scaled unknowns (n,).
-
-    Raises:
-        ValueError: a problem that leaves parameters out.
-    """
-    layout = problem.layout
-    n_p = len(layout.unknowns.names)
-    if layout.free.size != n_p:
-        raise ValueError("the information matrix wants a problem with every parameter among its unknowns")
-    point = problem.evaluate(z, derivatives=True)
-    assert point.hessian is not None and point.jacobian is not None
-    upper = point.hessian
-    hessian = (upper + sp.triu(upper, 1).T).tocsc()
-    jacobian = point.jacobian.tocsc()
-    kept = kept_parameters(layout)
-    rest = np.setdiff1d(np.arange(layout.size), kept)
-    kkt = sp.bmat([[hessian[rest][:, rest], jacobian[:, rest].T], [jacobian[:, rest], None]], format="csc")
-    right = sp.vstack([hessian[rest][:, kept], jacobian[:, kept]]).toarray()
-    disturbed = problem.driven(1.0 + SPEED_STEP).evaluate(z, derivatives=True)
-    assert disturbed.gradient is not None and point.gradient is not None
-    change = (disturbed.gradient - point.gradient) / SPEED_STEP
-    below = np.concatenate([change[rest], (disturbed.rows - point.rows) / SPEED_STEP])
-    left = np.concatenate([point.gradient[rest], point.rows])
-    solved = solve_equilibrated(kkt, np.column_stack([right, below, left]))
-    schur = hessian[kept][:, kept].toarray() - right.T @ solved[:, : kept.size]
-    scale = layout.scale[kept]
-    joint = 0.5 * (schur + schur.T) / np.outer(scale, scale)
-    by_speed = (change[kept] - right.T @ solved[:, kept.size]) / scale
-    gradient = (point.gradient[kept] - right.T @ solved[:, kept.size + 1]) / scale
-    total, shared = joint[:n_p, :n_p], by_speed[:n_p]
-    if kept.size > n_p:  # what logs have for themselves follows
-        across, own = joint[:n_p, n_p:], joint[n_p:, n_p:]
-        answer = np.linalg.lstsq(own, np.column_stack([across.T, by_speed[n_p:]]), rcond=1e-13)[0]
-        total, shared = total - across @ answer[:, :n_p], shared - across @ answer[:, n_p]
-    data = total - layout.unknowns.prior_precision
-    return Information(layout.unknowns, total, data, shared, joint, gradient[:n_p])
-
-
-def inverse(matrix: Array) -> Array:
-    """Inverse (n, n) of a positive semidefinite matrix; what it does not hold gets a huge variance, not a small one."""
-    diagonal = np.diag(matrix)
-    # A parameter without any information: a variance large enough to say so and small enough to compute with.
-    scale = 1.0 / np.sqrt(np.maximum(diagonal, max(1e-24 * float(np.max(diagonal)), 1e-24)))
-    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
-    floor = 1e-13 * max(float(values[-1]), 1.0)  # the largest is 1 and more, but of a matrix that holds nothing
-    scaled = vectors @ np.diag(1.0 / np.maximum(values, floor)) @ vectors.T
-    return np.asarray(scaled * np.outer(scale, scale))
 
 
 @dataclass(frozen=True)
@@ -221,45 +197,37 @@ def estimates(
     Args:
         theta: (n_p,); base (n_p,) of the rig the values are given for; covariance (f, f) of the free ones.
         at_bound: sentence per parameter that sits at a bound.
-        hints: per parameter, what test would tell it, used where it is not identified.
+        hints: per parameter, what test would determine it, used where it is not identified.
         profiles: intervals of theta by name, where profiles were run; else from the covariance, from which all
             standard errors are: times their correlations they have to be one.
     """
     values = unknowns.values(theta, base)
     sd = dict(zip(np.flatnonzero(unknowns.free).tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    size_of = sizes(unknowns, values)
-    quantile = NORMAL
-    out = []
-    source = unknowns.source.tolist()
+    size_of, out = sizes(unknowns, values), list[Estimate]()
     for i, declared in enumerate(unknowns.model.parameters):
-        value, name, unit = float(values[i]), declared.name, declared.unit
-        if source[i] != i:
-            to, share = source[i], quantile * sd[source[i]]
-            followed = profiles.get(unknowns.names[to], Interval(theta[to] - share, theta[to] + share))
-            out.append(_tied(unknowns, i, value, base, followed, sd[to], float(size_of[i])))
-            continue
-        if i not in sd:
-            out.append(Estimate(name, unit, value, None, None, None, "fixed", "not estimated"))
+        value, name, of = float(values[i]), declared.name, int(unknowns.source[i])
+        nothing = Estimate(name, declared.unit, value, None, None, None, "fixed", "not estimated")
+        if of not in sd:
+            out.append(nothing)
             continue
         if name in at_bound:
-            out.append(Estimate(name, unit, value, None, None, None, "at bound", at_bound[name]))
+            out.append(replace(nothing, verdict="at bound", reason=at_bound[name]))
             continue
-        interval = profiles.get(name, Interval(theta[i] - quantile * sd[i], theta[i] + quantile * sd[i]))
-        interval, walled = _within_walls(unknowns, i, interval)
+        interval = profiles.get(unknowns.names[of], Interval(theta[of] - NORMAL * sd[of], theta[of] + NORMAL * sd[of]))
+        interval, walled = _within_walls(unknowns, of, interval)
         low, high = (parameter_value(unknowns, i, end, base[i]) for end in (interval.lower, interval.upper))
         verdict = verdict_of(value, low, high, float(size_of[i]), declared.scale == "log")
-        prior = _prior_share(unknowns, i, sd[i])
-        if verdict == "not identifiable":
-            reason = hints.get(name, "these data hold too little on it")
-            ends = (_open(low, declared.lower, above=True), _open(high, declared.upper, above=False))
-            out.append(Estimate(name, unit, value, None, *ends, verdict, reason))
+        tied = f"tied to {unknowns.names[of]}" if of != i else ""
+        if verdict == "not identifiable" or low is None or high is None:
+            low = None if tied else _open(low, declared.lower, above=True)
+            high = None if tied else _open(high, declared.upper, above=False)
+            reason = tied or hints.get(name, "these data hold too little on it")
+            out.append(replace(nothing, lower=low, upper=high, verdict="not identifiable", reason=reason))
             continue
-        reason = prior = "; ".join(filter(None, (prior, walled)))
-        if verdict != "identified":
-            reason = "; ".join(filter(None, (hints.get(name, "more cycles would tell"), prior)))
-        assert low is not None and high is not None
-        error = sd[i] * (value if declared.scale == "log" else 1.0)
-        out.append(Estimate(name, unit, value, float(error), low, high, verdict, reason))
+        error = sd[of] * (value if declared.scale == "log" else 1.0)
+        known = [] if verdict == "identified" else [hints.get(name, "more cycles would tell")]
+        reason = tied or "; ".join(filter(None, (*known, _prior_share(unknowns, i, sd[i]), walled)))
+        out.append(Estimate(name, declared.unit, value, float(error), low, high, verdict, reason))
     return out
 
 
@@ -270,31 +238,14 @@ def sizes(unknowns: Unknowns, values: Array) -> Array:
     return np.where(weakening, abs(mu_s - mu_k0), np.abs(values))
 
 
-def _tied(
-    unknowns: Unknowns, i: int, value: float, base: Array, followed: Interval, sd: float, size: float
-) -> Estimate:
-    """The estimate of a parameter that follows another one: as sure as that one, whose interval of theta and standard
-    deviation are given."""
-    declared, to = unknowns.model.parameters[i], int(unknowns.source[i])
-    logarithmic, reason = declared.scale == "log", f"tied to {unknowns.names[to]}"
-    interval, _ = _within_walls(unknowns, to, followed)
-    low, high = (parameter_value(unknowns, i, end, base[i]) for end in (interval.lower, interval.upper))
-    verdict = verdict_of(value, low, high, size, logarithmic)
-    if verdict == "not identifiable" or low is None or high is None:
-        return Estimate(declared.name, declared.unit, value, None, None, None, "not identifiable", reason)
-    error = sd * (value if logarithmic else 1.0)
-    return Estimate(declared.name, declared.unit, value, float(error), low, high, verdict, reason)
-
-
 def _within_walls(unknowns: Unknowns, i: int, interval: Interval) -> tuple[Interval, str]:
     """The interval without what the scene's own bounds exclude, and a sentence where they do."""
-    lower, upper, said = interval.lower, interval.upper, []
+    lower, upper, ends = interval.lower, interval.upper, list[str]()
     if unknowns.walls[0, i] and (lower is None or lower <= unknowns.lower[i]):
-        lower, said = float(unknowns.lower[i]), ["lower"]
+        lower, ends = float(unknowns.lower[i]), ["lower"]
     if unknowns.walls[1, i] and (upper is None or upper >= unknowns.upper[i]):
-        upper, said = float(unknowns.upper[i]), [*said, "upper"]
-    words = f"its interval ends at the {' and '.join(said)} bound of the scene" if said else ""
-    return Interval(lower, upper), words
+        upper, ends = float(unknowns.upper[i]), [*ends, "upper"]
+    return Interval(lower, upper), f"its interval ends at the {' and '.join(ends)} bound of the scene" if ends else ""
 
 
 def parameter_value(unknowns: Unknowns, i: int, theta: float | None, base: float) -> float | None:
@@ -330,3 +281,83 @@ def _prior_share(unknowns: Unknowns, i: int, sd: float) -> str:
     if not math.isfinite(prior):
         return ""
     return f"its prior (or tolerance) carries {min(100.0, 100 * sd**2 / prior**2):.0f} % of the information"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What the usual errors of a rig and its sensors add to intervals that take both as exact.
+#
+# Every such error is a direction in the space of all parameters, the rig's among them, so that the information at the
+# answer already holds what the data say of it: an error of a mass, a stiffness or a damping is that parameter's own
+# direction; one of all drive speeds is a change of the unit of length; one of the friction force's gain a change of the
+# unit of force with the normal force kept; one of the normal force's gain divides the coefficients; one of the friction
+# force's zero shifts both coefficients alike. Each error is estimated along with the parameters, its tolerance as its
+# prior: what the data contradict is not believed.
+# ----------------------------------------------------------------------------------------------------------------------
+
+COEFFICIENTS = ("mu_s", "mu_k0", "delta_mu_k", "slope", "direct_strength")  # the friction force is linear in them
+LEVELS = ("mu_s", "mu_k0")  # a zero of the friction force is a level of both
+LENGTHS = {"m": 1.0, "m/s": 1.0, "s/m": -1.0, "N/m": -1.0}  # powers of a length; an area only makes a pressure
+TOLERANCE_WORDS = {
+    "mass": "the mass",
+    "stiffness": "the stiffness",
+    "damping": "the damping",
+    "drive_speed": "the drive speed",
+    "friction_force": "the gain of the friction force",
+    "normal_force": "the gain of the normal force",
+    "friction_zero": "the zero of the friction force",
+    "normal_zero": "the zero of the normal force",
+    "specimen": "the likeness of the specimens of the logs",
+}
+
+
+def added_by_tolerances(known: Information, values: Array, tolerances: Mapping[str, float], memory: float) -> Array:
+    """Covariance (f, f) of the free theta that errors of rig and sensors add to that of the fit.
+
+    Args:
+        known: at the answer; values (n_p,) of all parameters there [SI].
+        tolerances: relative, one standard deviation each, of mass, stiffness, damping (where the fit holds them),
+            drive_speed, friction_force and normal_force (the gains of their sensors), and the zeros of both sensors as
+            shares of the normal force (friction_zero, normal_zero); what is absent is exact.
+        memory: by how much the autocorrelation of the noise widens a variance.
+    """
+    free, n_p = known.free, len(known.unknowns.names)
+    known_of = {name: direction for name, direction in _directions(known, values) if tolerances.get(name)}
+    moves = np.column_stack([np.eye(n_p)[:, free], *known_of.values()])
+    matrix = moves.T @ (known.data / memory) @ moves
+    count = free.size
+    matrix[:count, :count] += (known.total - known.data)[np.ix_(free, free)]  # a tap ties mass and stiffness
+    matrix[np.arange(count, len(matrix)), np.arange(count, len(matrix))] += [1.0 / tolerances[n] ** 2 for n in known_of]
+    return np.asarray(inverse(matrix)[:count, :count] - inverse(matrix[:count, :count]))
+
+
+def standard_deviations(covariance: Array) -> Array:
+    """Roots (f,) of the variances of what errors add; rounding leaves none below 0."""
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0))
+
+
+def _directions(known: Information, values: Array) -> Iterator[tuple[str, Array]]:
+    """How theta (n_p,) moves with a relative error, by what is in error."""
+    unknowns = known.unknowns
+    size = np.where(unknowns.logarithmic, 1.0, values)  # of a relative change
+    units = [parameter.unit for parameter in unknowns.model.parameters]
+    rig = np.array([name in RIG_PARAMETERS for name in unknowns.names])
+    coefficient = np.array([name in COEFFICIENTS for name in unknowns.names])
+    there = ~rig | (values > 0.0)
+    for i in np.flatnonzero(rig & there & ~unknowns.free):
+        yield unknowns.names[i], np.eye(values.size)[i]
+    yield "drive_speed", there * _by_drive_speed(unknowns, values)
+    yield "friction_force", size * there * (coefficient | rig | np.array(["N" in unit for unit in units]))
+    yield "normal_force", -size * coefficient
+    yield "normal_zero", -size * coefficient  # of a steady load, a zero is a gain
+    yield "friction_zero", np.isin(unknowns.names, LEVELS).astype(float)
+
+
+def _by_drive_speed(unknowns: Unknowns, values: Array) -> Array:
+    """How theta (n_p,) moves with a relative error of all drive speeds: a change of the unit of length.
+
+    Args:
+        values: (n_p,) of all parameters [SI].
+    """
+    rig = np.array([name in RIG_PARAMETERS for name in unknowns.names])
+    lengths = np.array([LENGTHS.get(parameter.unit, 0.0) for parameter in unknowns.model.parameters])
+    return np.asarray(np.where(unknowns.logarithmic, 1.0, values) * np.where(rig, -1.0, lengths))

@@ -21,9 +21,8 @@ from identify.base.quantiles import normal, student
 from identify.base.wording import START_VALUES, three_figures
 from identify.estimation.residual_autocorrelation import CLOSE, MORE, autocorrelation_test
 from identify.logs.log_data import LogData
-from identify.logs.spectrum import Swing, hidden_rhythm
+from identify.logs.spectrum import hidden_rhythm
 from identify.logs.unknowns import Unknowns
-from identify.logs.zigzag import running_means
 from identify.model.model import SPEED
 from identify.shooting.passes import SETTLED, Solved
 from identify.shooting.shooting_trajectory import ShootingTrajectory, turned_back
@@ -36,9 +35,9 @@ PER_CYCLE = 6.0  # standard deviations of chi^2 of one cycle, and of what one ra
 NOISE_ERROR = 0.015  # relative error of an estimated noise level
 QUIETEST = 0.7  # of the variance measured in the sticks: less is no error of measuring noise
 NOISELESS = 1e-5  # of the force, by which the curve misses a log without noise: no sensor is as good
-OUTLIER = 30.0  # z of a cycle above which a slip is more likely missing, or the force disturbed, than the law wrong,
-NEIGHBOURS = 2  # where all but the cycles next to it are
-OUTLIER_RATIO = 20.0  # times better
+OUTLIER, NEIGHBOURS, OUTLIER_RATIO = 30.0, 2, 20.0
+"""z of a cycle above which a slip is more likely missing, or the force disturbed, than the law wrong, where all but the
+cycles next to it are so many times better."""
 CHANCE = 1e-7  # of any other test to refuse a right answer
 
 
@@ -86,20 +85,18 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     """
     squares, counts, log, cycle = _per_cycle(solved)
     total, samples = float(squares.sum()), max(float(counts.sum()), 1.0)
-    chi2 = total / samples
-    estimated = np.array(noise_estimated, dtype=float)
+    chi2, estimated = total / samples, np.array(noise_estimated, dtype=float)
     # chi^2 scales with the inverse square of the noise: an estimated noise widens what is credible.
     slack = 2.0 * NOISE_ERROR * estimated
     by_log = np.bincount(log, weights=counts, minlength=len(names))
+    level = np.bincount(log, weights=squares, minlength=len(names)) / np.maximum(by_log, 1.0)
     allowed = OVERALL * np.sqrt(2.0 / samples) + float(slack @ by_log) / samples
     spread = np.sqrt(2.0 * np.maximum(counts, 1.0) + (slack[log] * counts) ** 2)
     # Slips that hardly show are taken for noise while it is measured: a curve that follows them leaves less.
-    left = np.bincount(log, weights=squares, minlength=by_log.size) / np.maximum(by_log, 1.0)
-    quiet = np.where(estimated > 0.0, np.clip(left, QUIETEST, 1.0), 1.0)
-    expected = quiet[log] * counts
-    z = (squares - expected) / (quiet[log] * spread)
-    levels, causes = np.ones(len(names)), ""
-    status, message = _chi_square(solved, total / max(float(expected.sum()), 1.0), allowed, z, log, cycle, names)
+    quiet = np.where(estimated > 0.0, np.clip(level, QUIETEST, 1.0), 1.0)
+    z = (squares - quiet[log] * counts) / (quiet[log] * spread)
+    levels, causes, cycles = np.ones(len(names)), "", (log, cycle, names)
+    status, message = _chi_square(solved, total / max(float(quiet[log] @ counts), 1.0), allowed, z, *cycles)
     if status is Status.CONVERGED:
         variance = "its variance" if np.min(quiet) > 1.0 - 4.0 * NOISE_ERROR else "the variance measured in the sticks"
         message = message or f"the misfit is noise ({chi2:.3f} of {variance}) in all {z.size} cycles"
@@ -110,32 +107,24 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
             "perhaps friction follows another law than the effects say or differs from cycle to cycle, or a rig value "
             "or the noise level is wrong, or the drive moves otherwise than stated"
         )
-    slow = status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and chi2 < 1.0 + MORE
-    fitted = solved.fitted if slow or status is Status.CONVERGED else []
-    known = (
-        autocorrelation_test(solved.problem.logs, solved.trajectories, fitted, noise_estimated, squares, counts, log)
-        if slow
-        else None
-    )
-    if known is not None:
-        level = known.levels[log]
-        wider = (squares - level * counts) / (known.spread_inflation[log] * level * spread)
-        if _chi_square(solved, 1.0, allowed, wider, log, cycle, names)[0] is Status.CONVERGED:
-            levels, z, status, causes = known.levels, wider, Status.CONVERGED, ""
-            message = (
-                f"the misfit is autocorrelated noise ({chi2:.3f} of the variance measured in the sticks) in all "
-                f"{z.size} cycles{', which have nothing in common' if np.max(levels) > 1.0 + CLOSE else ''}"
-            )
+    if status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and chi2 < 1.0 + MORE:
+        logs = solved.problem.logs, solved.trajectories, solved.fitted
+        known = autocorrelation_test(*logs, noise_estimated, level)
+        if known is not None:
+            of_cycle = known.levels[log]
+            wider = (squares - of_cycle * counts) / (known.spread_inflation[log] * of_cycle * spread)
+            if _chi_square(solved, 1.0, allowed, wider, *cycles)[0] is Status.CONVERGED:
+                levels, z, status, causes = known.levels, wider, Status.CONVERGED, ""
+                message = (
+                    f"the misfit is autocorrelated noise ({chi2:.3f} of the variance measured in the sticks) in all "
+                    f"{z.size} cycles{', which have nothing in common' if np.max(levels) > 1.0 + CLOSE else ''}"
+                )
     if status is Status.CONVERGED:
-        if sequence := inconsistency(
-            solved.problem.logs, solved.trajectories, solved.problem.layout.unknowns, solved.theta, names
-        ):
-            status, message = Status.WRONG_EVENT_COUNT, sequence
+        unknowns = solved.problem.layout.unknowns
+        if broken := inconsistency(solved.problem.logs, solved.trajectories, unknowns, solved.theta, names):
+            status, message = Status.WRONG_EVENT_COUNT, broken
         elif refused := (
-            _windows(solved, fitted, names)
-            or _swings(solved, fitted, names)
-            or strained_load(solved, names)
-            or odd_stick(solved, names)
+            _windows(solved, names) or _swings(solved, names) or _load_pulls(solved, names) or odd_stick(solved, names)
         ):
             status, message = Status.MODEL_MISFIT, refused
         elif scatter := stick_scatter(solved):
@@ -182,14 +171,11 @@ def _chi_square(
                 f"the logs hold no noise: the curve misses them by {missed:.1g} of their force in all {z.size} "
                 "cycles, as a simulation does; the intervals are those of the noise that was assumed"
             )
-    if not misfits and not solution.success:
+    if not misfits and not (solution.success and settled):
         return Status.SOLVER_FAILED, (
-            f"the solver stopped with {status} after {solved.iterations} iterations although the curve "
-            f"fits; {START_VALUES}, or fix a parameter that these logs cannot tell"
-        )
-    if not misfits and not settled:
-        return Status.SOLVER_FAILED, (
-            f"the event times still move by {solved.event_shift:.2g} samples per pass; {START_VALUES}"
+            f"the curve fits, but the solver ended with {status} after {solved.iterations} iterations and its event "
+            f"times move by {solved.event_shift:.2g} samples per pass; {START_VALUES}, or fix a parameter that these "
+            "logs cannot determine"
         )
     if not misfits:
         return Status.CONVERGED, ""
@@ -226,13 +212,12 @@ def _chi_square(
 # ----------------------------------------------------------------------------------------------------------------------
 
 LONGEST = 512  # samples of a window
-QUARTILE = normal(0.75)
-ENOUGH = 1 << 12  # sums that tell their spread: to 3 %
-OVERLAP = 8  # windows of one length that share a sample; about the one that leans most all are looked at
+QUARTILES = 2.0 * normal(0.75)
+ENOUGH = 1 << 12  # sums that determine their spread to 3 %
 
 
 @dataclass(frozen=True)
-class Lean:
+class ResidualWindow:
     """The window whose residuals stand out most: log, mean time [s], length [s], mean residual [N], by how many
     standard deviations, and the number of them that noise reaches by chance."""
 
@@ -244,12 +229,12 @@ class Lean:
     limit: float
 
     @property
-    def share(self) -> float:
+    def ratio(self) -> float:
         """Deviations over the limit."""
         return self.deviations / self.limit
 
 
-def most_leaning(logs: Sequence[LogData], fitted: Sequence[Array]) -> Lean | None:
+def residual_scan(logs: Sequence[LogData], fitted: Sequence[Array]) -> ResidualWindow | None:
     """The window of all logs whose residuals stand out most; None where nothing is fitted.
 
     The spread of the sums themselves counts as noise where it is larger than that of white noise.
@@ -257,51 +242,33 @@ def most_leaning(logs: Sequence[LogData], fitted: Sequence[Array]) -> Lean | Non
     Args:
         fitted: (n,) force at the samples of each log [N], NaN where none is fitted.
     """
-    found = [lean for i, (log, curve) in enumerate(zip(logs, fitted, strict=True)) for lean in _of_log(i, log, curve)]
-    return max(found, key=lambda lean: lean.share, default=None)
+    out = []
+    for number, (log, curve) in enumerate(zip(logs, fitted, strict=True)):
+        good = (log.weight > 0) & np.isfinite(curve)
+        time, residual = log.time[good], (log.force - curve)[good]
+        sums = np.concatenate([[0.0], np.cumsum(residual * np.sqrt(log.weight[good]))])
+        widths = [2**i for i in range(1, int(np.log2(LONGEST)) + 1) if 8 * 2**i <= residual.size]
+        limit = -normal(0.5 * CHANCE / max(residual.size * len(widths), 1))
+        for width in widths:
+            scaled = (sums[width:] - sums[:-width]) / np.sqrt(width)
+            low, high = np.quantile(thinned(scaled, ENOUGH), [0.25, 0.75])
+            first = int(np.argmax(np.abs(scaled)))
+            window = slice(first, first + width)
+            length = float(time[first + width - 1] - time[first])
+            middle, mean = float(np.mean(time[window])), float(np.mean(residual[window]))
+            deviations = abs(float(scaled[first])) / max(1.0, float(high - low) / QUARTILES)
+            out.append(ResidualWindow(number, middle, length, mean, deviations, limit))
+    return max(out, key=lambda window: window.ratio, default=None)
 
 
-def _of_log(number: int, log: LogData, fitted: Array) -> list[Lean]:
-    """The window of each length that stands out most."""
-    good = (log.weight > 0) & np.isfinite(fitted)
-    first, stop = int(np.argmax(good)), good.size - int(np.argmax(good[::-1]))
-    rows = slice(first, stop) if good[first:stop].all() else good  # a slice copies nothing
-    time, residual, weight = log.time[rows], log.force[rows] - fitted[rows], log.weight[rows]
-    even = residual.size and weight.min() == weight.max()  # as a rule: a million roots take their time
-    scaled = residual * np.sqrt(weight[0] if even else weight)
-    lengths = [2**i for i in range(1, int(np.log2(LONGEST)) + 1) if 8 * 2**i <= residual.size]
-    out, sums, step = [], scaled, 1
-    for width in lengths:
-        half = width // 2 // step
-        sums = sums[:-half] + sums[half:]
-        if width > OVERLAP * step:
-            sums, step = sums[::2], 2 * step
-        few = thinned(sums, ENOUGH)
-        quarter = few.size // 4
-        ordered = np.partition(few, (quarter, few.size - 1 - quarter))
-        span = float(ordered[few.size - 1 - quarter] - ordered[quarter])  # np.quantile takes four times as long
-        spread = max(1.0, 0.5 * span / np.sqrt(width) / QUARTILE)
-        ends = (int(np.argmin(sums)), int(np.argmax(sums)))
-        about = step * max(ends, key=lambda end: abs(float(sums[end])))
-        begin = max(about - step + 1, 0)
-        around = np.abs(running_means(scaled[begin : about + step - 1 + width], width)) * np.sqrt(width)
-        first = begin + int(np.argmax(around))
-        limit = -normal(0.5 * CHANCE / (residual.size * len(lengths)))
-        window = slice(first, first + width)
-        length = float(time[first + width - 1] - time[first])
-        mean = float(np.mean(residual[window]))
-        out.append(Lean(number, float(np.mean(time[window])), length, mean, float(np.max(around)) / spread, limit))
-    return out
-
-
-def _windows(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> str:
+def _windows(solved: Solved, names: Sequence[str]) -> str:
     """A sentence where a window of residuals stands out farther than noise does; "" where none does."""
-    lean = most_leaning(solved.problem.logs, fitted)
-    if lean is None or lean.share <= 1.0:
+    worst = residual_scan(solved.problem.logs, solved.fitted)
+    if worst is None or worst.ratio <= 1.0:
         return ""
     return (
-        f"the misfit is noise on the whole, but around {lean.time:.4g} s of {names[lean.log]} the curve misses by "
-        f"{abs(lean.residual):.2g} N for {lean.length:.2g} s ({lean.deviations:.0f} standard deviations): another "
+        f"the misfit is noise on the whole, but around {worst.time:.4g} s of {names[worst.log]} the curve misses by "
+        f"{abs(worst.residual):.2g} N for {worst.length:.2g} s ({worst.deviations:.0f} standard deviations): another "
         f"answer may fit there too, or the model lacks something; look there in the report, and {START_VALUES}"
     )
 
@@ -312,7 +279,7 @@ def _windows(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> s
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def strained_load(solved: Solved, names: Sequence[str]) -> str:
+def _load_pulls(solved: Solved, names: Sequence[str]) -> str:
     """A sentence where cycles fit only because their normal force was moved farther than its measurement allows; ""
     where none do."""
     remedy = "" if "occlusion" in solved.problem.layout.unknowns.model.effects else ", or add occlusion to effects"
@@ -391,52 +358,31 @@ def stick_scatter(solved: Solved) -> float | None:
 LINE_SHARE = 0.05  # share of the power of what is left: a line that is so clear by chance is no matter of its height
 
 
-def swing_left(
-    logs: Sequence[LogData],
-    trajectories: Sequence[ShootingTrajectory],
-    unknowns: Unknowns,
-    theta: Array,
-    fitted: Sequence[Array],
-) -> tuple[int, Swing] | None:
-    """The first log whose last slide leaves a swing, with that; None where there is none.
-
-    Args:
-        theta: (n_p,) the solution; fitted: (n,) force at the samples of each log [N], NaN where none is fitted.
-    """
+def _swings(solved: Solved, names: Sequence[str]) -> str:
+    """A sentence where what is left of the last slide of a log swings as stick-slip does; "" where none does."""
+    problem = solved.problem
+    unknowns = problem.layout.unknowns
     if unknowns.model.vibrates:
-        return None
-    for number, (log, trajectory, curve) in enumerate(zip(logs, trajectories, fitted, strict=True)):
-        if trajectory.rests_at_end:
-            continue
-        values = dict(zip(unknowns.names, unknowns.values(trajectory.theta(theta), log.base).tolist(), strict=True))
-        if not values.get("mass", 0.0) > 0.0:
+        return ""
+    for log, trajectory, curve, name in zip(problem.logs, solved.trajectories, solved.fitted, names, strict=True):
+        p = unknowns.values(trajectory.theta(solved.theta), log.base)
+        values = dict(zip(unknowns.names, p.tolist(), strict=True))
+        if trajectory.rests_at_end or not values.get("mass", 0.0) > 0.0:
             continue
         rested = (s.until for s in trajectory.stretches if s.kind == "rest" or s.ended_by == "arrest")
         rows = slice(*np.searchsorted(log.time, [max(rested, default=log.begin), log.end]))
-        left = np.where(log.weight[rows] > 0.0, log.force[rows] - curve[rows], np.nan)
-        found = hidden_rhythm(
+        swing = hidden_rhythm(
             log.time[rows],
-            left,
+            np.where(log.weight[rows] > 0.0, log.force[rows] - curve[rows], np.nan),
             None,  # what the load does the answer follows
             stiffness=values["stiffness"],
             drive_speed=log.speed_at(log.end),
             half_period=float(np.pi * np.sqrt(values["mass"] / values["stiffness"])),
             least=LINE_SHARE,
         )
-        if found is not None:
-            return number, found
-    return None
-
-
-def _swings(solved: Solved, fitted: Sequence[Array], names: Sequence[str]) -> str:
-    """A sentence where what is left of a slide swings as stick-slip does; "" where it does not."""
-    problem = solved.problem
-    found = swing_left(problem.logs, solved.trajectories, problem.layout.unknowns, solved.theta, fitted)
-    return (
-        f"the misfit is noise on the whole, but where this answer slides, {names[found[0]]} {found[1]}, or leave it out"
-        if found
-        else ""
-    )
+        if swing is not None:
+            return f"the misfit is noise on the whole, but where this answer slides, {name} {swing}, or leave it out"
+    return ""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

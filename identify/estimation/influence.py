@@ -1,132 +1,94 @@
-"""What each cycle and each sample does to the answer: the parameters linearised in the residuals at a solution.
+"""What each sample does to the answer, and what follows: a covariance that allows for autocorrelated noise, and whether
+the logs agree.
 
 With U the columns of the inverse of the optimality matrix that belong to the parameters, a residual r with weight w and
-slope x of its curve moves them by U^T x w r. Sums of squares of these moves are covariances, whatever the noise is.
+slope x of its curve moves them by U^T x w r.
+
+At a common answer the pulls of all logs cancel. How far one log may pull follows from its share of the information:
+with C the covariance of the answer and S that of what the noise of one log does to it, the pull has the covariance
+S - S C^-1 S (the score test; for linear models its squared distance is that between the answer of this log alone and
+that of the others). A log that pulls farther has an answer of its own, however well the common one fits: the misfit of
+thousands of samples does not see what a few parameters do.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.linear import Factors, optimality_matrix
-from identify.shooting.layout import Family, Layout, kept_parameters
-from identify.shooting.pattern import Moments, samples_of
+from identify.base.quantiles import chi_square_exceeded
+from identify.estimation.attempt import Attempt
+from identify.estimation.covariance import Information, sizes
+from identify.estimation.residual_autocorrelation import WHITE, ArModel, autocorrelated_covariance, autoregression
+from identify.logs.unknowns import Unknowns
+from identify.logs.vibration import rhythmic
+from identify.prediction.wording import said
+from identify.shooting.layout import kept_parameters
+from identify.shooting.passes import Solved, solve_in_passes
+from identify.shooting.pattern import samples_of
 from identify.shooting.shooting import Problem
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
-MOST_COLUMNS = 900  # of right sides: beyond, what a cycle says of its own start and load is not taken out of it
 
 
 @dataclass(frozen=True)
 class Influence:
-    """At a solution with f parameters, n unknowns and g cycles, in physical units.
-
-    kept (f,): indices of the parameters among the unknowns, shared ones first, then those of single logs; columns
-    (n, f); moves (g, f): what the residuals of each cycle did; white (g, f, f): covariance of the moves of pure white
-    noise; absorbed (g, f, f): the part of it that the fit takes out of the residuals; prior (f, f): what the errors of
-    priors add; log (g,) the log of each cycle; groups: per family of blocks, the cycle of each block (B,), over all
+    """How the data reach the k parameters at a solution, in physical units: shared ones first, then those of single
     logs.
+
+    by_sample: per log (n, k) what 1 N more at each sample moves them by, 0 outside the windows; moves (l + 1, k) what
+    the residuals of each log did, and last what the user knows beside the logs; covariances (l + 1, k, k) of these
+    moves for white noise.
     """
 
-    kept: Indices
-    columns: Array
+    by_sample: list[Array]
     moves: Array
-    white: Array
-    absorbed: Array
-    prior: Array
-    log: Indices
-    groups: Sequence[Indices]
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance (f, f) of the parameters for white noise: the sum over all cycles and priors."""
-        return np.asarray(self.white.sum(axis=0) + self.prior)
+    covariances: Array
 
 
-def influence(problem: Problem, z: Array, cycles: list[int], *, absorbed: bool = True) -> Influence:
-    """The influence of the data on the parameters at a solution z (n,) scaled.
+def influence(solved: Solved) -> Influence:
+    """The influence of the data on the parameters at a solution.
 
-    Args:
-        cycles: of every log; what follows the last slip counts to its last cycle.
-        absorbed: False leaves that part at nought, which saves most of the time.
+    Raises:
+        RuntimeError: its optimality conditions are singular.
     """
-    layout = problem.layout
-    point = problem.evaluate(z, derivatives=True)
+    problem, z = solved.problem, solved.solution.z
+    layout, point = problem.layout, problem.evaluate(z, derivatives=True)
     assert point.hessian is not None and point.jacobian is not None
-    factors = Factors(optimality_matrix(point.hessian, point.jacobian))
     kept = kept_parameters(layout)
     right = np.zeros((layout.size + layout.rows, kept.size))
     right[kept, np.arange(kept.size)] = layout.scale[kept]
-    columns = layout.scale[:, None] * factors.solve(right)[: layout.size]
-    groups = _groups(layout, cycles)
-    count = sum(cycles)
-    f = kept.size
-    moves, white = np.zeros((count, f)), np.zeros((count, f, f))
-    pulled = np.zeros((layout.size, count * f)) if absorbed and count * f <= MOST_COLUMNS else None
-    x = z * layout.scale
-    for family, moments, group in zip(layout.families, problem.moments, groups, strict=True):
-        bend, slope, pull, d_curve = _family(problem, family, moments, x, columns)
-        np.add.at(moves, group, -np.einsum("bkf,bk->bf", slope, pull))
-        np.add.at(white, group, np.einsum("bkf,bkg->bfg", slope, bend))
-        if pulled is not None:
-            local = np.einsum("bks,bkf->bsf", d_curve, bend)
-            block, slot = np.nonzero(family.slots >= 0)
-            column = group[block][:, None] * f + np.arange(f)
-            np.add.at(pulled, (family.slots[block, slot][:, None], column), local[block, slot])
-    sd = layout.prior_sd
-    apart = layout.beside(columns)
-    prior = apart.T @ (apart / sd[:, None] ** 2)
-    log = np.repeat(np.arange(len(cycles)), cycles)
-    covariance = white.sum(axis=0) + prior
-    taken = _absorbed(factors, layout, pulled, white, covariance) if absorbed else np.zeros_like(white)
-    return Influence(kept, columns, moves, white, taken, prior, log, groups)
-
-
-def _groups(layout: Layout, cycles: list[int]) -> list[Indices]:
-    """Per family, the number of the cycle of each block (B,), over all logs."""
-    offsets = np.concatenate([[0], np.cumsum(cycles)])[:-1]
-    last = np.array(cycles) - 1
-    return [offsets[f.log] + np.minimum(f.cycle, last[f.log]) for f in layout.families]
-
-
-def _family(
-    problem: Problem, family: Family, moments: Moments, x: Array, columns: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Per block of a family, over its coefficients k: weighted slopes (B, k, f), slopes (B, k, f) of the curve along
-    the columns, weighted residuals (B, k), slopes with respect to the slots (B, k, slots)."""
-    slots = family.slot_values(x)
-    _, curve, _, d_curve = family.block.evaluate(slots, family.constants, derivatives=True)
-    along = np.where((family.slots >= 0)[..., None], columns[family.slots], 0.0)  # (B, slots, f)
-    count, cells, order, n_slots = d_curve.shape
-    tall = d_curve.reshape(count, cells * order, n_slots)
-    slope = np.matmul(tall, along)
-    bend = np.matmul(moments.curvature, slope.reshape(count, cells, order, -1)).reshape(slope.shape)
-    return bend, slope, moments.slope_at(curve).reshape(count, -1), tall
-
-
-def _absorbed(factors: Factors, layout: Layout, pulled: Array | None, white: Array, covariance: Array) -> Array:
-    """What the fit takes out of the residuals of each cycle: all it knows of its own start, load and events."""
-    if pulled is None:
-        return np.asarray(np.matmul(np.matmul(white, np.linalg.pinv(covariance)), white))
-    count, f = white.shape[:2]
-    right = np.vstack([layout.scale[:, None] * pulled, np.zeros((layout.rows, pulled.shape[1]))])
-    answer = layout.scale[:, None] * factors.solve(right)[: layout.size]
-    return np.einsum("ngf,ngh->gfh", pulled.reshape(-1, count, f), answer.reshape(-1, count, f))
+    columns = Factors(optimality_matrix(point.hessian, point.jacobian)).solve(right)[: layout.size]
+    columns = layout.scale[:, None] * columns
+    by_sample, count = sample_moves(problem, z, columns), len(problem.logs)
+    moves, covariances = np.zeros((count + 1, kept.size)), np.zeros((count + 1, kept.size, kept.size))
+    for number, (log, curve, move) in enumerate(zip(problem.logs, solved.fitted, by_sample, strict=True)):
+        used = (log.weight > 0.0) & np.isfinite(curve)
+        moves[number] = move[used].T @ (log.force - curve)[used]
+        covariances[number] = (move[used].T / log.weight[used]) @ move[used]
+    owner = _owners(problem)
+    off, beside = layout.off_prior(z * layout.scale), layout.beside(columns)
+    for unknown in np.flatnonzero(np.isfinite(layout.prior_sd)).tolist():
+        column, sd = beside[unknown], layout.prior_sd[unknown]
+        moves[owner[unknown]] -= column * off[unknown] / sd
+        covariances[owner[unknown]] += np.outer(column, column) / sd**2
+    return Influence(by_sample, moves, covariances)
 
 
 def sample_moves(problem: Problem, z: Array, columns: Array) -> list[Array]:
-    """Per log, by how much a force higher by 1 N at each sample moves the parameters (n, f); 0 outside the windows."""
+    """Per log, by how much a force higher by 1 N at each sample moves the parameters (n, k); 0 outside the windows.
+
+    Args:
+        columns: (n, k) of the inverse of the optimality matrix, in physical units.
+    """
     x = z * problem.layout.scale
     out = [np.zeros((log.time.size, columns.shape[1])) for log in problem.logs]
     for family in problem.layout.families:
-        slots = family.slot_values(x)
-        _, _, _, d_curve = family.block.evaluate(slots, family.constants, derivatives=True)
+        _, _, _, d_curve = family.block.evaluate(family.slot_values(x), family.constants, derivatives=True)
         along = np.where((family.slots >= 0)[..., None], columns[family.slots], 0.0)
         count, cells, order, n_slots = d_curve.shape
         slope = np.matmul(d_curve.reshape(count, cells * order, n_slots), along).reshape(count * cells, order, -1)
@@ -134,3 +96,181 @@ def sample_moves(problem: Problem, z: Array, columns: Array) -> list[Array]:
             weight = problem.logs[held.log].weight[held.samples]
             out[held.log][held.samples] = weight[:, None] * held.of_curve(slope)
     return out
+
+
+def _owners(problem: Problem) -> NDArray[np.int64]:
+    """Of which log each unknown (n,) is; -1 where several share it."""
+    owner = np.zeros((len(problem.logs), problem.layout.size), bool)
+    for family in problem.layout.families:
+        for log in range(len(problem.logs)):
+            slots = family.slots[family.log == log]
+            owner[log, slots[slots >= 0]] = True
+    return np.where(owner.sum(axis=0) == 1, np.argmax(owner, axis=0), -1)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The covariance at an answer with all that is allowed for: autocorrelation and level of the noise, the drive speed.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """Covariances of the free parameters (f,) at an answer: white (f, f) for white noise, joint (f + o, f + o) with all
+    that is allowed for and with the parameters of single logs or groups; the noise of each log."""
+
+    white: Array
+    joint: Array
+    noise: list[ArModel]
+
+    @property
+    def covariance(self) -> Array:
+        """(f, f)."""
+        return self.joint[: len(self.white), : len(self.white)]
+
+    @property
+    def inflation(self) -> Array:
+        """By how much what is allowed for widens the variance of each parameter (f,)."""
+        return np.asarray(np.diag(self.covariance) / np.diag(self.white))
+
+
+def allowed(attempt: Attempt, known: Information, speed_error: float, values: Array) -> Allowed:
+    """What is allowed for at an answer; the autocorrelation of the noise where the answer is accepted.
+
+    Args:
+        speed_error: relative, of all drive speeds together; values (n_p,) of all parameters there [SI].
+    """
+    white, by_speed, noise = known.covariance(), known.drive_speed_shift(values), noise_of(attempt)
+    joint, f = known.joint_covariance(), len(white)
+    joint[:f, :f] = white + speed_error**2 * np.outer(by_speed, by_speed)
+    if attempt.fits and not all(model.white for model in noise):
+        reached = influence(attempt.solved)
+        variances = np.array([1.0 / max(float(np.max(log.data.weight)), 1e-300) for log in attempt.fitted_logs])
+        joint += autocorrelated_covariance(reached.by_sample, variances * attempt.gate.levels, noise)
+        joint -= autocorrelated_covariance(reached.by_sample, variances, [WHITE] * len(noise))
+    return Allowed(white, joint, noise)
+
+
+def noise_of(attempt: Attempt) -> list[ArModel]:
+    """The autoregression of the residuals of each log of an attempt."""
+    logs, fitted = [log.data for log in attempt.fitted_logs], attempt.solved.fitted
+    return [
+        autoregression(np.where(log.weight > 0, log.force - curve, np.nan))
+        for log, curve in zip(logs, fitted, strict=True)
+    ]
+
+
+def largest_inflation(attempt: Attempt, noise: Sequence[ArModel]) -> float:
+    """By how much autocorrelation and level of the noise widen the variance of what changes slowly, at most."""
+    return max(1.0, attempt.gate.level) * max([1.0, *(model.inflation for model in noise)])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Do the logs agree?
+# ----------------------------------------------------------------------------------------------------------------------
+
+UNINFORMATIVE = 1e-3  # share of the information on a direction: with less, or all but less, nothing can be compared
+CHANCE = 1e-9  # by which noise alone calls a log contradicting
+MATTERS = 0.10  # of its size by which a parameter must move for it: less is a short error bar, and no other answer
+
+
+@dataclass(frozen=True)
+class LogScore:
+    """One log against the others: log, its index; squared distance, in units of its covariance, and its degrees of
+    freedom; by how much the parameters (k,) move where the log is left out."""
+
+    log: int
+    squared: float
+    freedom: int
+    shift: Array
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether noise cannot be why it pulls so far."""
+        return self.freedom > 0 and self.squared > chi_square_exceeded(CHANCE, self.freedom)
+
+
+def scores_of(moves: Array, covariances: Array) -> list[LogScore]:
+    """How far each source of data pulls the common answer away from that of the others.
+
+    Args:
+        moves: (n, k) by how much the noise of each source moved the answer; covariances (n, k, k) of these moves,
+            together that of the answer.
+
+    Raises:
+        LinAlgError: a covariance that is none.
+    """
+    size, half, whitened = _whitened(moves, covariances)
+    out = []
+    for number, (move, own) in enumerate(zip(whitened, covariances / np.outer(size, size), strict=True)):
+        share, directions = np.linalg.eigh(np.linalg.solve(half, np.linalg.solve(half, own).T))
+        compared = (share > UNINFORMATIVE) & (share < 1.0 - UNINFORMATIVE)
+        along = (directions.T @ move)[compared]
+        squared = float(np.sum(along**2 / (share[compared] * (1.0 - share[compared]))))
+        shift = size * (half @ (directions[:, compared] @ (along / (1.0 - share[compared]))))
+        out.append(LogScore(number, squared, int(np.count_nonzero(compared)), -shift))
+    return out
+
+
+def imbalance(known: Influence) -> float:
+    """Squared distance, in units of its covariance, by which all pulls together move the answer. Nothing, unless
+    something holds it that is no information, an event that can go no farther say. Errors as `scores_of`."""
+    return float(np.sum(_whitened(known.moves, known.covariances)[2].sum(axis=0) ** 2))
+
+
+def _whitened(moves: Array, covariances: Array) -> tuple[Array, Array, Array]:
+    """Standard errors (k,), the Cholesky factor (k, k) of the correlation, and the moves (n, k) in units of both."""
+    covariance = covariances.sum(axis=0)
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    half = np.linalg.cholesky(covariance / np.outer(size, size))
+    return size, np.asarray(half), np.asarray(np.linalg.solve(half, (moves / size).T).T)
+
+
+def contradiction(attempt: Attempt, unknowns: Unknowns, base: Array, noise: Sequence[ArModel]) -> str:
+    """A sentence where a log has an answer of its own that differs from the common one, by its score and where the fit
+    without it is another one too; "" where none does, or where what the user knows beside the logs contradicts them:
+    then it is not they that do not agree.
+
+    Args:
+        base: (n_p,) of the rig the values are given for; noise: of each log.
+    """
+    try:
+        known = influence(attempt.solved)
+        *scores, beside = scores_of(known.moves, known.covariances)
+    except (np.linalg.LinAlgError, RuntimeError):  # directions that no log determines: their verdicts say so
+        return ""
+    slow = largest_inflation(attempt, noise)
+    *scores, beside = [replace(score, squared=score.squared / slow) for score in (*scores, beside)]
+    if beside.contradicts:
+        return ""
+    free, theta = np.flatnonzero(unknowns.free), attempt.solved.theta
+    values, compared = unknowns.values(theta, base), ~rhythmic(unknowns)[free]
+    size = np.maximum(sizes(unknowns, values), 1e-300)
+    for score in sorted((each for each in scores if each.contradicts), key=lambda each: -each.squared):
+        fitted = _without_log(attempt, unknowns, score.log)
+        without = theta.copy()
+        without[free] += score.shift[: free.size]
+        others = unknowns.values(without if fitted is None else fitted, base)
+        moved = np.where(compared, np.abs((others - values) / size)[free], 0.0)
+        worst = int(free[np.argmax(moved)])
+        if np.max(moved) > MATTERS:
+            unit = unknowns.model.parameters[worst].unit
+            return (
+                f"{attempt.names[score.log]} contradicts the other logs (squared distance {score.squared:.0f} with "
+                f"{score.freedom} degrees of freedom): without it {unknowns.names[worst]} "
+                f"{'would be about' if fitted is None else 'is'} {said(others[worst], unit)} instead of "
+                f"{said(values[worst], unit)}; check its normal force, its drive speed and what else differs in it, "
+                "look at its slips in the report, or fit it apart"
+            )
+    return ""
+
+
+def _without_log(attempt: Attempt, unknowns: Unknowns, log: int) -> Array | None:
+    """The answer (n_p,) of all logs but one, from the common one; None where the solver does not settle, or logs have
+    parameters of their own, which the first of them lends its place in theta."""
+    if np.any(unknowns.own):
+        return None
+    rest = [i for i in range(len(attempt.log_numbers)) if i != log]
+    at_answer = replace(unknowns, start=attempt.solved.theta).with_weak_priors()
+    data, motion = [attempt.fitted_logs[i].data for i in rest], [attempt.solved.trajectories[i] for i in rest]
+    solved = solve_in_passes(data, motion, at_answer)
+    return solved.theta if solved.solution.success else None

@@ -1,7 +1,7 @@
 """Other optima of the same problem: starts about an answer, ranked by a fit to one cycle, the best of them solved.
 
-A misfit has several optima where few samples show a slip, and where the drive vibrates: a motion keeps the period of
-the vibration in which it was started. All optima that are found stand in the result, with how many starts led to each.
+A misfit has several optima where few samples show a slip. All optima that are found stand in the result, with how many
+starts led to each.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
-from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.attempt import Attempt, place_on, solve_again, solve_from
 from identify.estimation.profile import converged
@@ -38,9 +37,6 @@ SOLVED, AGAIN = 5, 3  # starts that are solved at most; once so many led to the 
 ONE_OPTIMUM = 3.0  # standard errors between two solutions of one optimum
 COST_CUTOFF = 200.0  # cost above that of the answer with which a start is not followed further
 LOWER = 0.1  # by which chi^2 must fall for another optimum to take the place of the answer
-NEAR = (0.5, 0.2, 0.1, 0.05) * 2  # spreads about an answer of a drive that vibrates: optima lie close by and far
-SAME = 1.0  # chi^2 between two solutions of one optimum there
-READ_OFF = ("mu_s",)  # the onsets show it
 
 
 @dataclass(frozen=True)
@@ -66,8 +62,6 @@ def multistart(attempt: Attempt, unknowns: Unknowns, seed: int, covariance: Arra
         covariance: (f, f) of the free theta at the answer.
     """
     logs, known = list(attempt.fitted_logs), [Optimum(attempt, 1)]
-    reach = REACH * unknowns.spread * np.where(unknowns.logarithmic, 1.0, 0.5)
-    reach = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(reach, unknowns.prior_deviation), 0.0)
     at_answer = replace(unknowns, start=attempt.solved.theta)
     count, precision = len(covariance), np.linalg.pinv(covariance)
     coarse = [_coarse(logs, attempt.solved.trajectories, at_answer)]  # where each known optimum has its coarse one
@@ -77,9 +71,9 @@ def multistart(attempt: Attempt, unknowns: Unknowns, seed: int, covariance: Arra
         best = int(np.argmin(squared))
         return best if squared[best] < ONE_OPTIMUM**2 else None
 
-    for theta in _starts(logs, unknowns, attempt.solved.theta, reach, seed)[:SOLVED]:
+    for theta in _starts(logs, unknowns, attempt.solved.theta, seed)[:SOLVED]:
         if time_is_up():
-            no_time_for(Strategy.OTHER_OPTIMA.title)
+            no_time_for(Strategy.OTHER_OPTIMA.value)
             break
         start = replace(unknowns, start=theta)
         placed = place_on(logs, list(range(len(logs))), start)
@@ -90,10 +84,10 @@ def multistart(attempt: Attempt, unknowns: Unknowns, seed: int, covariance: Arra
             continue
         number = nearest([each.x[:count] for each in coarse], tried.x[:count]) if tried.success else None
         if number is None or not 2.0 * abs(tried.cost - coarse[number].cost) < chi_square(LEVEL, count):
-            there = theta.copy()
             if tried.success:  # else its iterate is no motion of the model
-                there[unknowns.free] = tried.x[:count]
-            found = _solved(attempt, logs, replace(unknowns, start=there), np.sqrt(np.diag(covariance)))
+                theta = theta.copy()
+                theta[unknowns.free] = tried.x[:count]
+            found = _solved(attempt, replace(unknowns, start=theta), np.sqrt(np.diag(covariance)))
             if found is None:
                 continue
             ends = [optimum.attempt.solved.theta[unknowns.free] for optimum in known]
@@ -128,36 +122,38 @@ def weakens(unknowns: Unknowns, theta: Array) -> bool:
 def _coarse(logs: Sequence[Prepared], motion: Sequence[ShootingTrajectory], unknowns: Unknowns) -> Solution:
     """One coarse solve from a motion of theta unknowns.start."""
     first, *others = motion  # what every log has for itself, the first log has in the shared theta
-    soft = replace(unknowns, start=first.theta(unknowns.start)).with_weak_priors()
+    weak = replace(unknowns, start=first.theta(unknowns.start)).with_weak_priors()
     motion = [replace(first, own=np.empty(0)), *others]
-    problem = shooting_problem([log.data for log in logs], motion, soft, COARSE_GRID)
+    problem = shooting_problem([log.data for log in logs], motion, weak, COARSE_GRID)
     return solve(problem, tolerance=1e-3, mu_init=1e-4, iterations=20)
 
 
-def _solved(attempt: Attempt, logs: list[Prepared], unknowns: Unknowns, sizes: Array) -> Attempt | None:
+def _solved(attempt: Attempt, unknowns: Unknowns, sizes: Array) -> Attempt | None:
     """The optimum of all logs of an answer, of its very samples, from unknowns.start; None where there is none."""
-    cutoff = attempt.solved.solution.cost + COST_CUTOFF
+    logs, cutoff = list(attempt.fitted_logs), attempt.solved.solution.cost + COST_CUTOFF
     found = run_strategy(
         Strategy.OTHER_OPTIMA,
         lambda: solve_from(logs, list(range(len(logs))), unknowns, cost_cutoff=cutoff),
         attempt,
         attempt.log_numbers,
     )
-    if found is None or len(found.log_numbers) < len(logs) or found.gate.status is not Status.CONVERGED:
+    if found is None or len(found.log_numbers) < len(logs) or not found.fits:
         return None
     if found.solved.problem.samples != attempt.solved.problem.samples:  # the end of a log was cut elsewhere
-        there = replace(attempt, solved=replace(attempt.solved, trajectories=found.solved.trajectories))
-        moved = solve_again(there, replace(unknowns, start=found.solved.theta))
+        moved = replace(attempt, solved=replace(attempt.solved, trajectories=found.solved.trajectories))
+        moved = solve_again(moved, replace(unknowns, start=found.solved.theta))
         found = replace(moved, found_by=found.found_by)
-    if found.gate.status is not Status.CONVERGED:
-        return None
-    found = replace(found, solved=converged(found.solved, found.solved.problem, sizes) or found.solved)
-    return replace(found, log_numbers=attempt.log_numbers, fitted_logs=attempt.fitted_logs)
+        if not found.fits:
+            return None
+    solved = converged(found.solved, found.solved.problem, sizes) or found.solved
+    return replace(found, solved=solved, log_numbers=attempt.log_numbers, fitted_logs=attempt.fitted_logs)
 
 
-def _starts(logs: Sequence[Prepared], unknowns: Unknowns, centre: Array, reach: Array, seed: int) -> list[Array]:
-    """Starts (n_p,) clearly apart, the best first: a quasi-random sample of the box within reach (n_p,) of a centre,
-    and what the levels of the data say, each fitted to a cycle; as they are drawn where no log has settled cycles."""
+def _starts(logs: Sequence[Prepared], unknowns: Unknowns, centre: Array, seed: int) -> list[Array]:
+    """Starts (n_p,) clearly apart, the best first: a quasi-random sample of a box about a centre (n_p,), and what the
+    levels of the data say, each fitted to a cycle; as they are drawn where no log has settled cycles."""
+    reach = REACH * unknowns.spread * np.where(unknowns.logarithmic, 1.0, 0.5)
+    reach = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(reach, unknowns.prior_deviation), 0.0)
     drawn = reach > 0.0
     sample = np.tile(centre, (DRAWN, 1))
     sample[:, drawn] += reach[drawn] * (2.0 * _quasi_random(DRAWN, int(drawn.sum()), seed) - 1.0)
@@ -179,40 +175,5 @@ def _quasi_random(count: int, dimensions: int, seed: int) -> Array:
     ratio = 2.0
     for _ in range(50):  # x^(d + 1) = x + 1
         ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1.0))
-    powers = ratio ** -np.arange(1.0, dimensions + 1.0)
     shift = np.random.default_rng(seed).random(dimensions)
-    return np.asarray((shift + np.arange(count)[:, None] * powers) % 1.0)
-
-
-def multistart_around(
-    attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unknowns, seed: int = 0, around: Array | None = None
-) -> Attempt:
-    """The best answer that starts about one lead to where the drive vibrates; the attempt itself where none is better.
-
-    Args:
-        attempt: an answer, or where a search ended; prepared: all logs of the fit; unknowns: its search space.
-        around: theta (n_p,) to draw starts around as long as there is no answer; default where the attempt ended.
-    """
-    if not unknowns.model.vibrates or not np.all(np.isfinite(attempt.solved.theta[unknowns.free])):
-        return attempt
-    random, best, ends = np.random.default_rng(seed), attempt, [attempt.excess]
-    drawn = unknowns.free & ~rhythmic(unknowns) & ~np.isin(unknowns.names, READ_OFF)
-    spread = np.where(drawn, unknowns.spread, 0.0)
-    centre = attempt.solved.theta if around is None or np.isfinite(attempt.excess) else around
-    features = _starts([prepared[i] for i in attempt.log_numbers], unknowns, centre, REACH * spread, seed)
-    for theta, near in [*((theta, 0.0) for theta in features), *((None, near) for near in NEAR)]:
-        if time_is_up():
-            break
-        if theta is None:
-            centre = best.solved.theta if around is None or np.isfinite(best.excess) else around
-            theta = centre + near * spread * random.standard_normal(spread.size)
-        start = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
-        cutoff = best.solved.solution.cost + COST_CUTOFF
-        tried = solve_from(list(prepared), list(attempt.log_numbers), start, cost_cutoff=cutoff)
-        if tried is None or tried.log_numbers != attempt.log_numbers:
-            continue
-        ends.append(tried.excess)
-        best = min(best, tried, key=lambda each: (each.gate.status is not Status.CONVERGED, each.excess))
-        if sum(abs(excess - best.excess) < SAME for excess in ends) == AGAIN:
-            break
-    return best
+    return np.asarray((shift + np.arange(count)[:, None] * ratio ** -np.arange(1.0, dimensions + 1.0)) % 1.0)

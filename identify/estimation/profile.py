@@ -8,7 +8,7 @@ profile, which is the multiplier of the fixed parameter, leads to the end of eac
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -21,10 +21,8 @@ from identify.base.progress import Progress, to_nobody
 from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.covariance import WEAK
 from identify.estimation.strategies import no_time_for
-from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
-from identify.shooting.grid import Grid
 from identify.shooting.layout import kept_parameters
 from identify.shooting.passes import SETTLED, Solved
 from identify.shooting.shooting import Problem, shooting_problem
@@ -35,21 +33,12 @@ Array = NDArray[np.float64]
 
 CRITICAL = chi_square(LEVEL, 1)  # of the likelihood ratio 2 (cost - smallest cost), one degree of freedom
 BETTER = 0.5  # by which 2 cost must be smaller for a point to count as lower than the answer
-REACH_LOG = 3.0 * float(np.log(WEAK))  # of a logarithm: farther than a verdict asks, ends of others hang on open ones
+REACH_LOG = 3.0 * float(np.log(WEAK))  # of a logarithm: farther than a verdict asks, ends of others depend on open ones
 REACH_STEP, REACH_VALUE = 0.9, 1.05 * (1.0 - 1.0 / WEAK)  # of a coefficient: of mu_s - mu_k0, and of its own value
 CLOSE = 0.05  # of a side, by which an end is extrapolated
 FAR = 1.3  # of the root of the critical ratio: from a point no farther, an end is interpolated
 FARTHER, SHORTER, LEAP, SHORTEST = 2.5, 0.3, 0.3, 0.05  # times the step before; and of that of the covariance
 POINTS, SOLVES = 20, 3  # of one side: at most, and of these by IPOPT, where Newton's method finds none
-BEYOND = 0.1  # of a side, by which a likely point lies past it
-SIGNS = (-1.0, 1.0)
-EXTENDED = 1.7  # of a side: to there its bend is extrapolated
-PREDICTED, REASSIGNED = 2.0, 5.0  # standard errors of the first correction at most; where samples are assigned again
-CONTRACTION = (0.2, 1.0)  # of Newton's steps: above, the matrix is factored again, and then the prediction given up
-NEWTON, CONVERGED, CLOSED = 8, 0.02, 1e-4  # steps, the last one in standard errors, and the largest row
-ITERATIONS, FOLLOWED = 25, 1e-6  # of IPOPT, and the largest row it may leave
-OBEYS = 1e-9  # largest row of an answer
-MOVED = 2.0  # samples by which an event may move before the samples are assigned to it again
 FREE = -1  # no parameter is fixed
 
 
@@ -96,28 +85,14 @@ class Profiles:
     likely: Array = field(default_factory=lambda: np.empty((0, 0)))
     ratios: Array = field(default_factory=lambda: np.empty(0))
 
-    def outside(self, unknowns: Unknowns, theta: Array) -> list[int]:
-        """The parameters whose intervals do not hold theta (n_p,)."""
-        out = []
-        for name, (low, high) in self.ends.items():
-            index = unknowns.names.index(name)
-            below, above = (-np.inf if low.end is None else low.end), (np.inf if high.end is None else high.end)
-            out += [] if below <= theta[index] <= above else [index]
-        return out
-
-    def joined(self, other: Profiles) -> Profiles:
-        """With intervals that hold those about another optimum too."""
+    def with_optimum(self, unknowns: Unknowns, theta: Array, halves: Array) -> Profiles:
+        """With intervals that hold another optimum (n_p,) too, and `halves` (n_p,) on both sides of it."""
         ends = dict(self.ends)
-        for name, sides in other.ends.items():
-            low, high = (
-                one if one.end is None or (two.end is None and one.failed) else two if two.end is None else one
-                for one, two in zip(ends[name], sides, strict=True)
-            )
-            if low.end is not None and sides[0].end is not None:
-                low = replace(low, end=min(low.end, sides[0].end))
-            if high.end is not None and sides[1].end is not None:
-                high = replace(high, end=max(high.end, sides[1].end))
-            ends[name] = low, high
+        for name, (low, high) in self.ends.items():
+            i = unknowns.names.index(name)
+            if low.end is not None and high.end is not None:
+                at = theta[i] - halves[i], theta[i] + halves[i]
+                ends[name] = replace(low, end=min(low.end, at[0])), replace(high, end=max(high.end, at[1]))
         return replace(self, ends=ends)
 
 
@@ -141,149 +116,58 @@ def profile(
         only: indices of the parameters; points: of each side at least: 1 finds its end, more draw the curve.
         restart: end at the first point that lies lower than the answer.
     """
-    work = _Workspace.about(logs, solved, unknowns, sizes)
+    work = _Workspace(logs, solved, unknowns, sizes)
     best, answer = work.lowest(solved)
     if best is None:
         return Profiles({})
     at = {index: number for number, index in enumerate(np.flatnonzero(unknowns.free).tolist())}
-    branches, seen = dict[tuple[int, float], _Branch](), [best.point]
-    lines = {i: _Line(i, CRITICAL * float(inflation[at[i]]), float(sizes[at[i]]), points) for i in only}
-    for index, line in lines.items():
+    limits = {i: CRITICAL * float(inflation[at[i]]) for i in only}
+    sides, seen = dict[int, tuple[Side, Side]](), [best.point]
+    outermost = dict[tuple[int, float], ProfilePoint]()
+    for index, limit in limits.items():
         progress(f"profile of {unknowns.names[index]}", None)
-        made = {(index, sign): _branch(work, best, best, line, sign) for sign in SIGNS}
+        root = float(np.sqrt(limit))
+        (low, down), (high, up) = (_side(work, best, index, root, sign * sizes[at[index]], points) for sign in (-1, 1))
         if time_is_up():
             no_time_for("profiles")
             break
-        branches |= made
-        seen += [point for branch in made.values() for point in branch.points]
+        sides[index] = low, high
+        for sign, found in ((-1.0, down), (1.0, up)):
+            outermost[index, sign] = found[-1] if found else best.point
+        seen += [*down, *up]
         if restart and 2.0 * (answer - min(point.cost for point in seen)) > BETTER:
             break
-    for (index, sign), branch in branches.items():
-        # Points of another profile may be likely beyond an end: behind a rise of the cost it goes on.
-        farthest = max((p for p in seen if _likely(p, best, lines[index])), key=lambda p: sign * float(p.theta[index]))
-        if branch.side.end is None or time_is_up():
-            continue
-        centre = float(best.point.theta[index])
-        if sign * (float(farthest.theta[index]) - centre) > (1.0 + BEYOND) * abs(branch.side.end - centre):
-            begin = work.solved(farthest.theta, farthest.trajectories, index)
-            farther = None if begin is None else _branch(work, best, begin, lines[index], sign)
-            branches[index, sign] = _Branch(Side(None, True), branch.points) if farther is None else farther
-            seen += [] if farther is None else farther.points
     lowest = min(seen, key=lambda point: point.cost)
     gain = max(0.0, 2.0 * (answer - lowest.cost))
     ends, curves = {}, {}
-    for index in sorted({index for index, _ in branches}):
-        inside = [float(p.theta[index]) for p in seen if _likely(p, best, lines[index])]
-        low, high = branches[index, -1.0].side, branches[index, 1.0].side
-        ends[unknowns.names[index]] = _holding(low, inside, min), _holding(high, inside, max)
+    for index, (low, high) in sides.items():
+        # A side holds every likely point of any profile.
+        inside = [float(p.theta[index]) for p in seen if 2.0 * (p.cost - best.point.cost) < limits[index]]
+        ends[unknowns.names[index]] = (
+            low if low.end is None else replace(low, end=min(low.end, *inside)),
+            high if high.end is None else replace(high, end=max(high.end, *inside)),
+        )
         mine = [best.point, *(p for p in seen if p.fixed == index)]
-        curves[unknowns.names[index]] = _curve(mine, index, lines[index].critical / CRITICAL)
-    likely, ratios = _along(branches, best.point, unknowns.free)
+        curves[unknowns.names[index]] = _curve(mine, index, limits[index] / CRITICAL)
+    likely = np.array([(p.theta - best.point.theta)[unknowns.free] for p in outermost.values()])
+    ratios = np.array([max(2.0 * (p.cost - best.point.cost), 0.0) for p in outermost.values()])
     return Profiles(ends, curves, best.point.theta, lowest if gain > BETTER else None, gain, likely, ratios)
 
 
-def converged(solved: Solved, problem: Problem, sizes: Array) -> Solved | None:
-    """A solution on its own problem, or on one that is the same unknown by unknown, by Newton's method with the exact
-    Hessian from where it is; None where that does not converge or an event moves by half a sample.
-
-    Args:
-        sizes: (f,) standard errors of the free theta.
-    """
-    layout, n = problem.layout, problem.layout.size
-    around = _Neighbourhood.of(problem, solved.theta, solved.formed_from, sizes)
-    start = np.concatenate([solved.solution.z, solved.solution.multipliers])
-    both = around.corrected(start, FREE, largest=REASSIGNED, closed=OBEYS)
-    if both is None:
-        return None
-    x, point = both[:n] * layout.scale, problem.evaluate(both[:n], derivatives=False)
-    pairs = zip(layout.places, problem.logs, strict=True)
-    shift = max(float(np.max(np.abs(x[at.events]), initial=0.0)) / log.interval for at, log in pairs)
-    if shift >= SETTLED:
-        return None
-    theta = solved.theta.copy()
-    theta[layout.free] = x[: layout.free.size]
-    rows = float(np.max(np.abs(point.rows), initial=0.0))
-    solution = replace(
-        solved.solution, z=both[:n], x=x, cost=point.cost, multipliers=both[n:], constraint_violation=rows
-    )
-    moved = [place.read(old, x) for place, old in zip(layout.places, solved.formed_from, strict=True)]
-    out = replace(solved, problem=problem, solution=solution, trajectories=moved, theta=theta)
-    return replace(out, event_shift=shift)
+def _curve(points: list[ProfilePoint], index: int, inflation: float) -> Curve:
+    """The curve through the points (k,), the lowest one first; of those at one place the lower one counts."""
+    costs = dict[float, float]()
+    for point in points:
+        place = float(point.theta[index])
+        costs[place] = min(point.cost, costs.get(place, np.inf))
+    theta = np.array(sorted(costs))
+    loss = [max(2.0 * (costs[place] - points[0].cost), 0.0) / inflation for place in theta.tolist()]
+    return Curve(theta, np.array(loss))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # One side of a profile.
 # ----------------------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class _Line:
-    """The parameter that is fixed, the critical likelihood ratio, the standard error of theta, points of a side."""
-
-    index: int
-    critical: float
-    size: float
-    points: int
-
-    @property
-    def step(self) -> float:
-        """How far off the covariance has an end, in theta."""
-        return float(np.sqrt(self.critical)) * self.size
-
-
-@dataclass(frozen=True)
-class _Branch:
-    """One side, and its points from the answer outwards."""
-
-    side: Side
-    points: list[ProfilePoint]
-
-
-def _branch(work: _Workspace, best: _Solution, begin: _Solution, line: _Line, sign: float) -> _Branch:
-    """One side of a profile from a point until the likelihood ratio against the lowest one reaches its critical
-    value."""
-    index, limit, step = line.index, float(np.sqrt(line.critical)), line.step
-    centre = float(best.point.theta[index])
-    reach, walled = _reach(work.unknowns, best.point.theta, index, sign)
-    off = sign * (float(begin.point.theta[index]) - centre)
-    if off >= reach:
-        return _Branch(Side(centre + sign * reach if walled else None, False, walled), [])
-    path = [_Node(best, 0.0, 0.0, limit / step) if begin is best else _Node.at_point(begin, best, index, sign, off)]
-    longest = np.inf if line.points == 1 else step / line.points
-    made, length, solves = list[ProfilePoint](), min(step, longest), 0
-    for _ in range(POINTS + line.points):
-        here = path[-1]
-        target = min(here.off + length, reach)
-        found = work.followed([node.at for node in path], index, centre + sign * target)
-        if found is None and SHORTER * length > SHORTEST * step and not time_is_up():
-            length = SHORTER * length
-            continue
-        if found is None and solves < SOLVES and not time_is_up():
-            # The path bends, as where friction does not depend on speed and its rate may be any: IPOPT goes past that.
-            length, solves = min(LEAP * step, longest), solves + 1
-            target = min(here.off + length, reach)
-            found = work.solved_at(here.at, index, centre + sign * target)
-        if found is None:
-            break
-        node = _Node.at_point(found, best, index, sign, target)
-        end = node.crossing(here, limit)
-        if node.root > FAR * limit and target - here.off > LEAP * step and end is not None:
-            length = end - here.off
-            continue
-        made.append(found.point)
-        if end is not None and end <= reach and (node.root >= limit or end - target < CLOSE * target):
-            return _Branch(Side(centre + sign * end, False), made)
-        if target >= reach:
-            return _Branch(Side(centre + sign * reach if walled else None, False, walled), made)
-        wanted = np.inf if end is None else end - target
-        length = float(np.clip(wanted, SHORTEST * step, max(SHORTEST * step, min(FARTHER * length, longest))))
-        path = [here, node]
-    return _Branch(Side(None, True), made)
-
-
-def _likely(point: ProfilePoint, best: _Solution, line: _Line) -> bool:
-    """Whether the data do not object to a point."""
-    return 2.0 * (point.cost - best.point.cost) < line.critical
 
 
 @dataclass(frozen=True)
@@ -295,23 +179,67 @@ class _Node:
     root: float
     slope: float
 
-    @classmethod
-    def at_point(cls, found: _Solution, best: _Solution, index: int, sign: float, off: float) -> _Node:
-        """Of a point where theta[index] is fixed."""
-        root = float(np.sqrt(max(2.0 * (found.point.cost - best.point.cost), 0.0)))
-        return cls(found, off, root, sign * found.slope(index) / root if root > 0.0 else 0.0)
-
     def crossing(self, before: _Node, limit: float) -> float | None:
         """Where the root reaches its limit: inside the step on the cubic through both nodes with their slopes, beyond
         it on the tangent; None where it does not."""
         if self.root < limit:
             return self.off + (limit - self.root) / self.slope if self.slope > 0.0 else None
-        h = self.off - before.off
-        rise = self.root - before.root
+        h, rise = self.off - before.off, self.root - before.root
         c, d = 3.0 * rise - h * (2.0 * before.slope + self.slope), h * (before.slope + self.slope) - 2.0 * rise
         roots = np.roots([d, c, h * before.slope, before.root - limit])
         inside = [r.real for r in roots if abs(r.imag) < 1e-9 and -1e-9 <= r.real <= 1.0 + 1e-9]
         return before.off + h * (min(inside) if inside else (limit - before.root) / rise)
+
+
+def _side(
+    work: _Workspace, best: _Solution, index: int, limit: float, size: float, count: int
+) -> tuple[Side, list[ProfilePoint]]:
+    """One side of a profile and its points from the answer outwards, until the root of the likelihood ratio against the
+    lowest one reaches its limit.
+
+    Args:
+        size: standard error of theta, with the sign of the side; count: of points at least.
+    """
+    sign, step = float(np.sign(size)), limit * abs(size)  # where the covariance has the end
+    centre = float(best.point.theta[index])
+    reach, walled = _reach(work.unknowns, best.point.theta, index, sign)
+    at_reach = Side(centre + sign * reach if walled else None, False, walled)
+    if reach <= 0.0:
+        return at_reach, []
+    path = [_Node(best, 0.0, 0.0, limit / step)]
+    longest = np.inf if count == 1 else step / count
+    points, length, solves = list[ProfilePoint](), min(step, longest), 0
+    for _ in range(POINTS + count):
+        last = path[-1]
+        target = min(last.off + length, reach)
+        found = work.followed([node.at for node in path], index, centre + sign * target)
+        if found is None and SHORTER * length > SHORTEST * step and not time_is_up():
+            length = SHORTER * length
+            continue
+        if found is None and solves < SOLVES and not time_is_up():
+            # The path bends, as where friction does not depend on speed and its rate may be any: IPOPT goes past that.
+            length, solves = min(LEAP * step, longest), solves + 1
+            target = min(last.off + length, reach)
+            theta = last.at.point.theta.copy()
+            theta[index] = centre + sign * target
+            found = work.solved(theta, last.at.point.trajectories, index)
+        if found is None:
+            break
+        root = float(np.sqrt(max(2.0 * (found.point.cost - best.point.cost), 0.0)))
+        node = _Node(found, target, root, sign * found.slope(index) / root if root > 0.0 else 0.0)
+        end = node.crossing(last, limit)
+        if root > FAR * limit and target - last.off > LEAP * step and end is not None:
+            length = end - last.off
+            continue
+        points.append(found.point)
+        if end is not None and end <= reach and (root >= limit or end - target < CLOSE * target):
+            return Side(centre + sign * end, False), points
+        if target >= reach:
+            return at_reach, points
+        wanted = np.inf if end is None else end - target
+        length = float(np.clip(wanted, SHORTEST * step, max(SHORTEST * step, min(FARTHER * length, longest))))
+        path = [last, node]
+    return Side(None, True), points
 
 
 def _reach(unknowns: Unknowns, theta: Array, index: int, sign: float) -> tuple[float, bool]:
@@ -320,49 +248,20 @@ def _reach(unknowns: Unknowns, theta: Array, index: int, sign: float) -> tuple[f
     own = REACH_VALUE * abs(float(theta[index])) if unknowns.names[index] in ("mu_s", "mu_k0") else 0.0
     reach = REACH_LOG if unknowns.logarithmic[index] else max(REACH_STEP * (abs(static - kinetic) or 0.1), own)
     bound = unknowns.lower[index] if sign < 0 else unknowns.upper[index]
-    room = max(float(sign * (bound - theta[index])), 0.0)
-    return (room, bool(unknowns.walls[0 if sign < 0 else 1, index])) if room < reach else (reach, False)
-
-
-def _holding(side: Side, inside: list[float], farther: Callable[[list[float]], float]) -> Side:
-    """A side that holds every likely point of any profile."""
-    return side if side.end is None else replace(side, end=float(farther([side.end, *inside])))
-
-
-def _curve(points: list[ProfilePoint], index: int, inflation: float) -> Curve:
-    """The curve through the points (k,), the lowest one first; of those at one place the lower one counts."""
-    lowest, costs = points[0].cost, dict[float, float]()
-    for point in points:
-        place = float(point.theta[index])
-        costs[place] = min(point.cost, costs.get(place, np.inf))
-    theta = np.array(sorted(costs))
-    loss = [max(2.0 * (costs[place] - lowest), 0.0) / inflation for place in theta.tolist()]
-    return Curve(theta, np.array(loss))
-
-
-def _along(
-    branches: Mapping[tuple[int, float], _Branch], best: ProfilePoint, free: NDArray[np.bool_]
-) -> tuple[Array, Array]:
-    """The outermost points of the profiles from the lowest one (m, f), and the likelihood ratios there (m,); where all
-    sides are closed, each with one farther out on the parabola through the three, of a cost that is one as well."""
-    outermost = {key: branch.points[-1] if branch.points else best for key, branch in branches.items()}
-    moved = {key: point.theta - best.theta for key, point in outermost.items()}
-    ratio = {key: max(2.0 * (point.cost - best.cost), 0.0) for key, point in outermost.items()}
-    away, ratios = [row[free] for row in moved.values()], list(ratio.values())
-    if all(branch.side.end is not None and branch.points for branch in branches.values()):
-        for index in {index for index, _ in branches}:
-            (low, high), (down, up) = ((moved[index, s][index] for s in SIGNS), (moved[index, s] for s in SIGNS))
-            bend = (up / high - down / low) / (high - low)
-            slope = up / high - bend * high
-            for sign, end in zip(SIGNS, (low, high), strict=True):
-                away.append((slope * EXTENDED * end + bend * (EXTENDED * end) ** 2)[free])
-                ratios.append(EXTENDED**2 * ratio[index, sign])
-    return np.array(away).reshape(len(away), int(np.count_nonzero(free))), np.array(ratios)
+    to_bound = max(float(sign * (bound - theta[index])), 0.0)
+    return (to_bound, bool(unknowns.walls[0 if sign < 0 else 1, index])) if to_bound < reach else (reach, False)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The points of a profile: continuation of the optimality conditions in the fixed parameter.
 # ----------------------------------------------------------------------------------------------------------------------
+
+PREDICTED, REASSIGNED = 2.0, 5.0  # standard errors of the first correction at most; where samples are assigned again
+CONTRACTION = (0.2, 1.0)  # of Newton's steps: above, the matrix is factored again, and then the prediction given up
+NEWTON, CONVERGED, CLOSED = 8, 0.02, 1e-4  # steps, the last one in standard errors, and the largest row
+ITERATIONS, FOLLOWED = 25, 1e-6  # of IPOPT, and the largest row it may leave
+OBEYS = 1e-9  # largest row of an answer
+MOVED = 2.0  # samples by which an event may move before the samples are assigned to it again
 
 
 @dataclass(frozen=True)
@@ -386,14 +285,11 @@ class _Neighbourhood:
         for place, log in zip(layout.places, problem.logs, strict=True):
             ends = np.minimum(-layout.lower[place.events], layout.upper[place.events])
             limits[place.events] = np.minimum(MOVED * log.interval, ends)
-        scaled = np.concatenate([sizes, own]) / layout.scale[kept]
-        return cls(theta, trajectories, problem, limits, kept, scaled)
+        return cls(theta, trajectories, problem, limits, kept, np.concatenate([sizes, own]) / layout.scale[kept])
 
-    def inside(self, both: Array) -> bool:
-        """Whether the parameters are within their bounds."""
-        layout = self.problem.layout
-        x = both[self.kept] * layout.scale[self.kept]
-        return bool(np.all(x >= layout.lower[self.kept]) and np.all(x <= layout.upper[self.kept]))
+    def place(self, index: int) -> int:
+        """Of a parameter among the unknowns; FREE where none is fixed."""
+        return FREE if index == FREE else int(np.flatnonzero(self.problem.layout.free == index)[0])
 
     def factors(self, both: Array) -> Factors | None:
         """Of the optimality conditions with the exact Hessian (n + m,); None where they are singular."""
@@ -405,6 +301,14 @@ class _Neighbourhood:
         except RuntimeError:  # SuperLU's only word for it
             return None
 
+    def gradient(self, both: Array) -> tuple[Array, Array]:
+        """Of the Lagrangian (n,), and the rows (m,)."""
+        n = self.problem.layout.size
+        point = self.problem.evaluate(both[:n], derivatives=True)
+        assert point.gradient is not None and point.jacobian is not None
+        with np.errstate(invalid="ignore"):
+            return point.gradient + point.jacobian.T @ both[n:], point.rows
+
     def tangent(self, factors: Factors, place: int) -> Array:
         """Of unknowns and multipliers (n + m,) per unit of the unknown that is fixed."""
         unit = np.zeros(self.problem.layout.size + self.problem.layout.rows)
@@ -413,16 +317,12 @@ class _Neighbourhood:
         with np.errstate(all="ignore"):
             return np.asarray(column / column[place])
 
-    def place(self, index: int) -> int:
-        """Of a parameter among the unknowns."""
-        return int(np.flatnonzero(self.problem.layout.free == index)[0])
-
     def corrected(
         self,
         both: Array,
         place: int,
         factors: Factors | None = None,
-        tangent: Array | None = None,
+        *,
         largest: float = PREDICTED,
         closed: float = CLOSED,
     ) -> Array | None:
@@ -430,21 +330,22 @@ class _Neighbourhood:
         (FREE: none), from a prediction; None where Newton's method does not contract at once.
 
         Args:
-            factors, tangent: at a point nearby, kept as long as the steps contract.
+            factors: at a point nearby, kept as long as the steps contract.
             largest: first step [standard errors]; closed: largest row at the end.
         """
-        n, before = self.problem.layout.size, np.inf
+        layout, before, tangent = self.problem.layout, np.inf, None
         for number in range(NEWTON):
-            point = self.problem.evaluate(both[:n], derivatives=True)
-            assert point.gradient is not None and point.jacobian is not None
-            with np.errstate(invalid="ignore"):
-                left = -np.concatenate([point.gradient + point.jacobian.T @ both[n:], point.rows])
+            slope, rows = self.gradient(both)
             if place != FREE:
-                left[place] = 0.0
+                slope[place] = 0.0
+            left = -np.concatenate([slope, rows])
             if not np.all(np.isfinite(left)):
                 return None
-            if before < CONVERGED and np.max(np.abs(point.rows), initial=0.0) < closed:
-                return both if self.inside(both) and np.isfinite(point.cost) else None
+            if before < CONVERGED and np.max(np.abs(rows), initial=0.0) < closed:
+                x = both[self.kept] * layout.scale[self.kept]
+                inside = np.all(x >= layout.lower[self.kept]) and np.all(x <= layout.upper[self.kept])
+                cost = self.problem.evaluate(both[: layout.size], derivatives=True).cost
+                return both if inside and np.isfinite(cost) else None
             kept = factors is not None
             while True:
                 if factors is None:
@@ -475,36 +376,24 @@ class _Solution:
 
     @cached_property
     def factors(self) -> Factors | None:
-        """Of the optimality conditions here."""
+        """Of the optimality conditions there."""
         return self.around.factors(self.both)
 
     def slope(self, index: int) -> float:
         """Derivative of the lowest cost with respect to the theta that is fixed."""
-        problem, n = self.around.problem, self.around.problem.layout.size
-        point, place = problem.evaluate(self.both[:n], derivatives=True), self.around.place(index)
-        assert point.gradient is not None and point.jacobian is not None
-        slope = point.gradient + point.jacobian.T @ self.both[n:]
-        return float(slope[place] / problem.layout.scale[place])
+        place = self.around.place(index)
+        return float(self.around.gradient(self.both)[0][place] / self.around.problem.layout.scale[place])
 
 
-@dataclass(frozen=True)
 class _Workspace:
     """What all points have in common: logs; grid; unknowns as the scene gives them; with weak priors that keep the
     search in place, whose cost no point counts; sizes (f,)."""
 
-    logs: list[LogData]
-    grid: Grid
-    unknowns: Unknowns
-    weak: Unknowns
-    sizes: Array
-
-    @classmethod
-    def about(cls, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, sizes: Array) -> _Workspace:
-        """About an answer, with its steps."""
+    def __init__(self, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, sizes: Array) -> None:
         weak = unknowns.with_weak_priors()
         mean = np.where(np.isfinite(unknowns.prior_sd), weak.prior_mean, solved.theta)
-        weak = replace(weak, prior_mean=mean, start=solved.theta)
-        return cls([log.data for log in logs], solved.grid, unknowns, weak, sizes)
+        self.logs, self.grid, self.sizes = [log.data for log in logs], solved.grid, sizes
+        self.unknowns, self.weak = unknowns, replace(weak, prior_mean=mean, start=solved.theta)
 
     def lowest(self, solved: Solved) -> tuple[_Solution | None, float]:
         """The lowest point about the answer, None where it is not found, and the cost of the answer itself."""
@@ -519,17 +408,17 @@ class _Workspace:
     def followed(self, path: Sequence[_Solution], index: int, value: float) -> _Solution | None:
         """The point with theta[index] = value, predicted from the last one of a path, or two, with its tangent; None
         where it is not found, or the time is up."""
-        here, around = path[-1], path[-1].around
+        last, around = path[-1], path[-1].around
         place = around.place(index)
-        if time_is_up() or here.factors is None:
+        if time_is_up() or last.factors is None:
             return None
-        tangent = around.tangent(here.factors, place)
-        step = value / around.problem.layout.scale[place] - here.both[place]
-        both = here.both + step * tangent
+        tangent = around.tangent(last.factors, place)
+        step = value / around.problem.layout.scale[place] - last.both[place]
+        both = last.both + step * tangent
         if len(path) > 1 and path[-2].around is around:
-            chord = here.both - path[-2].both
+            chord = last.both - path[-2].both
             both += (tangent - chord / chord[place]) / chord[place] * step**2
-        corrected = around.corrected(both, place, here.factors, tangent)
+        corrected = around.corrected(both, place, last.factors)
         if corrected is None:
             return None
         found = self.solution(around, corrected, index)
@@ -542,26 +431,18 @@ class _Workspace:
         around = self.neighbourhood(point.theta, point.trajectories)
         if around.problem.layout.rows != dual.size:
             return None
-        place = FREE if index == FREE else around.place(index)
-        both = around.corrected(np.concatenate([around.problem.start, dual]), place, largest=REASSIGNED)
+        start = np.concatenate([around.problem.start, dual])
+        both = around.corrected(start, around.place(index), largest=REASSIGNED)
         return None if both is None else self.solution(around, both, index)
-
-    def solved_at(self, here: _Solution, index: int, value: float) -> _Solution | None:
-        """The point with theta[index] = value by IPOPT, from a point before it."""
-        theta = here.point.theta.copy()
-        theta[index] = value
-        return self.solved(theta, here.point.trajectories, index)
 
     def solved(self, theta: Array, trajectories: list[ShootingTrajectory], index: int) -> _Solution | None:
         """The point with theta[index] (FREE: none) as it is, by IPOPT from any motion; None where it fails."""
-        free = self.unknowns.free.copy()
-        if index != FREE:
-            free[index] = False
+        free = self.unknowns.free & (np.arange(theta.size) != index)
         problem = shooting_problem(self.logs, trajectories, replace(self.weak, start=theta, free=free), self.grid)
         solution = solve(problem, mu_init=1e-6, iterations=ITERATIONS, exact=True)
         if not (solution.success and solution.constraint_violation < FOLLOWED and np.all(np.isfinite(solution.x))):
             return None
-        point = self.point(problem, theta, trajectories, solution.z, solution.cost, index)
+        point = self.point(problem, theta, trajectories, solution.z, index)
         return self.reassigned(point, solution.multipliers, index)
 
     def neighbourhood(self, theta: Array, trajectories: list[ShootingTrajectory]) -> _Neighbourhood:
@@ -572,13 +453,13 @@ class _Workspace:
     def solution(self, around: _Neighbourhood, both: Array, index: int) -> _Solution:
         """The point of unknowns and multipliers (n + m,) in a neighbourhood."""
         z = both[: around.problem.layout.size]
-        at = around.problem.evaluate(z, derivatives=True)
-        cost = at.cost + float(both[z.size :] @ at.rows)  # right to second order where rows are not quite closed
-        point = self.point(around.problem, around.theta, around.trajectories, z, cost, index)
-        return _Solution(point, around, both)
+        point = self.point(around.problem, around.theta, around.trajectories, z, index)
+        rows = around.problem.evaluate(z, derivatives=True).rows
+        # Right to second order where rows are not quite closed.
+        return _Solution(replace(point, cost=point.cost + float(both[z.size :] @ rows)), around, both)
 
     def point(
-        self, problem: Problem, start: Array, trajectories: list[ShootingTrajectory], z: Array, cost: float, index: int
+        self, problem: Problem, start: Array, trajectories: list[ShootingTrajectory], z: Array, index: int
     ) -> ProfilePoint:
         """Without the cost of the weak priors, and with that of the user's prior of what is fixed."""
         layout, x = problem.layout, z * problem.layout.scale
@@ -586,6 +467,36 @@ class _Workspace:
         theta[layout.free] = x[: layout.free.size]
         counted = layout.off_prior(x)[: layout.free.size]
         stated = self.unknowns.off_prior(theta)[self.unknowns.free]
-        cost += 0.5 * float(stated @ stated - counted @ counted)
+        cost = problem.evaluate(z, derivatives=False).cost + 0.5 * float(stated @ stated - counted @ counted)
         moved = [place.read(old, x) for place, old in zip(layout.places, trajectories, strict=True)]
         return ProfilePoint(theta, moved, cost, index)
+
+
+def converged(solved: Solved, problem: Problem, sizes: Array, farthest: float = SETTLED) -> Solved | None:
+    """A solution on its own problem, or on one that is the same unknown by unknown, by Newton's method with the exact
+    Hessian from where it is; None where that does not converge.
+
+    Args:
+        sizes: (f,) standard errors of the free theta; farthest: an event may be from where its samples were assigned
+            [samples].
+    """
+    layout, n = problem.layout, problem.layout.size
+    around = _Neighbourhood.of(problem, solved.theta, solved.formed_from, sizes)
+    start = np.concatenate([solved.solution.z, solved.solution.multipliers])
+    both = around.corrected(start, FREE, largest=REASSIGNED, closed=OBEYS)
+    if both is None:
+        return None
+    x, point = both[:n] * layout.scale, problem.evaluate(both[:n], derivatives=False)
+    pairs = zip(layout.places, problem.logs, strict=True)
+    shift = max(float(np.max(np.abs(x[at.events]), initial=0.0)) / log.interval for at, log in pairs)
+    if shift >= farthest:
+        return None
+    theta = solved.theta.copy()
+    theta[layout.free] = x[: layout.free.size]
+    rows = float(np.max(np.abs(point.rows), initial=0.0))
+    solution = replace(
+        solved.solution, z=both[:n], x=x, cost=point.cost, multipliers=both[n:], constraint_violation=rows
+    )
+    moved = [place.read(old, x) for place, old in zip(layout.places, solved.formed_from, strict=True)]
+    out = replace(solved, problem=problem, solution=solution, trajectories=moved, theta=theta)
+    return replace(out, event_shift=shift)

@@ -20,25 +20,17 @@ from numpy.typing import NDArray
 from identify.base.budget import of_which, stage, time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
-from identify.estimation.attempt import (
-    Attempt,
-    gated,
-    place_on,
-    solve_again,
-    solve_from,
-    usable,
-)
-from identify.estimation.covariance import information
+from identify.estimation.attempt import Attempt, attempt_of, place_on, solve_again, solve_from, usable
+from identify.estimation.covariance import information_at, inverse
 from identify.estimation.goodness_of_fit import loads_stand_in
 from identify.estimation.residual_autocorrelation import MORE
-from identify.estimation.starts import Sources, own_starts, slips_one_by_one, starts_of
+from identify.estimation.starts import Sources, slips_one_by_one, starts_of
 from identify.estimation.stick_strength import with_own_strengths, with_strengths
 from identify.estimation.strategies import Strategy, may_run, run_strategy
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting_trajectory import ShootingTrajectory
-from identify.shooting.starts import level_starts
 
 Array = NDArray[np.float64]
 
@@ -46,7 +38,6 @@ REQUIRED_CYCLES = 3  # of a log that an answer has to describe
 STARTS = 4  # feature starts that are solved at most
 FIRM = 1000.0  # of the priors about a start, in units of the weakest: a logarithm stays within a tenth
 COST_CUTOFF = 8.0  # cost per residual of a start that no solve will save
-INFORMATION_FLOOR = 1e-12  # of the largest information: what a group tells less of is taken from the others
 
 
 @dataclass(frozen=True)
@@ -92,29 +83,32 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
         # What passes as autocorrelated noise may yet be a misfit that another start has not.
         if _fits(best) and best.gate.level == 1.0 and expected <= set(best.log_numbers):
             break
-    if able and _is_lost(best) and alike([prepared[i] for i in starting]):
+    # The end is no motion of the model, or one that no noise, however autocorrelated, takes so far from the data.
+    lost = best is None or not np.isfinite(best.excess) or not best.gate.chi2_per_sample < 1.0 + MORE
+    if able and lost and alike([prepared[i] for i in starting]):
         best = _better(best, run_strategy(Strategy.HELD_NEAR, lambda: _held_near(problem, starting), logs=starting))
-    if not _fits(best) and able:
-        best = run_strategy(Strategy.STEADY_PARTS, lambda: _levels_only(problem, able), logs=able) or best
-    if best is not None:
-        best = rejected_as_incomplete(best, prepared, starting)
-    return best, left_out | _missing(best, prepared, able)
+    taken = () if best is None else best.log_numbers
+    why = "does not stick-slip, or not like this, at the answer of the other logs"
+    if best is None:
+        why = "is not reproduced by any start: the model slides steadily where it sticks"
+    left_out |= {i: f"{prepared[i].name} {why}; it was left out" for i in able if i not in taken}
+    return (None if best is None else _complete(best, prepared, starting)), left_out
 
 
 def _starts(problem: SearchProblem, starting: list[int]) -> Iterator[tuple[Strategy, Array]]:
-    """Starts (n_p,) in the order in which they deserve a solve, each with its row of the table of strategies."""
+    """Starts (n_p,) in the order in which they deserve a solve, each with its strategy."""
     chosen = [problem.prepared[i] for i in starting]
     if any(log.pieces for log in chosen) and may_run(Strategy.PIECES_FIRST):
         pieces = [piece for log in chosen for piece in (log.pieces or (log,))]
         known, _ = search(replace(problem, prepared=pieces, progress=to_nobody))
         if known is not None:
             yield Strategy.PIECES_FIRST, known.solved.theta
-    # No start of a model of equal cycles fits cycles that differ: one solve shows how badly.
-    single = not (problem.thorough and alike(chosen))
-    cutoff = np.inf if problem.thorough else COST_CUTOFF
+    even = alike(chosen)
     problem.progress("finding a start", 0.1)
-    thetas = starts_of(chosen, problem.unknowns, problem.sources, problem.seed, not alike(chosen), cutoff)
-    for number in range(1 if single else STARTS):
+    cutoff, seed = np.inf if problem.thorough else COST_CUTOFF, problem.seed if even else None
+    thetas = starts_of(chosen, problem.unknowns, problem.sources, seed=seed, worst=cutoff)
+    # No start of a model of equal cycles fits cycles that differ: one solve shows how badly.
+    for number in range(STARTS if problem.thorough and even else 1):
         strategy = Strategy.FURTHER_STARTS if number else Strategy.FEATURE_START
         theta = next(thetas, None) if may_run(strategy) else None
         if theta is None:
@@ -157,22 +151,22 @@ def _solved(
 
 
 def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unknowns) -> Attempt:
-    """Solve again with the logs that took no part so far, in a form in which the answer can be placed on each: all of
-    them at once, else one after the other, so that one that does not fit keeps out no other."""
+    """Solve again with the logs that took no part so far, each treated in the first way in which the answer can be
+    placed on it: all of them at once, else one after the other, so that one that does not fit keeps out no other."""
     at_answer = replace(unknowns, start=best.solved.theta)
-    forms = {i: [form for form in _forms(prepared[i]) if place_on([form], [0], at_answer)] for i in late}
-    late = [i for i in late if forms[i]]
+    ways = {i: [log for log in _treatments(prepared[i]) if place_on([log], [0], at_answer)] for i in late}
+    late = [i for i in late if ways[i]]
     if not late:
         return best
-    logs = [forms[i][0] if i in late else log for i, log in enumerate(prepared)]
+    logs = [ways[i][0] if i in late else log for i, log in enumerate(prepared)]
     joined = solve_from(logs, sorted([*best.log_numbers, *late]), at_answer)
     if _fits(joined):
         return joined
     for i in late:
-        for form in forms[i][1 if len(late) == 1 else 0 :]:
+        for log in ways[i][1 if len(late) == 1 else 0 :]:
             if time_is_up():
                 return best
-            tried = [form if j == i else log for j, log in enumerate(logs)]
+            tried = [log if j == i else other for j, other in enumerate(logs)]
             at_best = replace(unknowns, start=best.solved.theta)
             joined = solve_from(tried, sorted([*best.log_numbers, i]), at_best)
             if _fits(joined):
@@ -181,7 +175,7 @@ def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unk
     return best
 
 
-def _forms(log: Prepared) -> Iterator[Prepared]:
+def _treatments(log: Prepared) -> Iterator[Prepared]:
     """A log as it is, as the model moves whatever was seen of its slips, and its steady end alone."""
     if not log.fit_mode.low_snr:
         yield log
@@ -199,7 +193,7 @@ def _held_near(problem: SearchProblem, starting: list[int]) -> Attempt | None:
     something that is stated is wrong, the parameters run off to make up for it, and no motion is left that says what.
     """
     prepared, unknowns = problem.prepared, problem.unknowns
-    for theta in islice(own_starts([prepared[i] for i in starting], unknowns), STARTS):
+    for theta in islice(starts_of([prepared[i] for i in starting], unknowns), STARTS):
         near = solve_from(prepared, starting, replace(unknowns, start=theta).within_region(FIRM))
         if near is not None and np.isfinite(near.excess):
             free = solve_again(near, replace(unknowns, start=near.solved.theta))
@@ -207,20 +201,6 @@ def _held_near(problem: SearchProblem, starting: list[int]) -> Attempt | None:
         if time_is_up():
             break
     return None
-
-
-def _levels_only(problem: SearchProblem, able: list[int]) -> Attempt | None:
-    """The answer of the steady ends of logs that slide in the end, where the way there is not described; None where
-    that does not fit either, or some log has no such end."""
-    parts = [settled_part(problem.prepared[i]) for i in able]
-    if any(part is None or len(problem.prepared[i].pieces) > 1 for part, i in zip(parts, able, strict=True)):
-        return None
-    logs = list(problem.prepared)
-    for i, part in zip(able, parts, strict=True):
-        logs[i] = part or logs[i]
-    theta = level_starts([logs[i] for i in able], problem.unknowns)[0]
-    attempt = solve_from(logs, able, replace(problem.unknowns, start=theta))
-    return attempt if _fits(attempt) else None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -261,34 +241,26 @@ def _pooled(attempts: list[Attempt], unknowns: Unknowns) -> Attempt:
             own = trajectory.theta(theta)
             entries.append((number, log, replace(trajectory, own=np.where(unknowns.own, own, np.nan)), own))
     entries.sort(key=lambda entry: entry[0])
-    logs = [log for _, log, _, _ in entries]
-    trajectories = [trajectory for _, _, trajectory, _ in entries]
+    numbers, logs, trajectories, thetas = (list(column) for column in zip(*entries, strict=True))
     trajectories[0] = replace(trajectories[0], own=np.empty(0))  # what the first log has for itself is the shared theta
     with stage("solve"):
-        start = replace(unknowns, start=entries[0][3]).with_weak_priors()
+        start = replace(unknowns, start=thetas[0]).with_weak_priors()
         solved = solve_in_passes([log.data for log in logs], trajectories, start)
         of_which("build", solved.transcription_seconds, of="solve")
-    return Attempt(tuple(number for number, _, _, _ in entries), tuple(logs), solved, gated(solved, logs))
+    return attempt_of(numbers, logs, solved)
 
 
 def _pooled_theta(attempts: list[Attempt], unknowns: Unknowns) -> list[Array]:
-    """Theta (n_p,) of each group, with one value of what is shared: least squares with each group's information."""
+    """Theta (n_p,) of each group, with one value of what is shared: the mean by each group's information on it."""
     free = np.flatnonzero(unknowns.free)
-    shared = ~unknowns.own[free]
-    total, right = np.zeros((int(shared.sum()),) * 2), np.zeros(int(shared.sum()))
+    shared = np.flatnonzero(~unknowns.own[free])
+    total, right = np.zeros((shared.size, shared.size)), np.zeros(shared.size)
     for attempt in attempts:
-        solved = attempt.solved
-        at_answer = replace(unknowns, start=solved.theta, per=())
-        matrix = information(*solved.problem.with_all_parameters(at_answer, solved.solution.z)).total[
-            np.ix_(free, free)
-        ]
-        if not np.all(np.isfinite(matrix)):
-            continue
-        across, own = matrix[np.ix_(shared, ~shared)], matrix[np.ix_(~shared, ~shared)]
-        remaining = matrix[np.ix_(shared, shared)] - across @ np.linalg.pinv(own) @ across.T
-        total += remaining
-        right += remaining @ solved.theta[free][shared]
-    mean = np.linalg.lstsq(total, right, rcond=INFORMATION_FLOOR)[0]
+        matrix = information_at(attempt.solved, replace(unknowns, per=())).total[np.ix_(free, free)]
+        if np.all(np.isfinite(matrix)):
+            known = inverse(inverse(matrix)[np.ix_(shared, shared)])
+            total, right = total + known, right + known @ attempt.solved.theta[free[shared]]
+    mean = inverse(total) @ right
     out = []
     for attempt in attempts:
         theta = attempt.solved.theta.copy()
@@ -303,13 +275,7 @@ def _pooled_theta(attempts: list[Attempt], unknowns: Unknowns) -> list[Array]:
 
 
 def _fits(attempt: Attempt | None) -> TypeGuard[Attempt]:
-    return attempt is not None and attempt.gate.status is Status.CONVERGED
-
-
-def _is_lost(best: Attempt | None) -> bool:
-    """Whether a search ended in no motion of the model, or in one that no noise, however autocorrelated, takes so far
-    from the data."""
-    return best is None or not np.isfinite(best.excess) or not best.gate.chi2_per_sample < 1.0 + MORE
+    return attempt is not None and attempt.fits
 
 
 def _better(best: Attempt | None, attempt: Attempt | None) -> Attempt | None:
@@ -334,26 +300,14 @@ def required_logs(prepared: Sequence[Prepared]) -> list[int]:
     return [i for i in usable(prepared) if prepared[i].typical >= REQUIRED_CYCLES and not prepared[i].fit_mode.low_snr]
 
 
-def rejected_as_incomplete(best: Attempt, prepared: Sequence[Prepared], needed: Sequence[int]) -> Attempt:
-    """The attempt, no longer an answer if it leaves out a log that shows cycles, well as it fits the others.
-
-    Args:
-        needed: numbers of these logs.
-    """
+def _complete(best: Attempt, prepared: Sequence[Prepared], needed: Sequence[int]) -> Attempt:
+    """The attempt, no longer an answer if it leaves out one of the logs that show cycles (their numbers: `needed`),
+    well as it fits the others."""
     missing = [prepared[i].name for i in needed if i not in best.log_numbers]
-    if not missing or not _fits(best):
+    if not missing or not best.fits:
         return best
     message = (
         f"no start led to an answer of all logs: the one of the others does not describe {', '.join(missing)}; fit "
         "that log alone, and compare its parameters with theirs"
     )
     return replace(best, gate=replace(best.gate, status=Status.SOLVER_FAILED, message=message))
-
-
-def _missing(best: Attempt | None, prepared: list[Prepared], able: list[int]) -> dict[int, str]:
-    """Why logs that could have taken part did not."""
-    taken = best.log_numbers if best is not None else ()
-    why = "does not stick-slip, or not like this, at the answer of the other logs"
-    if best is None:
-        why = "is not reproduced by any start: the model slides steadily where it sticks"
-    return {i: f"{prepared[i].name} {why}; it was left out" for i in able if i not in taken}

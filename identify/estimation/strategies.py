@@ -1,8 +1,7 @@
-"""The table of strategies: every way by which a fit may find its answer, and the trace of what was tried.
+"""The strategies by which a fit may find its answer, and the trace of what was tried.
 
-Rows that start are tried from top to bottom until an answer fits (`search.STARTS`); the others where they belong: they
-repair an attempt, look about an answer, or explain a misfit. Each try is one entry of the trace (`search` in
-result.json), and an answer carries the names of the strategies that led to it (`Attempt.found_by`).
+Each try is one entry of the trace (`search` in result.json), and an answer carries the names of the strategies that led
+to it (`Attempt.found_by`).
 """
 
 from __future__ import annotations
@@ -21,31 +20,19 @@ if TYPE_CHECKING:
 
 
 class Strategy(Enum):
-    """One row: name; when it applies; what it does."""
+    """The value is the name in the trace."""
 
-    # From a start to an answer of some logs.
-    PIECES_FIRST = "pieces first", "a log repeats itself within a programme", "solves what repeats, then the whole log"
-    FEATURE_START = "feature start", "always", "solves from the start whose settled cycle is that of the data"
-    FURTHER_STARTS = "further feature starts", "the first start did not fit", "solves from up to three more of these"
-    HELD_NEAR = "held near a start", "nothing fitted", "solves under firm priors about a start, then without them"
-    STEADY_PARTS = "steady parts", "logs end in steady sliding and nothing fitted", "fits the level of their last part"
-    GROUP_BY_GROUP = "group by group", "parameters differ between groups", "solves each group, then all together"
-    # From an attempt that does not fit to one that does.
-    STICK_STRENGTHS = "strength per stick", "cycles misfit, or only their loads explain them", "lets sticks differ"
-    JOINED = "logs joined", "some logs took no part", "solves again with them, from the answer"
-    # From an answer that fits to a better one, or to one whose motion is sure.
-    VIBRATION_STARTS = "starts about the answer", "the drive vibrates", "solves from starts drawn about the answer"
-    FINER_STEPS = "finer steps", "integration errors are no small part of a standard error", "halves the steps"
-    OTHER_OPTIMA = "other optima", "the data hardly tell some parameter", "solves from starts about the answer"
-    PROFILE_OPTIMUM = "optimum of a profile", "a profile meets a better place", "solves from there"
-    # What the model as stated cannot be.
-    CAUSES = "refit of a cause", "nothing fitted, or an answer is doubtful", "frees what the score test names first"
-
-    def __init__(self, title: str, when: str, does: str) -> None:
-        self.title, self.when, self.does = title, when, does
-
-
-STRATEGIES: tuple[Strategy, ...] = tuple(Strategy)
+    PIECES_FIRST = "pieces first"  # solves what repeats itself within a programme, then the whole log
+    FEATURE_START = "feature start"  # solves from the start whose settled cycle is that of the data
+    FURTHER_STARTS = "further feature starts"  # from more of these, where the first does not fit
+    HELD_NEAR = "held near a start"  # under firm priors about a start, then without them, where nothing fits
+    GROUP_BY_GROUP = "group by group"  # solves groups with parameters of their own each by itself, then together
+    STICK_STRENGTHS = "strength per stick"  # lets sticks differ, where alike ones do not fit, or only by their loads
+    JOINED = "logs joined"  # solves again with the logs that took no part
+    FINER_STEPS = "finer steps"  # halves steps whose error is no small part of a standard error
+    OTHER_OPTIMA = "other optima"  # solves from starts about an answer that hardly determines some parameter
+    PROFILE_OPTIMUM = "optimum of a profile"  # solves from a lower point that a profile met
+    CAUSES = "refit of a cause"  # frees what the score test names first
 
 
 @dataclass(frozen=True)
@@ -59,21 +46,11 @@ class Trial:
     cost: float | None
     seconds: float
 
-    def to_dict(self) -> dict[str, object]:
-        """As in `search` of result.json."""
-        return {
-            "strategy": self.strategy,
-            "logs": list(self.logs),
-            "status": self.status,
-            "cost": self.cost,
-            "seconds": round(self.seconds, 4),
-        }
-
 
 @dataclass
 class Trace:
-    """What a fit tried, in order; strategies that were due when the time was up; those switched off, for an ablation;
-    those that led to the answer."""
+    """What a fit tried, in order; what was due when the time was up; strategies switched off; those that led to the
+    answer."""
 
     trials: list[Trial] = field(default_factory=list)
     not_tried: list[str] = field(default_factory=list)
@@ -106,16 +83,13 @@ def as_one_trial(strategy: Strategy, detail: str) -> Iterator[None]:
     finally:
         _trace.reset(token)
         if outer is not None:
-            seconds = now() - began
-            outer.trials.append(Trial(f"{strategy.title}: {detail}", (), "examined", None, seconds))
+            outer.trials.append(Trial(f"{strategy.value}: {detail}", (), "examined", None, now() - began))
 
 
 def may_run(strategy: Strategy) -> bool:
     """Whether a strategy may still be tried: it is not switched off, and there is time; else noted as not tried."""
     trace = _trace.get()
-    if trace is not None and strategy in trace.switched_off:
-        return False
-    return in_time(strategy.title)
+    return not (trace is not None and strategy in trace.switched_off) and in_time(strategy.value)
 
 
 def in_time(part: str) -> bool:
@@ -133,35 +107,27 @@ def no_time_for(part: str) -> None:
         trace.not_tried.append(part)
 
 
-def cut_short() -> bool:
-    """Whether something was due that the time did not suffice for."""
-    trace = _trace.get()
-    return trace is not None and bool(trace.not_tried)
-
-
 def run_strategy(
     strategy: Strategy, make: Callable[[], Attempt | None], since: Attempt | None = None, logs: Sequence[int] = ()
 ) -> Attempt | None:
     """What one strategy comes to, as an entry of the trace; None where it comes to nothing or is not due.
 
     Args:
-        make: does it. since: the attempt it goes on from. logs: numbers (from 0) it was tried with, where it comes to
-            nothing.
+        since: the attempt it goes on from. logs: numbers (from 0) it was tried with, where it comes to nothing.
     """
     if not may_run(strategy):
         return None
     began = now()
     found = make()
     seconds = now() - began
-    if found is since:
-        found = None
+    found = None if found is since else found
+    status, cost = "no answer", None
     if found is not None:
         before = () if since is None else since.found_by
         after = found.found_by[len(before) :] if found.found_by[: len(before)] == before else found.found_by
-        found = replace(found, found_by=(*before, strategy.title, *after))
+        found = replace(found, found_by=(*before, strategy.value, *after))
+        logs, status, cost = found.log_numbers, found.gate.status.value, found.cost_per_sample
     trace = _trace.get()
     if trace is not None:
-        taken = logs if found is None else found.log_numbers
-        status, cost = ("no answer", None) if found is None else (found.gate.status.value, found.cost_per_sample)
-        trace.trials.append(Trial(strategy.title, tuple(i + 1 for i in taken), status, cost, seconds))
+        trace.trials.append(Trial(strategy.value, tuple(i + 1 for i in logs), status, cost, seconds))
     return found

@@ -1,4 +1,4 @@
-"""The parts of the result document that say how sure it is: profile, bootstrap, table of accuracies, combinations."""
+"""The parts of the result document that say how sure it is: profile, bootstrap, table of accuracies."""
 
 from __future__ import annotations
 
@@ -15,11 +15,8 @@ from identify.base.result import (
     AccuracyResult,
     BootstrapInterval,
     BootstrapResult,
-    CombinationsResult,
-    DirectionResult,
     Interval,
     LevelCost,
-    NaturalResult,
     NoiseResult,
     OptimumResult,
     ProfileCurve,
@@ -41,17 +38,16 @@ BENT = 1.2  # by which factor likely points that were met must, for the same
 
 
 def with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array) -> Result:
-    """The result with combinations and noise, and with profile, bootstrap and table of accuracies where they were run.
+    """The result with noise, and with profile, bootstrap and table of accuracies where they were run.
 
     Args:
         base: (n_p,) of the rig the values are given for.
     """
-    ratio = np.sqrt(sure.memory)
+    ratio = np.sqrt(sure.inflation)
     widening = {name: finite(float(ratio[k])) for k, (_, name) in enumerate(_names(unknowns))}
     return replace(
         result,
-        combinations=_combinations(sure),
-        noise=NoiseResult(tuple(finite(float(c.memory)) for c in sure.colours), widening),
+        noise=NoiseResult(tuple(finite(float(c.inflation)) for c in sure.noise), widening),
         profile=None if sure.profiles is None else _profile(sure, unknowns, base),
         optima=_optima(sure, unknowns, base) if sure.optima else None,
         bootstrap=None if sure.bootstrap is None else _bootstrap(sure, unknowns, base),
@@ -61,10 +57,10 @@ def with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array)
 
 def noise_note(sure: Certainty) -> str:
     """A sentence where the noise has a memory that widens intervals; else empty."""
-    widest = float(np.sqrt(np.max(sure.memory))) if sure.memory.size else 1.0
-    if all(c.white for c in sure.colours) or widest < TELLING:
+    widest = float(np.sqrt(np.max(sure.inflation))) if sure.inflation.size else 1.0
+    if all(c.white for c in sure.noise) or widest < TELLING:
         return ""
-    longest = max(c.memory for c in sure.colours)
+    longest = max(c.inflation for c in sure.noise)
     return (
         f"Neighbouring residuals are alike (one sample in {longest:.2g} is new): the standard errors allow for it, and "
         f"are up to {widest:.2g} times those of white noise."
@@ -73,9 +69,9 @@ def noise_note(sure: Certainty) -> str:
 
 def ridge_note(sure: Certainty, unknowns: Unknowns) -> str:
     """A sentence where the likelihood is no paraboloid and standard errors were widened for it; else empty."""
-    if not sure.memory.size:
+    if not sure.inflation.size:
         return ""
-    ratios = np.sqrt(np.diag(sure.covariance) / (sure.memory * np.diag(sure.white)))
+    ratios = np.sqrt(np.diag(sure.covariance) / (sure.inflation * np.diag(sure.white)))
     named = [(name, ratio) for (_, name), ratio in zip(_names(unknowns), ratios.tolist(), strict=True) if ratio > BENT]
     if not named:
         return ""
@@ -103,23 +99,6 @@ def _names(unknowns: Unknowns) -> list[tuple[int, str]]:
     return [(i, unknowns.names[i]) for i in np.flatnonzero(unknowns.free).tolist()]
 
 
-def _combinations(sure: Certainty) -> CombinationsResult:
-    natural = (
-        NaturalResult(
-            c.natural.name,
-            c.natural.meaning,
-            c.value,
-            c.natural.unit,
-            c.standard_error,
-            (finite(c.interval[0]), finite(c.interval[1])),
-            c.sharper,
-        )
-        for c in sure.combinations
-    )
-    directions = (DirectionResult(d.size, dict(d.moves), d.text) for d in sure.directions)
-    return CombinationsResult(tuple(natural), tuple(directions))
-
-
 def _optima(sure: Certainty, unknowns: Unknowns, base: Array) -> tuple[OptimumResult, ...]:
     """The optima that starts about the answer led to, the reported one first."""
     names = _names(unknowns)
@@ -132,7 +111,7 @@ def _optima(sure: Certainty, unknowns: Unknowns, base: Array) -> tuple[OptimumRe
 
 def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> ProfileResult:
     assert sure.profiles is not None
-    memory, ends = sure.memory, profile_ends(sure, unknowns, base)
+    inflation, ends = sure.inflation, profile_ends(sure, unknowns, base)
     out = {}
     for k, (i, name) in enumerate(_names(unknowns)):
         curve, sides = sure.profiles.curves.get(name), sure.profiles.ends.get(name)
@@ -144,7 +123,7 @@ def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> ProfileResult:
             interval=ends[name],
             failed=tuple(side.failed for side in sides),
             at_bound=tuple(side.walled for side in sides),
-            standard_error=math.sqrt(float(memory[k] * sure.white[k, k])),
+            standard_error=math.sqrt(float(inflation[k] * sure.white[k, k])),
             logarithmic=bool(unknowns.logarithmic[i]),
         )
     return ProfileResult(LEVEL, CRITICAL, out)
@@ -160,8 +139,8 @@ def _bootstrap(sure: Certainty, unknowns: Unknowns, base: Array) -> BootstrapRes
             for end in made.interval[k]
         )
         spread = float(np.std(made.replicates[:, k])) if made.replicates.shape[0] > 1 else math.nan
-        size = math.sqrt(float(sure.memory[k] * sure.white[k, k]))
-        out[name] = BootstrapInterval((low, high), finite(spread / size), finite(float(made.freedom[k])))
+        size = math.sqrt(float(sure.inflation[k] * sure.white[k, k]))
+        out[name] = BootstrapInterval((low, high), finite(spread / size))
     return BootstrapResult(LEVEL, int(made.settled.size), int(np.count_nonzero(~made.settled)), out)
 
 
@@ -199,7 +178,7 @@ def accuracy_result(found: Findings, taken: Accuracy, seconds: FitSeconds) -> Ac
         return None
     size, tabled = np.sqrt(np.diag(found.sure.covariance)), found.sure.accuracy_table
     own = seconds.processor - max((row.seconds for row in tabled or ()), default=0.0)  # of the fit alone
-    halvings = sum(trial.strategy == Strategy.FINER_STEPS.title for trial in found.trace.trials)
+    halvings = sum(trial.strategy == Strategy.FINER_STEPS.value for trial in found.trace.trials)
     steps = found.attempt.solved.grid.steps
     first = FEWEST_STEPS if steps < FEWEST_STEPS else max(steps // 2**halvings, FEWEST_STEPS)
     shares = effect_shares(found.unknowns.model)

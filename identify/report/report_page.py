@@ -13,7 +13,7 @@ from markupsafe import Markup
 from data_io.correct import Change
 from identify.base.document import Json, to_dict
 from identify.base.outcome import Status
-from identify.base.result import CombinationsResult, LogResult, Result
+from identify.base.result import LogResult, Result
 from identify.base.wording import DASH, number, quantity, speed
 from identify.prediction.wording import listed
 from identify.report.report_tables import (
@@ -21,9 +21,7 @@ from identify.report.report_tables import (
     answer_table,
     causes_table,
     classical_pages,
-    combination_table,
     definitions,
-    direction_lines,
     effects_table,
     held_table,
     method_table,
@@ -252,7 +250,6 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
         key: {**({"label": with_group(key, entry.group)} if entry.group else {}), **to_dict(entry)}
         for key, entry in result.derived.items()
     }
-    combinations = result.combinations or CombinationsResult()
     scene = result.scene
     return environment.get_template("page.html.j2").render(
         style=Markup(environment.get_template("style.css").render()),
@@ -265,8 +262,6 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
         measured_figures=[f for f in figures if f.name == "measured"],
         depth_figures=[f for f in figures if f.name == "profile"],
         intervals=method_table(result),
-        combinations=combination_table(combinations),
-        directions=direction_lines(combinations),
         accuracy=accuracy_rows(result.accuracy_table or ()),
         derived=[
             table

@@ -11,7 +11,6 @@ from identify.base.document import Json, finite, to_dict
 from identify.base.result import (
     AccuracyLevel,
     CauseResult,
-    CombinationsResult,
     EffectReason,
     HeldResult,
     LogResult,
@@ -50,7 +49,7 @@ Entry = Mapping[str, Json]
 KeyPath = tuple[str, ...]
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Parameters: value, intervals, verdict; how sure they are by each method; combinations.
+# Parameters: value, intervals, verdict; how sure they are by each method.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
@@ -145,27 +144,6 @@ def method_table(result: Result) -> OutputTable:
         failed = f", {result.bootstrap.failed} did not settle" if result.bootstrap.failed else ""
         heads.append(f"bootstrap, {result.bootstrap.replicates} replicates{failed}")
     return OutputTable("Intervals by each method", tuple(heads), tuple(rows))
-
-
-def combination_table(combinations: CombinationsResult) -> OutputTable:
-    """Combinations that are known better than their parts."""
-    rows = tuple(
-        (
-            Cell(entry.name, note=entry.meaning),
-            Cell(quantity(entry.value, entry.unit)),
-            Cell(interval_text(entry.interval, scale_for(entry.value, entry.unit))),
-            Cell(f"{number(entry.sharper, 2)} ×"),
-        )
-        for entry in combinations.natural
-    )
-    heads = ("combination", "value", "95 % interval", "sharper than its loosest part")
-    return OutputTable("Known better together", heads, rows)
-
-
-def direction_lines(combinations: CombinationsResult) -> tuple[str, ...]:
-    """The best and the worst known direction, in words."""
-    lines = [direction.text for direction in combinations.directions]
-    return tuple(line[:1].upper() + line[1:] + "." for line in (lines[:1] + lines[-1:] if len(lines) > 1 else lines))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -33,10 +33,17 @@ from identify.diagnosis.effect_choice import Choice, as_listed, effects_result
 from identify.diagnosis.findings import Findings, held_results
 from identify.diagnosis.quantities import DIFFERENCE, load_gain, parameter
 from identify.diagnosis.score_test import Column, marginal_covariance
-from identify.estimation.agreement import largest_inflation
-from identify.estimation.covariance import FARTHEST, Estimate, sizes, verdict_of
+from identify.estimation.covariance import (
+    FARTHEST,
+    TOLERANCE_WORDS,
+    Estimate,
+    added_by_tolerances,
+    sizes,
+    standard_deviations,
+    verdict_of,
+)
 from identify.estimation.goodness_of_fit import stick_scatter
-from identify.estimation.tolerances import TOLERANCE_WORDS, added_by_tolerances, standard_deviations
+from identify.estimation.influence import largest_inflation
 from identify.logs.parting import parts_of
 from identify.logs.prepare import Prepared
 from identify.logs.recorded_drive import DISAGREES
@@ -361,7 +368,8 @@ def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, dict[str, Shift
     out = {}
     for quantity in exact:
         if quantity == "drive_speed":
-            move = found.information.drive_speed_shift()
+            values = found.unknowns.values(found.attempt.solved.theta, found.attempt.fitted_logs[0].data.base)
+            move = found.information.drive_speed_shift(values)
         elif quantity in found.unknowns.names and getattr(scene.rig, quantity) > 0.0:
             move = found.information.shift(found.unknowns.names.index(quantity))
         else:
@@ -413,7 +421,7 @@ def _by_errors(found: Findings, tolerances: Mapping[str, float]) -> dict[str, Ar
     assert found.information is not None and found.attempt is not None
     information = found.information
     values = found.unknowns.values(found.attempt.solved.theta, found.attempt.fitted_logs[0].data.base)
-    inflation = largest_inflation(found.attempt, found.sure.colours) if found.sure is not None else 1.0
+    inflation = largest_inflation(found.attempt, found.sure.noise) if found.sure is not None else 1.0
     of_rig = {name: share for name, share in tolerances.items() if name != "specimen"}
     out = {name: added_by_tolerances(information, values, {name: of_rig[name]}, inflation) for name in of_rig}
     out[ALL] = added_by_tolerances(information, values, of_rig, inflation)

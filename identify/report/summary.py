@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from identify.base.result import AccuracyResult, LevelCost, Result, ToleranceResult
 from identify.base.wording import columns, wrapped
-from identify.estimation.tolerances import TOLERANCE_WORDS
+from identify.estimation.covariance import TOLERANCE_WORDS
 from identify.report.report_tables import parameter_table
 from identify.report.report_wording import NOT_FOR, distribution_lines, is_uneven
 

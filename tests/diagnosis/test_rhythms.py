@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +12,14 @@ from identify.base.outcome import Status
 from identify.diagnosis.fitted import fit_model
 from identify.diagnosis.selection import with_one_noise
 from identify.effects import MAIN
-from identify.estimation.preview import preview
+from identify.estimation.starts import preview
 from identify.identification import find
 from identify.logs.prepare import prepare
 from identify.logs.rhythms import rhythms
 from identify.logs.unknowns import from_scene
-from identify.logs.vibration import quieted, tuned
+from identify.logs.vibration import tuned
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.shooting.passes import solve_in_passes
 from identify.simulation.simulate import run
 
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
@@ -82,11 +80,6 @@ def test_a_frequency_that_was_found_is_not_left_for_another_line(vibrating):
     assert high - low < 1.01 / longest < np.exp(unknowns.upper[i]) - np.exp(unknowns.lower[i])
 
 
-def test_there_is_no_rhythm_where_nothing_moves():
-    for effects in (MAIN, (*MAIN, "skin_compliance"), (*MAIN, "sensor_lag")):
-        assert rhythms(_prepared(_logs(effects)))[0] == ()
-
-
 def _values(fitted):
     attempt = fitted.attempt
     assert attempt is not None and attempt.gate.status is Status.CONVERGED, attempt
@@ -111,48 +104,6 @@ def test_what_bends_the_sticks_is_fitted(effect, name, value):
     values = _values(fit_model(_scene((*MAIN, effect)), _logs((*MAIN, effect), {name: value})))
     assert values[name] == pytest.approx(value, rel=0.05)
     assert values["mu_s"] == pytest.approx(0.62, abs=3e-3)
-
-
-@pytest.mark.slow
-def test_the_error_of_the_steps_is_what_finer_steps_change():
-    found = _found(MAIN, _logs(MAIN, {"a": 900.0, "delta_mu_k": -0.14}))
-    solved, unknowns = found.attempt.solved, found.unknowns
-    sd = np.sqrt(np.diag(found.covariance))
-    assert max(abs(share) for share in found.sure.discretisation.values()) < 0.1
-    logs = solved.problem.logs
-    start = replace(unknowns, start=solved.theta).with_weak_priors()
-    coarse = _solved_with(logs, solved.trajectories, start, 2)
-    fine = _solved_with(logs, solved.trajectories, start, 12)
-    change = (coarse.theta - fine.theta)[unknowns.free] / sd
-    told = coarse.discretisation_error / sd
-    assert np.max(np.abs(change)) > 5e-3  # there is something to tell
-    assert told == pytest.approx(change, abs=0.3 * np.max(np.abs(change)))
-
-
-def _solved_with(logs, trajectories, unknowns, steps):
-    import identify.shooting.passes as passes
-
-    wanted = passes.fine_grid
-    passes.fine_grid = lambda *_: replace(passes.COARSE_GRID, steps=steps)
-    try:
-        return solve_in_passes(logs, trajectories, unknowns)
-    finally:
-        passes.fine_grid = wanted
-
-
-def test_a_drift_in_time_is_held_still_where_starts_are_looked_for():
-    # Settled cycles tell nothing of it: left free there, its time constant ran off to milliseconds.
-    logs = [{"path": "log.csv", "drive_speed": 1e-3}]
-    rig = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
-    scene = Scene.from_document({"effects": [*MAIN, "occlusion"], "rig": rig, "logs": logs}, Path())
-    unknowns = from_scene(scene)
-    names = unknowns.names
-    assert unknowns.free[names.index("occlusion_level")] and unknowns.free[names.index("occlusion_time")]
-    still = quieted(unknowns)
-    for name, value in (("occlusion_level", 0.0), ("occlusion_time", unknowns.start[names.index("occlusion_time")])):
-        assert not still.free[names.index(name)]
-        assert still.start[names.index(name)] == value
-    assert still.free[names.index("D")]
 
 
 def test_what_a_scene_fixes_of_a_drift_stays_fixed():
@@ -186,15 +137,6 @@ def test_what_a_scene_fixes_of_a_vibration_stays_fixed(vibrating, given):
         values = dict(zip(unknowns.names, unknowns.values(log.data.theta(unknowns.start), base).tolist(), strict=True))
         assert {name: values[name] for name in given} == pytest.approx(given, rel=1e-12)
         assert values["excitation_amplitude"] == pytest.approx(3e-6, rel=0.1)
-
-
-def test_a_rhythm_is_not_taken_for_a_vibration_whose_frequency_is_another_one(vibrating):
-    scene = _scene((*MAIN, "excitation"), parameters={"excitation_frequency": {"fixed": 31.5}})
-    unknowns = from_scene(scene)
-    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, vibrating, strict=True)]
-    _, unknowns = tuned(logs, unknowns)
-    assert not unknowns.free[unknowns.names.index("excitation_amplitude")]
-    assert unknowns.start[unknowns.names.index("excitation_frequency")] == pytest.approx(np.log(31.5))
 
 
 def test_a_choice_of_effects_weighs_all_modelswith_one_noise(vibrating):

@@ -40,10 +40,6 @@ def refused(record: Record) -> str:
     return found.message
 
 
-def test_a_log_without_a_fault_adds_nothing(good: Record) -> None:
-    assert "before the fit" not in refused(good)
-
-
 def test_a_sensor_at_its_end_is_named_beside_the_misfit(good: Record) -> None:
     top = np.quantile(good.friction_force, 0.97)
     said = refused(Record(good.time, good.normal_force, np.minimum(good.friction_force, top)))

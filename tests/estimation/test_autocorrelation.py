@@ -13,7 +13,6 @@ from scipy.stats import chi2
 from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
-from identify.estimation import goodness_of_fit as gate
 from identify.estimation.goodness_of_fit import pass_gate
 from identify.estimation.residual_autocorrelation import CHANCE, autocorrelation_test, in_common
 from identify.identification import find
@@ -54,7 +53,8 @@ def _distance(found):
     return float(off @ np.linalg.solve(found.covariance, off))
 
 
-def test_noise_with_a_memory_is_accepted_and_widens_the_errors(monkeypatch):
+@pytest.mark.slow
+def test_noise_with_a_memory_is_accepted_and_widens_the_errors():
     found = _found(_records(2))
     assert found.status is Status.CONVERGED, found.message
     assert _distance(found) < chi2.isf(1e-3, 6)
@@ -65,8 +65,6 @@ def test_noise_with_a_memory_is_accepted_and_widens_the_errors(monkeypatch):
     names = [log.name for log in found.attempt.fitted_logs]
     assert pass_gate(found.attempt.solved, names, [True, True]).status is Status.CONVERGED
     assert pass_gate(found.attempt.solved, names, [False, False]).status is Status.MODEL_MISFIT, "noise that was stated"
-    monkeypatch.setattr(gate, "MORE", 0.0)  # negative control: as it was
-    assert pass_gate(found.attempt.solved, names, [True, True]).status is Status.MODEL_MISFIT
 
 
 @pytest.mark.parametrize("cycles", [(4, 11), (30,), (5, 5, 5)])
@@ -90,11 +88,8 @@ def test_noise_as_large_as_in_the_sticks_may_scatter_more_from_cycle_to_cycle(co
     force = WHITE * lfilter([1.0], [1.0, -correlation], new)[200:]
     data = SimpleNamespace(time=np.arange(count) * 1e-3, force=force, weight=np.full(count, WHITE**-2), noise=WHITE)
     trajectory = SimpleNamespace(arrest=np.linspace(1.0, 19.0, 10), onset=np.linspace(0.9, 18.9, 10))
-    pieces = np.array_split((force / WHITE) ** 2, 10)
-    squares, counts = np.array([p.sum() for p in pieces]), np.array([float(p.size) for p in pieces])
-    known = autocorrelation_test(
-        [data], [trajectory], [np.zeros(count)], [not stated], squares, counts, np.zeros(10, int)
-    )
+    level = np.array([np.mean((force / WHITE) ** 2)])
+    known = autocorrelation_test([data], [trajectory], [np.zeros(count)], [not stated], level)
     if stated or correlation == 0.0:
         assert known is None
         return

@@ -1,7 +1,5 @@
 """How well an answer is known: what the time limit leaves of it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,8 +7,8 @@ from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
 from identify.base.budget import time_limit
 from identify.base.outcome import Status
 from identify.base.quantiles import NORMAL
-from identify.estimation.certainty import certainty
-from identify.estimation.covariance import information
+from identify.estimation.certainty import Question, certainty
+from identify.estimation.covariance import information_at
 from identify.estimation.search import SearchProblem, search
 from identify.estimation.strategies import tracing
 from identify.logs.prepare import prepare
@@ -32,14 +30,12 @@ def answer():
 def test_an_answer_in_hand_is_given_with_the_intervals_of_its_covariance_when_the_time_is_up(answer):
     attempt, unknowns = answer
     base = attempt.fitted_logs[0].data.base
-    quiet = {"speed_tolerance": 0.0, "seed": 0, "progress": lambda *_: None}
     with tracing() as trace, time_limit(0.0):
-        known = certainty(attempt, unknowns, base, DEFAULT_OPTIONS, **quiet)
+        known = certainty(attempt, Question(unknowns, base, DEFAULT_OPTIONS, 0.0, 0, lambda *_: None))
     assert known.attempt.gate.status is Status.CONVERGED and not (known.profiles and known.profiles.ends)
     assert trace.not_tried, "and what was left out is named"
     solved = known.attempt.solved
-    at = replace(unknowns, start=solved.theta)
-    covariance = information(*solved.problem.with_all_parameters(at, solved.solution.z)).covariance()
+    covariance = information_at(solved, unknowns).covariance()
     for i, sd in zip(np.flatnonzero(unknowns.free), np.sqrt(np.diag(covariance)), strict=True):
         estimate = next(e for e in known.estimates if e.name == unknowns.names[i])
         if estimate.verdict == "not identifiable":

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from data_io import Record
-from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
+from experiments.study_problem import DEMO, RIG
 from identify import examples, identification
-from identify.base.errors import FitError
-from identify.base.outcome import Status
 from identify.cli import main as cli
 from identify.effects import MAIN
-from identify.estimation import certainty as fine_enough
-from identify.estimation.combinations import combinations, directions
-from identify.estimation.preview import preview
-from identify.estimation.search import SearchProblem, search
+from identify.estimation.starts import preview
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.scene import Scene
-from identify.shooting.accuracy import COARSE, DEFAULT, TIGHT, FitOptions, accuracy_of
+from identify.shooting.accuracy import DEFAULT, TIGHT, FitOptions
 from identify.simulation.simulate import run
 from tests.support.document_check import check_document
 
@@ -34,7 +28,7 @@ LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
 def deep(tmp_path_factory):
     """The folder of a fit of two example logs with everything asked for."""
     out = tmp_path_factory.mktemp("deep") / "result"
-    asked = ["--profile", "--bootstrap", "40", "--accuracy-table"]
+    asked = ["--profile", "--accuracy-table"]
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(identification, "next_logs", lambda _found: None)
         assert cli.main(["fit", *LOGS, "--scene", str(examples.SCENE), "--out", str(out), *asked]) == 0
@@ -48,10 +42,10 @@ def document(deep):
 
 def test_all_that_was_asked_for_is_said(document, deep):
     asked = document["provenance"]["asked"]
-    everything = {"profile": True, "bootstrap": 40, "accuracy_table": True}
+    everything = {"profile": True, "bootstrap": 0, "accuracy_table": True}
     assert asked == {"accuracy": "default"} | everything
     page = (deep / "report.html").read_text(encoding="utf-8")
-    assert "accuracy default, profile, bootstrap 40, accuracy table" in page
+    assert "accuracy default, profile, accuracy table" in page
     assert FitOptions.again(asked) == FitOptions(profile=True), (
         "what is run again to verify is what decides the numbers"
     )
@@ -72,17 +66,6 @@ def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much(do
         ends = np.interp([-np.sqrt(3.8415), np.sqrt(3.8415)], root, values)
         half = 0.5 * (curve["interval"][1] - curve["interval"][0])
         assert curve["interval"] == pytest.approx(ends, abs=0.05 * half)
-
-
-def test_bootstrap_intervals_hold_the_value_and_are_of_the_same_size(document):
-    bootstrap = document["bootstrap"]
-    assert (bootstrap["replicates"], bootstrap["failed"]) == (40, 0)
-    for name, entry in bootstrap["parameters"].items():
-        low, high = entry["interval"]
-        value = document["parameters"][name]["value"]
-        assert low < value < high
-        assert 0.4 < entry["spread_in_standard_errors"] < 2.0
-        assert entry["pieces"] >= 2
 
 
 def test_accuracy_table_says_what_each_level_moves(document):
@@ -148,66 +131,3 @@ def test_what_cannot_be_asked_is_one_sentence(arguments, words, tmp_path, monkey
     told = capsys.readouterr().err
     assert words in told and told.count("\n") == 1
     assert not list(tmp_path.iterdir())
-
-
-def test_levels_of_accuracy_by_name_and_number():
-    assert [accuracy_of(name) for name in ("coarse", "default", "tight")] == [COARSE, DEFAULT, TIGHT]
-    assert accuracy_of("0.03").share == 0.03
-    with pytest.raises(FitError):
-        accuracy_of("nan")
-
-
-def test_combinations_that_are_sharper_than_their_parts_are_named():
-    values = {"mu_s": 0.6, "mu_k0": 0.4, "D": 40e-6, "t_cr": 0.5, "a": 300.0, "delta_mu_k": -0.1}
-    names, logs = ["D", "t_cr"], [True, True]
-    # Both known to 10 %, their ratio to 1 %.
-    ridge = np.array([[0.01, 0.01 - 5e-5], [0.01 - 5e-5, 0.01]])
-    (ratio,) = combinations(names, logs, values, ridge)
-    assert ratio.natural.name == "D/t_cr"
-    assert ratio.value == pytest.approx(8e-5)
-    assert ratio.standard_error / ratio.value == pytest.approx(0.01, rel=1e-6)
-    assert ratio.sharper == pytest.approx(10.0, rel=1e-6)
-    low, high = ratio.interval
-    assert low * high == pytest.approx(ratio.value**2)
-    assert combinations(names, logs, values, 0.01 * np.eye(2)) == [], "parts that are independent are told apart"
-    best, worst = directions(names, logs, values, ridge)
-    assert best.size == pytest.approx(np.sqrt(5e-5)) and worst.size == pytest.approx(np.sqrt(0.02 - 5e-5))
-    assert np.sign(best.moves["D"]) == -np.sign(best.moves["t_cr"])
-    assert worst.text.startswith("known worst") and "t_cr +11 %" in worst.text
-
-
-def test_what_no_combination_tells_is_not_told_in_numbers():
-    """A ridge of a factor 1e8: its ratio is told where it is known to a factor of three, and not where it is not."""
-    values, names, logs = {"D": 40e-6, "t_cr": 0.5}, ["D", "t_cr"], [True, True]
-    for error, told in ((0.3, 1), (0.8, 0)):
-        across, along = np.array([1.0, -1.0]) / np.sqrt(2.0), np.array([1.0, 1.0]) / np.sqrt(2.0)
-        ridge = 0.5 * error**2 * np.outer(across, across) + 18.0**2 * np.outer(along, along)
-        assert len(combinations(names, logs, values, ridge)) == told
-    assert directions(names, logs, values, ridge)[1].text in (
-        "known worst: D and t_cr together, which these logs do not tell",
-        "known worst: t_cr and D together, which these logs do not tell",
-    )
-
-
-def test_an_answer_whose_finer_steps_the_solver_does_not_settle_is_kept(monkeypatch):
-    case = simulated_case(DEMO, 3)
-    logs = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in (2, 3)]
-    scene = Scene.from_document({"effects": list(MAIN), "rig": RIG, "logs": logs})
-    records, finest = [case.records[i] for i in (2, 3)], FitOptions(accuracy=replace(DEFAULT, share=1e-9))
-    unknowns = from_scene(scene)
-    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-    answer, _ = search(SearchProblem(prepared, unknowns))
-    assert answer.gate.status is Status.CONVERGED
-
-    def finer(status):
-        def again(attempt, _unknowns, **_):
-            return replace(attempt, gate=replace(attempt.gate, status=status, message="the finer one"))
-
-        monkeypatch.setattr(fine_enough, "solve_again", again)
-        monkeypatch.setattr(fine_enough, "converged", lambda *_: None)
-        attempt, _, shares = fine_enough.fine_enough(answer, unknowns, finest)
-        assert max(map(abs, shares.values())) > 1e-9, "what the steps cost is told"
-        return attempt
-
-    assert finer(Status.SOLVER_FAILED) is answer
-    assert finer(Status.MODEL_MISFIT).gate.status is Status.MODEL_MISFIT, "what finer steps tell of the model counts"

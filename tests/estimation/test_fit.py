@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import copy
 import json
-import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-from jsonschema import ValidationError
 
 from data_io import Record
 from experiments.acceptance_samples import SAMPLES
@@ -23,10 +20,8 @@ from experiments.study_problem import (
     recovery_case,
     scene_of,
     simulated_case,
-    wrong_start,
 )
 from identify import Scene, fit
-from identify.base.errors import FitError
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.examples import FOLDER
@@ -76,21 +71,6 @@ def test_the_example_pair_is_found(demo):
     assert {"mass", "stiffness", "damping"} <= document["rig_sensitivity"].keys()
 
 
-def test_the_check_of_documents_sees_broken_promises(demo):
-    def broken(change):
-        document = copy.deepcopy(dict(demo.result))
-        change(document)
-        with pytest.raises((AssertionError, KeyError, ValueError, ValidationError)):
-            check_document(document)
-
-    broken(lambda d: d["parameters"]["a"].update(standard_error=math.nan))
-    broken(lambda d: d["parameters"]["a"].update(verdict="not identifiable"))
-    broken(lambda d: d["parameters"]["a"].update(interval=[200.0, 400.0]))
-    broken(lambda d: d.update(status="model_misfit"))
-    broken(lambda d: d.pop("provenance"))
-    broken(lambda d: d["correlation"]["matrix"][0].__setitem__(1, 0.123))
-
-
 def test_curves_of_a_fit(demo):
     for curves, log in zip(demo.logs, demo.result["logs"], strict=True):
         residual = (curves.friction_force - curves.fitted_force)[curves.used]
@@ -111,14 +91,7 @@ def test_random_pairs_are_recovered(number):
     assert line["right"] and not line["false"], line["message"]
 
 
-def test_a_random_pair_is_recovered_from_the_start_of_a_user():
-    """Wrong by up to a factor of three, coefficients by up to a half."""
-    case = recovery_case("usual", 3)
-    start = wrong_start(np.random.default_rng(3), case.truth)
-    line = judged(fit(scene_of(case, start), case.records, starts="user").result, case.truth)
-    assert line["right"] and not line["false"], line["message"]
-
-
+@pytest.mark.slow
 def test_a_fifth_log_tells_what_four_do_not():
     """Pair 170 of the wide ranges, whose `a` is not identifiable from four logs."""
     four, five = (recovery_case(ranges, 170) for ranges in ("wide", "wide, five logs"))
@@ -142,6 +115,7 @@ def test_a_mass_that_is_pulled_back_is_no_success(one_try):
     assert "pulled back" in result["message"]
 
 
+@pytest.mark.slow
 def test_a_slow_log_alone_says_what_it_cannot_tell(case):
     # The paper's own test, as a CETR samples it: not one sample per slip, and sticks of minutes.
     slow = case.records[0]
@@ -153,25 +127,6 @@ def test_a_slow_log_alone_says_what_it_cannot_tell(case):
         assert found["verdict"] == "not identifiable"
         assert found["standard_error"] is None
         assert found["reason"]
-
-
-def _cut(record, begin, end):
-    """A stretch cut out and the ends joined."""
-    keep = (record.time < begin) | (record.time > end)
-    step = float(np.median(np.diff(record.time)))
-    count = int(np.count_nonzero(keep))
-    return Record(np.arange(count) * step, record.normal_force[keep], record.friction_force[keep])
-
-
-@pytest.mark.slow
-def test_a_deleted_slip_is_noticed(case, one_try, no_further_logs):
-    """One that is flattened: tests/diagnosis/test_diagnosis.py."""
-    truth = oracle.simulate(DEMO | RIG, SPEEDS[2][0], 1.0, 2.5)
-    begin, end = truth.onsets[5] - 0.02, truth.arrests[5] + 0.02
-    records = [_cut(case.records[2], begin, end), case.records[3]]
-    result = check_document(fit(_scene((2, 3)), records).result)
-    assert result["status"] in ("wrong_event_count", "model_misfit")
-    assert "log_2.csv" in result["message"]
 
 
 def _uneven(log, seed, scatter):
@@ -190,7 +145,9 @@ def _uneven(log, seed, scatter):
     return Record(times, np.ones_like(times), force + NOISE * random.standard_normal(times.size))
 
 
-@pytest.mark.parametrize("scatter", [pytest.param(0.1, marks=pytest.mark.slow), 0.0])
+@pytest.mark.parametrize(
+    "scatter", [pytest.param(0.1, marks=pytest.mark.slow), pytest.param(0.0, marks=pytest.mark.slow)]
+)
 def test_friction_that_differs_from_cycle_to_cycle_is_no_success_of_the_plain_fit(one_try, scatter):
     logs = (1, 2)
     records = [_uneven(log, 20 + log, scatter) for log in logs]
@@ -226,7 +183,7 @@ def test_sliding_alone_holds_its_level_and_says_so():
     outcome = fit(_scene((2,)), [record])
     result = check_document(outcome.result)
     assert outcome.status is Status.CONVERGED
-    assert "the friction coefficient, 0.45" in result["message"] and "add a log that sticks" in result["message"]
+    assert "friction level at its speed (1 mm/s)" in result["message"] and "add a log that sticks" in result["message"]
     assert {found["verdict"] for found in result["parameters"].values()} == {"not identifiable"}
     row = result["logs"][0]["classical"]["rows"][0]
     assert row["mean_coefficient"] == pytest.approx(0.45, rel=0.01)
@@ -236,11 +193,6 @@ def test_sliding_alone_holds_its_level_and_says_so():
     fitted = outcome.logs[0].fitted_force
     assert fitted[np.isfinite(fitted)] == pytest.approx(0.9, abs=1e-3)
     assert np.count_nonzero(np.isfinite(fitted)) > 2900
-
-
-def test_records_and_logs_must_match(case):
-    with pytest.raises(FitError, match="2 records were given for 1 logs"):
-        fit(_scene((2,)), _records(case, (2, 3)))
 
 
 def test_fixed_prior_and_estimated_rig_quantities(case):

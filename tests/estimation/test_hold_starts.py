@@ -8,7 +8,7 @@ from experiments.study_problem import NOISE, RIG
 from identify import Scene
 from identify.effects import MAIN
 from identify.estimation import search
-from identify.estimation.starts import features_of, own_starts
+from identify.estimation.starts import features_of, starts_of
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -34,7 +34,7 @@ def logs():
 
 
 def _start(logs, unknowns):
-    values = unknowns.values(next(own_starts(logs, unknowns)), logs[0].data.base).tolist()
+    values = unknowns.values(next(starts_of(logs, unknowns)), logs[0].data.base).tolist()
     return dict(zip(unknowns.names, values, strict=True))
 
 

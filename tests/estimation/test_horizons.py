@@ -9,9 +9,8 @@ from data_io import Record
 from experiments.study_problem import NOISE
 from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.estimation import attempt
 from identify.estimation.attempt import solve_from
-from identify.logs.prepare import beginning, prepare
+from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.scene import Scene
@@ -65,24 +64,3 @@ def test_a_course_is_met_by_way_of_its_beginning(pair):
     kinetic = unknowns.names.index("mu_k0")
     off = [abs(theta[kinetic] - truth["mu_k0"]) for theta in (unknowns.start, both.solved.theta)]
     assert off[1] < 0.3 * off[0], "the course tells what the slow log does not"
-
-
-@pytest.mark.slow
-def test_at_once_it_is_not_met(pair, monkeypatch):
-    """The negative control."""
-    _, unknowns, logs = pair
-    monkeypatch.setattr(attempt, "HORIZONS", (1.0,))
-    whole = solve_from(logs, [0, 1], unknowns)
-    assert whole is None or whole.gate.status is not Status.CONVERGED, "at once it is not met"
-
-
-def test_a_beginning_ends_before_what_slides_steadily(pair):
-    log = pair[2][1]
-    assert log.fit_mode.steady_since is not None
-    half = beginning(log, 0.5).data
-    assert (
-        half.end == pytest.approx(0.5 * (log.data.begin + log.fit_mode.steady_since)) and half.begin == log.data.begin
-    )
-    assert beginning(log, 1.0).data.end == log.data.end
-    endless = replace(log, fit_mode=replace(log.fit_mode, steady_since=None))
-    assert beginning(endless, 0.5).data.end == pytest.approx(0.5 * (log.data.begin + log.data.end))

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import pytest
 
 from data_io import Record
-from experiments.study_problem import SPEEDS, recovery_case
 from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.estimation import attempt
-from identify.estimation.attempt import Attempt, place_on, solve_from
-from identify.estimation.certainty import active_event_bound
+from identify.estimation.attempt import place_on, solve_from
 from identify.estimation.search import join
 from identify.logs.prepare import Prepared
 from identify.logs.segment import segment
@@ -86,51 +81,6 @@ def test_a_faint_log_joins_as_the_model_follows_it() -> None:
 
 
 # A start from which these logs and the fastest, solved cycle by cycle, come to an answer that is off by 14 % in a.
-ASTRAY = (-4e-5, 9e-5, -1.09e-3, 2.292e-2, 5.82e-3, 0.1182)
-
-
-@lru_cache(maxsize=1)
-def both_ways() -> tuple[tuple[list[Prepared], Unknowns], list[Attempt], Attempt | None]:
-    """What is solved, all that was solved on the way, and what is given back."""
-    case = recovery_case("wide", 15)
-    prepared, unknowns = taken(case.records, SPEEDS, case.truth, case.rig)
-    start = unknowns.start.copy()
-    start[unknowns.free] += ASTRAY
-    tried: list[Attempt] = []
-    really = attempt._solved
-
-    def noted(*given: Any) -> Attempt:
-        tried.append(really(*given))
-        return tried[-1]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(attempt, "_solved", noted)
-        given_back = solve_from(prepared, [0, 2], replace(unknowns, start=start))
-    return (prepared, replace(unknowns, start=start)), tried, given_back
-
-
-@pytest.mark.slow
-def test_slips_that_rest_by_a_hair_are_solved_both_ways() -> None:
-    _, tried, both = both_ways()
-    as_seen = tried[0]
-    assert both is not None and both is tried[1]
-    assert both.gate.status is Status.CONVERGED and active_event_bound(both.solved, ["slow", "fast"]) is None
-    # A rest that the data do not want, and that can get no shorter, holds it there.
-    said = active_event_bound(as_seen.solved, ["slow", "fast"])
-    assert said is not None and said.startswith("fast: ")
-    assert both.excess < as_seen.excess - 20.0
-
-
-@pytest.mark.slow
-def test_a_solver_that_fails_on_such_a_rest_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Whether it fails there, or comes to an end, is a matter of rounding: it differs from machine to machine.
-    (prepared, unknowns), tried, both = both_ways()
-    gave_up = replace(
-        tried[0].solved, solution=replace(tried[0].solved.solution, success=False, constraint_violation=1.0)
-    )
-    given = iter([replace(tried[0], solved=gave_up), both])
-    monkeypatch.setattr(attempt, "_solved", lambda *_: next(given))
-    assert solve_from(prepared, [0, 2], unknowns) is both
 
 
 def test_rests_shorter_than_a_slip_is_placed_exactly_are_followed() -> None:

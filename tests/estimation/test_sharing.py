@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -11,12 +10,9 @@ import numpy as np
 import pytest
 
 from data_io import Record
-from identify.base.errors import SceneError
 from identify.base.outcome import Status
-from identify.cli.main import main
 from identify.effects import MAIN
 from identify.identification import find, fit
-from identify.report.log_document import outlooks_of
 from identify.scene import Scene
 from identify.shooting.layout import kept_parameters
 from tests.support import shooting_case as case
@@ -88,12 +84,6 @@ def test_groups_are_recovered(grouped):
     assert estimates["D (B)"].value / estimates["D"].value == pytest.approx(60 / 37.4, rel=0.15)
     apart = np.log(estimates["D (B)"].value / estimates["D"].value)
     assert apart > 5 * estimates["D"].standard_error / estimates["D"].value, "one value for all would not do"
-
-
-def test_unknowns_left_over_are_the_shared_parameters_and_those_of_the_groups(grouped):
-    problem = grouped.attempt.solved.problem
-    loads = sum(trajectory.cycles for trajectory in grouped.attempt.solved.trajectories)
-    assert problem.layout.size - problem.layout.rows == 6 + 1 + 3 + 2 * 4 + loads
 
 
 def test_joint_covariance_agrees_with_the_dense_null_space(grouped):
@@ -175,40 +165,6 @@ def test_a_tied_parameter_is_told_for_every_group():
     assert document["correlation"]["names"][-1] == "mu_s (B)", "what is tied has no error of its own"
 
 
-def test_the_answers_of_the_logs_are_those_that_the_commands_give(tmp_path, capsys):
-    """Both carry the joint covariance of the group and of what is tied; they get there by different ways."""
-    *_, document = _tied_groups()
-    (tmp_path / "result.json").write_text(json.dumps(document))
-    assert main(["amplitude", "--result", str(tmp_path / "result.json"), "--json"]) == 0
-    asked = [point["amplitude"]["drop"] for point in json.loads(capsys.readouterr().out)["points"]]
-    stored = [log["derived"]["amplitude"]["drop"] for log in document["logs"]]
-    assert [drop["value"] for drop in asked] == pytest.approx([drop["value"] for drop in stored], rel=1e-9)
-    for one, other in zip(asked, stored, strict=True):
-        half = 0.5 * (other["interval"][1] - other["interval"][0])  # a report takes fewer draws than a command
-        assert one["interval"] == pytest.approx(other["interval"], abs=0.3 * half)
-
-
-def test_a_log_that_took_no_part_is_answered_by_its_own_group_or_not_at_all():
-    scene, records, _ = _tied_groups()
-    prepared, found = find(scene, records, progress=lambda _stage, _share: None)
-    whole = outlooks_of(prepared, found)
-    left = replace(found, attempt=replace(found.attempt, log_numbers=(0, 1, 2)))
-    answers = outlooks_of(prepared, left)
-    drops = [told[3]["amplitude"]["drop"]["value"] for told in (answers, whole)]
-    assert drops[0] == pytest.approx(drops[1], rel=1e-6)
-    sure = replace(found.sure, shares=[share for share in found.sure.shares if share.group == "A"])
-    answers = outlooks_of(prepared, replace(left, attempt=replace(found.attempt, log_numbers=(0, 1)), sure=sure))
-    assert "amplitude" in answers[1]
-    assert answers[3] == {"text": "No answer: this log took no part, and no other log tells mu_s of B."}
-
-
-def test_the_creep_velocity_of_a_tied_parameter_is_that_of_its_values():
-    document = fit(_scene({"D": {"tie": {"to": "t_cr", "factor": 75e-6}}}, "A"), _records()[:2]).result
-    assert document["status"] == "converged", document["message"]
-    assert document["derived"]["v_cr"]["value"] == pytest.approx(75e-6, rel=1e-9)
-    assert document["derived"]["v_cr"]["interval"] == pytest.approx([75e-6, 75e-6], rel=1e-9)
-
-
 def test_a_prior_pulls_as_bayes_says(free):
     place = [free.unknowns.names[i] for i in np.flatnonzero(free.unknowns.free)].index("D")
     size = float(np.sqrt(free.sure.white[place, place]))
@@ -230,26 +186,6 @@ def test_an_interval_ends_at_a_bound_of_the_scene(free):
     assert bounded.upper == pytest.approx(upper, rel=1e-9)
     assert "upper bound of the scene" in bounded.reason
     assert bounded.lower == pytest.approx(value.lower, rel=0.02)
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"D": {"per": "material"}}, "differs by material"),
-        ({"D": {"per": "log", "fixed": "40 um"}}, "keep one of them"),
-        ({"mu_k0": {"tie": {"to": "nothing"}}}, "no friction parameter"),
-        ({"mu_k0": {"tie": {"to": "D"}}}, "by its logarithm"),
-        ({"mu_k0": {"tie": {"to": "mu_s", "factor": 2.0}}}, "give offset instead"),
-        ({"mu_k0": {"tie": {"offset": 0.1}}}, "names no parameter"),
-        ({"mu_k0": {"tie": {"to": "mu_s"}, "start": 0.4}}, "value of its own"),
-        ({"D": {"tie": {"to": "t_cr", "factor": -1.0}}}, "positive number"),
-        ({"D": {"tie": {"to": "D"}}}, "not searched itself"),
-    ],
-)
-def test_what_cannot_be_shared_or_tied_is_one_sentence(parameters, words):
-    with pytest.raises(SceneError, match=words) as error:
-        _scene(parameters)
-    assert "\n" not in str(error.value)
 
 
 def test_a_scene_with_groups_and_ties_is_read_back():

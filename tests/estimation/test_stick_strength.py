@@ -13,13 +13,10 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from data_io import Record
-from experiments.acceptance_samples import SCATTER_SEED
 from experiments.scattered_records import with_scatter
-from experiments.study_problem import RIG, USUAL, Case, random_case, scene_of
-from experiments.study_problem import SPEEDS as FOUR_SPEEDS
+from experiments.study_problem import RIG, Case, scene_of
 from identify import fit
 from identify.estimation.goodness_of_fit import odd_stick
-from identify.estimation.stick_strength import _likeliest
 from identify.estimation.strategies import Strategy, tracing
 from tests.support import oracle
 
@@ -53,18 +50,6 @@ def test_without_strengths_of_their_own_these_sticks_fit_nothing(logs):
     with tracing([s for s in Strategy if s is not Strategy.FEATURE_START]):
         result = fit(scene, records).result
     assert result["status"] == "model_misfit"
-
-
-def test_the_scatter_of_numbers_seen_with_errors_is_that_of_largest_likelihood():
-    random, sd, true, error = np.random.default_rng(2), 0.3, 1.0, 0.5
-    seen = true * random.standard_normal(4000) + error * random.standard_normal(4000)
-    share = sd**2 / (sd**2 + error**2)  # what is left of a number with a prior of 0.3 about 0
-    covariance = np.eye(seen.size)[:400, :400] * share * error**2
-    assert _likeliest(share * seen[:400], covariance, sd) == pytest.approx(
-        np.sqrt(np.mean(seen[:400] ** 2) - error**2), rel=1e-3
-    )
-    quiet = error * random.standard_normal(400) * 0.8
-    assert _likeliest(share * quiet, covariance, sd) == 0.0
 
 
 class _Solved:
@@ -121,20 +106,3 @@ def test_a_hold_series_whose_sticks_scatter_by_half_a_percent_is_fitted():
     for name, true in TRUTH.items():
         told = result["parameters"][name]
         assert abs(told["value"] - true) < 3.0 * told["standard_error"]
-
-
-@pytest.mark.slow
-def test_a_hold_series_that_is_not_fitted_is_not_said_to_lack_a_slip():
-    """What wears just as the drive stops: no answer is found, and none of its slips is missed."""
-    result = _held(3, HOLDS, 8.0)
-    assert result["status"] == "converged" or "slip was missed" not in result["message"], result["message"]
-
-
-@pytest.mark.slow
-def test_strengths_are_found_where_a_slip_holds_one_sample():
-    """Pair 17 of the study: placed where alike sticks put it, a slip of the log at 20 Hz ended before its only sample,
-    and the fit was refused as one that misses a slip."""
-    case, _ = random_case(np.random.default_rng([SCATTER_SEED, 17]), USUAL)
-    result = fit(scene_of(case), with_scatter(case, FOUR_SPEEDS, 0.03, 17)).result
-    assert result["status"] == "converged", result["message"]
-    assert 0.02 < result["gate"]["strength_scatter"] < 0.045

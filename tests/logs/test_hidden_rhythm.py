@@ -61,7 +61,7 @@ def test_slips_of_two_samples_do_not_slide_and_their_log_says_how_to_sample_it(m
     assert said.startswith("log_1.csv seems to slide, but swings by 0.0") and "8.4" in said
     assert "3.7 samples per period" in said and "sample it at 2.1e+02 Hz or more" in said
     monkeypatch.setattr(fit_mode, "hidden_rhythm", lambda *_args, **_named: None)
-    monkeypatch.setattr(gate, "swing_left", lambda *_: None)
+    monkeypatch.setattr(gate, "_swings", lambda *_: "")
     assert searched() == ((0, 1), {}), "and mu_s is identified, a quarter too low"
 
 
@@ -138,6 +138,6 @@ def test_an_answer_that_slides_through_slips_that_the_noise_hides_is_refused(mon
     assert found is not None and found.gate.status is Status.MODEL_MISFIT
     assert "where this answer slides, slow.csv swings by 0.0" in found.gate.message
     assert found.solved.theta[unknowns.names.index("mu_k0")] > 1.2 * pair["mu_k0"]
-    monkeypatch.setattr(gate, "swing_left", lambda *_: None)
+    monkeypatch.setattr(gate, "_swings", lambda *_: "")
     accepted = solve_from([level], [0], replace(unknowns, start=start).with_weak_priors())
     assert accepted is not None and accepted.gate.status is Status.CONVERGED

@@ -13,7 +13,7 @@ from data_io.thresholds import Thresholds
 from experiments.study_problem import DEMO, RIG
 from identify.base.errors import FitError, SceneError
 from identify.effects import MAIN
-from identify.estimation.status_words import wrong_unit
+from identify.estimation.fit_wording import wrong_unit
 from identify.identification import fit
 from identify.logs.loads import level, smooth
 from identify.logs.prepare import prepare

@@ -8,7 +8,7 @@ import pytest
 
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
 from identify.effects import ALL, MAIN
-from identify.estimation.starts import own_starts
+from identify.estimation.starts import starts_of
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.logs.vibration import tuned
@@ -49,7 +49,7 @@ def test_no_start_moves_what_a_scene_fixes(records, effect):
         logs, unknowns = tuned(logs, unknowns)
         i = unknowns.names.index(name)
         assert not unknowns.free[i]
-        starts = list(islice(own_starts(logs, unknowns), 2))
+        starts = list(islice(starts_of(logs, unknowns), 2))
         assert starts
         for theta in (unknowns.start, *starts):
             for log in logs:

@@ -74,7 +74,7 @@ def test_an_onset_at_an_earlier_dip_is_put_where_the_slip_begins(trembling, cycl
     assert found.gate.status is Status.CONVERGED
     np.testing.assert_allclose(found.solved.trajectories[0].onset, onsets, atol=4e-3)
     assert not np.any(np.concatenate(turned_back(found.solved.trajectories[0])))
-    monkeypatch.setattr(room, "_resimulated", lambda *_: None)  # who leaves it there
+    monkeypatch.setattr(room, "_simulated", lambda *_: None)  # who leaves it there
     left = solve_placed([log], placed, start)
     assert left.gate.status is Status.WRONG_EVENT_COUNT and "runs backwards" in left.gate.message
     assert left.solved.trajectories[0].onset[cycle] < onsets[cycle] - 0.02

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.in_vivo import twin
-from identify.estimation.starts import own_starts
+from identify.estimation.starts import starts_of
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.unknowns import Unknowns, from_scene
 from identify.logs.vibration import tuned
@@ -33,4 +33,4 @@ def finger() -> Finger:
 def test_features_of_a_settled_cycle_know_nothing_of_a_contact_that_ages_on(finger: Finger) -> None:
     logs, unknowns, true = finger
     at = unknowns.names.index("t_cr")
-    assert all(theta[at] < true.start[at] - np.log(8.0) for theta in own_starts(logs, unknowns))
+    assert all(theta[at] < true.start[at] - np.log(8.0) for theta in starts_of(logs, unknowns))

@@ -1,0 +1,285 @@
+"""What is said of a fit: what the logs contradict before it, how it ended and what to do, and what these logs cannot
+determine and which test would."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.base.outcome import Status
+from identify.base.wording import speed_text, three_figures
+from identify.effects import ALL, MAIN
+from identify.estimation.attempt import Attempt
+from identify.estimation.covariance import Estimate
+from identify.logs.prepare import Prepared
+from identify.logs.unknowns import AT_BOUND, RIG_REACH, Unknowns
+from identify.model.model import RIG_PARAMETERS
+from identify.prediction.wording import listed
+from identify.shooting.shooting_trajectory import ShootingTrajectory
+
+Array = NDArray[np.float64]
+
+EXCHANGE = (
+    "where the normal force sticks and slips and the friction force does not, exchange the two: in each of these "
+    '[[logs]], columns = { normal_force = "…", friction_force = "…" }'
+)
+SLOWER = "slower, with a softer spring or at a higher load"
+SCATTER_SHOWN = "see the cycle scatter and the classical table in the report"
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Before anything is fitted.
+# ----------------------------------------------------------------------------------------------------------------------
+
+UNITS = 30.0  # factor by which sticks rise too slowly where a unit is wrong: nothing soft in series does that
+STEEPER = 5.0  # and by which they rise too fast: nothing in series does that, and no rig value is so wrong
+STICKS, AGREE = 2, 0.3  # sticks that a unit has to be wrong in, and how much they may differ: cycles may be misread
+
+
+def prefit_warnings(prepared: Sequence[Prepared]) -> list[str]:
+    """Sentences on a stiffness or drive speed that the sticks contradict, of all logs together where all say the same,
+    and on cycles that differ among themselves."""
+    taken = [log for log in prepared if log.left_out is None]
+    uneven = uneven_words(taken)
+    then = [f"{uneven}: a strength of each stick is tried, then the estimator of uneven records"] if uneven else []
+    seen = [log for log in taken if any(part.slope is not None for part in log.judgement.slips)]
+    odd = [(log, f.message) for log in seen for f in log.judgement.findings if f.code == "stick_slope"]
+    ratios = np.array([1.0 + next(p.slope for p in log.judgement.slips if p.slope is not None) for log, _ in odd])
+    if len(odd) < max(len(seen), 2) or not (np.all(ratios < 1.0) or np.all(ratios > 1.0)):
+        return [*(f"{log.name}: {message}" for log, message in odd), *then]
+    ratio, stated = float(np.median(ratios)), odd[0][0].rig.stiffness
+    instead = f"{three_figures(ratio * stated)} N/m"
+    return [
+        f"in the sticks of all logs the force rises at {three_figures(ratio)} times stiffness times drive speed: the "
+        f"stiffness is {instead} instead of {three_figures(stated)} N/m, or all drive speeds are off; mend [rig], or "
+        f'let it be estimated: [parameters] stiffness = {{ start = "{instead}" }}',
+        *then,
+    ]
+
+
+def wrong_unit(prepared: Sequence[Prepared], *, placed: bool = True) -> str:
+    """A sentence where the sticks of a log rise so differently from stiffness times drive speed that a unit must be
+    wrong; "" where none do.
+
+    Args:
+        placed: False where the model could not be placed on the logs: less is enough to suspect a unit then.
+    """
+    slower = UNITS if placed else STEEPER
+    for log in prepared:
+        rise = log.segmentation.stick_slope
+        if rise is None or log.segmentation.stick_slopes.size < STICKS or rise[1] > AGREE:
+            continue
+        for slope in (part.slope for part in log.judgement.slips if part.slope is not None):
+            if not 1.0 / slower < 1.0 + slope < STEEPER:
+                return (
+                    f"in the sticks of {log.name} the force rises {1.0 + slope:.3g} times as fast as stiffness times "
+                    "drive speed says: check the units of its time and forces, its drive speed and the stiffness of "
+                    "the rig"
+                )
+    return ""
+
+
+def uneven_words(prepared: Sequence[Prepared]) -> str:
+    """A sentence on the log whose cycles scatter most, of those where they are unlike; "" where there is none."""
+    log = max((log for log in prepared if log.unlike), key=lambda log: log.scatter, default=None)
+    if log is None:
+        return ""
+    return (
+        f"friction differs from cycle to cycle: in {log.name} the drop changes by {100 * log.scatter:.0f} % from one "
+        "cycle to the next, which noise does not explain, while the model takes all cycles as alike"
+    )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How a search ended.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
+    """A sentence per free parameter that sits on a bound: the scene's own can be widened, the model's can not."""
+    out = {}
+    for i in np.flatnonzero(unknowns.free).tolist():
+        name = unknowns.names[i]
+        for side, (word, bound) in enumerate((("lower", unknowns.lower[i]), ("upper", unknowns.upper[i]))):
+            if abs(theta[i] - bound) >= AT_BOUND * unknowns.spread[i]:
+                continue
+            if unknowns.walls[side, i]:
+                out[name] = f"{name} sits at its {word} bound; widen it in [parameters], or fix {name}"
+            elif name in RIG_PARAMETERS and abs(bound) == RIG_REACH:
+                out[name] = f"{name} sits a factor of three from what [rig] states, and may go no farther; check it"
+            else:
+                owner = next((e.name for e in ALL if name in {p.name for p in e.parameters}), None)
+                without = f", take {owner} out of the effects" if owner is not None and owner not in MAIN else ""
+                out[name] = (
+                    f"{name} sits at the {word} end of what the model admits: these logs do not tell it; fix {name} in "
+                    f"[parameters]{without}, or add a log that tells it"
+                )
+    return out
+
+
+def untried(prepared: list[Prepared], left_out: dict[int, str]) -> tuple[Status, str]:
+    """Status and sentence where no start could even be placed on the data."""
+    if uneven := uneven_words(prepared):
+        return Status.MODEL_MISFIT, f"{uneven}; {SCATTER_SHOWN}"
+    taken = [log for log in prepared if log.left_out is None]
+    if taken and all(log.fit_mode.name != "cycles" for log in taken):
+        return Status.MODEL_MISFIT, (
+            "no start reproduces how these logs move: check that the drive speed of each, and the times at which it "
+            "changes, are as stated, and mass, stiffness and damping; where the force does not change with the speed, "
+            "take a window of one speed of each log"
+        )
+    if taken:
+        return Status.MODEL_MISFIT, (
+            "no start reproduces the stick-slip of these logs: with this mass, stiffness and drive speed the model "
+            "slides steadily; check the rig values, or estimate them under [parameters]"
+        )
+    reason = "; ".join(left_out.values()) or "no log shows a stick-slip cycle"
+    # What is wrong with a log that is rejected, or of which all cycles are skipped, no other test would mend. One that
+    # was stopped before its first slip says its own: recorded slower, it would slip later still.
+    slower = any(log.never_slips and not log.judgement.ends_loading for log in prepared)
+    remedy = f", and record {SLOWER}" if slower else ""
+    if any(log.judgement.swapped for log in prepared):
+        remedy = f"{remedy}; {EXCHANGE}"
+    return Status.NO_CYCLES, f"there is nothing to fit: {reason}; see the classical table{remedy}"
+
+
+def underivable(attempt: Attempt) -> str:
+    """Sentence where an answer has no derivatives, so that nothing can be said of how sure it is."""
+    misfit = attempt.gate.chi2_per_sample
+    size = f" (misfit {misfit:.3g} times the noise variance)" if np.isfinite(misfit) else ""
+    return (
+        f"the answer ends where the model has no derivatives{size}; check the units of the forces, the drive speed and "
+        "when it changes, mass and stiffness"
+    )
+
+
+def ended(attempt: Attempt, bounds: Mapping[str, str]) -> tuple[Status, str]:
+    """Status and sentence of an attempt; bounds: a sentence per parameter that sits on one."""
+    gate = attempt.gate
+    if attempt.fits and bounds:
+        return Status.AT_BOUND, "; ".join(bounds.values())
+    if not attempt.fits and (uneven := uneven_words(attempt.fitted_logs)):
+        misfit = f"misfit {gate.chi2_per_sample:.3g} times the noise variance"
+        return Status.MODEL_MISFIT, f"{uneven} ({misfit}); {SCATTER_SHOWN}"
+    return gate.status, gate.message
+
+
+def slides_only(logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory]) -> str:
+    """A sentence of an answer to logs of which none sticks; "" where one does."""
+    if onsets(trajectories):
+        return ""
+    level = _without_cycles(logs, trajectories)["mu_k0"]
+    return f"these logs slide without a stick that ends: {level}; the classical table has the coefficients"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What these logs cannot determine, and what test would: in lab words, from their own figures.
+# ----------------------------------------------------------------------------------------------------------------------
+
+RESOLVED = 12  # samples of a slip from which on its shape can be read
+WANTED = 25  # samples of a slip to ask for
+
+
+@dataclass(frozen=True)
+class Hint:
+    """What stands beside a verdict other than identified: what the logs show, and what to do ("": as it says)."""
+
+    shown: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.shown}: {self.remedy}" if self.remedy else self.shown
+
+
+def hints(
+    logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory], unknowns: Unknowns, theta: Array
+) -> dict[str, Hint]:
+    """Per parameter, what stands beside a verdict other than identified.
+
+    Args:
+        logs, trajectories: the fitted logs and the motion behind them; theta (n_p,) the answer.
+    """
+    slipping = [(log, g) for log, g in zip(logs, trajectories, strict=True) if g.cycles]
+    if not slipping:
+        return _without_cycles(logs, trajectories)
+    slips = [float(np.median(g.arrest - g.onset)) for _, g in slipping]
+    samples = [slip / log.data.interval for slip, (log, _) in zip(slips, slipping, strict=True)]
+    shape = _shape(samples, slips, sorted({log.data.drive_speed for log, _ in slipping}))
+    out = dict.fromkeys(("a", "delta_mu_k", "D", "mu_k0", "mass", "damping"), shape)
+    if "t_cr" in unknowns.names:
+        t_cr = float(np.exp(theta[unknowns.names.index("t_cr")]))
+        out |= dict.fromkeys(("t_cr", "mu_s"), _holds(np.concatenate([g.sticks for _, g in slipping]), t_cr))
+    return out
+
+
+def onsets(trajectories: Sequence[ShootingTrajectory]) -> int:
+    """How many sticks end within these motions."""
+    return sum(trajectory.ending("onset").size for trajectory in trajectories)
+
+
+def not_determined(
+    found: list[Estimate], trajectories: Sequence[ShootingTrajectory], reasons: Mapping[str, str]
+) -> list[Estimate]:
+    """The estimates without numbers for what no single peak determines: how strong a contact gets, and how soon."""
+    if onsets(trajectories) > 1:
+        return found
+    return [
+        Estimate(e.name, e.unit, e.value, None, None, None, "not identifiable", reasons.get(e.name, e.reason))
+        if e.name in ("mu_s", "t_cr") and e.verdict in ("identified", "weak")
+        else e
+        for e in found
+    ]
+
+
+def _without_cycles(logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory]) -> dict[str, Hint]:
+    """Of logs that slide, or stick once: what they hold, and what would tell more."""
+    sticks, slower = onsets(trajectories), f"add a log that sticks and slips: {SLOWER}"
+    last = [log.data.speed_at(log.data.end) for log in logs]
+    words = listed([speed_text(speed, 3) for speed in sorted({speed for speed in last if speed} or set(last))])
+    level = f"a log that slides determines the friction level at its speed ({words}) and no more"
+    out = dict.fromkeys(("mu_k0", "delta_mu_k", "a"), Hint(level, f"{slower}, and logs that slide at other speeds"))
+    out |= dict.fromkeys(("mu_s", "t_cr", "D"), Hint(level, slower))
+    if sticks:
+        peaks = "one stick shows" if sticks == 1 else f"{sticks} sticks show"
+        hold = Hint(f"{peaks} the strength after those rests", "add holds that last a tenth and ten times as long")
+        out |= {"mu_s": hold, "t_cr": hold, "D": Hint("the peaks hold too few samples", f"sample faster, or {slower}")}
+    return out
+
+
+def _shape(samples: Sequence[float], slips: Sequence[float], speeds: Sequence[float]) -> Hint:
+    best = int(np.argmax(samples))
+    if samples[best] < RESOLVED:
+        rate = WANTED / min(slips)
+        # With some samples more it may be the speeds as well: which of both, only a profile of other designs would say.
+        faster = ", and add a faster log" if samples[best] > RESOLVED / 2 else ""
+        return Hint(
+            f"slips hold at most {samples[best]:.0f} samples, so their shape is not seen",
+            f"sample at {round_up(rate):.0f} Hz or more{faster}",
+        )
+    if len(speeds) == 1:
+        return Hint(
+            f"one drive speed ({1e3 * speeds[0]:.3g} mm/s) shows one kind of slip",
+            f"add a log at {1e3 * 10 * speeds[0]:.2g} mm/s or more, with {WANTED} samples per slip",
+        )
+    return Hint(f"the slips of these {len(speeds)} speeds are too alike", "add a faster log, or more cycles")
+
+
+def _holds(sticks: Array, t_cr: float) -> Hint:
+    if sticks.size == 0:
+        return Hint("no stick between two slips was seen", "record several cycles")
+    longest, shortest = float(np.max(sticks)), float(np.min(sticks))
+    if shortest > 3 * t_cr:
+        return Hint(
+            f"every stick lasts {shortest:.2g} s or more, long enough to saturate the contact",
+            "add a faster log, with sticks of a few tenths of that",
+        )
+    if longest < t_cr:
+        return Hint(f"the longest stick is {longest:.2g} s, too short to saturate the contact", "add a slower log")
+    return Hint("sticks of different length tell it", "add a slower and a faster log")
+
+
+def round_up(rate: float) -> float:
+    """The next sampling rate [Hz] that one would set."""
+    return float(next(r for r in (100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 1e9) if r >= min(rate, 1e9)))
