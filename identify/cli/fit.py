@@ -86,7 +86,7 @@ def _fit_arguments(parser: ArgumentParser) -> None:
             "--accuracy X": "coarse, default, tight, or the error of the steps in standard errors",
             "--time-limit T": "of the search and its examination (default: [fit] time_limit, or 60 s)",
             "--profile": "profile likelihood of every parameter",
-            "--bootstrap N": "cycle-block bootstrap with N replicates",
+            "--bootstrap N": "parametric bootstrap with N replicates",
             "--accuracy-table": "what each level of accuracy costs and changes",
         },
     )
