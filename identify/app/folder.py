@@ -7,8 +7,9 @@ import os
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from identify.base.errors import IdentifyError
 from identify.scene.toml import is_rig, parsed
@@ -22,20 +23,47 @@ OWN_TABLES = (".map.csv", ".map_boundaries.csv", ".manifest.csv", ".steps.csv") 
 NO_LOGS = (*NOT_LOGS, ".tex", ".zip", ".log", *OWN_TABLES)
 
 
+Document = dict[str, Any]  # a JSON object
+
+
 class PageError(IdentifyError):
     """What was asked of the page cannot be; the text is the whole sentence."""
 
 
 @dataclass(frozen=True)
-class Found:
-    """What lies in a folder, as paths relative to it: logs, scene files, files of rigs, folders of fits and of
-    batches."""
+class Question:
+    """What the page asks: values by key, each as text, number or JSON."""
 
-    logs: tuple[str, ...]
-    scenes: tuple[str, ...]
-    rigs: tuple[str, ...]
-    fits: tuple[str, ...]
-    batches: tuple[str, ...]
+    values: Document
+
+    def text(self, key: str) -> str:
+        """A text that must be there."""
+        value = self.values.get(key)
+        return value if isinstance(value, str) and value else self._refuse(key)
+
+    def number(self, key: str, otherwise: float) -> float:
+        """A number."""
+        try:
+            return float(self.values.get(key, otherwise))
+        except (TypeError, ValueError):
+            self._refuse(key)
+
+    def whole(self, key: str, otherwise: int) -> int:
+        """A whole number of anything."""
+        number = self.number(key, otherwise)
+        return int(number) if abs(number) < 1e9 else self._refuse(key)
+
+    def numbers(self, key: str) -> dict[str, float]:
+        """Numbers by name."""
+        values = self.values.get(key) or {}
+        try:
+            return {str(name): float(value) for name, value in values.items()}
+        except (AttributeError, TypeError, ValueError):
+            self._refuse(key)
+
+    @staticmethod
+    def _refuse(key: str) -> NoReturn:
+        raise PageError(f"the page sent no valid {key}; load it again")
 
 
 @dataclass(frozen=True)
@@ -95,14 +123,12 @@ class Folder:
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
 
-    def found(self) -> Found:
-        """What lies in it, sorted by name."""
+    def found(self) -> dict[str, list[str]]:
+        """What lies in it, as sorted paths relative to it: logs, scenes, rigs, folders of fits and of batches."""
         kinds: dict[str, list[str]] = {"logs": [], "scenes": [], "rigs": [], "fits": [], "batches": []}
-        for number, (kind, path) in enumerate(self._walked(self.root, DEEPEST)):
-            if number >= MOST_FILES:
-                break
+        for kind, path in islice(self._walked(self.root, DEEPEST), MOST_FILES):
             kinds[kind].append(self.name(path))
-        return Found(*(tuple(sorted(kinds[kind])) for kind in kinds))
+        return {kind: sorted(names) for kind, names in kinds.items()}
 
     def _walked(self, folder: Path, deepest: int) -> Iterator[tuple[str, Path]]:
         with os.scandir(folder) as listed:
@@ -137,7 +163,7 @@ def _holds_a_rig(path: Path) -> bool:
         return False
 
 
-def read_json(path: Path) -> dict[str, Any] | None:
+def read_json(path: Path) -> Document | None:
     """A JSON object that is whole; None where there is none, or it is half written."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))

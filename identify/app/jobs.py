@@ -16,14 +16,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
 
 from data_io.atomic import atomic_write
-from identify.app.folder import Folder, PageError, read_json
+from identify.app.folder import Document, Folder, PageError, read_json
 
 PACKAGE = str(Path(__file__).resolve().parents[2])
 GRACE = 1.6  # seconds in which a cancelled job may end by itself; the command line takes one
@@ -34,16 +32,6 @@ KILLED = (
 )
 AT_ONCE = max(os.cpu_count() or 1, 2)  # jobs
 LAST = 20_000  # bytes of the progress that are looked at
-
-
-@dataclass(frozen=True)
-class JobProgress:
-    """How far a job is: its stages so far with the seconds at which each began, share of the whole (None: unknown), and
-    the words it said."""
-
-    stages: tuple[tuple[str, float], ...]
-    share: float | None
-    words: str
 
 
 def same_code() -> dict[str, str]:
@@ -60,7 +48,7 @@ class Jobs:
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         self._lock = threading.Lock()
 
-    def start(self, words: Sequence[str], out: str) -> dict[str, Any]:
+    def start(self, words: Sequence[str], out: str) -> Document:
         """Start `stickslip` with these words.
 
         Raises:
@@ -69,42 +57,41 @@ class Jobs:
         with self._lock:
             running = [job for job in self.listed() if job["state"] == "running"]
             if len(running) >= AT_ONCE:
-                raise PageError(
-                    f"{len(running)} jobs are running, one for each core of the machine; cancel one or wait"
-                )
+                raise PageError(f"{len(running)} jobs are running, one for each core; cancel one or wait")
             if out and any(job["out"] == out for job in running):
                 raise PageError(f"{out} is being written by a job that runs; wait, cancel it, or choose another name")
             name = f"{time.time_ns():x}"
             place = self._place / name
             place.mkdir(parents=True)
             about = {"words": list(words), "out": out, "started": time.time()}
-            with (place / "alive").open("wb") as alive, (place / "document.json").open("wb") as document:
+            with ExitStack() as opened:
+                names = ("alive", "document.json", "progress.jsonl")
+                alive, document, progress = (opened.enter_context((place / each).open("wb")) for each in names)
                 fcntl.flock(alive, fcntl.LOCK_EX)
-                with (place / "progress.jsonl").open("wb") as progress:
-                    child = subprocess.Popen(
-                        [sys.executable, "-P", "-m", "identify", *words, "--json", "--progress", "json"],
-                        cwd=self._folder.root,
-                        env=same_code(),
-                        stdin=subprocess.DEVNULL,
-                        stdout=document,
-                        stderr=progress,
-                        start_new_session=True,
-                        pass_fds=[alive.fileno()],
-                    )
+                child = subprocess.Popen(
+                    [sys.executable, "-P", "-m", "identify", *words, "--json", "--progress", "json"],
+                    cwd=self._folder.root,
+                    env=same_code(),
+                    stdin=subprocess.DEVNULL,
+                    stdout=document,
+                    stderr=progress,
+                    start_new_session=True,
+                    pass_fds=[alive.fileno()],
+                )
             with atomic_write(place / "job.json") as handle:
                 json.dump(about | {"pid": child.pid}, handle)
             self._children[name] = child
             self._forget()
         return self.seen(name)
 
-    def listed(self) -> list[dict[str, Any]]:
+    def listed(self) -> list[Document]:
         """All jobs, the newest first."""
         for child in self._children.values():
             child.poll()
         names = sorted((p.name for p in self._place.iterdir() if (p / "job.json").is_file()), reverse=True)
         return [self.seen(name) for name in names]
 
-    def seen(self, name: str) -> dict[str, Any]:
+    def seen(self, name: str) -> Document:
         """One job: what was asked, its state (running, done, failed, cancelled, killed), progress, and what it said.
 
         Raises:
@@ -117,23 +104,12 @@ class Jobs:
         state, message = _state(place)
         if state == "killed":
             self._sweep(about)
-        progress = _progress(place / "progress.jsonl")
-        ends = time.time() if state == "running" else _modified(place)
-        return {
-            "id": name,
-            "command": shlex.join(["stickslip", *about["words"]]),
-            "kind": about["words"][0],
-            "out": about["out"],
-            "started": about["started"],
-            "seconds": max(ends - about["started"], 0.0),
-            "state": state,
-            "message": message,
-            "stages": progress.stages,
-            "share": progress.share,
-            "words": progress.words,
-        }
+        ends = time.time() if state == "running" else max(path.stat().st_mtime for path in place.iterdir())
+        command, seconds = shlex.join(["stickslip", *about["words"]]), max(ends - about["started"], 0.0)
+        job = {"id": name, "command": command, "kind": about["words"][0], "out": about["out"], "seconds": seconds}
+        return job | {"state": state, "message": message, **_progress(place / "progress.jsonl")}
 
-    def document(self, name: str) -> dict[str, Any]:
+    def document(self, name: str) -> Document:
         """What a finished job printed.
 
         Raises:
@@ -144,7 +120,7 @@ class Jobs:
             raise PageError("this job has printed no result; look at its state")
         return document
 
-    def cancel(self, name: str) -> dict[str, Any]:
+    def cancel(self, name: str) -> Document:
         """End a job and everything it started; at once where it does not end by itself."""
         place = self._of(name)
         about = read_json(place / "job.json") or {}
@@ -164,7 +140,7 @@ class Jobs:
             raise PageError("there is no such job; load the page again")
         return self._place / name
 
-    def _sweep(self, about: Mapping[str, Any]) -> None:
+    def _sweep(self, about: Document) -> None:
         """Remove the temporary folders of a result that a killed job could not remove itself."""
         if about.get("out"):
             out = self._folder.path(about["out"])
@@ -203,8 +179,9 @@ def _state(place: Path) -> tuple[str, str]:
     return ("failed" if document.get("status") == "error" else "done"), message
 
 
-def _progress(path: Path) -> JobProgress:
-    """From the lines of standard error: those of --progress json, and the words among them."""
+def _progress(path: Path) -> Document:
+    """From the lines of standard error: stages so far with the seconds at which each began, share of the whole (None:
+    unknown), and the words among them."""
     try:
         with path.open("rb") as handle:
             handle.seek(max(path.stat().st_size - LAST, 0))
@@ -215,18 +192,12 @@ def _progress(path: Path) -> JobProgress:
     share, words = None, []
     for line in lines:
         try:
-            told = json.loads(line)
-            stage, at = str(told["stage"]), float(told["seconds"])
+            report = json.loads(line)
+            stage, at = str(report["stage"]), float(report["seconds"])
         except (ValueError, TypeError, KeyError):
             words.append(line)
             continue
-        share = told.get("share")
+        share = report.get("share")
         if not stages or stages[-1][0] != stage:
             stages.append((stage, at))
-    return JobProgress(tuple(stages), share, "\n".join(words).strip())
-
-
-def _modified(place: Path) -> float:
-    with suppress(OSError):
-        return max(path.stat().st_mtime for path in place.iterdir())
-    return 0.0
+    return {"stages": stages, "share": share, "words": "\n".join(words).strip()}

@@ -13,14 +13,16 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, Table
 
 from data_io.atomic import atomic_write
-from identify.app.folder import Folder, PageError
+from identify.app.folder import Document, Folder, PageError
 from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN
+from identify.effects.quantities import Effect
 from identify.scene import Scene
 from identify.scene.parameters import declared_by
 from identify.scene.toml import parsed, question_bare_numbers
 
 LONGEST = 1_000_000  # characters of a scene file
+INVALID = "the text beside the form is no valid TOML; mend it there first"
 NEEDED = ("mass", "stiffness", "damping")
 RIG_FIELDS = {
     "mass": ("moving mass", "kg", "Weigh what moves with the contact: holder, specimen, half of the springs."),
@@ -39,10 +41,12 @@ DAMPINGS = {
     "log_decrement": ("logarithmic decrement", "no unit"),
 }
 LOG_FIELDS = ("path", "drive_speed", "step", "window", "exclude", "skip_cycles", "tare", "normal_force", "labels")
-PLACES = (
-    re.compile(r"\[(rig|fit|contact|initial|tolerances|quality)\] (\w+)"),
+PLACES = (  # where a sentence about a scene names a field
+    re.compile(r"still to fill in: ([\w.]+)"),
+    re.compile(r"\[(rig|fit|contact|initial|tolerances|quality)\] (?:has no )?(\w+)"),
     re.compile(r"\[(parameters)\] (\w+)(?: (\w+))?"),
     re.compile(r"\[\[(logs)\]\] number (\d+)(?: (\w+))?"),
+    re.compile(r"(effects)"),
 )
 
 
@@ -68,8 +72,8 @@ class Scenes:
         except OSError:
             raise PageError(f"{name}: there is no such scene; choose one from the list") from None
 
-    def keep(self, name: str, text: str) -> None:
-        """Keep a draft, valid or not, so that nothing typed is lost.
+    def keep(self, name: str, text: str) -> Document:
+        """Keep a draft, valid or not, so that nothing typed is lost; how it is seen then.
 
         Raises:
             PageError: more than a scene can be.
@@ -79,69 +83,57 @@ class Scenes:
         self._folder.path(name)
         with atomic_write(self._draft(name)) as handle:
             handle.write(text)
+        return self.seen(name)
 
-    def save(self, name: str) -> None:
-        """Write the draft to its file."""
+    def save(self, name: str) -> Document:
+        """Write the draft to its file; how it is seen then."""
         text, path = self.text(name), self._folder.path(name)
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(path) as handle:
             handle.write(text)
         self._draft(name).unlink(missing_ok=True)
+        return self.seen(name)
 
     def scene(self, name: str) -> Scene:
-        """The scene that the text says, draft or not.
+        """The scene that the text makes, draft or not.
 
         Raises:
-            SceneError, PageError: one sentence.
+            SceneError: one sentence, without the name of the file. PageError: no such file.
         """
-        return scene_of(self.text(name), self._folder.path(name))
+        path = self._folder.path(name)
+        try:
+            document = parsed(self.text(name))
+        except ValueError as error:
+            raise SceneError(f"this is not valid TOML ({error}); mend that line") from None
+        question_bare_numbers(document)
+        return Scene.from_document({"name": path.stem, **document}, path.parent)
 
-    def seen(self, name: str) -> dict[str, Any]:
+    def seen(self, name: str) -> Document:
         """What the page shows of a scene: its text, whether it differs from the file, the fields of its form, and what
         is wrong with it (a sentence and the dotted name of the field)."""
         text, path = self.text(name), self._folder.path(name)
         file = path.read_text(encoding="utf-8-sig") if path.is_file() else None
         scene, wrong, form = None, "", None
         try:
-            scene = scene_of(text, path)
+            scene = self.scene(name)
         except SceneError as error:
             wrong = str(error)
         with suppress(ValueError):
             form = form_of(parsed(text), scene)
-        place = place_of(wrong)
+        found = next((match for pattern in PLACES if (match := pattern.search(wrong))), None)
+        place = ".".join(part for part in found.groups() if part) if found else ""
         return {"path": name, "text": text, "saved": text == file, "form": form, "error": wrong, "place": place}
 
     def _draft(self, name: str) -> Path:
         return self._folder.own("drafts", name.replace("/", "⁄"))
 
 
-def scene_of(text: str, path: Path) -> Scene:
-    """The scene a text says, of a file there.
-
-    Raises:
-        SceneError: one sentence, without the name of the file.
-    """
-    try:
-        document = parsed(text)
-    except ValueError as error:
-        raise SceneError(f"this is not valid TOML ({error}); mend that line") from None
-    question_bare_numbers(document)
-    return Scene.from_document({"name": path.stem, **document}, path.parent)
+# ----------------------------------------------------------------------------------------------------------------------
+# Fields into the text, comments and order kept.
+# ----------------------------------------------------------------------------------------------------------------------
 
 
-def place_of(sentence: str) -> str:
-    """The dotted name of the field that a sentence about a scene speaks of, "" where it names none."""
-    if (found := re.search(r"still to fill in: ([\w.]+)", sentence)) is not None:
-        return found[1]
-    for pattern in PLACES:
-        if (found := pattern.search(sentence)) is not None:
-            return ".".join(part for part in found.groups() if part)
-    if (missing := re.match(r"\[(rig)\] has no (\w+)", sentence)) is not None:
-        return f"{missing[1]}.{missing[2]}"
-    return "effects" if "effects" in sentence else ""
-
-
-def edited(text: str, keys: Sequence[str], value: Any) -> str:
+def edited(text: str, keys: Sequence[str], value: object) -> str:
     """The text with one value put in, everything else as it stands, comments too.
 
     Args:
@@ -153,10 +145,7 @@ def edited(text: str, keys: Sequence[str], value: Any) -> str:
     """
     if not keys or not all(isinstance(key, str) and re.fullmatch(r"[\w-]{1,60}", key) for key in keys):
         raise PageError("no field of a scene has this name; load the page again")
-    try:
-        document = tomlkit.parse(text)
-    except (TOMLKitError, ValueError):
-        raise PageError("the text beside the form is no valid TOML; mend it there first") from None
+    document = _document(text)
     place: Any = document
     for number, key in enumerate(keys[:-1]):
         if isinstance(place, (AoT, list)):
@@ -167,23 +156,41 @@ def edited(text: str, keys: Sequence[str], value: Any) -> str:
             if key not in place:
                 _put(place, key, tomlkit.table() if number == 0 else tomlkit.inline_table())
             place = place[key]
-    if isinstance(place, (AoT, list)) and keys[-1].isdecimal() and value is None:
-        del place[int(keys[-1]) - 1]
+    last = keys[-1]
+    if isinstance(place, (AoT, list)) and last.isdecimal() and value is None:
+        del place[int(last) - 1]
     elif not isinstance(place, (dict, Table)):
         raise PageError(f"{'.'.join(keys)} leads into something that is no table; mend the text beside the form")
-    elif value is None or value == "" or value == []:
-        if keys[-1] in place:
-            del place[keys[-1]]
+    elif value is None or value in ("", []):
+        place.pop(last, None)
     else:
-        if keys[-1] in place and isinstance(place[keys[-1]], Table) and not isinstance(value, Mapping):
-            del place[keys[-1]]  # a value stands before all tables, wherever the table was
-        _put(place, keys[-1], _typed(value))
+        if isinstance(place.get(last), Table) and not isinstance(value, Mapping):
+            del place[last]  # a value stands before all tables, wherever the table was
+        _put(place, last, _typed(value))
     return tomlkit.dumps(document)
 
 
-def _put(table: Any, key: str, value: Any) -> None:
+def with_log(text: str, path: str) -> str:
+    """The text with one more log at its end."""
+    document, entry = _document(text), tomlkit.table()
+    entry["path"] = path
+    logs = document.setdefault("logs", tomlkit.aot())
+    if not isinstance(logs, AoT):
+        raise PageError("[[logs]] of the scene is no list of tables; mend the text beside the form")
+    logs.append(entry)
+    return tomlkit.dumps(document)
+
+
+def _document(text: str) -> tomlkit.TOMLDocument:
+    try:
+        return tomlkit.parse(text)
+    except (TOMLKitError, ValueError):
+        raise PageError(INVALID) from None
+
+
+def _put(table: Any, key: str, value: object) -> None:
     """Put a value into a table, a new one before the comments at its end, which belong to what follows."""
-    tail: list[Any] = []
+    tail: list[object] = []
     if isinstance(table, Table):
         body = table.value.body
         while body and body[-1][0] is None:
@@ -193,68 +200,42 @@ def _put(table: Any, key: str, value: Any) -> None:
         table.value.body.extend(tail)
 
 
-def with_log(text: str, path: str) -> str:
-    """The text with one more log at its end."""
-    try:
-        document = tomlkit.parse(text)
-    except (TOMLKitError, ValueError):
-        raise PageError("the text beside the form is no valid TOML; mend it there first") from None
-    entry = tomlkit.table()
-    entry["path"] = path
-    if "logs" not in document:
-        document["logs"] = tomlkit.aot()
-    logs = document["logs"]
-    if not isinstance(logs, AoT):
-        raise PageError("[[logs]] of the scene is no list of tables; mend the text beside the form")
-    logs.append(entry)
-    return tomlkit.dumps(document)
-
-
-def _typed(value: Any) -> Any:
-    if isinstance(value, str):
-        text = value.strip()
-        if text.startswith(("[", "{")):
-            try:
-                return tomlkit.value(text)
-            except (TOMLKitError, ValueError):
-                return text
-        for kind in (int, float):
-            try:
-                return kind(text)
-            except ValueError:
-                continue
-        return text
+def _typed(value: object) -> object:
+    """Text as TOML: a list, a table, a number, else the text."""
     if isinstance(value, Mapping):
         table = tomlkit.inline_table()
         table.update({key: _typed(item) for key, item in value.items()})
         return table
-    return value
+    if not isinstance(value, str):
+        return value
+    text = value.strip()
+    if text.startswith(("[", "{")):
+        with suppress(TOMLKitError, ValueError):
+            return tomlkit.value(text)
+        return text
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text
 
 
-def form_of(document: Mapping[str, Any], scene: Scene | None) -> dict[str, Any]:
+# ----------------------------------------------------------------------------------------------------------------------
+# The form.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def form_of(document: Document, scene: Scene | None) -> Document:
     """The fields of the form with what the text has in each, as text; of effects and parameters what they are."""
     listed = document.get("effects")
     on = [name for name in listed if isinstance(name, str)] if isinstance(listed, list) else []
-    rig = _table(document.get("rig"))
-    said = _table(document.get("parameters"))
+    rig, stated = _table(document.get("rig")), _table(document.get("parameters"))
     damping = next((key for key in DAMPINGS if key in rig), "damping")
     fields = []
     for name, (label, unit, how) in RIG_FIELDS.items():
         key = damping if name == "damping" else name
         label, unit = DAMPINGS.get(key, (label, unit))
-        fields.append(
-            {
-                "key": key,
-                "label": label,
-                "unit": unit,
-                "help": how,
-                "value": _shown(rig.get(key)),
-                "needed": name in NEEDED,
-                "guess": key in NEEDED,
-                "searched": _shown(said.get(key)),
-            }
-        )
-    logs = document.get("logs")
+        field = {"key": key, "label": label, "unit": unit, "help": how, "value": _shown(rig.get(key))}
+        fields.append(field | {"needed": name in NEEDED, "guess": key in NEEDED, "searched": _shown(stated.get(key))})
     return {
         "name": _shown(document.get("name")),
         "auto": listed == "auto",
@@ -262,49 +243,37 @@ def form_of(document: Mapping[str, Any], scene: Scene | None) -> dict[str, Any]:
         "rig_file": document["rig"] if isinstance(document.get("rig"), str) else "",
         "time_limit": _shown(_table(document.get("fit")).get("time_limit")),
         "effects": [_effect(effect, effect.name in on, scene) for effect in ALL],
-        "parameters": _parameters(on if listed != "auto" else MAIN, said, scene),
-        "logs": [{key: _shown(_table(log).get(key)) for key in LOG_FIELDS} for log in logs or []],
+        "parameters": _parameters(on if listed != "auto" else MAIN, stated, scene),
+        "logs": [{key: _shown(_table(log).get(key)) for key in LOG_FIELDS} for log in document.get("logs") or []],
     }
 
 
-def _table(value: Any) -> Mapping[str, Any]:
+def _table(value: object) -> Mapping[str, object]:
     return value if isinstance(value, Mapping) else {}
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     """A value of the text as a person would type it."""
-    if value is None:
-        return ""
-    if isinstance(value, (Mapping, list)):
-        return tomlkit.item(value).as_string() if isinstance(value, list) else _inline(value)
-    return str(value)
+    if isinstance(value, Mapping):
+        table = tomlkit.inline_table()
+        table.update(value)
+        return str(table.as_string())
+    return "" if value is None else str(tomlkit.item(value).as_string()) if isinstance(value, list) else str(value)
 
 
-def _inline(value: Mapping[str, Any]) -> str:
-    table = tomlkit.inline_table()
-    table.update(value)
-    return table.as_string()
-
-
-def _effect(effect: Any, on: bool, scene: Scene | None) -> dict[str, Any]:
+def _effect(effect: Effect, on: bool, scene: Scene | None) -> Document:
     """An effect as a switch: what it is for, what it adds to the model, and when it matters by the numbers of the
     scene."""
     matters = ""
     if scene is not None and on:
-        values = scene.values()
-        load, speed = scene.rig.normal_force or 1.0, scene.rig.drive_speed
-        speed = speed if isinstance(speed, float) else next((v for v in _speeds(scene)), 1e-3)
-        try:
-            found = effect.importance(values, load, speed)
-        except (KeyError, ZeroDivisionError, OverflowError, ValueError):
-            found = None
-        matters = found.sentence if found else ""
-    return {
-        "name": effect.name,
+        drives = [scene.rig.drive_speed, *(scene.rig_for(entry).drive_speed for entry in scene.logs)]
+        speed = next((abs(drive) for drive in drives if isinstance(drive, float) and drive), 1e-3)
+        with suppress(KeyError, ZeroDivisionError, OverflowError, ValueError):
+            importance = effect.importance(scene.values(), scene.rig.normal_force or 1.0, speed)
+            matters = importance.sentence if importance else ""
+    names = ("name", "says", "role")
+    return {name: getattr(effect, name) for name in names} | {
         "on": on,
-        "says": effect.says,
-        "source": effect.source,
-        "role": effect.role,
         "needs": list(effect.needs),
         "states": len(effect.states),
         "parameters": [p.name for p in effect.parameters],
@@ -313,35 +282,20 @@ def _effect(effect: Any, on: bool, scene: Scene | None) -> dict[str, Any]:
     }
 
 
-def _speeds(scene: Scene) -> list[float]:
-    drives = (scene.rig_for(entry).drive_speed for entry in scene.logs)
-    return [abs(drive) for drive in drives if isinstance(drive, float) and drive]
-
-
-def _parameters(on: Sequence[str], said: Mapping[str, Any], scene: Scene | None) -> list[dict[str, Any]]:
+def _parameters(on: Sequence[str], stated: Mapping[str, object], scene: Scene | None) -> list[Document]:
+    """What the form shows of the parameters of these effects; of the rig's it has fields of their own."""
     try:
         declared = declared_by(tuple(effect.name for effect in ALL if effect.name in on))
     except SceneError:
         return []
     values = scene.values() if scene is not None else {}
     rows = []
-    for p in declared:
-        if p.kind == "rig":
-            continue
-        given = said.get(p.name)
-        table = _table(given) if isinstance(given, Mapping) else {"fixed": given} if given is not None else {}
-        rows.append(
-            {
-                "name": p.name,
-                "symbol": p.symbol,
-                "unit": p.unit,
-                "meaning": p.meaning,
-                "kind": p.kind,
-                "logarithmic": p.scale == "log",
-                "lowest": p.lower,
-                "highest": p.upper,
-                "value": values.get(p.name, p.default),
-                **{word: _shown(table.get(word)) for word in ("start", "lower", "upper", "fixed")},
-            }
-        )
+    for p in (one for one in declared if one.kind != "rig"):
+        given = stated.get(p.name)
+        table = given if isinstance(given, Mapping) else {} if given is None else {"fixed": given}
+        typed = {word: _shown(table.get(word)) for word in ("start", "lower", "upper", "fixed")}
+        names = ("name", "symbol", "unit", "meaning", "kind")
+        numbers = {"lowest": p.lower, "highest": p.upper, "value": values.get(p.name, p.default)}
+        described = {name: getattr(p, name) for name in names} | {"logarithmic": p.scale == "log"}
+        rows.append(described | numbers | typed)
     return rows

@@ -8,11 +8,10 @@ import secrets
 import socket
 import tempfile
 import threading
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import uvicorn
@@ -24,8 +23,8 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from data_io import LogError
-from identify.app.folder import Folder, PageError
-from identify.app.page import Asked, Page
+from identify.app.folder import Document, Folder, PageError, Question
+from identify.app.page import Answer, Page
 from identify.base.errors import IdentifyError
 
 HOST = "127.0.0.1"
@@ -33,7 +32,7 @@ OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost):\d{1,5}")
 """This machine, by any port: where a tunnel leads to the server it is another one than the server's. A page of somebody
 else has another host, or an origin with another port than the one it asks."""
 FILES = Path(__file__).parent / "static"
-LARGEST_QUESTION = 4_000_000  # bytes of what the page asks
+LARGEST_QUESTION = 4_000_000  # bytes of a question of the page
 LARGEST_LOG = 8_000_000_000  # bytes of a file that is dropped in
 SECONDS = 2  # in which the server stops
 OWN_PAGES = "default-src 'self'; img-src 'self' data: blob:; object-src 'none'; base-uri 'none'; form-action 'none'; \
@@ -88,30 +87,7 @@ SAFE = {
 
 def application(page: Page, token: str, uploads: Path) -> ASGIApp:
     """The application for one folder; uploads: where files that are dropped in lie until they are whole."""
-    answers: Mapping[str, tuple[str, Callable[[Asked], Any]]] = {
-        "folder": ("GET", page.list_folder),
-        "jobs": ("GET", page.list_jobs),
-        "job": ("GET", page.job_document),
-        "start": ("POST", page.start_job),
-        "cancel": ("POST", page.cancel_job),
-        "fit": ("GET", page.see_fit),
-        "batch": ("GET", page.see_batch),
-        "residuals": ("GET", page.see_residuals),
-        "examples": ("POST", page.put_examples),
-        "manifest": ("POST", page.write_manifest),
-        "groups": ("GET", page.see_manifest),
-        "log": ("GET", page.open_log),
-        "curves": ("GET", page.see_curves),
-        "cut": ("GET", page.see_cut),
-        "scene": ("GET", page.see_scene),
-        "edit": ("POST", page.edit_scene),
-        "save": ("POST", page.save_scene),
-        "try": ("POST", page.try_values),
-        "costs": ("POST", page.effect_costs),
-        "start-values": ("POST", page.start_values),
-        "point": ("POST", page.see_point),
-    }
-    routes = [Route(f"/api/{name}", _endpoint(work), methods=[method]) for name, (method, work) in answers.items()]
+    routes = [Route(f"/api/{name}", _endpoint(work), methods=[method]) for name, (method, work) in page.answers.items()]
     routes += [
         Route("/api/add", _adding(page.folder, uploads), methods=["POST"]),
         Route("/files/{path:path}", _file(page.folder), methods=["GET"]),
@@ -120,26 +96,23 @@ def application(page: Page, token: str, uploads: Path) -> ASGIApp:
     return Guard(Starlette(routes=routes, exception_handlers=dict.fromkeys(REFUSALS, _failed)), token)
 
 
-def _endpoint(work: Callable[[Asked], Any]) -> Callable[[Request], Awaitable[Response]]:
+def _endpoint(work: Callable[[Question], Answer]) -> Callable[[Request], Awaitable[Response]]:
     """Ask `work` in a thread; curves go back as they lie in memory, everything else as JSON."""
 
     async def answer(request: Request) -> Response:
-        asked: dict[str, Any] = dict(request.query_params)
-        if request.method == "POST":
-            body = b""
-            async for piece in request.stream():
-                body += piece
-                if len(body) > LARGEST_QUESTION:
-                    return _refused("this is more than the page ever asks; load it again", 413)
-            try:
-                asked |= json.loads(body or b"{}")
-            except (ValueError, TypeError, RecursionError):
-                return _refused("the question is no JSON; load the page again")
-        found = await run_in_threadpool(work, asked)
+        asked, body = Document(request.query_params), b""
+        async for piece in request.stream():
+            body += piece
+            if len(body) > LARGEST_QUESTION:
+                return _refused("this is more than the page ever asks; load it again", 413)
+        try:
+            asked |= json.loads(body or b"{}")
+        except (ValueError, TypeError, RecursionError):
+            return _refused("the question is no JSON; load the page again")
+        found = await run_in_threadpool(work, Question(asked))
         if isinstance(found, np.ndarray):
-            rows = str(found.shape[0])
             data = np.ascontiguousarray(found, "<f8").tobytes()
-            return Response(data, media_type="application/octet-stream", headers={"x-rows": rows})
+            return Response(data, media_type="application/octet-stream", headers={"x-rows": str(len(found))})
         return JSONResponse(found)
 
     return answer

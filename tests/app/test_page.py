@@ -195,7 +195,7 @@ def map_by_hand(page, serving, folder):
     page.drag("#map canvas", (0.5, 0.5), (0.9, 0.12))
     page.wait(f"document.querySelector('#answer').innerText !== {json.dumps(first)}")
     assert (folder / "stickslip-scene.map.svg").exists() and (folder / "stickslip-scene.map.csv").exists()
-    assert not [log for log in serving.page.folder.found().logs if "map" in log], "what the page wrote is no log"
+    assert not [log for log in serving.page.folder.found()["logs"] if "map" in log], "what the page wrote is no log"
     page.press("how to make it steady")
     page.wait("document.getElementById('said').textContent.includes(' at ')", 240)
 

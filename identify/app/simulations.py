@@ -1,0 +1,174 @@
+"""What the page simulates while a person waits: tried values, what a fit would start from, an operating point."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identify.app.folder import Document, PageError
+from identify.base.document import to_document
+from identify.base.result import LogResult, Result
+from identify.estimation.starts import preview
+from identify.logs.regime import Regime
+from identify.logs.scene_records import with_drives, with_records
+from identify.logs.segmented import Segmented
+from identify.prediction.axes import Site, axis, known_axes, moved_values
+from identify.prediction.predict import predict
+from identify.prediction.sources import Tested, pair_of
+from identify.report.stored_result import plain
+from identify.scene import Scene
+from identify.simulation.drive import Drive
+from identify.simulation.simulate import run
+
+Array = NDArray[np.float64]
+POINTS = 1_000  # of a curve, and again of its slips
+A_SLIP = (4, 40)  # fewest and most of them in a slip
+ACCURACY = 1e-4  # of switch times and forces: finer than a line on a screen
+LOADS = 200  # pieces of the load over time
+ONE_AT_A_TIME = threading.Lock()  # compiled functions of a model are used by one thread
+SPEED, LOAD = "drive_speed", "normal_force"
+EXAMPLES = {SPEED: '"1 mm/s"', LOAD: '"1 N"'}
+
+
+def tried(scene: Scene, log: Segmented, values: Mapping[str, float], chosen: range) -> Document:
+    """Simulate some cycles (from 0) of a log with other values of the parameters.
+
+    The simulation starts at an arrest, at rest, with the measured force in the spring and a fresh contact: what comes
+    after is the model's.
+
+    Raises:
+        PageError: no cycle to start at, or an unknown parameter. SimulationError: what the model refuses.
+    """
+    cycles, model = log.found.cycles, scene.model
+    if not cycles.count:
+        raise PageError("this log shows no slip to start from; choose another log or other cuts")
+    if unknown := [name for name in values if name not in model.parameter_names]:
+        raise PageError(f"the scene has no parameter {unknown[0]}; load the page again")
+    first, last = (min(number, cycles.count - 1) for number in (chosen.start, chosen.stop))
+    begin = float(cycles.arrest[first])
+    end = float(cycles.arrest[last]) if last > first else float(log.time[-1])
+    rows = slice(*np.searchsorted(log.time, [begin, end]))
+    time, force, load = log.time[rows] - begin, log.measured[rows], log.load[rows]
+    if time.size < 2:
+        raise PageError("too few samples follow that slip; choose an earlier one")
+    used = scene.values(log.entry) | dict(values)
+    drive = Drive.of(tuple((max(at - begin, 0.0), speed) for at, speed in log.drive.within(begin, end)))
+    start = {"elongation": float(cycles.arrest_force[first]) / used["stiffness"]}
+    loading = _loading(time, load) if model.follows_load else float(np.nanmean(load))
+    with ONE_AT_A_TIME:
+        motion = run(model, used, drive, loading, float(time[-1]), start=start, accuracy=ACCURACY)
+        # Evenly over all of it, and evenly over every slip, however short.
+        ends = np.append(motion.arrests, motion.duration)[np.searchsorted(motion.arrests, motion.onsets, side="right")]
+        each = np.linspace(motion.onsets, ends, int(np.clip(POINTS // max(motion.onsets.size, 1), *A_SLIP)))
+        at = np.unique(np.concatenate([np.linspace(0.0, motion.duration, POINTS), each.ravel()]))
+        curve = motion.sample(at)
+    rests = motion.onsets - np.append(0.0, motion.arrests)[np.searchsorted(motion.arrests, motion.onsets)]
+    onsets = cycles.onset[(cycles.onset > begin) & (cycles.onset < end)] - begin
+    both, step = min(onsets.size, motion.onsets.size), max(1, -(-time.size // (2 * POINTS)))
+    sliding, coefficient = curve["sliding"] > 0.5, curve["coefficient"]
+    document = {
+        "begin": begin,
+        "measured": {"time": time[::step], "force": force[::step]},
+        "simulated": {
+            "time": at,
+            "force": curve["force"],
+            "speed": curve.get("sliding_speed", np.full(at.size, np.nan)),
+            "coefficient": np.where(sliding, coefficient, np.nan),
+        },
+        "strength": np.column_stack([rests, np.interp(motion.onsets, at, coefficient)]),
+        "rms": float(np.sqrt(np.nanmean((np.interp(time, at, curve["force"]) - force) ** 2))),
+        "noise": log.noise,
+        "slips": {"measured": last - first, "simulated": int(motion.onsets.size)},
+        "late": float(np.median(motion.onsets[:both] - onsets[:both])) if both else None,
+        "uneven": log.verdict.regime is Regime.UNEVEN_STICK_SLIP,
+    }
+    return dict(plain(document))
+
+
+def _loading(time: Array, load: Array) -> tuple[Array, Array]:
+    """The load over time in pieces, for a model that follows it."""
+    sound = np.isfinite(load)
+    time, load = time[sound], load[sound]
+    edges = np.linspace(0, time.size, min(LOADS, time.size) + 1).astype(int)
+    middles, means = (np.add.reduceat(values, edges[:-1]) / np.diff(edges) for values in (time, load))
+    return np.append(0.0, middles), np.append(means[0], means)
+
+
+def start_from_data(scene: Scene) -> Document:
+    """What a fit would start from, without a fit: the parameters (SI) and where they come from.
+
+    Raises:
+        FitError, SceneError, LogError: one sentence.
+    """
+    with ONE_AT_A_TIME:
+        settled, _ = with_drives(scene)
+        settled, records = with_records(settled, None)
+        seen = preview(settled, records)
+    return dict(plain({"source": seen.source, "values": seen.parameters}))
+
+
+def site_of(scene: Scene, result: Result | None, number: int) -> Site:
+    """The operating point of a log (from 0) of a scene, with the values of a fit where there is one.
+
+    Raises:
+        PageError: a fit without values, or no speed or load that is known.
+    """
+    entry = scene.logs[number] if number < len(scene.logs) else None
+    values, rig, log = scene.values(entry), scene.rig_for(entry) if entry else scene.rig, LogResult()
+    if result is not None:
+        number = min(number, len(result.logs) - 1)
+        log, pair = result.logs[number], pair_of(result, scene, number)
+        if pair.untold or not pair.values:
+            raise PageError(pair.untold or "this fit has no values; mend the fit first")
+        values = values | {name: value for name, value in pair.values.items() if name in values}
+    drive = log.drive_speed_m_per_s or rig.drive_speed
+    speeds = [abs(v) for _, v in drive if v] if isinstance(drive, tuple) else [abs(drive)] if drive else []
+    load = log.normal_force_N or rig.normal_force
+    if not speeds or not load:
+        missing = [name for name, known in ((SPEED, speeds), (LOAD, load)) if not known]
+        words, given = (
+            " and ".join(name.replace("_", " ") for name in missing),
+            ", ".join(f"{name} = {EXAMPLES[name]}" for name in missing),
+        )
+        raise PageError(
+            f"the scene states no {words}, which a fit that has converged takes from the logs; map such a fit, or "
+            f"give under [rig]: {given}"
+        )
+    area = scene.contact.area_at(load)
+    return Site(scene.model, values, speeds[0], load, area, scene.contact.exponent or 0.0)
+
+
+def axes_of(site: Site) -> list[Document]:
+    """The quantities a map can be over, with their values here."""
+    names = [name for name in known_axes(site.model) if site.area is not None or name not in ("area", "pressure")]
+    keys = ("name", "label", "unit", "value", "logarithmic")
+    return [{key: getattr(axis(site, name), key) for key in keys} for name in names]
+
+
+def answer_at(site: Site, result: Result | None, changes: Mapping[str, float]) -> Document:
+    """Outcome, numbers and words at a point, what of it no log tested, and the drive speeds [m/s] at which the outcome
+    changes.
+
+    Raises:
+        SimulationError, PageError: a point without meaning.
+    """
+    if len(changes) > 4 or any(name not in known_axes(site.model) for name in changes):
+        raise PageError("an operating point is changed by quantities of the map only; load the page again")
+    moved = moved_values(site, dict(changes))
+    values = {name: float(moved[name]) for name in site.model.parameter_names}
+    speed, load = float(moved.get(SPEED, site.drive_speed)), float(moved.get(LOAD, site.normal_force))
+    with ONE_AT_A_TIME:
+        answer = predict(site.model, values, speed, load)
+    tested = None if result is None else Tested.of_result(result)
+    document = {
+        "outcome": answer.stability.outcome,
+        "text": answer.text,
+        "beyond": tested.beyond({SPEED: speed, LOAD: load, "stiffness": values["stiffness"]}) if tested else "",
+        "tested": {name: list(span) for name, span in tested.ranges.items()} if tested else {},
+        "numbers": to_document(answer.amplitude.numbers),
+        "ends": [window.high for window in answer.stability.windows[:-1]],
+    }
+    return dict(plain(document))
