@@ -61,6 +61,11 @@ class Question:
         except (AttributeError, TypeError, ValueError):
             self._refuse(key)
 
+    def listed(self, key: str) -> list[Any]:
+        """A list; empty where nothing was sent."""
+        value = self.values.get(key) or []
+        return value if isinstance(value, list) else self._refuse(key)
+
     @staticmethod
     def _refuse(key: str) -> NoReturn:
         raise PageError(f"the page sent no valid {key}; load it again")

@@ -58,6 +58,7 @@ def fit_seen(folder: Folder, name: str) -> Document:
         "uneven": uneven,
         "effects": (document.get("effects") or {}).get("reasons") or [],
         "logs": logs,
+        "figures": sorted(item.name for item in (place / "figures").glob("*.svg")),
         "files": sorted(item.name for item in place.iterdir() if item.is_file()),
     }
 

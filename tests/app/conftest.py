@@ -78,14 +78,6 @@ def write_log(path, speed, duration, rate):
     write_csv(Record(times, np.ones_like(times), force, drive_speed=scene.rig.drive_speed), path)
 
 
-@pytest.fixture(scope="session", autouse=True)
-def looked_at_without_waiting():
-    """The process that looks at logs stands behind all others of the machine; here the test waits for it."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("identify.app.looks.NICE", 0)
-        yield
-
-
 @pytest.fixture(scope="session")
 def looked_at(tmp_path_factory):
     """Two short logs, a scene of them with two parameters to find, and what the page has seen in them."""

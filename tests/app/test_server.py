@@ -1,6 +1,5 @@
 """The server without a browser: who is refused, which paths, names of logs, jobs that are cancelled and killed."""
 
-import http.client
 import os
 import random
 import shlex
@@ -26,21 +25,15 @@ from identify.cli import main as cli
 NASTY = "<img src=x onerror=alert(1)><script>alert(2)<!--.txt"
 
 
-@pytest.mark.parametrize(
-    "foreign",
-    [
-        {"host": "evil.example"},
-        {"host": "127.0.0.1"},
-        {"origin": "http://evil.example"},
-        {"origin": "null"},
-        {"token": "guessed"},
-        {"token": ""},
-    ],
-)
+FOREIGN = [("host", "evil.example"), ("host", "127.0.0.1"), ("origin", "http://evil.example"), ("origin", "null"),
+           ("token", "guessed"), ("token", "")]  # fmt: skip
+
+
 @pytest.mark.parametrize("path", ["", "api/folder", "files/pair.toml"])
-def test_who_is_not_the_page_is_refused(unchanged, foreign, path):
-    status, _, body = unchanged.ask(path, **foreign)
-    assert status == 403 and b"Refused" in body and b"pair" not in body
+def test_who_is_not_the_page_is_refused(unchanged, path):
+    for name, value in FOREIGN:
+        status, _, body = unchanged.ask(path, **{name: value})
+        assert status == 403 and b"Refused" in body and b"pair" not in body
     own = f"http://127.0.0.1:{unchanged.serving.port}"
     assert unchanged.ask(path, origin=own)[0] == 200, "the page itself is let in"
 
@@ -70,21 +63,20 @@ def test_no_path_leads_out_of_the_folder(unchanged, path):
     (root / "link.txt").unlink(missing_ok=True)
     (root / "link.txt").symlink_to(root.parent / "secret.txt")
     questions = [
-        client.get("log", path=path),
-        client.get("curves", path=path),
-        client.get("scene", path=path),
-        client.get("fit", path=path),
-        client.get("batch", path=path),
-        client.get("groups", path=path),
-        client.get("residuals", path=path),
-        client.post("save", path=path),
+        client.get(name, path=path) for name in ("log", "curves", "scene", "fit", "batch", "groups", "residuals")
+    ]
+    for name, asked in {
+        "save": {"path": path},
+        "edit": {"path": "pair.toml", "logs": [path]},
+        "manifest": {"path": "m.csv", "rows": [{"path": path}]},
+        "point": {"fit": path},
+        "start": {"command": "fit", "scene": path or "../x", "out": "x"},
+    }.items():
+        questions.append(client.post(name, **asked))
+    questions += [
         client.post("edit", path=path, text="a = 1"),
-        client.post("edit", path="pair.toml", logs=[path]),
         client.post("manifest", path=path, rows=[{"path": "pair.toml"}]),
-        client.post("manifest", path="m.csv", rows=[{"path": path}]),
-        client.post("point", fit=path),
         client.post("start", command="fit", scene="pair.toml", out=path or "../x"),
-        client.post("start", command="fit", scene=path or "../x", out="x"),
         client.post("start", command="scene", logs=[path], out="x.toml"),
     ]
     assert [status for status, _ in questions] == [400] * len(questions)
@@ -216,12 +208,11 @@ def test_a_cancelled_fit_is_idle_within_two_seconds(client, serving, root):
     assert [item.name for item in root.iterdir() if item.name.startswith(".one")] == []
 
 
-@pytest.mark.parametrize(("kills", "latest"), [(6, 1.5), pytest.param(50, 8.0, marks=pytest.mark.slow)])
-def test_fits_killed_at_random_instants_leave_nothing_half_written(client, serving, root, kills, latest):
+def test_fits_killed_at_random_instants_leave_nothing_half_written(client, serving, root):
     rng = random.Random(51)
-    for _ in range(kills):
+    for _ in range(5):
         _, job = client.post("start", command="fit", scene="pair.toml", out="one")
-        time.sleep(rng.uniform(0.0, latest))
+        time.sleep(rng.uniform(0.0, 1.5))
         child = serving.page.jobs._children[job["id"]]
         os.killpg(child.pid, signal.SIGKILL)
         child.wait(5)
@@ -230,16 +221,6 @@ def test_fits_killed_at_random_instants_leave_nothing_half_written(client, servi
         assert [item.name for item in root.iterdir() if item.name.startswith(".one")] == []
         for result in root.glob("one/result.json"):
             assert client.get("fit", path="one")[0] == 200, result
-
-
-def test_there_are_no_more_jobs_than_cores(client, monkeypatch):
-    monkeypatch.setattr("identify.app.jobs.AT_ONCE", 1)
-    _, job = client.post("start", command="fit", scene="pair.toml", out="one")
-    status, told = client.post("start", command="fit", scene="pair.toml", out="two")
-    assert status == 400 and "cancel one or wait" in told["error"]
-    client.post("cancel", id=job["id"])
-    status, job = client.post("start", command="fit", scene="pair.toml", out="two")
-    assert status == 200 and job["state"] == "running"
 
 
 def test_a_look_that_is_cut_short_is_no_verdict_on_the_log(root):
@@ -278,19 +259,6 @@ def test_without_the_extra_one_sentence_says_what_to_install(monkeypatch, capsys
     code = "import sys; import identify.cli.main as m; m.build_parser(); print('starlette' in sys.modules)"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=same_code())
     assert told.stdout.strip() == "False", "the other commands do not pay for it"
-
-
-def test_small_answers_are_sent_at_once(unchanged):
-    """Where the kernel waits for more to send, every answer on an open connection takes 40 ms."""
-    connection = http.client.HTTPConnection("127.0.0.1", unchanged.serving.port)
-    taken = []
-    for _ in range(20):
-        began = time.perf_counter()
-        connection.request("GET", f"/{unchanged.serving.token}/api/jobs")
-        connection.getresponse().read()
-        taken.append(time.perf_counter() - began)
-    connection.close()
-    assert min(taken[1:]) < 0.03
 
 
 def test_the_command_serves_until_it_is_interrupted(root):

@@ -11,9 +11,11 @@ import { studyView } from "./study.js";
 import { benchView } from "./bench.js";
 
 const VIEWS = {
-  logs: ["Logs", logsView], log: ["One log", logView], scene: ["Scene", sceneView], try: ["Try", tryView],
-  fit: ["Fit", fitView], map: ["Map", mapView], study: ["Study", studyView], bench: ["Bench", benchView],
+  logs: ["Logs", logsView], log: ["Check a log", logView], scene: ["Rig and scene", sceneView], try: ["Try values", tryView],
+  fit: ["Fit", fitView], map: ["Map", mapView], study: ["Compare", studyView],
+  rig: ["Measure the rig", (host, asked, session) => benchView(host, "rig", session)], plan: ["Plan", (host, asked, session) => benchView(host, "plan", session)],
 };
+const STEPS = [["Open logs", ["logs", "log"]], ["Describe", ["rig", "scene", "try"]], ["Fit", ["fit"]], ["Use", ["map", "study", "plan"]]];
 const SOON = 700, LATER = 4000; // milliseconds between looks at the folder while something is at work, and else
 const SHOWN = 8; // jobs that have ended
 
@@ -21,6 +23,7 @@ const SHOWN = 8; // jobs that have ended
 const session = {
   folder: { folder: "", logs: [], scenes: [], rigs: [], fits: [], batches: [], jobs: [] },
   scene: "",
+  missing: "", // what the scene lacks, "" where it is complete
   use(scene) {
     this.scene = scene;
     localStorage.setItem("scene", scene);
@@ -29,8 +32,10 @@ const session = {
   async look() {
     this.folder = await get("folder");
     if (!this.folder.scenes.includes(this.scene)) this.scene = this.folder.scenes[0] ?? "";
+    this.missing = this.scene ? (await get("scene", { path: this.scene }).catch((error) => ({ error: error.message }))).error : "";
     document.getElementById("folder").textContent = this.folder.folder;
     scenes();
+    steps();
     jobs();
     document.dispatchEvent(new Event("folder"));
   },
@@ -39,6 +44,28 @@ const session = {
 session.scene = localStorage.getItem("scene") ?? "";
 
 let close = null, listed = "";
+
+/** The fit of the scene that is worked on. */
+export const fitOf = (session) => {
+  const stem = session.scene.split("/").pop().replace(/\.toml$/, "");
+  return session.folder.fits.find((fit) => fit.path.startsWith("stickslip-") && session.folder.jobs.some((job) => job.out === fit.path && job.command.includes(`--scene ${session.scene} `)))
+    ?? session.folder.fits.find((fit) => fit.path === `stickslip-${stem}`);
+};
+
+/** The steps with what is done, the views of each, and the one next thing to do. */
+function steps() {
+  const { logs, scenes: known } = session.folder, { view } = here(), fit = session.scene ? fitOf(session) : null, running = session.folder.jobs.some((job) => job.kind === "fit" && job.state === "running");
+  const done = [logs.length > 0, Boolean(session.scene) && !session.missing, fit?.status === "converged", false];
+  const [words, to, asked] = !logs.length ? ["add logs", "logs"] : !known.length ? ["make a scene of the logs", "logs"] : session.missing ? ["complete the scene", "scene"]
+    : running ? ["follow the fit", "fit"] : !fit ? ["start the fit", "fit"] : fit.status !== "converged" ? ["read why the fit did not converge", "fit", { path: fit.path }] : view === "map" ? ["compare fits", "study"] : ["map what follows", "map", { fit: fit.path }];
+  refill(document.getElementById("views"), STEPS.map(([name, views], i) => element("section", { class: "step", "data-done": done[i] ? "yes" : "no", "data-now": views.includes(view) ? "yes" : "no" },
+    element("a", { class: "name", href: address(views[0]) }, `${done[i] ? "✓" : i + 1} ${name}`), (views.length > 1 ? views : []).map((one) => element("a", { href: address(one), "aria-current": one === view ? "page" : null }, VIEWS[one][0])))));
+  const next = document.getElementById("next");
+  refill(next, `Next: ${words}`);
+  next.href = address(to, asked);
+  document.body.dataset.next = to === view ? "here" : "elsewhere";
+  next.hidden = to === view && !(asked && Object.keys(asked).some((key) => here().asked[key] !== asked[key]));
+}
 
 function scenes() {
   const options = session.folder.scenes.length ? session.folder.scenes : [["", "none yet"]], key = JSON.stringify([options, session.scene]);
@@ -49,11 +76,11 @@ function scenes() {
 }
 
 function jobs() {
-  const put = JSON.parse(localStorage.getItem("put-away") ?? "[]");
+  const put = JSON.parse(localStorage.getItem("cleared") ?? "[]");
   const [running, others] = [true, false].map((now) => session.folder.jobs.filter((job) => (job.state === "running") === now));
   const ended = others.filter((job) => !put.includes(job.id)).slice(0, SHOWN), host = document.getElementById("jobs"), open = host.querySelector("details")?.open;
   refill(host, running.map((job) => runningJob(job, session)), ended.length ? endedJobs(ended, () => {
-    localStorage.setItem("put-away", JSON.stringify([...others.map((job) => job.id), ...put].slice(0, 200)));
+    localStorage.setItem("cleared", JSON.stringify([...others.map((job) => job.id), ...put].slice(0, 200)));
     jobs();
   }, open) : null);
 }
@@ -64,8 +91,7 @@ const show = guarded(async () => {
   close?.();
   close = null;
   if (asked.scene && session.folder.scenes.includes(asked.scene)) session.use(asked.scene);
-  refill(document.getElementById("views"), ...Object.entries(VIEWS).map(([name, [words]]) =>
-    element("a", { href: address(name), "aria-current": name === view ? "page" : null }, words)));
+  steps();
   const host = element("main", { id: "view", tabindex: -1 });
   document.getElementById("view").replaceWith(host);
   document.title = `${(VIEWS[view] ?? VIEWS.logs)[0]} – stick-slip workbench`;

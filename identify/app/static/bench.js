@@ -1,4 +1,4 @@
-// At the bench: a rig from short records of it, and which logs to record next; both in the words of the command line.
+// At the bench: a rig from short records of it, or which logs to record next; both as the command line prints them.
 import { button, command, element, fileAddress, get, labelled, link, post, put, refill, say, table } from "./base.js";
 import { start } from "./jobs.js";
 
@@ -12,7 +12,7 @@ function kept(key, attributes) {
   return made;
 }
 
-export function benchView(host, asked, session) {
+export function benchView(host, part, session) {
   const rows = element("div", {}), rigs = element("div", {}), plans = element("div", {});
   const out = kept("rig", { value: "rig.toml", "aria-label": "file of the rig", size: 14 }), steps = kept("steps", { value: "next.steps.csv", "aria-label": "file of the programme", size: 14 });
   const speed = kept("speed", { placeholder: "1 mm/s", "aria-label": "drive speed of the test", size: 9 }), load = kept("load", { placeholder: "1 N", "aria-label": "normal force of the test", size: 9 });
@@ -36,7 +36,7 @@ export function benchView(host, asked, session) {
     await session.look();
     session.use(BEFORE);
     of.textContent = BEFORE;
-    say(`${BEFORE} is the scene now: type the drive speed and the normal force of the test, and plan`);
+    say(`${BEFORE} is the scene now: state drive speed and normal force of the test, and plan`);
   }
   async function plan() {
     if (!session.scene) { say("a plan needs a scene: make one of logs, or the one before any test"); return; }
@@ -46,13 +46,13 @@ export function benchView(host, asked, session) {
   }
 
   /** The newest job of a kind that has ended: what it said, and its file. */
-  async function tell(kind, place, words, more) {
+  async function report(kind, place, words, more) {
     const job = session.folder.jobs.find((one) => one.kind === kind && one.state !== "running");
     if (!job || shown[kind] === job.id) return;
     shown[kind] = job.id;
-    const there = job.state === "done" && job.out && (await get("job", { id: job.id })).out;
+    const written = job.state === "done" && job.out && (await get("job", { id: job.id })).out;
     refill(place, element(job.state === "done" ? "pre" : "p", { "data-said": kind }, job.state === "done" ? job.words : job.message),
-      there ? element("p", {}, element("a", { href: fileAddress(job.out, true) }, job.out), words, more) : null, command(job.command));
+      written ? element("p", {}, element("a", { href: fileAddress(job.out, true) }, job.out), words, more) : null, command(job.command));
   }
   const fill = () => {
     const key = JSON.stringify(session.folder.logs.map((log) => log.path));
@@ -66,16 +66,16 @@ export function benchView(host, asked, session) {
         return [element("label", {}, box, " ", path), field(path, "speed", "0.1 mm/s"), field(path, "mass", "50 g")];
       }), { class: "cards" }));
     }
-    tell("rig", rigs, " holds the rig; a scene takes it at its field “rig from”. ").catch((error) => say(error.message));
-    tell("plan", plans, " is the programme, a row for each step of the drive. ").catch((error) => say(error.message));
+    report("rig", rigs, " holds the rig; a scene takes it at its field “rig from”. ").catch((error) => say(error.message));
+    report("plan", plans, " is the programme, a row for each step of the drive. ").catch((error) => say(error.message));
   };
 
-  put(host, element("h2", {}, "The rig, from short records of it"),
-    element("p", { class: "quiet" }, "Taps that ring down with the drive at rest, a tap with a known mass fixed to the holder, a slow pull on a rigid block: any two tell mass, stiffness and damping with their intervals, which are the priors of every fit. Choose them, and give what they do not tell."),
-    rows, element("div", { class: "bar" }, button("measure the rig", measure, { class: "main" }), labelled("as", out)), rigs,
-    element("h2", {}, "Which logs to record next"),
-    element("p", { class: "quiet" }, "Of the scene ", of, ": what its logs tell and what to add; before any test, the few logs that tell most. ", button("make a scene before any test", scene)),
-    element("div", { class: "bar" }, button("plan", plan, { class: "main" }), labelled("drive speed", speed), labelled("normal force", load), labelled("time there is", budget), labelled("as", steps)), plans);
+  put(host, part === "rig" ? [element("h2", {}, "Measure the rig from short records"),
+    element("p", { class: "quiet" }, "Taps that ring down with the drive at rest, a tap with a known mass fixed to the holder, a slow pull on a rigid block: any two give mass, stiffness and damping with their intervals, which are the priors of every fit. Mark them, and state speed or added mass."),
+    rows, element("div", { class: "bar" }, button("measure the rig", measure, { class: "main" }), labelled("as", out)), rigs]
+    : [element("h2", {}, "Plan the next logs"),
+      element("p", { class: "quiet" }, "For the scene ", of, ": what its logs identify and which to add; before any test, the few logs that identify most. ", button("make a scene before any test", scene)),
+      element("div", { class: "bar" }, button("plan", plan, { class: "main" }), labelled("drive speed", speed), labelled("normal force", load), labelled("time available", budget), labelled("as", steps)), plans]);
   document.addEventListener("folder", fill);
   fill();
   return () => document.removeEventListener("folder", fill);

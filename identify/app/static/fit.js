@@ -72,6 +72,26 @@ function unevenView(host, { headline, not_for, spread, sticks, typical }) {
   put(host, element("p", { class: "quiet" }, "Points: every stick; line: the typical strength after that rest, dashed its 95 % interval."));
 }
 
+/** Intervals of all estimated parameters beside each other, as deviations from their values. */
+function relative(host, parameters) {
+  const rows = Object.entries(parameters).filter(([, p]) => p.value && (p.interval ?? []).some((end) => end !== null));
+  if (!rows.length) return;
+  const off = (p, end) => 100 * (end / p.value - 1), reach = Math.min(100, Math.max(5, ...rows.flatMap(([, p]) => p.interval.filter((end) => end !== null).map((end) => Math.abs(off(p, end))))));
+  const place = element("div", { id: "intervals" });
+  put(host, place, element("p", { class: "quiet" }, "Intervals of 95 % as deviations from the value; thick: with the rig taken as exact; an arrow: it goes on, or is open."));
+  picture(place, { height: 60 + 26 * rows.length, x: { label: "deviation from the value (%)", range: [-1.1 * reach, 1.1 * reach] }, y: { label: "", range: [rows.length - 0.5, -0.5], names: true },
+    draw: (context, x, y) => rows.forEach(([name, p], i) => {
+      for (const [ends, width] of [[p.interval, 1.5], [p.interval_rig_exact, 5]]) {
+        if (!ends) continue;
+        const [low, high] = ends.map((end, side) => end === null ? (side ? 1 : -1) * 2 * reach : off(p, end));
+        line(context, [low, high], [i, i], x, y, style("--model"), { width });
+      }
+      mark(context, x(0), y(i), style("--ink"), "circle", 4);
+      if (off(p, p.interval[1] ?? Infinity) > 1.1 * reach) context.fillText("→", x(1.05 * reach), y(i) - 5);
+      context.fillStyle = style("--ink"); context.font = "13px system-ui"; context.textAlign = "left"; context.fillText(name, x(-1.09 * reach) + 4, y(i) - 6);
+    }) });
+}
+
 async function result(host, path, second, session) {
   const seen = await get("fit", { path }), two = second ? await get("fit", { path: second }) : null;
   const others = session.folder.fits.map((fit) => fit.path).filter((other) => other !== path);
@@ -84,14 +104,18 @@ async function result(host, path, second, session) {
       others.length ? labelled("compare with", choice([["", "no other fit"], ...others], second ?? "", (other) => { location.hash = address("fit", { path, second: other }); })) : null,
       element("small", {}, "Files: ", seen.files.map((name) => [element("a", { href: fileAddress(`${path}/${name}`, true) }, name), " "]))));
   if (seen.uneven) unevenView(host, seen.uneven);
-  put(host, parameters(seen, two), element("p", { id: "price" }, seen.accuracy_line ? `${seen.accuracy_line}.` : seen.timing_s?.total ? `It took ${plain(seen.timing_s.total, 2)} s.` : ""));
+  put(host, parameters(seen, two));
+  if (!fitless) relative(host, seen.parameters);
+  put(host, element("p", { id: "price", class: "quiet" }, seen.accuracy_line ? `${seen.accuracy_line}.` : seen.timing_s?.total ? `It took ${plain(seen.timing_s.total, 2)} s.` : ""));
   const close = residualView(host, path, seen, session);
   const told = seen.logs.filter((log) => log.left_out || log.text);
-  if (told.length) put(host, element("h3", {}, "What follows, log by log"), told.map((log, i) => element("details", { open: i === 0 }, element("summary", {}, element("strong", {}, log.path), log.left_out ? " (left out)" : ""), element("p", {}, log.left_out ?? log.text))));
-  if (seen.next_logs?.length) put(host, element("h3", {}, "The next test to make"), element("ul", {}, seen.next_logs.map((next) => element("li", {}, next.text ?? next.sentence ?? JSON.stringify(next)))));
-  if (seen.search?.length) put(host, element("details", {}, element("summary", {}, `What the search tried (${seen.search.length})`), table(["strategy", "status", { number: "misfit" }, { number: "seconds" }],
+  if (told.length) put(host, element("h3", {}, "What follows from it, log by log"), told.map((log, i) => element("details", { open: i === 0 }, element("summary", {}, element("strong", {}, log.path), log.left_out ? " (left out)" : ""), element("p", {}, log.left_out ?? log.text))));
+  if (seen.next_logs?.length) put(host, element("h3", {}, "Which test to make next"), element("ul", {}, seen.next_logs.map((next) => element("li", {}, next.text ?? next.sentence ?? JSON.stringify(next)))));
+  if (seen.search?.length) put(host, element("details", {}, element("summary", {}, `Attempts of the search (${seen.search.length})`), table(["strategy", "status", { number: "misfit" }, { number: "seconds" }],
     seen.search.map((step) => [step.strategy, (step.status ?? "").replaceAll("_", " "), { number: plain(step.cost) }, { number: plain(step.seconds, 2) }])), seen.not_tried?.length ? element("p", {}, `No time for: ${seen.not_tried.map((name) => name.strategy ?? name).join(", ")}`) : null));
-  if (seen.effects.length) put(host, element("details", {}, element("summary", {}, "What the data say of the effects"), element("ul", {}, seen.effects.map((reason) => element("li", {}, `${reason.effect}: ${reason.sentence}`)))));
+  if (seen.effects.length) put(host, element("details", {}, element("summary", {}, "Tests of the effects"), element("ul", {}, seen.effects.map((reason) => element("li", {}, `${reason.effect}: ${reason.sentence}`)))));
+  if (seen.figures.length) put(host, element("h3", {}, "Pictures"), element("div", { class: "pictures" }, seen.figures.map((name) => element("figure", {},
+    element("img", { src: fileAddress(`${path}/figures/${name}`), alt: name.replace(/\.svg$/, "").replaceAll("_", " "), loading: "lazy" }), element("figcaption", {}, element("a", { href: fileAddress(`${path}/figures/${name}`, true) }, `download ${name}`))))));
   put(host, element("details", {}, element("summary", {}, "The whole report, here"), element("iframe", { src: fileAddress(`${path}/report.html`), title: `report of ${path}`, sandbox: "allow-scripts allow-popups", loading: "lazy" })));
   return { close, seen };
 }
@@ -113,7 +137,7 @@ export async function fitView(host, asked, session) {
     const options = Object.fromEntries(more.map((label) => [label.firstChild.dataset.option, label.firstChild.checked]));
     const job = await start(session, { command: "fit", scene, out: out.value, accuracy: accuracy.value, "time-limit": limit.value, ...options });
     stop();
-    refill(place, element("p", { class: "quiet" }, "The fit is at work: its stage and the time left stand at the bottom. It goes on when this page is closed."));
+    refill(place, element("p", { class: "quiet" }, "The fit is running; its stage and the time left are shown at the bottom. It continues when this page is closed."));
     stop = whenEnded(job.id, session, (ended) => { if (ended.state === "done" && host.isConnected) { remember({ path: ended.out, second: "" }); show(ended.out); } else if (ended.state !== "done") say(ended.message); });
   }, { class: "main", disabled: !scene });
   const show = async (path, second) => {
@@ -127,11 +151,11 @@ export async function fitView(host, asked, session) {
     const key = JSON.stringify(session.folder.fits.map((fit) => [fit.path, fit.finished]));
     if (key === list.dataset.key) return;
     list.dataset.key = key;
-    refill(list, session.folder.fits.length ? table(["fit", "status", "finished", "says"], session.folder.fits.map((fit) => [link(fit.path, "fit", { path: fit.path }), fit.status, fit.finished.replace("T", " ").replace("Z", ""), fit.message]), { id: "fits", class: "cards" })
-      : element("p", {}, "No fit has ended in this folder yet."));
+    refill(list, session.folder.fits.length ? table(["fit", "status", "finished", "message"], session.folder.fits.map((fit) => [link(fit.path, "fit", { path: fit.path }), fit.status, fit.finished.replace("T", " ").replace("Z", ""), fit.message]), { id: "fits", class: "cards" })
+      : element("p", {}, "No fit in this folder yet. ", link("Open the logs", "logs"), " and make a scene of them first."));
   };
   put(host, element("div", { class: "bar" }, begin, labelled(scene ? `${scene} into` : "no scene yet;", out), labelled("accuracy", accuracy), labelled("at most", limit)),
-    element("div", { class: "bar" }, element("span", { class: "quiet" }, "for more time, also:"), more), text?.error ? element("p", { class: "error" }, `The scene needs mending first: ${text.error} `, link("open it", "scene")) : null,
+    element("div", { class: "bar" }, element("span", { class: "quiet" }, "takes longer:"), more), text?.error ? element("p", { class: "error" }, `The scene is not complete: ${text.error} `, link("open it", "scene")) : null,
     place, element("details", { open: !of }, element("summary", {}, "All fits of the folder"), list));
   document.addEventListener("folder", fill);
   fill();

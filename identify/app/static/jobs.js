@@ -1,7 +1,7 @@
 // Jobs: what runs, how far it is, how it ended; each with the command that does the same.
 import { button, command, duration, element, link, post, say } from "./base.js";
 
-const WORDS = { running: "running", done: "done", failed: "not done", cancelled: "cancelled", killed: "ended from outside" };
+const WORDS = { running: "running", done: "done", failed: "failed", cancelled: "cancelled", killed: "ended from outside" };
 const SECONDS = { min: 60, h: 3600 };
 const BUDGET = 60; // seconds of a fit whose scene and command say nothing
 
@@ -11,7 +11,7 @@ function result(job) {
   if (job.kind === "fit") return link("see the fit", "fit", { path: job.out });
   if (job.kind === "batch" || job.kind === "compare") return link("see the study", "study", { path: job.out, kind: job.kind });
   if (job.kind === "scene") return link("see the scene", "scene", { scene: job.out });
-  if (job.kind === "rig" || job.kind === "plan") return link(`see the ${job.kind}`, "bench");
+  if (job.kind === "rig" || job.kind === "plan") return link(`see the ${job.kind}`, job.kind);
   return link("see the map", "map", { job: job.id });
 }
 
@@ -37,8 +37,8 @@ export function runningJob(job, session) {
 const line = (job) => [element("strong", {}, job.kind), ` ${job.out}: ${WORDS[job.state]} after ${duration(job.seconds)} `, result(job)];
 
 /** Jobs that have ended: the newest in one line, all with their commands beneath. */
-export function endedJobs(jobs, putAway, open) {
-  return element("details", { open }, element("summary", {}, line(jobs[0]), " ", button("put away", putAway)),
+export function endedJobs(jobs, clear, open) {
+  return element("details", { open }, element("summary", {}, line(jobs[0]), " ", button("clear", clear)),
     jobs.map((job) => element("div", { class: "job", "data-state": job.state }, element("p", {}, line(job), job.message ? ` – ${job.message}` : ""), command(job.command))));
 }
 

@@ -2,7 +2,7 @@
 import { address, button, choice, curves, element, get, guarded, here, labelled, link, newestWins, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
 import { shade, TimeView } from "./plots.js";
 
-const MODES = { move: "look", window: "use only …", exclude: "leave out …", tare: "set zero …" };
+const MODES = { move: "move and zoom", window: "use only …", exclude: "leave out …", tare: "set zero …" };
 const HINTS = {
   move: "drag to move, turn the wheel to zoom, double-click for all; keys: ← → + − 0",
   window: "drag over the part that is to be used",
@@ -45,7 +45,7 @@ export async function logView(host, asked, session) {
   const tools = element("div", { class: "bar" }), hint = element("small", {}), hover = element("p", { class: "hover quiet", "aria-live": "off" }, "Point at a slip to read its numbers."), plots = element("div", { id: "plots" });
   const beside = element("div", { class: "columns" }), title = element("h2", {});
   put(host, element("div", { class: "bar" }, labelled("log", choice(logs.includes(path) ? logs : [path, ...logs], path, (to) => { location.hash = address("log", { path: to }); }))),
-    title, wrong ? element("p", { class: "warning" }, `Seen without ${session.scene}, which lacks something: ${wrong}. `, link("fill it in", "scene"), " to place cuts.") : null, tools, hint, plots, hover, beside);
+    title, wrong ? element("p", { class: "warning" }, `${session.scene} is not complete: ${wrong}. `, link("complete it", "scene"), " to place cuts.") : null, tools, hint, plots, hover, beside);
   let mode = "move", view = null, cycles = [], cut = null, over = false;
 
   const about = await (async () => {
@@ -63,7 +63,7 @@ export async function logView(host, asked, session) {
   cut = about.cut;
 
   const at = (time) => cycles.find((c, i) => time <= c.arrest && time >= (i ? cycles[i - 1].arrest : -Infinity));
-  const told = (time) => {
+  const described = (time) => {
     const cycle = at(time), number = cycles.indexOf(cycle);
     if (!cycle) return `${quantity(time, "s", 6)}: no cycle here`;
     const before = number ? cycles[number - 1].arrest : null, stick = before === null ? "" : `, stick ${quantity(cycle.onset - before, "s", 3)}`;
@@ -120,18 +120,18 @@ export async function logView(host, asked, session) {
       const [found, opened] = await Promise.all([get("cut", which), get("log", which)]);
       cut = opened.cut;
       cycles = found.cycles;
-      refill(beside, element("div", {}, element("p", {}, element("strong", {}, `${cycles.length} cycles, ${found.regime || "no regime told"}. `), `${found.evidence.join("; ")}. Noise ${quantity(found.noise, "N", 3)}.`,
+      refill(beside, element("div", {}, element("p", {}, element("strong", {}, `${cycles.length} cycles, ${found.regime || "regime unknown"}. `), `${found.evidence.join("; ")}. Noise ${quantity(found.noise, "N", 3)}.`,
         found.stick_slope ? ` Stick slope ${quantity(found.stick_slope, "N/s")}, over the drive speed ${quantity(found.stiffness_of_sticks, "N/m")}.` : "",
-        found.sign < 0 ? " The force is turned over: it slides with a negative force." : "", found.changes.map((text) => ` ${text}.`)), sceneLines()), classicalTable(found.table.rows));
+        found.sign < 0 ? " The sign of the force is reversed." : "", found.changes.map((text) => ` ${text}.`)), sceneLines()), classicalTable(found.table.rows));
     } else if (about.inspection && !about.inspection.error) {
       const log = about.inspection;
       cycles = log.steps.flatMap((step) => step.onsets_s.map((onset, i) => ({ onset, arrest: step.arrests_s[i] })));
-      refill(beside, element("div", {}, element("p", {}, element("strong", {}, `${cycles.length} slips, ${(log.regime ?? "regime not told").replaceAll("_", " ")}. `), `${log.format}, ${quantity(log.sampling.rate, "Hz")}; ${log.evidence.join("; ")}`),
+      refill(beside, element("div", {}, element("p", {}, element("strong", {}, `${cycles.length} slips, ${(log.regime ?? "regime unknown").replaceAll("_", " ")}. `), `${log.format}, ${quantity(log.sampling.rate, "Hz")}; ${log.evidence.join("; ")}`),
         element("ul", {}, log.quality.findings.map((f) => element("li", {}, element("strong", { class: f.severity }, f.severity), `: ${f.message}`))),
         wrong || places.some((place) => place.path === path) ? null : session.scene ? button(`add this log to ${session.scene}`, async () => { await post("edit", { path: session.scene, logs: [which.path] }); location.hash = address("scene"); }) : element("p", {}, "Cuts are kept in a scene: choose logs in ", link("the table", "logs"), " and make one.")), classicalTable(log.classical.rows));
     }
     else if (!about.inspection) {
-      refill(beside, element("p", { class: "quiet" }, "its slips are being looked for …"));
+      refill(beside, element("p", { class: "quiet" }, "detecting its slips …"));
       setTimeout(guarded(async () => { if (over) return; about.inspection = (await get("log", which)).inspection; await seen(); }), 1000);
       return;
     }
@@ -152,11 +152,11 @@ export async function logView(host, asked, session) {
     const setMode = (name) => { mode = name; hint.textContent = HINTS[name]; buttons.forEach((one) => one.setAttribute("aria-pressed", one.dataset.mode === name)); };
     const skip = element("input", { type: "number", min: 0, max: 999, value: cut.skip_cycles, size: 3, "aria-label": "cycles to skip", onchange: guarded(() => change([["skip_cycles", skip.value === "0" ? "" : skip.value]])) });
     tools.append(...buttons, labelled("skip cycles", skip),
-      button("take all cuts away", () => change([["window", null], ["exclude", null], ["tare", null], ["skip_cycles", null]])),
+      button("remove all cuts", () => change([["window", null], ["exclude", null], ["tare", null], ["skip_cycles", null]])),
       button("the same cut for all logs", async () => {
         const text = (pair) => pair.map((t) => `${plain(t, 7).replace("−", "-")} s`);
         await change([["window", cut.window && text(cut.window)], ["exclude", cut.exclude.map(text)], ["tare", cut.tare && text(cut.tare)], ["skip_cycles", cut.skip_cycles || ""]], places.map((place) => place.number));
-        say("every log of the scene has this cut now");
+        say("all logs of the scene now have this cut");
       }));
     if (inScene.length > 1) tools.append(choice(inScene.map((place) => [String(place.number), `log ${place.number + 1}${place.step ? `, step ${place.step}` : ""}`]), String(which.number), (number) => { location.hash = address("log", { path: about.path, number }); }));
     setMode("move");
@@ -164,7 +164,7 @@ export async function logView(host, asked, session) {
 
   const shown = here().asked;
   const window = shown.begin !== undefined && shown.end !== undefined ? [Number(shown.begin), Number(shown.end)] : undefined;
-  view = new TimeView(plots, { panels, begin: 0, end: about.duration, shown: window, ask, drawOver, hover: (time) => { hover.textContent = told(time); }, mode: () => mode, picks,
+  view = new TimeView(plots, { panels, begin: 0, end: about.duration, shown: window, ask, drawOver, hover: (time) => { hover.textContent = described(time); }, mode: () => mode, picks,
     moved: (begin, end) => remember({ begin: begin.toPrecision(7), end: end.toPrecision(7) }) });
   host.timeView = view;
   seen();

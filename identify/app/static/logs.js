@@ -28,7 +28,7 @@ export function logsView(host, asked, session) {
   const file = element("input", { type: "file", multiple: true, hidden: true, onchange: () => taken(file.files).catch((error) => say(error.message)) });
   const make = button("", async () => {
     const job = await start(session, { command: "scene", logs: meant(session), out: out.value });
-    say("looking at the logs; the scene opens when it is written …");
+    say("writing the scene from the logs; it opens when it is ready …");
     stop = whenEnded(job.id, session, (ended) => { if (ended.state === "done") { session.use(ended.out); location.hash = `#scene?scene=${encodeURIComponent(ended.out)}`; } else say(ended.message); });
   }, { class: "main" });
   let stop = () => {}, shown = "";
@@ -51,19 +51,19 @@ export function logsView(host, asked, session) {
       logs.map((log) => [
         element("input", { type: "checkbox", "aria-label": `choose ${log.path}`, checked: chosen.has(log.path), onchange: (event) => { choose(log.path, event.target.checked); count(); } }),
         link(log.path, "log", { path: log.path }),
-        ...(log.ready ? [log.format, log.speed || "not told", log.load, log.rate, { number: log.slips ?? "" }, log.regime,
+        ...(log.ready ? [log.format, log.speed || "unknown", log.load, log.rate, { number: log.slips ?? "" }, log.regime,
           element("span", {}, element("span", { class: CLASSES[log.verdict] ?? "" }, SIGNS[log.verdict] ?? log.verdict), log.reason ? `: ${log.reason}` : "", log.more ? [" ", link(`and ${log.more} more`, "log", { path: log.path })] : "")]
-          : [log === logs.find((one) => !one.ready) ? "reading …" : "waits", "", "", "", "", "", ""]),
+          : [log === logs.find((one) => !one.ready) ? "inspecting …" : "waiting", "", "", "", "", "", ""]),
       ]), { id: "logs", class: "cards" }));
     const done = logs.filter((log) => log.ready).length;
-    refill(foot, logs.length ? (done < logs.length ? element("p", { class: "quiet", "aria-live": "polite" }, `${done} of ${logs.length} files looked at, one after the other; curves can be seen before.`) : "") : element("p", {}, "There is no log in this folder yet. Drop files here, or ",
+    refill(foot, logs.length ? (done < logs.length ? element("p", { class: "quiet", "aria-live": "polite" }, `${done} of ${logs.length} files inspected, one after the other; their curves can be opened already.`) : "") : element("p", {}, "There is no log in this folder yet. Drop files here, or ",
       button("put the example logs here", async () => { await post("examples"); await session.look(); })));
   };
 
   put(host, 
-    element("div", { class: "bar" }, make, labelled("as", out), button("one fit for each, as a study", () => { location.hash = "#study"; }),
+    element("div", { class: "bar" }, make, labelled("as", out), button("one fit for each log, to compare", () => { location.hash = "#study"; }),
       button("add files …", () => file.click()), file, element("small", {}, "or drop them anywhere on this view")),
-    element("p", { class: "quiet" }, "A scene says what is fitted together: the rig, the logs and what the model is made of. Mark the logs of one pair on one rig, make a scene of them, fill in what it asks for, and fit. A click on a log shows its curves."),
+    element("p", { class: "quiet" }, "Click a log to check its curves. Then mark the logs of one pair of surfaces on one rig and make a scene of them: the file that states rig, logs and model of one fit."),
     rows, foot);
   const over = (event) => { event.preventDefault(); host.classList.toggle("drop", event.type === "dragover"); };
   host.addEventListener("dragover", over);

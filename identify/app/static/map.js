@@ -4,19 +4,18 @@ import { start, whenEnded } from "./jobs.js";
 import { line, mark, picture } from "./plots.js";
 
 const OUTCOMES = { // word, colour, pattern of dots or lines: readable without colour
-  "always sticks": ["stick-slip from any start", "--force", "lines"], bistable: ["stick-slip or sliding, by the start", "--load", "dots"],
-  "never sticks": ["steady sliding from any start", "--good", ""], "sticks irregularly": ["irregular stick-slip", "--bad", "cross"],
-};
-const SHADES = 0.28;
+  "always sticks": ["stick-slip", "--sticks", "lines"], bistable: ["both: depends on the start", "--either", "dots"],
+  "never sticks": ["steady sliding", "--slides", ""], "sticks irregularly": ["irregular stick-slip", "--irregular", "cross"],
+}; // words and colours of the report
 const SWATCH = 14; // pixels
 const REACH = 3; // factor by which a map reaches beyond its point
 
 function cell(context, x, y, width, height, outcome) {
   const [, color, pattern] = OUTCOMES[outcome] ?? ["", "--faint", ""];
-  context.fillStyle = context.strokeStyle = style(color);
-  context.globalAlpha = SHADES;
+  context.fillStyle = style(color);
   context.fillRect(x, y, width + 0.6, height + 0.6);
-  context.globalAlpha = 0.55;
+  context.fillStyle = context.strokeStyle = style("--faint");
+  context.globalAlpha = 0.3;
   context.lineWidth = 0.8;
   if (pattern === "lines") { context.beginPath(); context.moveTo(x, y + height); context.lineTo(x + width, y); context.stroke(); }
   if (pattern === "dots") context.fillRect(x + width / 2 - 1, y + height / 2 - 1, 2, 2);
@@ -84,7 +83,7 @@ export async function mapView(host, asked, session) {
     view = picture(place, { height: Math.min(520, Math.max(320, innerHeight * 0.6)), x: { ...sized(x), range: [xs[0], xs[xs.length - 1]], log: logs[0] }, y: { ...sized(y), range: [ys[0], ys[ys.length - 1]], log: logs[1] },
       draw: (context, tox, toy) => {
         made.map.outcomes.forEach((row, j) => row.forEach((outcome, i) => cell(context, tox(xs[i]), toy(ys[j + 1]), tox(xs[i + 1]) - tox(xs[i]), toy(ys[j]) - toy(ys[j + 1]), outcome)));
-        for (const [lines, dash] of [[made.map.end_of_stick_slip, []], [made.map.loss_of_stability, [6, 4]]]) for (const points of lines) line(context, points.map((p) => p[0]), points.map((p) => p[1]), tox, toy, style("--ink"), { width: 2, dash });
+        for (const [lines, dash, color] of [[made.map.end_of_stick_slip, [], "--model"], [made.map.loss_of_stability, [6, 4], "--accent"]]) for (const points of lines) line(context, points.map((p) => p[0]), points.map((p) => p[1]), tox, toy, style(color), { width: 2, dash });
         tested(context, tox, toy, x, y);
         arrows(context, tox, toy, x, y);
         mark(context, tox(here[x.name]), toy(here[y.name]), style("--ink"), "circle", 7);

@@ -1,7 +1,8 @@
 // The scene: a form with units as typed, effects as switches, and the text beside it; what one side says the other shows.
-import { button, choice, command, element, get, inOrder, labelled, link, plain, post, put, quantity, refill, say, settled, table } from "./base.js";
+import { button, choice, command, element, get, inOrder, labelled, link, post, put, quantity, refill, say, settled, table } from "./base.js";
 
-const LOG_COLUMNS = [["path", "file"], ["drive_speed", "drive speed"], ["step", "step"], ["window", "window"], ["exclude", "left out"], ["skip_cycles", "skip"], ["tare", "zero"], ["labels", "labels"]];
+const LOG_COLUMNS = [["path", "file"], ["drive_speed", "drive speed"], ["step", "step"], ["labels", "labels"]];
+const CUTS = [["window", "window"], ["exclude", "left out"], ["skip_cycles", "skipped cycles"], ["tare", "zero"]];
 const EXAMPLES = { mass: "200 g", stiffness: "1.5 N/mm", zeta: "0.05", damping: "147 N/m", drive_speed: "0.1 mm/s", normal_force: "2 N", noise: "2 mN" };
 const GUESS = 5; // factor either way in which a guess is searched
 const missing = (value) => value.startsWith("TODO");
@@ -30,7 +31,6 @@ export async function sceneView(host, asked, session) {
     return made;
   };
 
-  let costs = { effects: {}, text: "" };
   const stem = path.split("/").pop().replace(/\.toml$/, ""), last = session.folder.fits.find((fit) => fit.path.startsWith("stickslip-") && [stem, first.form?.name].includes(fit.path.slice(10)));
   const reasons = Object.fromEntries(((last && await get("fit", { path: last.path }).catch(() => null))?.effects ?? []).map((reason) => [reason.effect, reason.sentence]));
   const folded = (name, words, ...inside) => element("details", { class: "folded", open: form.querySelector(`[data-folded=${name}]`)?.open, "data-folded": name }, element("summary", {}, words), inside);
@@ -42,11 +42,10 @@ export async function sceneView(host, asked, session) {
         change(["effects"], on);
       } });
       const many = (number, word) => number ? `${number} ${word}${number === 1 ? "" : "s"}` : "";
-      const paid = [many(effect.states, "state"), many(effect.searched, "searched parameter"), effect.name in costs.effects ? `${plain(costs.effects[effect.name], 2)} ms of a simulated cycle` : ""].filter(Boolean).join(", ");
-      const said = paid ? `costs ${paid}` : "costs nothing to speak of";
+      const adds = [many(effect.states, "state"), many(effect.searched, "estimated parameter")].filter(Boolean).join(", ");
       return element("div", { class: "effect", "data-effect": effect.name }, element("label", {}, box, " ", element("strong", {}, effect.name.replaceAll("_", " ")), ": ", effect.says),
-        element("small", {}, said, effect.parameters.length ? ` (${effect.parameters.join(", ")})` : "", effect.role ? `; one ${effect.role} at most` : "", effect.needs.length ? `; needs ${effect.needs.join(", ")}` : ""),
-        effect.matters ? element("small", {}, `Here: ${effect.matters}.`) : null, effect.on && reasons[effect.name] ? element("small", {}, `The last fit: ${reasons[effect.name]}.`) : null);
+        element("small", {}, adds ? `adds ${adds}` : "adds no parameter", effect.parameters.length ? ` (${effect.parameters.join(", ")})` : "", effect.role ? `; one ${effect.role} at most` : "", effect.needs.length ? `; needs ${effect.needs.join(", ")}` : ""),
+        effect.matters ? element("small", {}, `In this scene: ${effect.matters}.`) : null, effect.on && reasons[effect.name] ? element("small", {}, `The last fit: ${reasons[effect.name]}.`) : null);
     });
   }
 
@@ -54,15 +53,15 @@ export async function sceneView(host, asked, session) {
     const label = element("label", {}, field.label, field.unit === "no unit" ? "" : ` (${field.unit})`), made = input(["rig", field.key], field.value, { placeholder: field.needed ? `such as ${EXAMPLES[field.key] ?? ""}` : "", label: field.label });
     const box = !field.guess ? null : element("input", { type: "checkbox", checked: field.searched !== "", "data-guess": field.key, onchange: () => {
       const bounds = around(made.value);
-      if (box.checked && !bounds) { box.checked = false; made.focus(); say(`type the ${field.label} you guess first, with its unit`); return; }
+      if (box.checked && !bounds) { box.checked = false; made.focus(); say(`type an estimate of the ${field.label} first, with its unit`); return; }
       change(["parameters", field.key], box.checked ? bounds : null);
     } });
     return element("div", { class: "field" }, label, made, element("small", {}, field.help),
-      box ? element("small", {}, element("label", {}, box, field.searched ? ` a guess: the fit searches it, ${field.searched.replace(/[{}"]/g, "").trim()}` : ` only a guess: let the fit search it, up to ${GUESS} times smaller and larger`)) : null);
+      box ? element("small", {}, element("label", {}, box, field.searched ? ` uncertain: estimated by the fit, ${field.searched.replace(/[{}"]/g, "").trim()}` : ` uncertain: estimate it in the fit, within a factor of ${GUESS}`)) : null);
   }
 
   function parameters(seen) {
-    return element("div", { class: "wide" }, element("table", {}, element("thead", {}, element("tr", {}, ["parameter", "start", "lower", "upper", "held at"].map((name) => element("th", {}, name)))),
+    return element("div", { class: "wide" }, element("table", {}, element("thead", {}, element("tr", {}, ["parameter", "start", "lower", "upper", "fixed at"].map((name) => element("th", {}, name)))),
       element("tbody", {}, seen.parameters.map((p) => element("tr", {},
         element("td", { class: "meaning" }, element("label", { title: p.meaning }, `${p.symbol} ${p.name}`), element("br"), element("small", {}, p.meaning)),
         ["start", "lower", "upper", "fixed"].map((word) => element("td", {}, p.kind === "given" && (word === "lower" || word === "upper") ? "" : input(["parameters", p.name, word], p[word],
@@ -73,8 +72,9 @@ export async function sceneView(host, asked, session) {
     const known = Object.fromEntries(session.folder.logs.map((log) => [log.path, log]));
     const field = (log, number, key) => [input(["logs", String(number + 1), key], log[key], { size: missing(log[key]) ? 22 : Math.min(Math.max(log[key].length, 6), 22), label: `${key} of log ${number + 1}` }),
       key === "drive_speed" && known[log.path]?.slope ? element("small", { class: "under" }, `sticks rise by ${quantity(known[log.path].slope, "N/s", 3)}: stiffness times drive speed`) : null];
-    return table([...LOG_COLUMNS.map(([, name]) => name), ""], seen.logs.map((log, number) => [...LOG_COLUMNS.map(([key]) => element("span", {}, field(log, number, key))),
-      element("span", {}, link("see", "log", { path: log.path, number: String(number) }), " ", button("drop", () => change(["logs", String(number + 1)], null)))]), { class: "cards" });
+    const cuts = (log) => CUTS.filter(([key]) => log[key]).map(([key, name]) => `${name} ${log[key]}`).join("; ").replaceAll('"', "") || "none";
+    return table([...LOG_COLUMNS.map(([, name]) => name), "cuts", ""], seen.logs.map((log, number) => [...LOG_COLUMNS.map(([key]) => element("span", {}, field(log, number, key))),
+      element("span", {}, `${cuts(log)} `, link("edit", "log", { path: log.path, number: String(number) })), button("remove", () => change(["logs", String(number + 1)], null))]), { class: "cards" });
   }
 
   function show(seen, fromText = false) {
@@ -83,21 +83,20 @@ export async function sceneView(host, asked, session) {
     error.textContent = seen.error;
     state.dataset.saved = seen.saved ? "yes" : "no";
     refill(state, button("save", async () => { show(await post("save", { path })); say(""); }, { class: "main", disabled: seen.saved }),
-      element("span", { class: "quiet" }, seen.saved ? "saved" : "changed; kept here, and saved when you fit"), seen.error ? "" : element("span", {}, "Complete. Next: ", link("look at the logs", "log"), ", ", link("try values", "try"), " or ", link("fit", "fit"), "."));
+      element("span", { class: "quiet" }, seen.saved ? "saved" : "changed; kept as a draft, saved when you fit"), seen.error ? "" : element("span", {}, "Complete: ", link("check the logs", "log"), ", ", link("try values", "try"), " or ", link("fit", "fit"), "."));
     text.setAttribute("aria-invalid", String(Boolean(seen.error)));
     if (seen.form) {
       const { rig, rig_file: file, time_limit: limit } = seen.form;
       const files = [...new Set([...session.folder.rigs, ...(file ? [file] : [])])];
       refill(form, 
-        element("h3", {}, "Rig"), files.length ? labelled("rig from", choice([["", "what is typed here"], ...files], file, (name) => change(["rig"], name || null), { "data-place": "rig" })) : null,
+        element("h3", {}, "Rig"), files.length ? labelled("rig from", choice([["", "the values below"], ...files], file, (name) => change(["rig"], name || null), { "data-place": "rig" })) : null,
         file ? element("p", { class: "quiet" }, `Mass, stiffness and damping are those of ${file}; its tolerances are the priors of every fit.`) : rig.filter((field) => field.needed).map(rigField), element("h3", {}, "Logs"), logs(seen.form),
         folded("optional", "More of the rig, and time", file ? null : rig.filter((field) => !field.needed).map(rigField),
           element("div", { class: "field" }, element("label", {}, "time for a fit"), input(["fit", "time_limit"], limit, { placeholder: "60 s" }))),
-        element("h3", {}, "Effects: what the model is made of ", button("measure what each costs", async () => { costs = await post("costs", { scene: path }); show(seen); })),
-        costs.text ? element("p", { class: "quiet" }, costs.text) : null,
-        seen.form.auto ? element("p", {}, "The scene leaves the choice to the fit (effects = \"auto\"). ", button("choose them here", () => change(["effects"], ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"])))
+        element("h3", {}, "Effects: what the model is made of"),
+        seen.form.auto ? element("p", {}, "The fit chooses the effects (effects = \"auto\"). ", button("choose them here", () => change(["effects"], ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"])))
           : [effects(seen.form, true), folded("effects", `${seen.form.effects.filter((one) => !one.on).length} more effects`, effects(seen.form, false))],
-        folded("parameters", "Parameters: where the search starts, bounds, what is held", parameters(seen.form)));
+        folded("parameters", "Parameters: start values, bounds, fixed values", parameters(seen.form)));
     }
     for (const field of form.querySelectorAll("[data-place]")) {
       const wrong = "open" in field.dataset || Boolean(seen.place) && (field.dataset.place === seen.place || field.dataset.place.startsWith(`${seen.place}.`) || seen.place.startsWith(`${field.dataset.place}.`));
@@ -108,7 +107,7 @@ export async function sceneView(host, asked, session) {
   }
 
   put(host, element("h2", {}, path), state, error,
-    element("div", { class: "columns" }, element("div", {}, form), element("div", { class: "beside" }, element("h3", {}, "The same as text"), text, command(`stickslip fit --scene ${path}`))));
+    element("div", { class: "columns" }, element("div", {}, form), element("div", { class: "beside" }, element("h3", {}, "The scene file"), text, command(`stickslip fit --scene ${path}`))));
   show(first);
   return undefined;
 }

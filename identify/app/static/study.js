@@ -41,7 +41,7 @@ function manifest(session, host, speeds, kept, changed) {
   labelName.addEventListener("input", named);
   named();
   host.onchange = changed;
-  put(host, element("p", {}, "One fit is made for each group; logs with the same group are fitted together. The logs are those marked in the table, all where none is. ", button("all in one group", () => { cells.forEach((cell) => { cell.group.value = cells[0].group.value; }); return changed(); })),
+  put(host, element("p", {}, "Logs with the same group name are fitted together. Shown are the logs marked in the table of logs, or all of them. ", button("all in one group", () => { cells.forEach((cell) => { cell.group.value = cells[0].group.value; }); return changed(); })),
     table(["log", "group", "drive speed", "step", labelName], cells.map((cell) => [cell.path, cell.group, cell.speed, cell.step, cell.label]), { class: "cards" }));
   return () => cells.map((cell) => Object.fromEntries(Object.entries({ path: cell.path, group: cell.group.value, drive_speed: cell.speed.value, step: cell.step.value, [labelName.value]: cell.label.value }).filter(([key, value]) => key === "path" || key === "group" || value)));
 }
@@ -79,8 +79,8 @@ export async function studyView(host, asked, session) {
     parameter = parameter || names[0] || "";
     label = label || found.labels[0] || "";
     const plot = element("div", { id: "forest" }), into = `${path}-by-${label || "group"}`;
-    refill(seen, element("h2", {}, path), element("p", {}, `${found.groups.length} groups have ended${busy ? "; the batch is at work" : ""}`),
-      table(["group", "status", ...names.map((name) => ({ number: name })), "says"], found.groups.map((group) => [group.fit ? link(group.group, "fit", { path: group.fit }) : group.group, (group.status ?? "").replaceAll("_", " "),
+    refill(seen, element("h2", {}, path), element("p", {}, `${found.groups.length} groups done${busy ? "; the batch is running" : ""}`),
+      table(["group", "status", ...names.map((name) => ({ number: name })), "message"], found.groups.map((group) => [group.fit ? link(group.group, "fit", { path: group.fit }) : group.group, (group.status ?? "").replaceAll("_", " "),
         ...names.map((name) => ({ number: quantity(group.parameters?.[name]?.value, group.parameters?.[name]?.unit, 3) })), group.message]), { id: "groups", class: "cards" }),
       names.length ? element("div", { class: "bar" }, labelled("forest plot of", choice(names, parameter, (to) => { parameter = to; forest(plot, found.groups, parameter, label); })),
         found.labels.length ? labelled("marks by", choice(found.labels, label, (to) => { label = to; shown = ""; fill(true); })) : "",
@@ -92,7 +92,7 @@ export async function studyView(host, asked, session) {
     if (parameter) forest(plot, found.groups, parameter, label);
   };
   const listener = () => fill().catch((error) => say(error.message));
-  put(host, element("h2", {}, "Study"), make, session.folder.batches.length ? element("p", {}, "Studies of this folder: ", session.folder.batches.map((name) => [link(name, "study", { path: name }), " "])) : "", seen);
+  put(host, element("h2", {}, "Compare: one fit for each group of logs"), make, session.folder.batches.length ? element("p", {}, "Batches of this folder: ", session.folder.batches.map((name) => [link(name, "study", { path: name }), " "])) : "", seen);
   document.addEventListener("folder", listener);
   await fill(true);
   return () => { document.removeEventListener("folder", listener); stop(); };

@@ -5,7 +5,7 @@ import { line, mark, picture, span } from "./plots.js";
 const STEPS = 400, REACH = 4; // a slider goes from a quarter to four times the value where no interval is known
 
 /** How early or late simulated slips come, in words: the start is one noisy sample, so a little of it says nothing. */
-const shift = (late) => late === null ? "" : `, ${quantity(Math.abs(late), "s", 2)} ${late < 0 ? "early" : "late"} in the median, which the steep falls show most`;
+const shift = (late) => late === null ? "" : `, ${quantity(Math.abs(late), "s", 2)} ${late < 0 ? "early" : "late"} in the median`;
 
 export async function tryView(host, asked, session) {
   if (!session.scene) {
@@ -14,7 +14,7 @@ export async function tryView(host, asked, session) {
   }
   const path = session.scene, seen = await get("scene", { path });
   if (seen.error) {
-    put(host, element("p", { class: "error" }, `The scene needs mending first: ${seen.error} `, link("open it", "scene")));
+    put(host, element("p", { class: "error" }, `The scene is not complete: ${seen.error} `, link("open it", "scene")));
     return undefined;
   }
   const stem = path.split("/").pop().replace(/\.toml$/, "");
@@ -33,7 +33,7 @@ export async function tryView(host, asked, session) {
     picture(speed, { x: { label: "sliding speed (mm/s)", range: span(moving) }, y: { label: "friction coefficient while sliding", range: span(simulated.coefficient) }, draw: (context, x, y) => line(context, moving, simulated.coefficient, x, y, red()) });
     picture(strength, { x: { label: "rest before the slip (s)", range: span(made.strength.map(([rest]) => rest)) }, y: { label: "coefficient at the onset", range: span(made.strength.map(([, mu]) => mu)) },
       draw: (context, x, y) => made.strength.forEach(([rest, mu]) => mark(context, x(rest), y(mu), red(), "diamond")) });
-    told.textContent = `off by ${quantity(made.rms, "N", 3)} (rms; noise ${quantity(made.noise, "N", 2)}); ${made.slips.simulated} slips simulated, ${made.slips.measured} measured${shift(made.late)}. Measured: solid; simulated: dashed.${made.uneven ? " The cycles of this log differ: no one set of values follows them all, so judge by slope, mean drop and mean period." : ""}`;
+    told.textContent = `off by ${quantity(made.rms, "N", 3)} (rms; noise ${quantity(made.noise, "N", 2)}); ${made.slips.simulated} slips simulated, ${made.slips.measured} measured${shift(made.late)}. Measured: solid; simulated: dashed.${made.uneven ? " The cycles of this log differ among themselves: judge by slope, mean drop and mean period." : ""}`;
     host.dataset.tried = String(Number(host.dataset.tried ?? 0) + 1);
   };
   const simulate = newestWins(async () => {
@@ -68,7 +68,7 @@ export async function tryView(host, asked, session) {
   put(host, element("h2", {}, `Try values: ${path}`),
     element("div", { class: "bar" }, labelled("log", choice(logs, String(number), (to) => { number = Number(to); note(); simulate(); })), amount("from cycle", first + 1, (to) => { first = to - 1; }, 1), amount("cycles", count, (to) => { count = to; }, 1),
       button("start from the data", async () => {
-        say("looking at the mean cycle of each log …");
+        say("estimating from the mean cycle of each log …");
         const found = await post("start-values", { scene: path });
         for (const [name, value] of Object.entries(found.values)) sliders.get(name)?.set(value);
         say(`started from ${found.source}`);
@@ -77,10 +77,10 @@ export async function tryView(host, asked, session) {
       }),
       own ? button("values of the fit", () => { for (const [name, entry] of Object.entries(own.parameters)) if (entry.value !== null) sliders.get(name)?.set(entry.value); note(); return simulate(); }) : null,
       own ? element("label", {}, box, " over the 95 % intervals of the fit") : null,
-      button("write as starts into the scene", async () => {
+      button("use as start values of the scene", async () => {
         const changes = shown.map((p) => ({ keys: ["parameters", p.name, "start"], value: `${values[p.name].toPrecision(6)} ${p.unit}`.trim() }));
         await post("edit", { path, changes });
-        say("the scene's draft has these starts now");
+        say("these start values are in the draft of the scene");
       })),
     shown.map(slider), told, force, element("div", { class: "columns" }, phase, speed, strength), command(`stickslip fit --scene ${path} --preview`));
   await simulate();
