@@ -18,7 +18,7 @@ from identify.report.style import extremes
 from identify.report.summary import accuracy_text, tolerances_text
 
 Array = NDArray[np.float64]
-SHOWN = ("status", "message", "parameters", "search", "not_tried", "next_logs", "accuracy", "timing_s", "correlation")
+SHOWN = ("status", "message", "parameters", "search", "not_tried", "next_logs", "accuracy", "timing_s")
 
 
 def fit_seen(folder: Folder, name: str) -> Document:
