@@ -25,11 +25,7 @@ COMMANDS: Mapping[str, Mapping[str, str]] = {
 
 
 def words_of(folder: Folder, asked: Document) -> tuple[list[str], str]:
-    """The words after `stickslip`, and what the command writes (a path in the folder, "" for nothing).
-
-    Raises:
-        PageError: an unknown command or option, or a path outside the folder.
-    """
+    """The words after `stickslip`, and what the command writes (a path in the folder, "" for nothing)."""
     name = str(asked.get("command"))
     if name not in COMMANDS:
         raise PageError(f"the page runs no such command; expected one of {', '.join(COMMANDS)}")

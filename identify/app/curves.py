@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -44,6 +44,7 @@ class OpenLog:
     record: Record | None = None
     error: str = ""
     programme: tuple[tuple[float, float], ...] = ()
+    done: threading.Event = field(default_factory=threading.Event)
 
     @property
     def size(self) -> int:
@@ -53,9 +54,6 @@ class OpenLog:
     def window(self, begin: float, end: float) -> Array:
         """Time [s], friction force [N], normal force [N], drive speed [m/s] (NaN: unknown) of a window, (4, m) with
         m <= MOST_POINTS.
-
-        Raises:
-            PageError: the log is not read yet.
         """
         if self.record is None:
             raise PageError(self.error or "this log is still being read; wait a moment")
@@ -82,11 +80,7 @@ class OpenLogs:
         self._lock, self._readers = threading.Lock(), threading.Semaphore(READERS)
 
     def opened(self, name: str, options: Document) -> OpenLog:
-        """The log of that name, as `data_io.read_log` reads it with these options; reading begins where it has not.
-
-        Raises:
-            PageError: there is no such file.
-        """
+        """The log of that name, as `data_io.read_log` reads it with these options; reading begins where it has not."""
         path = self._folder.file(name)
         stat = path.stat()
         stamp = stat.st_mtime_ns, stat.st_size
@@ -102,19 +96,12 @@ class OpenLogs:
         return opened
 
     def wait(self, name: str, options: Document, seconds: float = 60.0) -> Record:
-        """The record of a log, waited for.
-
-        Raises:
-            PageError: it cannot be read, or not in that time.
-        """
-        opened, event = self.opened(name, options), threading.Event()
-        for _ in range(int(seconds / 0.01)):
-            if opened.record is not None:
-                return opened.record
-            if opened.error:
-                raise PageError(opened.error)
-            event.wait(0.01)
-        raise PageError(f"{name} is still being read; wait until the log view shows it")
+        """The record of a log, waited for."""
+        opened = self.opened(name, options)
+        opened.done.wait(seconds)
+        if opened.record is None:
+            raise PageError(opened.error or f"{name} is still being read; wait until the log view shows it")
+        return opened.record
 
     def _read(self, opened: OpenLog, read: Callable[..., Record]) -> None:
         def progress(share: float) -> None:
@@ -130,6 +117,7 @@ class OpenLogs:
             opened.error = str(error)
         except Exception as error:  # noqa: BLE001 - of a thread nobody would hear
             opened.error = f"a defect of ours ({type(error).__name__}: {error}); report it"
+        opened.done.set()
         with self._lock:
             while sum(log.size for log in self._logs.values()) > HELD and len(self._logs) > 1:
                 self._logs.popitem(last=False)

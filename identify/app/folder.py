@@ -27,7 +27,8 @@ Document = dict[str, Any]  # a JSON object
 
 
 class PageError(IdentifyError):
-    """What was asked of the page cannot be; the text is the whole sentence."""
+    """What was asked of the page cannot be; the text is the whole sentence. Everything in this room raises it, and lets
+    the errors of other rooms pass: the server turns each into an answer."""
 
 
 @dataclass(frozen=True)
@@ -94,11 +95,7 @@ class Folder:
         return Folder(root)
 
     def path(self, text: object) -> Path:
-        """The file or folder that a relative path names; it need not exist.
-
-        Raises:
-            PageError: a path that leads out of the folder, or to what the page or the system keeps hidden.
-        """
+        """The file or folder that a relative path names; it need not exist."""
         if not isinstance(text, str) or not text or "\0" in text or "\\" in text or len(text) > 1000:
             raise PageError("a path inside the folder was expected; choose a file from the list")
         parts = Path(text).parts

@@ -49,11 +49,7 @@ class Jobs:
         self._lock = threading.Lock()
 
     def start(self, words: Sequence[str], out: str) -> Document:
-        """Start `stickslip` with these words.
-
-        Raises:
-            PageError: a job that writes to the same place is at work, or as many as the machine has cores.
-        """
+        """Start `stickslip` with these words."""
         with self._lock:
             running = [job for job in self.listed() if job["state"] == "running"]
             if len(running) >= AT_ONCE:
@@ -92,11 +88,7 @@ class Jobs:
         return [self.seen(name) for name in names]
 
     def seen(self, name: str) -> Document:
-        """One job: what was asked, its state (running, done, failed, cancelled, killed), progress, and what it said.
-
-        Raises:
-            PageError: there is no such job.
-        """
+        """One job: what was asked, its state (running, done, failed, cancelled, killed), progress, and what it said."""
         place = self._of(name)
         about = read_json(place / "job.json")
         if about is None:
@@ -110,11 +102,7 @@ class Jobs:
         return job | {"state": state, "message": message, **_progress(place / "progress.jsonl")}
 
     def document(self, name: str) -> Document:
-        """What a finished job printed.
-
-        Raises:
-            PageError: it printed nothing (yet).
-        """
+        """What a finished job printed."""
         document = read_json(self._of(name) / "document.json")
         if document is None:
             raise PageError("this job has printed no result; look at its state")

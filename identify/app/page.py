@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import shutil
-import threading
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -30,7 +28,6 @@ from identify.report.stored_result import scene_of as scene_of_result
 from identify.scene import Scene
 from identify.scene.values import LogEntry
 
-KEPT = 16  # cut logs in memory
 Answer = Document | NDArray[np.float64]
 
 
@@ -40,8 +37,7 @@ class Page:
     def __init__(self, folder: Folder) -> None:
         self.folder = folder
         self.jobs, self.looks, self.logs, self.scenes = Jobs(folder), Looks(folder), OpenLogs(folder), Scenes(folder)
-        self._cut: OrderedDict[tuple[str, ...], Segmented] = OrderedDict()
-        self._lock = threading.Lock()
+        self._cut: tuple[tuple[str, ...], Segmented | None] = (), None
         self.answers: dict[str, tuple[str, Callable[[Question], Answer]]] = {
             "folder": ("GET", lambda _: self._listed()),
             "jobs": ("GET", lambda _: {"jobs": self.jobs.listed()}),
@@ -211,15 +207,11 @@ class Page:
         name, options, entry = self._of_scene(scene, number)
         rig, record = scene.rig_for(entry), self.logs.wait(name, options)
         key = (name, str(id(record)), repr(entry), repr(rig))
-        with self._lock:
-            known = self._cut.get(key)
-        if known is None:
-            if rig.drive_speed is None:
-                rig = replace(rig, drive_speed=self.logs.opened(name, options).programme or None)
-            known = segmented(entry, record, rig)
-        with self._lock:
-            self._cut[key] = known
-            self._cut.move_to_end(key)
-            while len(self._cut) > KEPT:
-                self._cut.popitem(last=False)
-        return known
+        known, made = self._cut  # of the log that is worked on
+        if known == key and made is not None:
+            return made
+        if rig.drive_speed is None:
+            rig = replace(rig, drive_speed=self.logs.opened(name, options).programme or None)
+        made = segmented(entry, record, rig)
+        self._cut = key, made
+        return made

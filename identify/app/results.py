@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from identify.app.curves import MOST_POINTS
 from identify.app.folder import Document, Folder, PageError, read_json
 from identify.base.result import Result
-from identify.report.report_wording import NOT_FOR, distribution_lines, headline, is_uneven
+from identify.report.report_wording import NOT_FOR, distribution_lines, headline, is_uneven, plain_symbol
 from identify.report.stored_result import plain
 from identify.report.style import extremes
 from identify.report.summary import accuracy_text, tolerances_text
@@ -22,11 +22,7 @@ SHOWN = ("status", "message", "parameters", "search", "not_tried", "next_logs", 
 
 
 def fit_seen(folder: Folder, name: str) -> Document:
-    """What the page shows of the fit in a folder.
-
-    Raises:
-        PageError: there is no whole result.
-    """
+    """What the page shows of the fit in a folder."""
     place = folder.path(name)
     document = read_json(place / "result.json")
     if document is None:
@@ -58,6 +54,7 @@ def fit_seen(folder: Folder, name: str) -> Document:
         "uneven": uneven,
         "effects": (document.get("effects") or {}).get("reasons") or [],
         "logs": logs,
+        "symbols": {key: plain_symbol(key) for key in document.get("parameters") or {}},
         "figures": sorted(item.name for item in (place / "figures").glob("*.svg")),
         "files": sorted(item.name for item in place.iterdir() if item.is_file()),
     }
@@ -86,9 +83,6 @@ def residuals(folder: Folder, name: str, number: int, begin: float, end: float) 
     """Time [s], measured force [N], fitted force [N], their difference [N] of a log (from 1) of a fit, (4, m): where
     there are more than fit a curve, of each stretch the sample with the largest difference of either sign, or the
     largest force where nothing was fitted to the curve.
-
-    Raises:
-        PageError: the fit keeps no curves of this log.
     """
     try:
         with h5py.File(folder.path(name) / "result.h5", "r") as file:

@@ -57,11 +57,7 @@ class Scenes:
         self._folder = folder
 
     def text(self, name: str) -> str:
-        """The draft of a scene, else its file.
-
-        Raises:
-            PageError: no such file, or one that is no text.
-        """
+        """The draft of a scene, else its file."""
         path, draft = self._folder.path(name), self._draft(name)
         if draft.is_file() and (not path.is_file() or draft.stat().st_mtime_ns > path.stat().st_mtime_ns):
             path = draft
@@ -73,11 +69,7 @@ class Scenes:
             raise PageError(f"{name}: there is no such scene; choose one from the list") from None
 
     def keep(self, name: str, text: str) -> Document:
-        """Keep a draft, valid or not, so that nothing typed is lost; how it is seen then.
-
-        Raises:
-            PageError: more than a scene can be.
-        """
+        """Keep a draft, valid or not, so that nothing typed is lost; how it is seen then."""
         if not name.endswith(".toml") or len(text) > LONGEST:
             raise PageError(f"{name!r} is no scene; expected a name that ends in .toml, and a text that people write")
         self._folder.path(name)
@@ -95,11 +87,7 @@ class Scenes:
         return self.seen(name)
 
     def scene(self, name: str) -> Scene:
-        """The scene that the text makes, draft or not.
-
-        Raises:
-            SceneError: one sentence, without the name of the file. PageError: no such file.
-        """
+        """The scene that the text makes, draft or not."""
         path = self._folder.path(name)
         try:
             document = parsed(self.text(name))
@@ -139,9 +127,6 @@ def edited(text: str, keys: Sequence[str], value: object) -> str:
     Args:
         keys: the way there; logs are counted from 1. value: text as a person types it (a number without a unit becomes
             a number), a list or a table; None or "" takes the key out.
-
-    Raises:
-        PageError: the text is no TOML, or the way leads nowhere.
     """
     if not keys or not all(isinstance(key, str) and re.fullmatch(r"[\w-]{1,60}", key) for key in keys):
         raise PageError("no field of a scene has this name; load the page again")

@@ -33,7 +33,6 @@ OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost):\d{1,5}")
 else has another host, or an origin with another port than the one it asks."""
 FILES = Path(__file__).parent / "static"
 LARGEST_QUESTION = 4_000_000  # bytes of a question of the page
-LARGEST_LOG = 8_000_000_000  # bytes of a file that is dropped in
 SECONDS = 2  # in which the server stops
 OWN_PAGES = "default-src 'self'; img-src 'self' data: blob:; object-src 'none'; base-uri 'none'; form-action 'none'; \
 frame-ancestors 'self'"
@@ -147,12 +146,8 @@ def _adding(folder: Folder, uploads: Path) -> Callable[[Request], Awaitable[Resp
                 raise PageError(f"{name!r} is no name of a file; rename it")
             if target.exists():
                 raise FileExistsError
-            size = 0
             with part.open("wb") as handle:
                 async for piece in request.stream():
-                    size += len(piece)
-                    if size > LARGEST_LOG:
-                        raise PageError(f"{name} is larger than the page takes; copy it into the folder yourself")
                     await run_in_threadpool(handle.write, piece)
             target.open("xb").close()  # of several of one name the first that is whole
             part.replace(target)
@@ -196,12 +191,8 @@ async def _own_file(request: Request) -> Response:
 class Serving:
     """A server at work on a free port of this machine; `address` has the token in it."""
 
-    def __init__(self, folder: Folder, port: int = 0, token: str | None = None) -> None:
-        """token: kept by tests; else a new one each time.
-
-        Raises:
-            OSError: the port is taken.
-        """
+    def __init__(self, folder: Folder, port: int = 0) -> None:
+        """Raises OSError where the port is taken."""
         self.page = Page(folder)
         # asyncio sends small answers at once (TCP_NODELAY) only where the protocol is named; else each waits 40 ms
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
@@ -209,7 +200,7 @@ class Serving:
         self._socket.bind((HOST, port))
         self._socket.listen()
         self.port = int(self._socket.getsockname()[1])
-        self.token = token or secrets.token_urlsafe(24)
+        self.token = secrets.token_urlsafe(24)
         self._uploads = tempfile.TemporaryDirectory(prefix="added-", dir=folder.own("x").parent)
         config = uvicorn.Config(
             application(self.page, self.token, Path(self._uploads.name)),

@@ -25,7 +25,7 @@ from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]
 POINTS = 1_000  # of a curve, and again of its slips
-A_SLIP = (4, 40)  # fewest and most of them in a slip
+A_SLIP = (4, 120)  # fewest and most of them in a slip
 ACCURACY = 1e-4  # of switch times and forces: finer than a line on a screen
 LOADS = 200  # pieces of the load over time
 ONE_AT_A_TIME = threading.Lock()  # compiled functions of a model are used by one thread
@@ -38,9 +38,6 @@ def tried(scene: Scene, log: Segmented, values: Mapping[str, float], chosen: ran
 
     The simulation starts at an arrest, at rest, with the measured force in the spring and a fresh contact: what comes
     after is the model's.
-
-    Raises:
-        PageError: no cycle to start at, or an unknown parameter. SimulationError: what the model refuses.
     """
     cycles, model = log.found.cycles, scene.model
     if not cycles.count:
@@ -98,11 +95,7 @@ def _loading(time: Array, load: Array) -> tuple[Array, Array]:
 
 
 def start_from_data(scene: Scene) -> Document:
-    """What a fit would start from, without a fit: the parameters (SI) and where they come from.
-
-    Raises:
-        FitError, SceneError, LogError: one sentence.
-    """
+    """What a fit would start from, without a fit: the parameters (SI) and where they come from."""
     with ONE_AT_A_TIME:
         settled, _ = with_drives(scene)
         settled, records = with_records(settled, None)
@@ -111,11 +104,7 @@ def start_from_data(scene: Scene) -> Document:
 
 
 def site_of(scene: Scene, result: Result | None, number: int) -> Site:
-    """The operating point of a log (from 0) of a scene, with the values of a fit where there is one.
-
-    Raises:
-        PageError: a fit without values, or no speed or load that is known.
-    """
+    """The operating point of a log (from 0) of a scene, with the values of a fit where there is one."""
     entry = scene.logs[number] if number < len(scene.logs) else None
     values, rig, log = scene.values(entry), scene.rig_for(entry) if entry else scene.rig, LogResult()
     if result is not None:
@@ -151,9 +140,6 @@ def axes_of(site: Site) -> list[Document]:
 def answer_at(site: Site, result: Result | None, changes: Mapping[str, float]) -> Document:
     """Outcome, numbers and words at a point, what of it no log tested, and the drive speeds [m/s] at which the outcome
     changes.
-
-    Raises:
-        SimulationError, PageError: a point without meaning.
     """
     if len(changes) > 4 or any(name not in known_axes(site.model) for name in changes):
         raise PageError("an operating point is changed by quantities of the map only; load the page again")

@@ -170,7 +170,7 @@ def described(
     return Estimated(
         status=Status.CONVERGED,
         message=wording.answered(prepared, sum(sticks.count for sticks in records), withheld),
-        estimates=[*own, *_of_a_uniform_pair(task.unknowns, _creep_estimate(creep, rest, by_speed), untold)],
+        estimates=[*own, *_of_a_uniform_pair(task.unknowns, creep_estimate(creep, rest, by_speed), untold)],
         names=names,
         covariance=covariance,
         curves=[None for _ in task.logs],
@@ -301,7 +301,7 @@ def creep_interval(records: Sequence[Sticks], maximum: Maximum) -> tuple[float |
     return out[0], out[1]
 
 
-def _creep_estimate(creep: tuple[float | None, float | None], rest: float, by_speed: bool) -> Estimate:
+def creep_estimate(creep: tuple[float | None, float | None], rest: float, by_speed: bool) -> Estimate:
     """by_speed: part of the strength may be lost to sliding speed instead of regained at rest. Then sticks that are as
     strong as longer ones bound nothing; strength that grows with rest still bounds it from below."""
     low, high = creep

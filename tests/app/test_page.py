@@ -6,6 +6,7 @@ import time
 import tomllib
 
 import numpy as np
+import pytest
 
 from identify.report.draw_map import REGIONS
 from identify.report.style import FITTED, MEASURED
@@ -153,7 +154,7 @@ def fit_that_outlives_its_page(page, serving, folder):
 def result_is_seen(page):
     """Both intervals and what they mean, the price of accuracy, residuals, and the worst cycle in its log."""
     told = page.ask("document.querySelector('#parameters').innerText")
-    assert all(words in told for words in ("mu_s", "identified", "95 % interval", "rig exact"))
+    assert all(words in told for words in ("μₛ", "identified", "95 % interval", "rig exact"))
     assert "noise alone, to compare runs on this rig" in page.ask("document.querySelector('#view').innerText")
     price = page.ask("document.querySelector('#price').textContent")
     assert "accuracy default: " in price and "tight: about " in price and "contact_ageing " in price
@@ -194,6 +195,7 @@ def test_from_a_folder_of_logs_to_a_map_in_the_page_alone(root, page, serving):
     assert any(command.startswith("stickslip fit --scene scene.toml --out stickslip-scene") for command in commands)
 
 
+@pytest.mark.slow
 def test_a_study_is_made_of_the_chosen_logs_and_its_points_lead_to_the_fits(root, page):
     page.wait("document.querySelectorAll('#logs tbody tr').length === 2")
     go(page, "study?scene=pair.toml")

@@ -22,7 +22,7 @@ from identify.report import write_report
 from identify.report.stored_result import plain
 from identify.scene import Scene
 from identify.studies.fits import FitEntry, values
-from identify.uneven.answer import UnevenEstimator, creep_interval, stated_rig
+from identify.uneven.answer import UnevenEstimator, creep_estimate, creep_interval, stated_rig
 from identify.uneven.estimator import APART, LAW_ERROR, agreement, mass_of, maximise, pooled_mass
 from identify.uneven.events import RigConstants, of_one_body, sticks_of
 from identify.uneven.likelihood import Likelihood, Nodes
@@ -117,12 +117,14 @@ def test_masses_of_records_are_pooled_with_their_scatter(maxima):
     assert apart.scatter[2] < APART
 
 
-def test_a_creep_time_beyond_all_rests_is_no_bound(maxima):
+def test_the_creep_time_is_bounded_from_above_only_where_friction_cannot_fall_with_speed(maxima):
     sticks, maximum = maxima[0]
-    _, upper = creep_interval([sticks], maximum)
-    assert upper is not None and upper < 100.0 * sticks.usual_rest
+    creep = creep_interval([sticks], maximum)
+    free, known = (creep_estimate(creep, sticks.usual_rest, by_speed) for by_speed in (True, False))
+    assert known.verdict == "bounded" and STIFF.creep_time < known.upper < 100.0 * sticks.usual_rest
+    assert free.upper is None and "does not fall with sliding speed" in free.reason
     place, unknown = PARAMETERS.index("t_cr"), maximum.covariance.copy()
-    unknown[place, place] = 50.0**2  # of its logarithm
+    unknown[place, place] = 50.0**2  # of its logarithm: beyond all rests
     assert creep_interval([sticks], replace(maximum, covariance=unknown)) == (None, None)
 
 
@@ -211,15 +213,6 @@ def test_a_fit_tells_quantities_with_verdicts(answer):
     assert any("Extrapolated" in note for note in result["notes"])
 
 
-def test_the_creep_time_is_bounded_from_above_only_where_friction_cannot_fall_with_speed(tracks, answer):
-    scene = scene_of(STIFF)
-    known = scene.with_effects([name for name in scene.effects if name != "velocity_weakening"])
-    other = fit(known, [tracks[0].record], estimator=UnevenEstimator())
-    free, told = (found.result["parameters"]["t_cr"] for found in (answer, other))
-    assert told["verdict"] == "bounded" and told["interval"][1] > STIFF.creep_time
-    assert free["interval"][1] is None and "does not fall with sliding speed" in free["reason"]
-
-
 def test_something_soft_in_series_is_in_the_stiffness_that_slips_feel():
     softer = replace(STIFF, stiffness=STIFF.stiffness * 0.7)  # rig and skin in series; the scene states the rig alone
     log = prepared(STIFF, simulated(softer, 24, [5])[0].record)
@@ -264,6 +257,7 @@ def test_records_that_share_nothing_are_told_apart(maxima):
     assert agreement(maximise(other), [found[0], maximise(other[1:])]) < APART
 
 
+@pytest.mark.slow
 def test_records_of_two_speeds_and_loads_share_strength_and_mass(tracks, maxima):
     """Twice as fast, rests are a third as long and sticks half as strong; twice the load, the mass is the same."""
     fast = replace(STIFF, drive_speed=2.0 * STIFF.drive_speed, load=2.0 * STIFF.load, stiffness=2.0 * STIFF.stiffness)
@@ -290,7 +284,8 @@ def test_compare_pools_what_uneven_pairs_have(answer):
     assert pooled["strength"].logarithmic and "weakening_length" in pooled and "mu_s" not in pooled
 
 
-def test_the_study_of_other_cycles_foretells_drop_and_period():
+@pytest.mark.slow
+def test_the_study_of_other_cycles_predicts_drop_and_period():
     """Control: cycles whose mean is off by a third do not agree."""
     found = run_uneven_prediction.main(fast=True)
     assert [q.agrees for q in found] == [(True, True)] * 2

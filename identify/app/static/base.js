@@ -138,14 +138,17 @@ export function quantity(value, unit = "", digits = 4) {
   const [name, factor] = known.find(([, size]) => Math.abs(value) >= 0.0999 * size) ?? (value === 0 ? known[0] : known[known.length - 1]);
   return `${plain(value / factor, digits)} ${name}`.trim();
 }
-/** As many digits as tell the ends of an interval apart, with two of its width. */
-export function digitsOf(ends) {
-  const [low, high] = ends ?? [null, null], width = low === null || high === null ? 0 : high - low;
-  return width > 0 ? Math.min(8, Math.max(4, 2 + Math.ceil(Math.log10(Math.max(Math.abs(low), Math.abs(high)) / width)))) : 4;
+/** Numbers in one unit and with the same decimals: as many as show the difference of the ends with two digits. */
+export function together(values, ends, unit) {
+  const finite = [...values, ...(ends ?? [])].filter((value) => Number.isFinite(value)), [low, high] = ends ?? [null, null];
+  const largest = Math.max(...finite.map(Math.abs)), known = UNITS[unit] ?? [[unit, 1]];
+  const [name, factor] = known.find(([, size]) => largest >= 0.0999 * size) ?? known[known.length - 1];
+  const width = (low === null || high === null ? 0 : Math.abs(high - low)) || largest * 1e-2 || 1, decimals = Math.min(8, Math.max(0, 1 - Math.floor(Math.log10(width / factor))));
+  return [values.map((value) => Number.isFinite(value) ? (value / factor).toFixed(decimals).replace("-", "−") : null), name];
 }
 export function interval(ends, unit) {
-  const [low, high] = (ends ?? [null, null]).map((end) => end === null ? null : quantity(end, unit, digitsOf(ends)));
-  return low !== null && high !== null ? `${low} to ${high}` : low !== null ? `above ${low}` : high !== null ? `below ${high}` : "open";
+  const given = ends ?? [null, null], [[low, high], name] = together(given.map((end) => end ?? NaN), ends, unit);
+  return `${low !== null && high !== null ? `${low} to ${high}` : low !== null ? `above ${low}` : high !== null ? `below ${high}` : "open"} ${low ?? high ? name : ""}`.trim();
 }
 export const duration = (value) => value < 100 ? `${value.toFixed(value < 10 ? 1 : 0)} s` : `${Math.round(value / 60)} min`;
 

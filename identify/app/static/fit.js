@@ -1,5 +1,5 @@
 // Fits: start one, see how far it is, look into its result, hold two against each other.
-import { address, button, choice, curves, digitsOf, duration, element, fileAddress, get, interval, labelled, link, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
+import { address, button, choice, curves, duration, element, fileAddress, get, interval, labelled, link, plain, post, put, refill, remember, say, style, table, together } from "./base.js";
 import { start, whenEnded } from "./jobs.js";
 import { line, mark, picture, shade, span, TimeView } from "./plots.js";
 
@@ -12,15 +12,17 @@ function accuracies(seen) {
     ? `${name}: about ${plain(levels[name].seconds, 2)} s, steps leave ${plain(levels[name].error_in_standard_errors, 2)} standard errors` : name]);
 }
 
+const valueText = ({ value, unit, interval: ends }) => { const [[text], name] = together([value ?? NaN], ends, unit); return text === null ? "–" : `${text} ${name}`.trim(); };
+
 /** The table of parameters of one fit, or of two beside each other. */
 function parameters(one, two) {
   const names = [...new Set([...Object.keys(one.parameters), ...Object.keys(two?.parameters ?? {})])];
   const entries = names.map((name) => one.parameters[name]);
   const exact = "95 % interval", wide = !two && one.tolerances, why = !two && entries.some((entry) => entry.reason);
-  const cells = (entry) => entry ? [{ number: quantity(entry.value, entry.unit, digitsOf(entry.interval)) }, interval(entry.interval, entry.unit), ...(wide ? [interval(entry.interval_rig_exact, entry.unit)] : []), VERDICTS[entry.verdict] ?? entry.verdict ?? ""] : ["–", "", ""];
+  const cells = (entry) => entry ? [{ number: valueText(entry) }, interval(entry.interval, entry.unit), ...(wide ? [interval(entry.interval_rig_exact, entry.unit)] : []), VERDICTS[entry.verdict] ?? entry.verdict ?? ""] : ["–", "", ""];
   const apart = (a, b) => a?.standard_error && b?.standard_error && a.value !== null && b.value !== null ? { number: `${plain((b.value - a.value) / Math.hypot(a.standard_error, b.standard_error), 2)} s.e.` } : "";
   return [table(["", { number: "value" }, exact, ...(wide ? ["rig exact"] : []), "verdict", ...(two ? [{ number: "second" }, exact, "verdict", { number: "apart" }] : []), ...(why ? ["why"] : [])],
-    names.map((name, i) => [element("strong", {}, name), ...cells(entries[i]), ...(two ? [...cells(two.parameters[name]), apart(entries[i], two.parameters[name])] : []), ...(why ? [entries[i].reason ?? ""] : [])]), { id: "parameters", class: "cards" }),
+    names.map((name, i) => [element("strong", { title: name }, (one.symbols ?? {})[name] ?? name), ...cells(entries[i]), ...(two ? [...cells(two.parameters[name]), apart(entries[i], two.parameters[name])] : []), ...(why ? [entries[i].reason ?? ""] : [])]), { id: "parameters", class: "cards" }),
   wide ? element("p", { class: "quiet" }, `${one.tolerances}.`) : null];
 }
 
@@ -73,13 +75,13 @@ function unevenView(host, { headline, not_for, spread, sticks, typical }) {
 }
 
 /** Intervals of all estimated parameters beside each other, as deviations from their values. */
-function relative(host, parameters) {
+function relative(host, parameters, symbols) {
   const rows = Object.entries(parameters).filter(([, p]) => p.value && (p.interval ?? []).some((end) => end !== null));
   if (!rows.length) return;
   const off = (p, end) => 100 * (end / p.value - 1), reach = Math.min(100, Math.max(5, ...rows.flatMap(([, p]) => p.interval.filter((end) => end !== null).map((end) => Math.abs(off(p, end))))));
   const place = element("div", { id: "intervals" });
   put(host, place, element("p", { class: "quiet" }, "Intervals of 95 % as deviations from the value; thick: with the rig taken as exact; an arrow: it goes on, or is open."));
-  picture(place, { height: 60 + 26 * rows.length, x: { label: "deviation from the value (%)", range: [-1.1 * reach, 1.1 * reach] }, y: { label: "", range: [rows.length - 0.5, -0.5], names: true },
+  picture(place, { height: 60 + 26 * rows.length, x: { label: "deviation from the value (%)", range: [-1.1 * reach, 1.1 * reach] }, y: { label: "", range: [rows.length - 0.5, -0.9], names: true },
     draw: (context, x, y) => rows.forEach(([name, p], i) => {
       for (const [ends, width] of [[p.interval, 1.5], [p.interval_rig_exact, 5]]) {
         if (!ends) continue;
@@ -88,7 +90,7 @@ function relative(host, parameters) {
       }
       mark(context, x(0), y(i), style("--ink"), "circle", 4);
       if (off(p, p.interval[1] ?? Infinity) > 1.1 * reach) context.fillText("→", x(1.05 * reach), y(i) - 5);
-      context.fillStyle = style("--ink"); context.font = "13px system-ui"; context.textAlign = "left"; context.fillText(name, x(-1.09 * reach) + 4, y(i) - 6);
+      context.fillStyle = style("--ink"); context.font = "13px system-ui"; context.textAlign = "left"; context.fillText(symbols[name] ?? name, x(-1.09 * reach) + 4, y(i) - 6);
     }) });
 }
 
@@ -105,8 +107,8 @@ async function result(host, path, second, session) {
       element("small", {}, "Files: ", seen.files.map((name) => [element("a", { href: fileAddress(`${path}/${name}`, true) }, name), " "]))));
   if (seen.uneven) unevenView(host, seen.uneven);
   put(host, parameters(seen, two));
-  if (!fitless) relative(host, seen.parameters);
-  put(host, element("p", { id: "price", class: "quiet" }, seen.accuracy_line ? `${seen.accuracy_line}.` : seen.timing_s?.total ? `It took ${plain(seen.timing_s.total, 2)} s.` : ""));
+  if (!fitless) relative(host, seen.parameters, seen.symbols);
+  put(host, element("details", {}, element("summary", {}, "Accuracy and computing time"), element("p", { id: "price" }, seen.accuracy_line ? `${seen.accuracy_line}.` : seen.timing_s?.total ? `It took ${plain(seen.timing_s.total, 2)} s.` : "")));
   const close = residualView(host, path, seen, session);
   const told = seen.logs.filter((log) => log.left_out || log.text);
   if (told.length) put(host, element("h3", {}, "What follows from it, log by log"), told.map((log, i) => element("details", { open: i === 0 }, element("summary", {}, element("strong", {}, log.path), log.left_out ? " (left out)" : ""), element("p", {}, log.left_out ?? log.text))));

@@ -9,9 +9,9 @@ const HINTS = {
   exclude: "drag over what is to be left out; click a slip to take it out with its stick, click a left-out part to put it back",
   tare: "drag over a part where nothing rubs: its mean force is taken off",
 };
-const NAMES = { samples_per_slip: "samples in a fall", stick_slope_N_per_s: "stick slope", stick_stiffness_N_per_m: "stiffness of the sticks (slope / speed)" };
+const NAMES = { samples_per_slip: "samples per slip", stick_slope_N_per_s: "stick slope", stick_stiffness_N_per_m: "stiffness of the sticks (slope / speed)" };
 const LEFT_OUT = new Set(["run", "step", "stroke", "regime", "direction"]);
-const ENDINGS = [["_m_per_s", "m/s"], ["_N_per_m", "N/m"], ["_N_per_s", "N/s"], ["_percent", "%"], ["_Hz", "Hz"], ["_N", "N"], ["_s", "s"]];
+const ENDINGS = [["_m_per_s", "m/s"], ["_N_per_m", "N/m"], ["_N_per_s", "N/s"], ["_percent", "%"], ["_kg", "kg"], ["_Hz", "Hz"], ["_N", "N"], ["_s", "s"]];
 
 /** The classical table, one column per stroke, names in words. */
 export function classicalTable(rows) {
@@ -143,7 +143,7 @@ export async function logView(host, asked, session) {
     for (const key of ["window", "tare"]) if (cut?.[key]) lines.push(`${key} = [${cut[key].map((t) => `"${plain(t, 7)} s"`).join(", ")}]`);
     if (cut?.exclude.length) lines.push(`exclude = [${cut.exclude.map((s) => `[${s.map((t) => `"${plain(t, 7)} s"`).join(", ")}]`).join(", ")}]`);
     if (cut?.skip_cycles) lines.push(`skip_cycles = ${cut.skip_cycles}`);
-    return element("details", { open: true }, element("summary", {}, "in the scene"), element("pre", {}, lines.join("\n")), link("open the scene", "scene", { scene: which.scene }), " ",
+    return element("details", { open: true }, element("summary", {}, "cuts in the scene file"), element("pre", {}, lines.join("\n")), link("open the scene", "scene", { scene: which.scene }), " ",
       button("save the scene", async () => { await post("save", { path: which.scene }); say(`${which.scene} is saved`); }));
   };
 

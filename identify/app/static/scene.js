@@ -1,7 +1,7 @@
 // The scene: a form with units as typed, effects as switches, and the text beside it; what one side says the other shows.
 import { button, choice, command, element, get, inOrder, labelled, link, post, put, quantity, refill, say, settled, table } from "./base.js";
 
-const LOG_COLUMNS = [["path", "file"], ["drive_speed", "drive speed"], ["step", "step"], ["labels", "labels"]];
+const LOG_COLUMNS = [["drive_speed", "drive speed"], ["step", "step"], ["labels", "labels"]];
 const CUTS = [["window", "window"], ["exclude", "left out"], ["skip_cycles", "skipped cycles"], ["tare", "zero"]];
 const EXAMPLES = { mass: "200 g", stiffness: "1.5 N/mm", zeta: "0.05", damping: "147 N/m", drive_speed: "0.1 mm/s", normal_force: "2 N", noise: "2 mN" };
 const GUESS = 5; // factor either way in which a guess is searched
@@ -45,7 +45,7 @@ export async function sceneView(host, asked, session) {
       const adds = [many(effect.states, "state"), many(effect.searched, "estimated parameter")].filter(Boolean).join(", ");
       return element("div", { class: "effect", "data-effect": effect.name }, element("label", {}, box, " ", element("strong", {}, effect.name.replaceAll("_", " ")), ": ", effect.says),
         element("small", {}, adds ? `adds ${adds}` : "adds no parameter", effect.parameters.length ? ` (${effect.parameters.join(", ")})` : "", effect.role ? `; one ${effect.role} at most` : "", effect.needs.length ? `; needs ${effect.needs.join(", ")}` : ""),
-        effect.matters ? element("small", {}, `In this scene: ${effect.matters}.`) : null, effect.on && reasons[effect.name] ? element("small", {}, `The last fit: ${reasons[effect.name]}.`) : null);
+        effect.on && reasons[effect.name] ? element("small", {}, `Last fit: ${reasons[effect.name].replace(`${effect.says}; `, "")}.`) : effect.matters ? element("small", {}, `In this scene: ${effect.matters}.`) : null);
     });
   }
 
@@ -70,10 +70,10 @@ export async function sceneView(host, asked, session) {
 
   function logs(seen) {
     const known = Object.fromEntries(session.folder.logs.map((log) => [log.path, log]));
-    const field = (log, number, key) => [input(["logs", String(number + 1), key], log[key], { size: missing(log[key]) ? 22 : Math.min(Math.max(log[key].length, 6), 22), label: `${key} of log ${number + 1}` }),
+    const field = (log, number, key) => [input(["logs", String(number + 1), key], log[key], { size: missing(log[key]) ? 22 : Math.min(Math.max(log[key].length, key === "step" ? 3 : 8), 22), label: `${key} of log ${number + 1}` }),
       key === "drive_speed" && known[log.path]?.slope ? element("small", { class: "under" }, `sticks rise by ${quantity(known[log.path].slope, "N/s", 3)}: stiffness times drive speed`) : null];
     const cuts = (log) => CUTS.filter(([key]) => log[key]).map(([key, name]) => `${name} ${log[key]}`).join("; ").replaceAll('"', "") || "none";
-    return table([...LOG_COLUMNS.map(([, name]) => name), "cuts", ""], seen.logs.map((log, number) => [...LOG_COLUMNS.map(([key]) => element("span", {}, field(log, number, key))),
+    return table(["file", ...LOG_COLUMNS.map(([, name]) => name), "cuts", ""], seen.logs.map((log, number) => [link(log.path || "unknown", "log", { path: log.path, number: String(number) }), ...LOG_COLUMNS.map(([key]) => element("span", {}, field(log, number, key))),
       element("span", {}, `${cuts(log)} `, link("edit", "log", { path: log.path, number: String(number) })), button("remove", () => change(["logs", String(number + 1)], null))]), { class: "cards" });
   }
 
@@ -107,7 +107,7 @@ export async function sceneView(host, asked, session) {
   }
 
   put(host, element("h2", {}, path), state, error,
-    element("div", { class: "columns" }, element("div", {}, form), element("div", { class: "beside" }, element("h3", {}, "The scene file"), text, command(`stickslip fit --scene ${path}`))));
+    element("div", { class: "columns form" }, element("div", {}, form), element("div", { class: "beside" }, element("h3", {}, "The scene file"), text, command(`stickslip fit --scene ${path}`))));
   show(first);
   return undefined;
 }
