@@ -32,7 +32,7 @@ class PageError(IdentifyError):
 
 
 @dataclass(frozen=True)
-class Question:
+class PageQuery:
     """What the page asks: values by key, each as text, number or JSON."""
 
     values: Document

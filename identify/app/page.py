@@ -16,7 +16,7 @@ from data_io.atomic import atomic_write
 from identify import examples
 from identify.app.commands import words_of
 from identify.app.curves import OpenLogs
-from identify.app.folder import Document, Folder, PageError, Question
+from identify.app.folder import Document, Folder, PageError, PageQuery
 from identify.app.jobs import Jobs
 from identify.app.looks import Looks, row_of, seen_by_a_fit
 from identify.app.results import batch_seen, fit_row, fit_seen, residuals
@@ -38,7 +38,7 @@ class Page:
         self.folder = folder
         self.jobs, self.looks, self.logs, self.scenes = Jobs(folder), Looks(folder), OpenLogs(folder), Scenes(folder)
         self._cut: tuple[tuple[str, ...], Segmented | None] = (), None
-        self.answers: dict[str, tuple[str, Callable[[Question], Answer]]] = {
+        self.answers: dict[str, tuple[str, Callable[[PageQuery], Answer]]] = {
             "folder": ("GET", lambda _: self._listed()),
             "jobs": ("GET", lambda _: {"jobs": self.jobs.listed()}),
             "job": ("GET", lambda q: self.jobs.document(q.text("id"))),
@@ -70,7 +70,7 @@ class Page:
         fits = [fit_row(self.folder, name) for name in found["fits"]]
         return found | {"folder": str(self.folder.root), "logs": logs, "fits": fits, "jobs": self.jobs.listed()}
 
-    def _residuals(self, asked: Question) -> Answer:
+    def _residuals(self, asked: PageQuery) -> Answer:
         begin, end = asked.number("begin", -np.inf), asked.number("end", np.inf)
         return residuals(self.folder, asked.text("path"), asked.whole("number", 1), begin, end)
 
@@ -81,7 +81,7 @@ class Page:
                 shutil.copyfile(item, self.folder.root / item.name)
         return {}
 
-    def _write_manifest(self, asked: Question) -> Document:
+    def _write_manifest(self, asked: PageQuery) -> Document:
         """Write the manifest of a batch: rows of path, group, drive_speed and labels."""
         path, rows = self.folder.path(asked.values.get("path")), asked.values.get("rows")
         if path.suffix != ".csv" or (path.exists() and not self._rows(path)):
@@ -99,7 +99,7 @@ class Page:
             handle.write(text.getvalue())
         return {"path": self.folder.name(path)}
 
-    def _read_manifest(self, asked: Question) -> Document:
+    def _read_manifest(self, asked: PageQuery) -> Document:
         path = self.folder.path(asked.values.get("path"))
         return {"rows": self._rows(path) if path.is_file() else []}
 
@@ -114,7 +114,7 @@ class Page:
 
     # ---- one log -----------------------------------------------------------------------------------------------------
 
-    def _open_log(self, asked: Question) -> Document:
+    def _open_log(self, asked: PageQuery) -> Document:
         """Whether a log is in memory, what is in it, and where it stands in a scene."""
         name, options, entry = self._named(asked)
         opened, seen = self.logs.opened(name, options), self.looks.of(name, waited_for=True)
@@ -140,13 +140,13 @@ class Page:
             "cut": cut,
         }
 
-    def _curves(self, asked: Question) -> Answer:
+    def _curves(self, asked: PageQuery) -> Answer:
         name, options, _ = self._named(asked)
         return self.logs.opened(name, options).window(asked.number("begin", 0.0), asked.number("end", np.inf))
 
     # ---- scenes, simulations and maps --------------------------------------------------------------------------------
 
-    def _edit(self, asked: Question) -> Document:
+    def _edit(self, asked: PageQuery) -> Document:
         """Put a text, some fields, or logs into the draft of a scene."""
         name, text = asked.text("path"), asked.values.get("text")
         text = text if isinstance(text, str) else self.scenes.text(name)
@@ -159,14 +159,14 @@ class Page:
             text = with_log(text, log)
         return self.scenes.keep(name, text)
 
-    def _try(self, asked: Question) -> Document:
+    def _try(self, asked: PageQuery) -> Document:
         """Simulate some cycles of a log with other values."""
         scene, number = self._scene(asked), asked.whole("number", 0)
         log = self._segmented(scene, number)
         cycles = range(first := max(asked.whole("first", 0), 0), first + max(asked.whole("count", 8), 1))
         return tried(scene, log, asked.numbers("values"), cycles)
 
-    def _point(self, asked: Question) -> Document:
+    def _point(self, asked: PageQuery) -> Document:
         """The quantities of a map, and the answer at an operating point."""
         result, scene = None, None
         if asked.values.get("fit"):
@@ -178,10 +178,10 @@ class Page:
 
     # ---- what several of these need ----------------------------------------------------------------------------------
 
-    def _scene(self, asked: Question) -> Scene:
+    def _scene(self, asked: PageQuery) -> Scene:
         return self.scenes.scene(asked.text("scene"))
 
-    def _named(self, asked: Question) -> tuple[str, Document, LogEntry | None]:
+    def _named(self, asked: PageQuery) -> tuple[str, Document, LogEntry | None]:
         """Path, reading options and entry of a log: one of a scene by its number, or a file by its path."""
         if not asked.values.get("scene"):
             return asked.text("path"), {}, None

@@ -23,7 +23,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from data_io import LogError
-from identify.app.folder import Document, Folder, PageError, Question
+from identify.app.folder import Document, Folder, PageError, PageQuery
 from identify.app.page import Answer, Page
 from identify.base.errors import IdentifyError
 
@@ -95,7 +95,7 @@ def application(page: Page, token: str, uploads: Path) -> ASGIApp:
     return Guard(Starlette(routes=routes, exception_handlers=dict.fromkeys(REFUSALS, _failed)), token)
 
 
-def _endpoint(work: Callable[[Question], Answer]) -> Callable[[Request], Awaitable[Response]]:
+def _endpoint(work: Callable[[PageQuery], Answer]) -> Callable[[Request], Awaitable[Response]]:
     """Ask `work` in a thread; curves go back as they lie in memory, everything else as JSON."""
 
     async def answer(request: Request) -> Response:
@@ -108,7 +108,7 @@ def _endpoint(work: Callable[[Question], Answer]) -> Callable[[Request], Awaitab
             asked |= json.loads(body or b"{}")
         except (ValueError, TypeError, RecursionError):
             return _refused("the question is no JSON; load the page again")
-        found = await run_in_threadpool(work, Question(asked))
+        found = await run_in_threadpool(work, PageQuery(asked))
         if isinstance(found, np.ndarray):
             data = np.ascontiguousarray(found, "<f8").tobytes()
             return Response(data, media_type="application/octet-stream", headers={"x-rows": str(len(found))})
