@@ -1,4 +1,7 @@
-"""The quality gate: what a record's clock and force channels look like, in numbers and in sentences."""
+"""The quality gate: what a record's clock and force channels look like, in numbers and in sentences.
+
+Knows sampling and sensors only; whether a slip holds enough samples is for those who know slips.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from data_io.arrays import kept, shown, thinned, true_runs
+from data_io.columns import COEFFICIENTS, parse_name
 from data_io.record import Record
 from data_io.signals import FEWEST, UNLOADED, Load, Rests, Signal, find_rests, look_at_friction, look_at_load
 from data_io.thresholds import DEFAULTS, Thresholds, percent
@@ -47,8 +51,7 @@ def packets(time: FloatArray, force: FloatArray) -> float | None:
     if np.max(np.abs(begins - first - interval * ends)) > _STRAIGHT * pause:
         return None
     step = np.abs(np.diff(force))
-    inside = np.delete(step, gaps)
-    goes_on = np.nanmedian(step[gaps]) <= np.nanquantile(inside[np.isfinite(inside)], _AS_INSIDE)
+    goes_on = np.nanmedian(step[gaps]) <= np.nanquantile(np.delete(step, gaps), _AS_INSIDE)
     return float(1.0 / interval) if goes_on else None
 
 
@@ -109,40 +112,34 @@ def describe_sampling(
 
     used: (n,) the rows that count; a stretch that was left out is no gap of the clock.
     """
-    intervals, local, begins, odd = [], [], [], False
-    switches: list[RateSwitch] = []
-    previous: float | None = None
-    stretches, notes = _without_pauses(record, _pieces(record, used), thresholds)
-    for start, stop in stretches:
-        time = record.time[start:stop]
-        if time.size < 2:
-            continue
+    whole = [(step.start, step.stop) for step in record.steps]
+    if used is not None and not used.all():
+        whole = [(start + int(a), start + int(b)) for start, stop in whole for a, b in true_runs(used[start:stop])]
+    stretches, notes = _without_pauses(record, whole, thresholds)
+    clocks = [time for start, stop in stretches if (time := record.time[start:stop]).size > 1]
+    clocks = clocks or [record.time]  # steps of one row each
+    odd, switches, levels = False, list[RateSwitch](), list[FloatArray]()
+    for time in clocks:
         change = np.diff(time)
         odd = odd or (change.size > 2 and abs(change[0] / np.median(thinned(change)) - 1) > _ODD_FIRST)
         level = _local_interval(change)
-        switches += _switches(time, level, previous, thresholds["rate_switch"])
-        previous = float(level[-1])
-        intervals.append(change)
-        local.append(level)
-        begins.append(time[:-1])
-    if not intervals:  # steps of one row each
-        intervals = [np.diff(record.time)]
-        local = [_local_interval(intervals[0])]
-        begins = [record.time[:-1]]
-    change, level = (parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (intervals, local))
+        switches += _switches(time, level, float(levels[-1][-1]) if levels else None, thresholds["rate_switch"])
+        levels.append(level)
+    change, level = np.concatenate([np.diff(time) for time in clocks]), np.concatenate(levels)
     gaps = change > _DROPOUT * level
-    ratio = change[gaps] / level[gaps]
     steady = thinned(kept(change, ~gaps))
-    calm = steady / thinned(kept(level, ~gaps))
+    even = steady / thinned(kept(level, ~gaps))
     # A clock of whole milliseconds alternates: its median is one of two steps.
     usual = np.median(thinned(change)) if switches or steady.size < 3 else np.mean(steady[1:])
+    begins = np.concatenate([time[:-1] for time in clocks])[gaps]
+    longest = int(np.argmax(change[gaps])) if gaps.any() else 0
     sampling = Sampling(
         rate=float(1 / usual),
-        jitter=float(1.4826 * np.median(np.abs(calm - np.median(calm)))) if calm.size else 0.0,
+        jitter=float(1.4826 * np.median(np.abs(even - np.median(even)))) if even.size else 0.0,
         dropouts=int(np.count_nonzero(gaps)),
-        missing=int(np.sum(np.round(ratio) - 1)),
-        longest_gap=float(np.max(change[gaps], initial=0.0)),
-        longest_at=float(np.concatenate(begins)[gaps][np.argmax(change[gaps])]) if gaps.any() else 0.0,
+        missing=int(np.sum(np.round(change[gaps] / level[gaps]) - 1)),
+        longest_gap=float(change[gaps][longest]) if gaps.any() else 0.0,
+        longest_at=float(begins[longest]) if gaps.any() else 0.0,
         odd_first=bool(odd),
         switches=tuple(switches),
     )
@@ -150,23 +147,11 @@ def describe_sampling(
     if rate is not None:
         text = (
             "the rows come in packets with gaps between their stamps, and the force goes on from one packet to the "
-            "next: they were stamped when they were read, not when they were measured; if they follow each "
-            f'other evenly, give their rate, as in --rate "{rate:.4g} Hz" (in a scene: rate = "{rate:.4g} Hz")'
+            "next: they were stamped when they were read, not when they were measured; if they follow each other "
+            f'evenly, give their rate, as in --rate "{rate:.4g} Hz" (in a scene: rate = "{rate:.4g} Hz")'
         )
         return sampling, [Finding("packets", "reject", text)]
-    rows = sum(piece.size for piece in intervals) + len(intervals)
-    return sampling, [*notes, *_findings(sampling, rows, thresholds)]
-
-
-def _pieces(record: Record, used: npt.NDArray[np.bool_] | None) -> list[tuple[int, int]]:
-    """Rows [start, stop) of every unbroken stretch that counts, step by step."""
-    if used is None or used.all():
-        return [(step.start, step.stop) for step in record.steps]
-    return [
-        (step.start + int(a), step.start + int(b))
-        for step in record.steps
-        for a, b in true_runs(used[step.start : step.stop])
-    ]
+    return sampling, [*notes, *_of_sampling(sampling, change.size + len(clocks), thresholds)]
 
 
 def _without_pauses(
@@ -179,8 +164,7 @@ def _without_pauses(
         ends = pauses(time, record.friction_force[start:stop])
         lasting += [(float(time[i + 1] - time[i]), float(time[i])) for i in ends]
         parts += list(pairwise([start, *(start + ends + 1).tolist(), stop]))
-    share = sum(gap for gap, _ in lasting) / float(record.time[-1])
-    if not limits.beyond("missing_rows", share):
+    if not limits.beyond("missing_rows", sum(gap for gap, _ in lasting) / float(record.time[-1])):
         return parts, []
     longest, at = max(lasting)
     text = (
@@ -203,33 +187,31 @@ def _local_interval(change: FloatArray) -> FloatArray:
 def _switches(time: FloatArray, level: FloatArray, previous: float | None, factor: float) -> list[RateSwitch]:
     """Return the places where the local interval leaves a factor about the one before, within one step."""
     found: list[RateSwitch] = []
-    reference = previous if previous is not None else float(level[0])
-    start = 0
-    while True:
-        later, low, high = level[start:], reference / factor, reference * factor
-        if low <= later.min() and later.max() <= high:
-            return found
-        here = start + int(np.argmax((later < low) | (later > high)))
-        settled = float(level[min(here + _WINDOW // 2, level.size - 1)])
+    reference, start = previous if previous is not None else float(level[0]), 0
+    while start < level.size:
+        outside = np.flatnonzero((level[start:] < reference / factor) | (level[start:] > reference * factor))
+        if not outside.size:
+            break
+        place = start + int(outside[0])
+        settled = float(level[min(place + _WINDOW // 2, level.size - 1)])
         if max(settled / reference, reference / settled) > factor:
-            found.append(RateSwitch(float(time[here]), 1 / reference, 1 / settled))
+            found.append(RateSwitch(float(time[place]), 1 / reference, 1 / settled))
             reference = settled
-        start = here + _WINDOW // 2 + 1
-        if start >= level.size:
-            return found
+        start = place + _WINDOW // 2 + 1
+    return found
 
 
-def _findings(sampling: Sampling, rows: int, limits: Thresholds) -> list[Finding]:
+def _of_sampling(sampling: Sampling, rows: int, limits: Thresholds) -> list[Finding]:
     notes: list[Finding] = []
     if sampling.odd_first:
         text = "the first sampling interval differs from the others, as CETR logs have it"
         notes.append(Finding("odd_first_interval", "info", text))
     if sampling.switches:
-        shown = "; ".join(
-            f"at {s.time:.6g} s from {s.before:.4g} to {s.after:.4g} Hz" for s in sampling.switches[:_NAMED]
+        named = [f"at {s.time:.6g} s from {s.before:.4g} to {s.after:.4g} Hz" for s in sampling.switches]
+        more = f" and {len(named) - _NAMED} more" if len(named) > _NAMED else ""
+        text = (
+            f"the sampling rate changes {'; '.join(named[:_NAMED])}{more}; log at one rate, or cut one part with window"
         )
-        more = f" and {len(sampling.switches) - _NAMED} more" if len(sampling.switches) > _NAMED else ""
-        text = f"the sampling rate changes {shown}{more}; log at one rate, or cut one part with window"
         notes.append(Finding("rate_switch", "warning", text))
     if severity := limits.severity("missing_rows", sampling.missing / (rows + sampling.missing)):
         text = (
@@ -246,13 +228,9 @@ def _findings(sampling: Sampling, rows: int, limits: Thresholds) -> list[Finding
     return notes
 
 
-# The quality gate: what a record's clock and force channels look like, in numbers and in sentences.
-#
-# Knows sampling and sensors only; whether a slip holds enough samples is for those who know slips.
+# The gate as a whole.
 
 Verdict = Literal["accept", "accept with warnings", "reject"]
-
-_COEFFICIENT_NAMES: Final = ("cof", "mu", "µ", "μ", "friction coefficient", "coefficient of friction")
 
 
 @dataclass(frozen=True)
@@ -300,7 +278,7 @@ class Quality:
         }
 
 
-def verdict_of(findings: tuple[Finding, ...] | list[Finding]) -> Verdict:
+def verdict_of(findings: Sequence[Finding]) -> Verdict:
     """Return the verdict that findings amount to."""
     severities = {finding.severity for finding in findings}
     return "reject" if "reject" in severities else "accept with warnings" if "warning" in severities else "accept"
@@ -322,21 +300,13 @@ def assess(
     sound = used & np.isfinite(record.friction_force) & np.isfinite(record.normal_force)
     if np.count_nonzero(sound) < 2:
         text = "fewer than two rows count; widen window, exclude less, or take a longer log"
-        nothing = Finding("no_rows", "reject", text)
-        return Quality(
-            sampling, Signal(0, 0.0, 0.0), Load(0.0, 0.0, 0.0, 0.0, 0.0), Rests(None, None), None, None,
-            (*record.findings, *notes, nothing),
-        )  # fmt: skip
+        signal, load, rests = Signal(0, 0.0, 0.0), Load(0.0, 0.0, 0.0, 0.0, 0.0), Rests(None, None)
+        findings = (*record.findings, *notes, Finding("no_rows", "reject", text))
+        return Quality(sampling, signal, load, rests, None, None, findings)
     load, about_load = look_at_load(record, sound, thresholds)
     rests = find_rests(record, shown(record.friction_force, sound), speed)
-    moving = sound.copy()
-    for rest in (rests.before, rests.after):
-        if rest is not None:
-            moving[rest.start : rest.stop] = False
-    if np.count_nonzero(moving) < 2:
-        moving = sound
     signal, about_friction = look_at_friction(record, sound, thresholds)
-    residual, about_rest = _rest_findings(record, sound, moving, load, rests, thresholds)
+    residual, about_rest = _at_rest(record, sound, load, rests, thresholds)
     error = _coefficient_error(record, sound, load.level)
     notes += [*about_friction, *about_load, *about_rest]
     if severity := thresholds.severity("coefficient", error or 0.0):
@@ -348,15 +318,15 @@ def assess(
     return Quality(sampling, signal, load, rests, residual, error, (*record.findings, *notes))
 
 
-def _rest_findings(
-    record: Record,
-    sound: npt.NDArray[np.bool_],
-    moving: npt.NDArray[np.bool_],
-    load: Load,
-    rests: Rests,
-    limits: Thresholds,
+def _at_rest(
+    record: Record, sound: npt.NDArray[np.bool_], load: Load, rests: Rests, limits: Thresholds
 ) -> tuple[float | None, list[Finding]]:
     """Return the residual force [N] and what is to say of it and of a stop."""
+    moving = sound.copy()
+    for rest in (rests.before, rests.after):
+        if rest is not None:
+            moving[rest.start : rest.stop] = False
+    moving = moving if np.count_nonzero(moving) > 1 else sound
     sliding = float(np.median(np.abs(thinned(kept(record.friction_force, moving)))))
     unpressed = sound & (record.normal_force < UNLOADED * load.level)
     residual, when, remedy = None, "", ""
@@ -376,28 +346,23 @@ def _rest_findings(
         )
         notes.append(Finding("residual_force", severity, text))
     stop = rests.after
-    if stop is not None and (severity := limits.severity("stopped_rows", stop.rows / len(record))):
+    if stop is not None and (severity := limits.severity("stopped_rows", (stop.stop - stop.start) / len(record))):
         since = float(record.time[stop.start])
-        cut = f'leave it out with window = ["0 s", "{since:.4g} s"]'
-        if stop.told:
-            text = f"the drive stops at {since:.4g} s, and {stop.force:.3g} N stay locked in; {cut}"
-            notes.append(Finding("stopped", severity, text))
-        else:
-            text = (
-                f"from {since:.4g} s to the end the force stays at {stop.force:.3g} N; if the drive had stopped, {cut}"
-            )
-            notes.append(Finding("perhaps_stopped", "info", text))
+        text = (
+            f"the drive stops at {since:.4g} s, and {stop.force:.3g} N stay locked in; leave it out with "
+            f'window = ["0 s", "{since:.4g} s"]'
+        )
+        notes.append(Finding("stopped", severity, text))
     return residual, notes
 
 
 def _coefficient_error(record: Record, sound: npt.NDArray[np.bool_], load: float) -> float | None:
-    name = next((n for n in record.channels if n.strip().casefold() in _COEFFICIENT_NAMES), None)
+    name = next((name for name in record.channels if parse_name(name).key in COEFFICIENTS), None)
     if name is None or record.channel_units[name] not in ("", "-", "1"):
         return None
-    told = np.abs(record.channels[name])
-    usable = sound & np.isfinite(told) & (record.normal_force > 0.5 * load)
-    usable &= np.abs(record.friction_force) > 0.1 * np.max(np.abs(record.friction_force[sound]))
+    stated, friction = np.abs(record.channels[name]), np.abs(record.friction_force)
+    usable = sound & np.isfinite(stated) & (record.normal_force > 0.5 * load) & (friction > 0.1 * friction[sound].max())
     if load <= 0 or not usable.any():
         return None
-    own = np.abs(record.friction_force[usable]) / record.normal_force[usable]
-    return float(np.median(np.abs(told[usable] - own) / own))
+    own = friction[usable] / record.normal_force[usable]
+    return float(np.median(np.abs(stated[usable] - own) / own))

@@ -65,10 +65,19 @@ def look_at_friction(record: Record, used: npt.NDArray[np.bool_], limits: Thresh
 
 
 def clipping(name: str, force: FloatArray, limits: Thresholds) -> tuple[int, list[Finding]]:
-    """Return how many rows stand at an end of the sensor, and a finding for each end."""
+    """Return how many rows stand at an end of the sensor, and a finding for each end.
+
+    A sensor at its end shows it in many rows in a row, and far more often than the values before it.
+    """
     notes, total = [], 0
     for end, level in (("highest", float(force.max())), ("lowest", float(force.min()))):
-        rows = _clipped_rows(force, level)
+        at_end = force == level
+        off = np.abs(force[~at_end] - level)
+        near = off[off < 0.1 * np.ptp(force)]
+        counts = np.unique(near if np.unique(near).size > 1 else off, return_counts=True)[1]
+        rows = int(np.count_nonzero(at_end))
+        if longest_run(at_end) < _CLIPPED_RUN or counts.size < 2 or rows <= _CLIPPED_EXCESS * float(counts[:5].mean()):
+            continue
         total += rows
         if severity := limits.severity("clipped_rows", rows / force.size):
             text = (
@@ -77,22 +86,6 @@ def clipping(name: str, force: FloatArray, limits: Thresholds) -> tuple[int, lis
             )
             notes.append(Finding(f"{name.split()[0]}_clipped", severity, text))
     return total, notes
-
-
-def _clipped_rows(values: FloatArray, level: float) -> int:
-    """Return how many rows stand at the level, an extreme value, if that looks like a sensor at its end, else 0."""
-    at_end = values == level
-    count = int(np.count_nonzero(at_end))
-    if count < _CLIPPED_RUN or longest_run(at_end) < _CLIPPED_RUN:
-        return 0
-    off = np.abs(values - level)
-    before, counts = np.unique(off[(off > 0.0) & (off < 0.1 * np.ptp(values))], return_counts=True)
-    if before.size < 2:
-        before, counts = np.unique(off[~at_end], return_counts=True)
-    if before.size < 2:
-        return 0
-    usual = max(float(np.mean(counts[:5])), 1.0)
-    return count if count > _CLIPPED_EXCESS * usual else 0
 
 
 def _repeated(record: Record, used: npt.NDArray[np.bool_], step: float) -> tuple[float, bool]:
@@ -145,16 +138,28 @@ def look_at_load(record: Record, used: npt.NDArray[np.bool_], limits: Thresholds
     if level <= 0:
         text = "the normal force is zero or pulls; a pressing load was expected; check its column, unit and zero point"
         return Load(level, mean_and_drift(normal)[0], 0.0, 0.0, 1.0), [Finding("no_load", "reject", text)]
-    ripple = _ripple(thinned(time), thinned(normal), level)
-    load = Load(level, *mean_and_drift(normal), ripple, np.count_nonzero(normal < UNLOADED * level) / normal.size)
-    notes = []
-    if np.ptp(normal) > 0:
-        # Rows without a load lie at the lowest value of a sound sensor.
+    unloaded = np.count_nonzero(normal < UNLOADED * level) / normal.size
+    load = Load(level, *mean_and_drift(normal), _ripple(thinned(time), thinned(normal), level), unloaded)
+    notes, size = [], f"{level:.3g} N"
+    if np.ptp(normal) > 0:  # rows without a load lie at the lowest value of a sound sensor
         notes += clipping("normal force", normal[normal >= UNLOADED * level], limits)[1]
     elif not str(record.metadata.get("normal_force_source", "")).startswith("constant"):
         text = f"the normal force is exactly {level:g} N in every row; it was set, not measured"
         notes.append(Finding("normal_force_not_measured", "info", text))
-    return load, [*notes, *_findings(load, limits)]
+    if severity := limits.severity("unloaded_rows", unloaded):
+        share = f"{100 * unloaded:.1f} % of the rows press with less than {100 * UNLOADED:.0f} % of the load ({size})"
+        text = f"{share}; leave them out with window or choose the loaded step"
+        notes.append(Finding("unloaded_rows", severity, text))
+    if severity := limits.severity("load_drift", abs(load.drift)):
+        change = f"{'rises' if load.drift > 0 else 'falls'} by {percent(abs(load.drift), of=size)}"
+        text = f"the normal force {change} from the first to the last tenth; a fit follows it with the effect "
+        notes.append(Finding("load_drift", severity, f"{text}varying_normal_force, and else takes the mean"))
+    if severity := limits.severity("load_ripple", load.ripple):
+        text = (
+            f"the normal force ripples by {percent(load.ripple, of=size)} (standard deviation); check the load control"
+        )
+        notes.append(Finding("load_ripple", severity, f"{text} and the flatness of the track"))
+    return load, notes
 
 
 def typical_load(normal: FloatArray) -> float:
@@ -196,63 +201,27 @@ def _ripple(time: FloatArray, normal: FloatArray, level: float) -> float:
     return float(np.std(force - force.mean() - slope * centred)) / level
 
 
-def _findings(load: Load, limits: Thresholds) -> list[Finding]:
-    notes, level = [], f"{load.level:.3g} N"
-    if severity := limits.severity("unloaded_rows", load.unloaded):
-        share = f"{100 * load.unloaded:.1f} % of the rows press with less than {100 * UNLOADED:.0f} % of the load"
-        text = f"{share} ({level}); leave them out with window or choose the loaded step"
-        notes.append(Finding("unloaded_rows", severity, text))
-    if severity := limits.severity("load_drift", abs(load.drift)):
-        word = "rises" if load.drift > 0 else "falls"
-        text = (
-            f"the normal force {word} by {percent(abs(load.drift), of=level)} from the first to the "
-            "last tenth; a fit follows it with the effect varying_normal_force, and else takes the mean"
-        )
-        notes.append(Finding("load_drift", severity, text))
-    if severity := limits.severity("load_ripple", load.ripple):
-        text = (
-            f"the normal force ripples by {percent(load.ripple, of=level)} (standard deviation); check "
-            "the load control and the flatness of the track"
-        )
-        notes.append(Finding("load_ripple", severity, text))
-    return notes
-
-
 # Where a log shows the drive at rest: before it starts and after it has stopped, and what the sensor shows there.
 
 FEWEST: Final = 20
 """Rows of a rest that is worth a word."""
 _SLOW: Final = 0.05
 """Share of the usual speed of the drive below which it rests."""
-_PORTION: Final = 1 << 14
-"""Rows that are smoothed at once."""
 _BAND: Final = 4.0
 """Standard deviations of the noise that a force at rest may span to either side."""
 _LOW: Final = 0.5
 """Share of the sliding force below which a flat beginning is rest and not sliding."""
-_LIVELY: Final = 5.0
-_SWINGS: Final = 4
-"""Sticks and slips that a force must have shown before its rest is taken for a stop, and not for steady sliding."""
-_LEAST: Final = 0.05
-"""Share of the rows that a stop seen in the force alone must hold: within a stick the force hardly moves either."""
 _SHARE: Final = 0.9
 """Part of a flat stretch that is measured: its end already moves by what the band allows."""
 
 
 @dataclass(frozen=True)
 class Rest:
-    """A stretch at rest: rows [start, stop), mean friction force there [N], and whether the drive's own column says so
-    ("told") or only the force looks like it."""
+    """A stretch at rest: rows [start, stop) and mean friction force there [N]."""
 
     start: int
     stop: int
     force: float
-    told: bool
-
-    @property
-    def rows(self) -> int:
-        """Number of rows."""
-        return self.stop - self.start
 
 
 @dataclass(frozen=True)
@@ -267,80 +236,52 @@ def find_rests(record: Record, friction: FloatArray, speed: FloatArray | None = 
     """Find the rests at both ends of a record.
 
     friction (n,) [N]: the friction force, NaN where it does not count. speed (n,) [m/s]: of a column that is known to
-    be the drive, believed first; without one, a force that stays within its noise below half of the sliding force is
-    rest before the start, and one that stays within its noise after stick-slip may be a stop.
+    be the drive; without one, a force that stays within its noise below half of the sliding force is rest before the
+    start, and nothing tells of a stop.
     """
     if speed is None and isinstance(record.drive_speed, np.ndarray):
         speed = np.abs(record.drive_speed)
     if speed is not None:
         moving = np.flatnonzero(speed > _SLOW * np.quantile(speed, 0.9))
         if moving.size and speed.max() > 0:
-            first, last = int(moving[0]), int(moving[-1]) + 1
-            return Rests(_told(friction, 0, first), _told(friction, last, friction.size))
+            ends = (0, int(moving[0])), (int(moving[-1]) + 1, friction.size)
+            counted = [friction[a:b][np.isfinite(friction[a:b])] for a, b in ends]
+            return Rests(
+                *(
+                    Rest(*end, float(values.mean())) if values.size >= FEWEST else None
+                    for end, values in zip(ends, counted, strict=True)
+                )
+            )
     finite = np.isfinite(friction)
     force = kept(friction, finite)
     if force.size < 3 * FEWEST:
         return Rests(None, None)
-    noise = noise_of(force)
-    band = max(_BAND * noise, 1e-9 * float(max(force.max(), -force.min())))
-    head, tail = _flat(force, band), _flat(force[::-1], band)
-    before = after = None
-    if FEWEST <= head < _SHARE * force.size:
-        level = float(np.mean(force[: int(_SHARE * head)]))
-        if abs(level) < _LOW * float(np.median(np.abs(thinned(force[head:])))):
-            before = Rest(0, int(np.flatnonzero(finite)[head - 1]) + 1, level, told=False)
-    if (
-        max(5 * FEWEST, _LEAST * force.size) <= tail < _SHARE * force.size
-        and head + tail < force.size
-        and np.std(force[head : force.size - tail]) > _LIVELY * noise
-    ):
-        lively = force[head : force.size - tail]
-        if _swings(lively) < _SWINGS or np.ptp(lively[-lively.size // 4 :]) < 0.5 * np.ptp(lively):  # or they decay
-            return Rests(before, None)
-        level = float(np.mean(force[force.size - int(_SHARE * tail) :]))
-        after = Rest(int(np.flatnonzero(finite)[force.size - tail]), friction.size, level, told=False)
-    return Rests(before, after)
-
-
-def _told(friction: FloatArray, start: int, stop: int) -> Rest | None:
-    values = friction[start:stop]
-    values = values[np.isfinite(values)]
-    return Rest(start, stop, float(np.mean(values)), told=True) if values.size >= FEWEST else None
+    rows = _flat(force, max(_BAND * noise_of(force), 1e-9 * float(np.abs(force).max())))
+    if not FEWEST <= rows < _SHARE * force.size:
+        return Rests(None, None)
+    level = float(np.mean(force[: int(_SHARE * rows)]))
+    if abs(level) >= _LOW * float(np.median(np.abs(thinned(force[rows:])))):
+        return Rests(None, None)
+    return Rests(Rest(0, int(np.flatnonzero(finite)[rows - 1]) + 1, level), None)
 
 
 def noise_of(force: FloatArray) -> float:
     """Return the standard deviation of the noise [N], from the steps between samples; at least their quantisation."""
     steps = np.abs(thinned_steps(force))
     robust = 1.4826 * float(np.median(steps)) / np.sqrt(2.0)
-    if _smallest(steps) > np.sqrt(12.0) * robust:  # the smallest of all may be smaller still
-        robust = max(robust, _smallest(np.abs(np.diff(force))) / np.sqrt(12.0))
+    smallest = float(np.min(steps, where=steps > 0, initial=np.inf))
+    if smallest > np.sqrt(12.0) * robust:  # the smallest of all may be smaller still
+        steps = np.abs(np.diff(force))
+        robust = max(robust, float(np.min(steps, where=steps > 0, initial=np.inf)) / np.sqrt(12.0))
     return robust if robust < np.inf else 0.0
-
-
-def _smallest(steps: FloatArray) -> float:
-    """Return the smallest of the steps that are any, infinity without one."""
-    return float(np.min(steps, where=steps > 0, initial=np.inf))
-
-
-def _swings(force: FloatArray) -> int:
-    """Return how often the force goes up and down by at least half of its range."""
-    low, high = (float(q) for q in np.quantile(force, [0.05, 0.95]))
-    side = np.where(force > low + 0.75 * (high - low), 1, np.where(force < low + 0.25 * (high - low), -1, 0))
-    side = side[side != 0]
-    return int(np.count_nonzero(np.diff(side))) // 2
 
 
 def _flat(force: FloatArray, band: float) -> int:
     """Return how many rows from the start stay level within a band [N]; 0 where they rise instead."""
-    level = float(np.median(force[: FEWEST // 2]))
-    width = FEWEST // 4
-    rows = force.size
-    for first in range(0, force.size - width + 1, _PORTION):  # it leaves its level soon, as a rule
-        smooth = np.convolve(force[first : first + _PORTION + width - 1], np.ones(width) / width, mode="valid")
-        out = np.flatnonzero(np.abs(smooth - level) > band)
-        if out.size:
-            rows = first + int(out[0]) + width // 2
-            break
+    level, width = float(np.median(force[: FEWEST // 2])), FEWEST // 4
+    smooth = np.convolve(force, np.ones(width) / width, mode="valid")
+    out = np.flatnonzero(np.abs(smooth - level) > band)
+    rows = int(out[0]) + width // 2 if out.size else force.size
     if rows < FEWEST:
         return 0
     inside = force[: int(_SHARE * rows)]

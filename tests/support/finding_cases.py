@@ -85,13 +85,6 @@ def first_interval(share: float) -> tuple[Record, list[Any]]:
     return made(time=np.r_[0.0, (share + np.arange(N - 1)) / RATE])
 
 
-def halted(share: float) -> tuple[Record, list[Any]]:
-    """Stick-slip whose force stands still in the last share of the rows; no column tells of the drive."""
-    time = np.arange(N) / RATE
-    begin = time[-1] * (1 - share)
-    return made(np.where(time < begin, 0.4 + saw(time), 0.55) + noise(1))
-
-
 def one_value_but(rows: int) -> np.ndarray:
     force = np.full(N, 0.3)
     force[100 : 100 + rows] += 1e-4
@@ -282,7 +275,6 @@ CASES: dict[str, list[tuple[Make, Make]]] = {
     "short_steps": [(log(rtec(2)), log(rtec(3)))],
     "odd_first_interval": [(judged(lambda: first_interval(1.21)), judged(lambda: first_interval(1.19)))],
     "still_loading": [(judged(lambda: loading(1.0)), judged(lambda: loading(0.8)))],
-    "perhaps_stopped": [(judged(lambda: halted(0.07)), judged(lambda: halted(0.03)))],
     "friction_constant": [(judged(lambda: made(one_value_but(0))), judged(lambda: made(one_value_but(1))))],
     "no_load": [
         (judged(lambda: made(normal=np.zeros(N))), judged(lambda: made(normal=np.full(N, 1e-3)))),
