@@ -1,26 +1,53 @@
-"""Steps to a `Record`: one clock, one sign of the normal force, and the account of where everything came from."""
+"""Steps to a `Record` in SI: which raw column is which, units, one clock, one sign of the normal force, channels, and
+the account of where everything came from; a sentence where something is missing."""
 
+import re
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, cast
+from dataclasses import dataclass, replace
+from typing import Any, Final, cast
 
 import numpy as np
+import numpy.typing as npt
 
-from data_io.arrays import thinned
-from data_io.clock import StepClock, joined
-from data_io.contents import Contents, Part, check_request, chosen, of_run
-from data_io.convert import SiStep, Span, convert, origin, unused_spans, without_marks, without_needless
-from data_io.record import WINDOW_START, Record
+from data_io.arrays import same, thinned, thinned_steps
+from data_io.clock import Rows, StepClock, joined, usable_rows
+from data_io.columns import ALIASES, EXAMPLES, KIND, find_column, shown, words
+from data_io.contents import Contents, Part, check_request, chosen, of_run, unit_of
+from data_io.record import WINDOW_START, Record, rising
 from data_io.source import Request, Source, sha256_unchanged
-from data_io.units import rescaled
-from data_io.values import COLUMN_ROLES, Finding, FloatArray, Later, Scalar, Step
+from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, rescaled
+from data_io.values import COLUMN_ROLES, LARGEST_FORCE, Finding, FloatArray, Later, Scalar, Step, UnitError, free_name
+
+_ALWAYS: Final = float("inf")
+_VOLTS: Final = ("V", "mV", "volt", "Volt", "volts", "Volts")
+_CHANNEL_KINDS: Final = ("length", "speed", "force", "time")
+_FEWEST: Final = 50
+"""Rows from which a column is looked at for marks, or for standing still."""
+_NO_VALUE: Final = (32767.0, 32768.0, 65535.0, 2147483647.0)
+"""Marks for no value besides those of nines only: what a converter shows over range."""
+_MARK_FAR: Final = 3.0
+"""Times the range of all other numbers, by which a mark lies outside it."""
+_AXIS: Final = re.compile(r"(f|force|kraft)[xy]|[xy](force|kraft)?")
+"""Keys of columns along the surface, of which one holds the friction force and the other hardly anything."""
+_STILL: Final = 1.5
+"""Standard deviations of its white noise up to which a column stands still; from twice as many on it moves."""
+_FAR: Final = 5.0
+"""By how much more the other column moves than the one that was taken."""
+
+Span = tuple[float, float]
 
 
-def assemble(
-    source: Source,
-    request: Request,
-    contents: Contents,
-) -> Record:
+@dataclass(frozen=True)
+class _SiStep:
+    """One step in SI, its unusable rows taken away: time and roles and channels (name -> values, unit)."""
+
+    label: str
+    time: FloatArray
+    roles: dict[str, FloatArray]
+    channels: dict[str, tuple[FloatArray, str]]
+
+
+def assemble(source: Source, request: Request, contents: Contents) -> Record:
     """Build the record of the chosen step or of all steps of a run. Raises `LogError`.
 
     Unless the format is ours, the sign of the normal force is taken from the loaded rows of the whole run, and empty
@@ -29,23 +56,24 @@ def assemble(
     settled = contents.settled
     run = of_run(source, request, contents.parts)
     check_request(source, request, run[0].header)
-    cleaned = [without_marks(part) for part in run]
+    cleaned = [_without_marks(part) for part in run]
     run = [part for part, _ in cleaned]
     picked = chosen(source, request, run)
     notes = [*contents.findings, *(note for part, found in cleaned if part in picked for note in found)]
     pulls = not settled and request.normal_force is None and _pressed_negative(run)
-    steps: list[SiStep] = []
     begin = contents.skipped if len(picked) == 1 else None
+    steps = []
     for part in picked:
-        step, remarks = convert(source, request, part, several=len(run) > 1, settled=settled, begin=begin)
+        label = f"step {part.number}" if len(run) > 1 else ""
+        step, remarks = _in_si(source, request, part, label, settled, begin)
         steps.append(step)
         notes += remarks
-    clocks = [StepClock(step.label, step.time, part.started) for step, part in zip(steps, picked, strict=True)]
-    offsets, remarks = joined(clocks)
+    offsets, remarks = joined(
+        [StepClock(step.label, step.time, part.started) for step, part in zip(steps, picked, strict=True)]
+    )
     notes += remarks
     start = float(steps[0].time[0])
-    shifts = [offset - start if offset else -start for offset in offsets]
-    normal = _one([rescaled(step.roles["normal_force"], -1.0 if pulls else 1.0) for step in steps])
+    times = [_shifted(step.time, offset - start) for step, offset in zip(steps, offsets, strict=True)]
     if pulls:
         message = "the file has the normal force negative in compression; its sign was turned, compression is positive"
         notes.append(Finding("normal_force_flipped", "info", message))
@@ -53,8 +81,8 @@ def assemble(
     along = all("drive_speed" in step.roles for step in steps)
     ends = np.cumsum([step.time.size for step in steps]).tolist()
     values: dict[str, Any] = {
-        "time": _one([_shifted(step.time, shift) for step, shift in zip(steps, shifts, strict=True)]),
-        "normal_force": normal,
+        "time": _one(times),
+        "normal_force": _one([rescaled(step.roles["normal_force"], -1.0 if pulls else 1.0) for step in steps]),
         "friction_force": _one([step.roles["friction_force"] for step in steps]),
         "drive_speed": _one([step.roles["drive_speed"] for step in steps]) if along else contents.drive_speed,
         "channels": channels,
@@ -63,18 +91,77 @@ def assemble(
             for part, step, end in zip(picked, steps, ends, strict=True)
         ),
     }
-    if spans := unused_spans(request):
-        values = _without_needless(values, spans, contents.skipped)
+    if spans := _unused_spans(request):
+        values = _without_needless_rows(values, spans, contents.skipped)
     metadata = _account(source, request, picked[0], contents, start)
     return Record(**values, channel_units=units, metadata=metadata, findings=tuple(dict.fromkeys(notes)))
 
 
-def _without_needless(values: dict[str, Any], spans: Sequence[Span], begin: float) -> dict[str, Any]:
+def _in_si(
+    source: Source, request: Request, part: Part, label: str, settled: bool, begin: float | None
+) -> tuple[_SiStep, list[Finding]]:
+    """Return one step in SI and what was noticed. begin: the time of its first row [s] in that of the user's window,
+    None where that is not told before steps are joined."""
+    _check_roles(source, request, part, label)
+    _refuse_doubtful_roles(source, request, part)
+    notes = _choices(request, part)  # before any column is turned into SI where it stands
+    raw_time = _role(source, request, part, "time")
+    wanted: Rows = slice(None)
+    spans = _unused_spans(request)
+    if begin is not None and spans and np.isfinite(raw_time).any() and not rising(raw_time):
+        falls = ~(raw_time > np.concatenate(([-np.inf], np.fmax.accumulate(raw_time)[:-1])))
+        since = raw_time - (raw_time[np.argmax(np.isfinite(raw_time))] - begin)
+        wanted = np.flatnonzero(_without_needless(since, falls, spans, ends=False))
+    time, rows, remarks = usable_rows(source, StepClock(label, _kept(raw_time, wanted)))
+    rows = rows if isinstance(wanted, slice) else wanted[rows]
+    timeless = np.zeros(0, bool) if isinstance(rows, slice) else ~np.isfinite(raw_time[rows])
+    roles = {}
+    for role in COLUMN_ROLES[1:] if "drive_speed" in part.header.roles else COLUMN_ROLES[1:3]:
+        values = _kept(_role(source, request, part, role), rows)
+        roles[role] = np.where(timeless, np.nan, values) if timeless.any() and role != "drive_speed" else values
+    channels = {name: (_kept(values, rows), unit) for name, values, unit in _raw_channels(request, part, settled)}
+    return _SiStep(label, time, roles, channels), [*remarks, *notes]
+
+
+# What the user's window and exclude leave unused may hold whatever it likes: it goes before anything is checked.
+
+
+def _unused_spans(request: Request) -> list[Span]:
+    """Return the stretches [s], ends included, that the user does not want, counted from the first row of the log."""
+    spans = list(request.exclude)
+    if request.window is not None:
+        start, stop = request.window
+        spans += [(-_ALWAYS, float(np.nextafter(start, -_ALWAYS))), (float(np.nextafter(stop, _ALWAYS)), _ALWAYS)]
+    return spans
+
+
+def _without_needless(
+    time: FloatArray, bad: npt.NDArray[np.bool_], spans: Sequence[Span], *, ends: bool
+) -> npt.NDArray[np.bool_]:
+    """Return which rows (n,) to keep: all but those `bad` ones that stand in an unused stretch.
+
+    time: (n,) [s] from the first row of the log on, in the order of the file; it may hold NaN and fall, so that a
+    stretch is the rows from the first one at its begin to the first one behind its end. ends: keep the first and last
+    row of a stretch that is bad all over, so that it is still seen that there was one. The first row is always kept.
+    """
+    keep = np.ones(time.size, dtype=bool)
+    for first, last in spans:
+        start = 0 if first == -_ALWAYS else int(np.argmax(np.append(time >= first, True)))
+        stop = start + int(np.argmax(np.append(time[start:] > last, True)))
+        whole = bool(bad[start:stop].all())
+        keep[start:stop] &= ~bad[start:stop]
+        if ends and whole and stop > start:
+            keep[[start, stop - 1]] = True
+    keep[:1] = True
+    return keep
+
+
+def _without_needless_rows(values: dict[str, Any], spans: Sequence[Span], begin: float) -> dict[str, Any]:
     """Return the columns without the rows that hold no force in stretches that nobody uses; begin: of the first row."""
     bad = ~(np.isfinite(values["normal_force"]) & np.isfinite(values["friction_force"]))
     if not bad.any():
         return values
-    keep = without_needless(values["time"] + begin, bad, spans, ends=True)
+    keep = _without_needless(values["time"] + begin, bad, spans, ends=True)
     rows = np.concatenate(([0], np.cumsum(keep)))
     steps = [replace(s, start=int(rows[s.start]), stop=int(rows[s.stop])) for s in values["steps"]]
     drive = values["drive_speed"]
@@ -84,6 +171,220 @@ def _without_needless(values: dict[str, Any], spans: Sequence[Span], begin: floa
         "channels": {name: column[keep] for name, column in values["channels"].items()},
         "steps": tuple(step for step in steps if step.stop > step.start),
     }
+
+
+# Marks for no value: a display over range, or a logger without a reading, writes one number far from all others.
+
+
+def _without_marks(part: Part) -> tuple[Part, list[Finding]]:
+    """Return the part without the rows in which a force is a mark for no value, and what to say of it."""
+    notes, rows = [], np.zeros(part.rows, dtype=bool)
+    for role in COLUMN_ROLES[1:3]:
+        index = part.header.roles.get(role, -1)
+        values = part.columns.get(index)
+        if values is None or values.size < _FEWEST or (mark := _mark_of(values)) is None:
+            continue
+        marked = values == mark
+        rows |= marked
+        text = (
+            f"{np.count_nonzero(marked)} row(s) of {shown([part.header.names[index].raw])} hold {mark:g}, far from all "
+            "others and again and again: a mark for no value; they were left out"
+        )
+        notes.append(Finding("no_value_mark", "warning", text))
+    if not notes:
+        return part, notes
+    return replace(part, columns={index: values[~rows] for index, values in part.columns.items()}), notes
+
+
+def _mark_of(values: FloatArray) -> float | None:
+    """Return the mark for no value in a column (n,), None where it has none."""
+    for mark in (float(np.nanmax(values)), float(np.nanmin(values))) if np.isfinite(values).any() else ():
+        digits = f"{abs(mark):.10g}".replace(".", "").strip("0")
+        if not (abs(mark) in _NO_VALUE or (len(digits) > 2 and set(digits) == {"9"})):
+            continue
+        others = values[np.isfinite(values) & (values != mark)]
+        if others.size < values.size // 2 or np.count_nonzero(values == mark) < 2:
+            continue
+        low, high = float(np.min(others)), float(np.max(others))
+        if max(mark - high, low - mark) > _MARK_FAR * (high - low):
+            return mark
+    return None
+
+
+# A role that a column got by its name alone, while another column does the job: asked, with both named.
+
+
+class _Look:
+    """What a column of force looks like [N]: its ends but for few rows, median size, scatter, white noise in it."""
+
+    def __init__(self, values: FloatArray, scale: float) -> None:
+        few, steps = scale * thinned(values), scale * thinned_steps(values)
+        few, steps = few[np.abs(few) <= LARGEST_FORCE], steps[np.abs(steps) <= LARGEST_FORCE]
+        self.low, self.high = map(float, np.quantile(few, [0.025, 0.975])) if few.size else (0.0, 0.0)
+        self.level = float(np.median(np.abs(few))) if few.size else 0.0
+        self.scatter = (self.high - self.low) / 3.92
+        noise = float(np.sqrt(np.mean(steps**2) / 2.0)) if steps.size else 0.0
+        self.still = self.scatter <= _STILL * noise or self.scatter == 0.0
+        self.moves = self.scatter > 2.0 * _STILL * noise > 0.0
+
+
+def _refuse_doubtful_roles(source: Source, request: Request, part: Part) -> None:
+    """Ask where the friction force stands still and another force along the surface moves, or the load does instead.
+
+    What the user named is not doubted. Raises the source's `LogError` with both names.
+    """
+    roles, names = part.header.roles, part.header.names
+    index = roles.get("friction_force")
+    if index is None or "friction_force" in request.columns or part.rows < _FEWEST or index not in part.columns:
+        return
+    load = None if request.normal_force is not None else roles.get("normal_force")
+    rivals = [
+        i
+        for i, name in enumerate(names)
+        if i not in (index, roles.get("normal_force")) and i in part.columns
+        and (name.key in ALIASES["friction_force"] or _AXIS.fullmatch(name.key))
+    ]  # fmt: skip
+    looks: dict[int, _Look] = {}
+    for i in (index, *rivals, *(() if load is None else (load,))):
+        # a column without a unit is in that of the other
+        unit = unit_of(request, part.header, i) or unit_of(request, part.header, index) or ""
+        if kind_of(unit) == "force" and i in part.columns:
+            looks[i] = _Look(part.columns[i], factor(unit, "N"))
+    taken = looks.get(index)
+    if taken is None or not taken.still:
+        return
+    standing = f"{shown([names[index].raw])} is called as the friction force and stands still at {taken.level:.3g} N"
+    for i in rivals:
+        other = looks.get(i)
+        if other is not None and other.moves and other.scatter > _FAR * taken.scatter and other.level > 2 * taken.level:
+            raise source.error(
+                f"{standing}, while {shown([names[i].raw])} moves from {other.low:.3g} to {other.high:.3g} N; one "
+                f"friction force was expected; say which with --columns friction_force={names[i].name} or "
+                f"friction_force={names[index].name}"
+            )
+    normal = None if load is None else looks.get(load)
+    if load is None or normal is None or not normal.moves:
+        return
+    larger = max(abs(taken.low), abs(taken.high)) > max(abs(normal.low), abs(normal.high))
+    if larger and normal.scatter * taken.level > _FAR * taken.scatter * normal.level:
+        raise source.error(
+            f"{standing}, while {shown([names[load].raw])}, called as the normal force, moves from {normal.low:.3g} to "
+            f"{normal.high:.3g} N; the two may be swapped; say which is which with --columns "
+            f"friction_force={names[load].name},normal_force={names[index].name} or the other way round"
+        )
+
+
+# Roles and units.
+
+
+def _check_roles(source: Source, request: Request, part: Part, label: str) -> None:
+    """Name a missing column, or all missing units at once."""
+    needed = [role for role in COLUMN_ROLES[:3] if role != "normal_force" or request.normal_force is None]
+    needed += ["drive_speed"] if "drive_speed" in part.header.roles else []
+    for role in needed:
+        if role not in part.header.roles or not (unit := _unit(request, part, role)):
+            continue
+        name = part.header.names[part.header.roles[role]]
+        try:
+            column_factor(unit, SI_UNIT[KIND[role]], name.unit)
+        except UnitError as error:
+            scale = f'the scale of its sensor, as in --units {role}="2.5 N/V"'
+            way = scale if unit in _VOLTS else f"--units {role}=..."
+            text = f"column {shown([name.raw])} ({words(role)}): {error}; or give it with {way}"
+            raise source.error(text) from error
+    missing = [role for role in needed if role not in part.header.roles]
+    bare = [role for role in needed if role not in missing and not _unit(request, part, role)]
+    if missing:
+        raise source.error(_missing(missing, bare, part, label))
+    if bare:
+        which = ", ".join(f"{shown([part.header.names[part.header.roles[role]].raw])} ({words(role)})" for role in bare)
+        raise source.error(
+            f"no unit was found for column {which}; a unit in the header was expected; give it, as in {_si_units(bare)}"
+        )
+
+
+def _missing(missing: Sequence[str], bare: Sequence[str], part: Part, label: str) -> str:
+    """Ask for all that is missing at once: columns, and the units that these and others will lack."""
+    taken = set(part.header.roles.values())
+    free = [name for i, name in enumerate(part.header.names) if i not in taken]
+    unitless = [*bare, *(missing if all(name.unit is None for name in free) else ())]
+    text = (
+        f"no {' column and no '.join(words(role) for role in missing)} column was found among "
+        f"{shown(name.name for name in part.header.names)}{' in ' if label else ''}{label}; a name such as "
+        f"{', '.join(EXAMPLES.get(role, role) for role in missing)} was expected; say which one it is with --columns "
+        + ",".join(f"{role}=<name>" for role in missing)
+    )
+    text += f" and the units that the header lacks, as in {_si_units(unitless)}" if unitless else ""
+    text += ', or give a constant load with --normal-force "3 N"' if "normal_force" in missing else ""
+    text += ', or the sampling rate with --rate "100 Hz"' if "time" in missing else ""
+    return text + (", or choose another step with --step" if label else "")
+
+
+def _si_units(roles: Sequence[str]) -> str:
+    return "--units " + ",".join(f"{role}={SI_UNIT[KIND[role]]}" for role in roles)
+
+
+def _unit(request: Request, part: Part, role: str) -> str:
+    return unit_of(request, part.header, part.header.roles[role]) or ""
+
+
+def _role(source: Source, request: Request, part: Part, role: str) -> FloatArray:
+    """Return one role of a part in SI, shape (rows,)."""
+    if role == "normal_force" and request.normal_force is not None:
+        return np.full(part.rows, request.normal_force)
+    name = part.header.names[part.header.roles[role]]
+    index = _filled(part, part.header.roles[role])
+    if index is None:
+        raise source.error(
+            f"column {shown([name.raw])} ({words(role)}) holds no numbers; a column of numbers was expected; "
+            f"name another one with --columns {role}=<name>"
+        )
+    scale = column_factor(_unit(request, part, role), SI_UNIT[KIND[role]], name.unit)
+    return rescaled(part.columns[index], scale)
+
+
+def _filled(part: Part, index: int) -> int | None:
+    """Return the index of a column; where it is empty and another of the same name and unit is not, of that one."""
+    name = part.header.names[index]
+    twins = (index, *(i for i, column in enumerate(part.header.names) if column == name))
+    return next((other for other in twins if _any_finite(part.columns.get(other))), None)
+
+
+def _any_finite(column: FloatArray | None) -> bool:
+    return column is not None and bool(np.isfinite(column[:1]).any() or np.isfinite(column).any())
+
+
+def _kept(values: FloatArray, rows: Rows) -> FloatArray:
+    """Return the rows of a column; all of them without a view, which the record would have to copy."""
+    return values if isinstance(rows, slice) else values[rows]
+
+
+def _choices(request: Request, part: Part) -> list[Finding]:
+    """Say where another column might have been meant, unless it only repeats the one taken; where a unit of mass was
+    taken as the weight of it; and that the load is the user's."""
+    notes = []
+    for role, others in part.header.passed_over.items():
+        index = part.header.roles[role]
+        taken = part.columns.get(index)
+        differing = [i for i in others if i in part.columns and not same(taken, part.columns[i])]
+        if differing:
+            named = shown(part.header.names[i].raw for i in differing)
+            text = f"the {words(role)} was taken from {shown([part.header.names[index].raw])}, not from {named}"
+            notes.append(Finding("column_choice", "info", text))
+    forces = COLUMN_ROLES[1:3] if request.normal_force is None else COLUMN_ROLES[2:3]
+    masses = sorted({unit for role in forces if is_mass(unit := _unit(request, part, role))})
+    if masses:
+        text = f"forces in {' and '.join(masses)} were taken as weights, {masses[0]} as {masses[0]}-force"
+        notes.append(Finding("unit_by_context", "info", text))
+    if request.normal_force is not None:
+        index = part.header.roles.get("normal_force", -1)
+        aside = "" if index < 0 else f"; the file's column {part.header.names[index].name!r} was set aside"
+        text = f"the normal force is a constant {request.normal_force:g} N given by the user{aside}"
+        notes.append(Finding("normal_force_constant", "info", text))
+    return notes
+
+
+# The columns of all steps put together, and where they came from.
 
 
 def _one(pieces: Sequence[FloatArray]) -> FloatArray:
@@ -104,7 +405,7 @@ def _shifted(time: FloatArray, shift: float) -> FloatArray:
 
 
 def _account(source: Source, request: Request, part: Part, contents: Contents, start: float) -> dict[str, Scalar]:
-    about: dict[str, Scalar] = {f"{role}_source": origin(request, part, role) for role in COLUMN_ROLES[:3]}
+    about: dict[str, Scalar] = {f"{role}_source": _origin(request, part, role) for role in COLUMN_ROLES[:3]}
     about |= {**contents.metadata, **part.run_items}
     path, size = source.path, source.size  # and nothing else of the source is kept
     about |= {
@@ -120,6 +421,15 @@ def _account(source: Source, request: Request, part: Part, contents: Contents, s
     return about
 
 
+def _origin(request: Request, part: Part, role: str) -> str:
+    """Say in words where a role was taken from."""
+    if role == "normal_force" and request.normal_force is not None:
+        return f"constant {request.normal_force:g} N, given by the user"
+    name, unit = part.header.names[part.header.roles[role]], _unit(request, part, role)
+    given = any(request.units.get(key) for key in (role, name.name, name.raw))
+    return f"column {name.name} in {unit}" + (", given by the user" if given else "")
+
+
 def _pressed_negative(run: Sequence[Part]) -> bool:
     """Tell whether the loaded rows of a run press with a negative sign; a small offset before loading says nothing."""
     pieces = [part.columns[part.header.roles["normal_force"]] for part in run
@@ -132,17 +442,39 @@ def _pressed_negative(run: Sequence[Part]) -> bool:
     return bool(np.median(raw[size >= 0.5 * np.quantile(size, 0.99)]) < 0)
 
 
-def _channels(steps: Sequence[SiStep]) -> tuple[dict[str, FloatArray], dict[str, str]]:
+def _raw_channels(request: Request, part: Part, settled: bool) -> list[tuple[str, FloatArray, str]]:
+    """Return name, values and unit of the columns that carry no role; metres, seconds and newtons where it can be."""
+    own = {find_column(part.header.names, column): name for name, column in request.columns.items()}
+    found: list[tuple[str, FloatArray, str]] = []
+    taken: set[str] = set(COLUMN_ROLES)
+    roles = {r: i for r, i in part.header.roles.items() if request.normal_force is None or r != "normal_force"}
+    used = {*roles.values(), *(_filled(part, index) for index in roles.values())}
+    plain = replace(part.header, roles={})  # the unit of a role is not that of a column that a constant took it from
+    for index, values in part.columns.items():
+        if index in used or not (settled or _any_finite(values)):
+            continue
+        column = part.header.names[index]
+        plain_name = "".join(letter for letter in column.name if letter.isprintable()).strip()
+        name = free_name(own.get(index, plain_name or f"column {index + 1}"), taken)
+        taken.add(name)
+        unit = request.units.get(name) or unit_of(request, plain, index) or ""
+        kind = kind_of(unit) if unit else None
+        if kind in _CHANNEL_KINDS:
+            values, unit = rescaled(values, factor(unit, SI_UNIT[kind])), SI_UNIT[kind]
+        found.append((name, values, unit))
+    return found
+
+
+def _channels(steps: Sequence[_SiStep]) -> tuple[dict[str, FloatArray], dict[str, str]]:
     """Join the channels of all steps; a step without a channel holds NaN there, another unit makes another channel."""
-    units: dict[str, str] = {}
-    for step in steps:
-        for name, (_, unit) in step.channels.items():
-            units.setdefault(name, unit)
+    units = {name: unit for step in reversed(steps) for name, (_, unit) in reversed(step.channels.items())}
     columns: dict[str, FloatArray] = {}
-    for name, unit in units.items():
-        pieces = []
-        for step in steps:
-            values, own = step.channels.get(name, (None, unit))
-            pieces.append(values if values is not None and own == unit else np.full(step.time.size, np.nan))
-        columns[name] = _one(pieces)
-    return columns, units
+    for name in list(dict.fromkeys(name for step in steps for name in step.channels)):
+        pieces = [step.channels.get(name, (None, "")) for step in steps]
+        columns[name] = _one(
+            [
+                np.full(step.time.size, np.nan) if values is None or unit != units[name] else values
+                for step, (values, unit) in zip(steps, pieces, strict=True)
+            ]
+        )
+    return columns, {name: units[name] for name in columns}
