@@ -154,10 +154,8 @@ def summaries(contents: Contents, request: Request) -> tuple[StepSummary, ...]:
     for part in contents.parts:
         duration, restarts = _duration(part, request)
         columns = {name.name: name.unit for name in part.header.names}
-        parameters = dict(part.parameters)
-        found.append(
-            StepSummary(part.run, part.number, part.rows, duration, part.started, columns, parameters, restarts)
-        )
+        about = (part.run, part.number, part.rows, duration, part.started, columns, dict(part.parameters), restarts)
+        found.append(StepSummary(*about))
     return tuple(found)
 
 

@@ -68,8 +68,6 @@ def with_clock_of_rate(source: Source, request: Request, contents: Contents) -> 
     return replace(contents, parts=parts, findings=findings)
 
 
-# Columns that bring a clock of their own: forces sampled apart are put on one clock, tables side by side are told.
-#
 # Loggers write a time column beside every channel (NI, LabVIEW with `X_Columns Multi`, spreadsheets pasted together).
 # Row by row such channels do not belong together; by time they do.
 
@@ -86,18 +84,12 @@ def on_one_clock(source: Source, request: Request, contents: Contents) -> Conten
     one = "time" in request.columns or request.rate is not None
     apart = [[part] if one else _side_by_side(part) for part in contents.parts]
     findings = list(contents.findings)
-    parts: list[Part] = []
-    if any(len(tables) > 1 for tables in apart):
-        runs = max(part.run for part in contents.parts)
-        for part, tables in zip(contents.parts, apart, strict=True):
-            for beside, table in enumerate(tables):
-                parts.append(replace(table, run=part.run + beside * runs))
-        names = [shown((n.raw for n in tables[1].header.names), most=4) for tables in apart if len(tables) > 1]
-        most = max(map(len, apart))
-        text = f"{most} tables stand side by side ({names[0]} again); each is a run of its own: choose one with --run"
+    runs = max((part.run for part in contents.parts), default=1)
+    parts = [replace(table, run=table.run + i * runs) for tables in apart for i, table in enumerate(tables)]
+    if (most := max(map(len, apart), default=1)) > 1:
+        names = next(shown((n.raw for n in tables[1].header.names), most=4) for tables in apart if len(tables) > 1)
+        text = f"{most} tables stand side by side ({names} again); each is a run of its own: choose one with --run"
         findings.append(Finding("tables_side_by_side", "warning", text))
-    else:
-        parts = list(contents.parts)
     paired = []
     for part in parts:
         own = {} if one else part.clocks or clocks_by_place(part.header, part.columns)
@@ -182,9 +174,8 @@ def _with_clocks_of_slow_columns(request: Request, part: Part) -> Part:
 
 def _paired(source: Source, request: Request, part: Part) -> tuple[Part, list[Finding]]:
     """Return a part with every column on the clock of its friction force, and what was done."""
-    roles = part.header.roles
-    own = part.clocks
-    if not own or "friction_force" not in roles or roles["friction_force"] not in own:
+    roles, own, names = part.header.roles, part.clocks, part.header.names
+    if roles.get("friction_force") not in own:
         return part, []
     clock = own[roles["friction_force"]]
     others = sorted({own[i] for i in own} - {clock})
@@ -194,27 +185,28 @@ def _paired(source: Source, request: Request, part: Part) -> tuple[Part, list[Fi
     times = {i: _like(source, part, i, clock) for i in (clock, *others)}
     rows = np.flatnonzero(np.isfinite(times[clock]))
     time = times[clock][rows]
-    columns = {i: values[rows] for i, values in part.columns.items() if own.get(i, clock) not in others}
-    moved, missed = [], 0
+    columns, missed = {}, 0
+    moved = [i for i in part.columns if own.get(i, clock) in others and i not in others]
     for i, values in part.columns.items():
-        if own.get(i, clock) in others and i not in others:
+        if i in moved:
             columns[i], between = _at(time, times[own[i]], values)
             missed = max(missed, between)
-            moved.append(i)
+        elif i not in others:
+            columns[i] = values[rows]
     inside = np.ones(time.size, bool)
     for role in ("normal_force", "drive_speed"):
-        if roles.get(role) in moved and not (role == "normal_force" and request.normal_force is not None):
-            known = np.flatnonzero(np.isfinite(columns[roles[role]]))
-            if known.size < 2:
-                spans = [(float(np.nanmin(times[i])), float(np.nanmax(times[i]))) for i in (clock, own[roles[role]])]
-                raise source.error(
-                    f"the clock of {part.header.names[roles['friction_force']].raw!r} runs from {spans[0][0]:.6g} to "
-                    f"{spans[0][1]:.6g}, that of {part.header.names[roles[role]].raw!r} from {spans[1][0]:.6g} to "
-                    f"{spans[1][1]:.6g}; clocks that overlap were expected; export the channels together, or give a "
-                    "constant load with --normal-force"
-                )
-            inside[: known[0]] = inside[known[-1] + 1 :] = False
-    names = part.header.names
+        index = roles.get(role, -1)
+        if index not in moved or (role == "normal_force" and request.normal_force is not None):
+            continue
+        known = np.flatnonzero(np.isfinite(columns[index]))
+        if known.size < 2:
+            (a, b), (c, d) = ((np.nanmin(times[i]), np.nanmax(times[i])) for i in (clock, own[index]))
+            raise source.error(
+                f"the clock of {names[roles['friction_force']].raw!r} runs from {a:.6g} to {b:.6g}, that of "
+                f"{names[index].raw!r} from {c:.6g} to {d:.6g}; clocks that overlap were expected; export the channels "
+                "together, or give a constant load with --normal-force"
+            )
+        inside[: known[0]] = inside[known[-1] + 1 :] = False
     text = (
         f"{shown((names[i].raw for i in moved), most=6)} {'has' if len(moved) == 1 else 'have'} a clock apart from "
         f"that of {names[roles['friction_force']].raw!r}; paired by time, between the samples by straight lines"
@@ -225,13 +217,12 @@ def _paired(source: Source, request: Request, part: Part) -> tuple[Part, list[Fi
         notes.append(Finding("paired_over_gaps", "warning", text))
     if not inside.all():
         columns = {i: values[inside] for i, values in columns.items()}
-        text = (
-            f"{np.count_nonzero(~inside)} rows of the friction force lie outside the time of the normal force; left out"
-        )
+        lost = np.count_nonzero(~inside)
+        text = f"{lost} rows of the friction force lie outside the time of the normal force; left out"
         notes.append(Finding("rows_without_partner", "warning", text))
     passed = {r: tuple(i for i in left if i not in others) for r, left in part.header.passed_over.items()}
     header = replace(part.header, roles={**roles, "time": clock}, passed_over={r: i for r, i in passed.items() if i})
-    return replace(part, header=header, columns=dict(sorted(columns.items())), clocks={}), notes
+    return replace(part, header=header, columns=columns, clocks={}), notes
 
 
 def _like(source: Source, part: Part, index: int, other: int) -> FloatArray:

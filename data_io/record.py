@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from data_io.arrays import true_runs
 from data_io.values import (
@@ -27,32 +26,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-# What makes a column fit for a record: checks that return it frozen, or raise what `fail` makes of a sentence.
-
 BLOCK: Final = 1 << 16
 """Rows looked at together."""
 
 Fail = Callable[[str], LogError]
-
-
-def column(fail: Fail, name: str, values: Any, n: int | None = None) -> FloatArray:
-    """Return a read-only float64 copy of shape (n,); what is already frozen is not copied again."""
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (ValueError, TypeError) as error:
-        raise fail(f"the {name} holds {values!r:.60} where numbers were expected; convert it") from error
-    if array.ndim != 1 or (n is not None and array.size != n):
-        expected = "one column" if n is None else f"a column of {n} rows, as many as the time has,"
-        raise fail(f"the {name} has shape {array.shape} where {expected} was expected; give equal lengths")
-    if not array.flags.writeable and (array.base is None or _is_frozen(array.base)):
-        return array
-    array = np.array(array, dtype=np.float64, order="C")
-    array.flags.writeable = False
-    return array
-
-
-def _is_frozen(base: Any) -> bool:
-    return isinstance(base, np.ndarray) and not base.flags.writeable and (base.base is None or _is_frozen(base.base))
 
 
 def rising(time: FloatArray) -> bool:
@@ -65,24 +42,30 @@ def rising(time: FloatArray) -> bool:
     )
 
 
-def _bounded(values: FloatArray, limit: float) -> bool:
-    """Tell finite numbers (n,) of at most that size; block by block."""
+def _column(fail: Fail, name: str, values: Any, n: int | None = None) -> FloatArray:
+    """Return a read-only float64 copy of shape (n,); what is already frozen is not copied again."""
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise fail(f"the {name} holds {values!r:.60} where numbers were expected; convert it") from error
+    if array.ndim != 1 or (n is not None and array.size != n):
+        expected = "one column" if n is None else f"a column of {n} rows, as many as the time has,"
+        raise fail(f"the {name} has shape {array.shape} where {expected} was expected; give equal lengths")
+    base: Any = array
+    while isinstance(base, np.ndarray) and not base.flags.writeable:
+        base = base.base
+    if base is None:
+        return array
+    array = np.array(array, dtype=np.float64, order="C")
+    array.flags.writeable = False
+    return array
+
+
+def _force(fail: Fail, name: str, values: FloatArray) -> FloatArray:
+    """Return a force (n,) with NaN for what is none: infinities, and huge numbers by which devices mark overflow."""
     blocks = (values[i : i + BLOCK] for i in range(0, values.size, BLOCK))
-    return all(block.min() >= -limit and block.max() <= limit for block in blocks)
-
-
-def forces(
-    fail: Fail, time: FloatArray, normal: FloatArray, friction: FloatArray, begin: float = 0.0
-) -> tuple[FloatArray, FloatArray, list[Finding]]:
-    """Return both forces (n,) with NaN for what is no force, and a finding where a few rows hold none."""
-    if all(_bounded(column, LARGEST_FORCE) for column in (normal, friction)):
-        return normal, friction, []
-    normal, friction = force(fail, "normal force", normal), force(fail, "friction force", friction)
-    return normal, friction, check_gaps(fail, time, normal, friction, begin)
-
-
-def force(fail: Fail, name: str, values: FloatArray) -> FloatArray:
-    """Return a force with NaN for what is no force: infinities, and the huge numbers by which devices mark overflow."""
+    if all(block.min() >= -LARGEST_FORCE and block.max() <= LARGEST_FORCE for block in blocks):
+        return values
     beyond = np.abs(values) > LARGEST_FORCE
     if not beyond.any():
         return values
@@ -95,36 +78,12 @@ def force(fail: Fail, name: str, values: FloatArray) -> FloatArray:
     return values
 
 
-def channel(fail: Fail, name: str, values: Any, n: int) -> FloatArray:
-    """Return a channel of shape (n,) read-only; its name must be one that every file format keeps."""
-    if not isinstance(name, str) or not name or not _is_plain(name) or name in COLUMN_ROLES:
-        raise fail(f"a channel is called {name!r}; plain text other than {COLUMN_ROLES} is needed; rename it")
-    return column(fail, f"channel {name!r}", values, n)
-
-
-def unit(fail: Fail, name: str, unit: object) -> str:
-    """Return the unit of a channel if it is plain text."""
-    if not isinstance(unit, str) or not _is_plain(unit):
-        raise fail(f"the unit of channel {name!r} is {unit!r}; plain text was expected; correct it")
-    return unit
-
-
-def _is_plain(text: str) -> bool:
+def _is_plain(text: object) -> bool:
     """Tell text that every file format keeps: printable, no blanks at its ends."""
-    return text.isprintable() and text == text.strip()
+    return isinstance(text, str) and text.isprintable() and text == text.strip()
 
 
-def speed(fail: Fail, speed: Any, n: int) -> float | FloatArray | None:
-    """Return the drive speed as a number or a read-only (n,); it must be finite."""
-    if speed is None:
-        return None
-    values = column(fail, "drive speed", [speed] * 1 if np.ndim(speed) == 0 else speed, n if np.ndim(speed) else 1)
-    if not np.isfinite(values).all():
-        raise fail("the drive speed holds values that are no finite number; give it in m/s for every row")
-    return values if np.ndim(speed) else float(values[0])
-
-
-def check_clock(fail: Fail, time: FloatArray) -> None:
+def _check_clock(fail: Fail, time: FloatArray) -> None:
     """Refuse a clock that does not start at 0 and rise strictly."""
     if rising(time) and time[0] == 0:
         span, (least, most) = float(time[-1]), SIZES["s"]
@@ -139,55 +98,42 @@ def check_clock(fail: Fail, time: FloatArray) -> None:
         raise fail(f"the time in row {row + 1} is no finite number; a clock without gaps is needed; repair it")
     if time[0] != 0:
         raise fail(f"the time starts at {time[0]:g} s; 0 was expected; subtract the start")
-    rises = time[1:] > time[:-1]
-    if not rises.all():
-        row = int(np.argmin(rises))
-        raise fail(
-            f"the clock does not rise from row {row + 1} ({time[row]:.9g} s) to row {row + 2} ({time[row + 1]:.9g} s); "
-            "a rising clock was expected; cut or repair the log there"
-        )
+    row = int(np.argmin(time[1:] > time[:-1]))
+    raise fail(
+        f"the clock does not rise from row {row + 1} ({time[row]:.9g} s) to row {row + 2} ({time[row + 1]:.9g} s); "
+        "a rising clock was expected; cut or repair the log there"
+    )
 
 
-def check_gaps(fail: Fail, time: FloatArray, normal: FloatArray, friction: FloatArray, begin: float) -> list[Finding]:
+def _check_gaps(fail: Fail, time: FloatArray, normal: FloatArray, friction: FloatArray, begin: float) -> list[Finding]:
     """Refuse more than five rows in a row without a number; a finding for fewer. begin: of the first row [s]."""
     bad = np.isnan(normal) | np.isnan(friction)
-    if not bad.any():
-        return []
     if np.count_nonzero(~bad) < 2:
         raise fail("no two rows hold numbers of both forces; a log with numbers was expected; export it again")
     runs = true_runs(bad)
     starts, lengths = runs[:, 0], runs[:, 1] - runs[:, 0]
     longest = int(np.argmax(lengths))
     if lengths[longest] > LONGEST_GAP:
-        row, count = int(starts[longest]), int(lengths[longest])
-        which = " and ".join(
-            name for name, values in (("normal", normal), ("friction", friction)) if np.isnan(values[row])
-        )
-        first, last = time[row] + begin, time[row + count - 1] + begin
-        start, stop = _longest_between(time, starts[lengths > LONGEST_GAP], lengths[lengths > LONGEST_GAP])
+        row, last_row = int(starts[longest]), int(runs[longest, 1]) - 1
+        forces = (("normal", normal), ("friction", friction))
+        which = " and ".join(name for name, values in forces if np.isnan(values[row]))
+        first, last = time[row] + begin, time[last_row] + begin
+        long_ones = runs[lengths > LONGEST_GAP]  # the longest stretch between them is proposed
+        firsts = np.minimum(np.concatenate(([0], long_ones[:, 1])), time.size - 1)
+        lasts = np.maximum(np.concatenate((long_ones[:, 0], [time.size])) - 1, firsts)
+        best = int(np.argmax(time[lasts] - time[firsts]))
+        start, stop = time[firsts[best]] + begin, time[lasts[best]] + begin
         part = (
-            f'use a part, as with --window "{start + begin:.6g} s,{stop + begin:.6g} s" (in a scene: window = '
-            f'["{start + begin:.6g} s", "{stop + begin:.6g} s"]), in a scene leave them out with exclude = '
-            f'[["{first:.6g} s", "{last:.6g} s"]], or '
+            f'use a part, as with --window "{start:.6g} s,{stop:.6g} s" (in a scene: window = ["{start:.6g} s", '
+            f'"{stop:.6g} s"]), in a scene leave them out with exclude = [["{first:.6g} s", "{last:.6g} s"]], or '
         )
         raise fail(
-            f"the {which} force holds no number in rows {row + 1} to {row + count} ({first:.6g} to {last:.6g} s); at "
+            f"the {which} force holds no number in rows {row + 1} to {last_row + 1} ({first:.6g} to {last:.6g} s); at "
             f"most {LONGEST_GAP} such rows in a row are accepted; {part if stop > start else ''}export the log again"
         )
-    total, blocks = int(np.count_nonzero(bad)), starts.size
-    message = f"{total} of {bad.size} rows hold no number in {blocks} place(s), first at {time[starts[0]]:.6g} s; "
+    total = int(np.count_nonzero(bad))
+    message = f"{total} of {bad.size} rows hold no number in {starts.size} place(s), first at {time[starts[0]]:.6g} s; "
     return [Finding("missing_rows", "warning", message + "they stay empty and get no weight")]
-
-
-def _longest_between(
-    time: FloatArray, starts: npt.NDArray[np.intp], lengths: npt.NDArray[np.intp]
-) -> tuple[float, float]:
-    """Return first and last time of the longest stretch without such gaps."""
-    firsts = np.concatenate(([0], starts + lengths))
-    lasts = np.concatenate((starts, [time.size])) - 1
-    held = np.flatnonzero(lasts > firsts)
-    here = held[np.argmax(time[lasts[held]] - time[firsts[held]])] if held.size else 0
-    return float(time[min(firsts[here], time.size - 1)]), float(time[max(lasts[here], 0)])
 
 
 WINDOW_START: Final = "window_start"
@@ -216,30 +162,53 @@ class Record:
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
-        time = column(self.error, "time", self.time)
+        fail, time = self.error, _column(self.error, "time", self.time)
         n = time.size
         if n < 2:
-            raise self.error(f"{n} row(s) of data were found; at least two are needed; choose a longer step or log")
-        normal = column(self.error, "normal force", self.normal_force, n)
-        friction = column(self.error, "friction force", self.friction_force, n)
-        check_clock(self.error, time)
-        begin = self.metadata.get(WINDOW_START, 0.0)
-        normal, friction, gaps = forces(
-            self._gap_error, time, normal, friction, float(begin) if isinstance(begin, (int, float)) else 0.0
-        )
+            raise fail(f"{n} row(s) of data were found; at least two are needed; choose a longer step or log")
+        normal = _column(fail, "normal force", self.normal_force, n)
+        friction = _column(fail, "friction force", self.friction_force, n)
+        _check_clock(fail, time)
+        normal, friction = _force(fail, "normal force", normal), _force(fail, "friction force", friction)
+        gaps: list[Finding] = []
+        if np.isnan(normal).any() or np.isnan(friction).any():
+            begin = self.metadata.get(WINDOW_START, 0.0)
+            begin = float(begin) if isinstance(begin, (int, float)) else 0.0
+            gaps = _check_gaps(self._gap_error, time, normal, friction, begin)
+        speed = self.drive_speed
+        if speed is not None:
+            column = _column(fail, "drive speed", np.atleast_1d(speed), n if np.ndim(speed) else 1)
+            if not np.isfinite(column).all():
+                raise fail("the drive speed holds values that are no finite number; give it in m/s for every row")
+            speed = column if np.ndim(speed) else float(column[0])
+        for name in self.channels:
+            if not name or not _is_plain(name) or name in COLUMN_ROLES:
+                raise fail(f"a channel is called {name!r}; plain text other than {COLUMN_ROLES} is needed; rename it")
+            if not _is_plain(unit := self.channel_units.get(name, "")):
+                raise fail(f"the unit of channel {name!r} is {unit!r}; plain text was expected; correct it")
+        channels = {name: _column(fail, f"channel {name!r}", values, n) for name, values in self.channels.items()}
         values: dict[str, Any] = {
             "time": time,
             "normal_force": normal,
             "friction_force": friction,
-            "drive_speed": speed(self.error, self.drive_speed, n),
-            "channels": Frozen({name: channel(self.error, name, values, n) for name, values in self.channels.items()}),
-            "channel_units": Frozen({n: unit(self.error, n, self.channel_units.get(n, "")) for n in self.channels}),
-            "steps": _checked_steps(self, n),
+            "drive_speed": speed,
+            "channels": Frozen(channels),
+            "channel_units": Frozen({name: self.channel_units.get(name, "") for name in channels}),
+            "steps": self._checked_steps(n),
             "metadata": Frozen(self.metadata),
             "findings": (*self.findings, *(g for g in gaps if g.code not in {f.code for f in self.findings})),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    def _checked_steps(self, n: int) -> tuple[Step, ...]:
+        steps = tuple(self.steps) or (Step(1, 1, 0, n),)
+        bounds = [step.start for step in steps] + [n]
+        if bounds[0] != 0 or any(s.stop != b or s.stop <= s.start for s, b in zip(steps, bounds[1:], strict=True)):
+            raise self.error(f"the steps do not cover rows 0 to {n} one after the other; give each row to one step")
+        if len({(step.run, step.number) for step in steps}) != len(steps):
+            raise self.error("two steps carry the same run and number; number them one after the other")
+        return steps
 
     def __reduce__(self) -> tuple[Any, ...]:
         # through the constructor, so that arrays are read-only in the other process as well
@@ -335,6 +304,7 @@ class Record:
         if start != 0.0 and np.isfinite(start):
             time = time - start
             metadata["file_time_start"] = start + float(metadata.get("file_time_start", 0.0))
+        steps = tuple(Step(*step) for step in about.get("steps", ()))
         return cls(
             time=time,
             normal_force=columns["normal_force"],
@@ -342,25 +312,10 @@ class Record:
             drive_speed=columns["drive_speed"] if "drive_speed" in columns else about.get("drive_speed"),
             channels={name: values for name, values in columns.items() if name not in COLUMN_ROLES},
             channel_units=about.get("channel_units", {}),
-            steps=_steps_within([Step(*step) for step in about.get("steps", ())], time.size),
+            steps=steps if steps and steps[-1].stop == time.size else (),  # rows may have been cut away since
             metadata=metadata,
             findings=tuple(Finding(*finding) for finding in about.get("findings", ())),
         )
-
-
-def _checked_steps(record: Record, n: int) -> tuple[Step, ...]:
-    steps = tuple(record.steps) or (Step(1, 1, 0, n),)
-    bounds = [step.start for step in steps] + [n]
-    if bounds[0] != 0 or any(s.stop != b or s.stop <= s.start for s, b in zip(steps, bounds[1:], strict=True)):
-        raise record.error(f"the steps do not cover rows 0 to {n} one after the other; give each row to one step")
-    if len({(step.run, step.number) for step in steps}) != len(steps):
-        raise record.error("two steps carry the same run and number; number them one after the other")
-    return steps
-
-
-def _steps_within(steps: Sequence[Step], n: int) -> tuple[Step, ...]:
-    """Return the steps, or none where rows were cut away since they were noted."""
-    return tuple(steps) if steps and steps[-1].stop == n else ()
 
 
 def zero_of_times(record: Record) -> str:
