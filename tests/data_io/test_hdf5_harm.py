@@ -182,22 +182,6 @@ def test_memory_is_asked(tmp_path, monkeypatch):
     assert len(read_log(path)) == 400
 
 
-@pytest.mark.parametrize("name", ["Prüfstand 1/ein Log mit Leerzeichen.h5", "x" * 240 + ".h5", "naïve—“quoted”.hdf5"])
-def test_odd_names_are_names(tmp_path, name):
-    path = tmp_path / name
-    path.parent.mkdir(exist_ok=True)
-    record = Record(np.arange(9.0), np.ones(9), np.arange(9.0), channels={"Größe µ": np.ones(9)})
-    write_hdf5(record, path)
-    back = read_log(path)
-    assert back.friction_force.tolist() == list(range(9)) and "Größe µ" in back.channels
-    deep = tmp_path
-    while len(str(deep)) < 1500:
-        deep = deep / ("d" * 120)
-    deep.mkdir(parents=True)
-    write_hdf5(record, deep / "log.h5")
-    assert len(read_log(deep / "log.h5")) == 9
-
-
 def test_a_file_is_walked_through_once_and_again_when_it_has_changed(tmp_path, monkeypatch):
     path, walks = good(tmp_path / "log.h5"), []
     seen = hdf5._forked

@@ -9,8 +9,6 @@ import pytest
 
 from data_io import LogError, read_log
 from experiments.lookalikes import EXPORTS
-from identify.logs.scene_records import with_records
-from identify.scene import Scene
 
 CASES = Path(__file__).parents[1] / "cases"
 FORCE = [f"{0.5 + 0.01 * (i % 20):.4f}" for i in range(120)]
@@ -88,12 +86,6 @@ def test_clock_times_in_cells_of_excel(tmp_path):
         right(read_log(tmp_path / "a.xlsx"))
 
 
-def test_a_word_among_clock_times_is_refused(tmp_path):
-    path = table(tmp_path, "Time,Fz [N],Fx [N]", lambda i, f: f"{'noon' if i > 50 else f'10:00:{i:02}'},3.0,{f}")
-    with pytest.raises(LogError, match=r"'noon'|'10:00"):
-        read_log(path)
-
-
 @pytest.mark.parametrize(
     ("head", "row"),
     [
@@ -109,19 +101,6 @@ def test_quotes_thousands_and_units_in_cells(tmp_path, head, row):
     record = read_log(table(tmp_path, head, row))
     right(record)
     assert record.normal_force[0] == 3.0
-
-
-def test_a_comma_that_may_be_either_is_refused(tmp_path):
-    path = table(tmp_path, "T [s],Fz [N],Fx [N]", lambda i, _: f'"{i}","2,500","1,{100 + i}"')
-    with pytest.raises(LogError, match="decimal mark or stand between thousands"):
-        read_log(path)
-
-
-def test_units_that_change_from_cell_to_cell(tmp_path):
-    path = table(
-        tmp_path, "T;Fz;Fx", lambda i, f: f"{i / 10:.1f} s;3 N;{f'{f} N' if i % 2 else f'{1e3 * float(f):.1f} mN'}"
-    )
-    np.testing.assert_allclose(read_log(path).friction_force, [float(force) for force in FORCE], rtol=1e-12)
 
 
 def test_a_coefficient_and_a_load_are_a_friction_force(tmp_path):
@@ -205,12 +184,6 @@ def test_settings_end_wherever_they_end(tmp_path, setting, count):
     np.testing.assert_allclose(record.friction_force[:120], [float(force) for force in FORCE], rtol=1e-12)
 
 
-def test_a_shorter_table_below_is_no_table(tmp_path):
-    rows = "".join(f"{i / 10}\t{FORCE[i % 120]}\t3.0\n" for i in range(50_000))
-    (tmp_path / "a.txt").write_text(rows + "".join(f"{i},{i},{i}\n" for i in range(2_000)))
-    assert len(read_log(tmp_path / "a.txt", **NUMBERED)) == 50_000
-
-
 def test_the_position_is_read_where_there_is_no_header():
     columns = {"time": "1", "friction_force": "3", "position": "2"}
     units = {"time": "ms", "friction_force": "N", "position": "mm"}
@@ -230,14 +203,6 @@ def test_a_number_and_a_word_in_each_row(tmp_path):
             columns={"friction_force": "1"}, units={"friction_force": "N"}, normal_force=3.0, rate=10.0,
         )  # fmt: skip
         right(found)
-
-
-def test_a_rate_makes_the_clock_of_any_file(tmp_path):
-    right(read_log(table(tmp_path, "Fx [N],Fz [N]", lambda _, f: f"{f},3.0"), rate="10 Hz"))
-    broken = table(tmp_path, "Time [s],Fx [N],Fz [N]", lambda i, f: f"{i % 3},{f},3.0")
-    right(read_log(broken, rate="0.01 kHz"))
-    with pytest.raises(LogError, match="--rate"):
-        read_log(broken)
 
 
 def test_names_that_cannot_be_written_are_numbered(tmp_path):
@@ -279,10 +244,6 @@ def test_other_bytes_are_not_taken_for_chinese(tmp_path):
     assert record.channel_units["s"] == "m" and "Prüfgröße" in record.metadata["preamble"]
 
 
-def test_the_case_in_gb18030():
-    assert len(read_log(CASES / "gbk.csv")) == 800
-
-
 def test_names_in_merged_cells_and_in_two_rows(tmp_path):
     record = read_log(CASES / "merged_header.xlsx")
     assert len(record) == 800 and record.metadata["time_source"] == "column Time in s"
@@ -294,18 +255,6 @@ def test_the_cause_is_told():
         read_log(CASES / "formula_fx.xlsx")
     with pytest.raises(LogError, match=r"from byte 9000 on .below line 428. 100 zero bytes"):
         read_log(CASES / "nul_middle.csv")
-
-
-def test_a_scene_gives_the_rate_too(tmp_path):
-    table(tmp_path, "Fx [N],Fz [N]", lambda _, f: f"{f},3.0")
-    (tmp_path / "s.toml").write_text(
-        'effects = ["inertia", "hysteresis_damping"]\n[rig]\nmass = 0.2\nstiffness = 1470\ndamping = 147\n[[logs]]\n'
-        'path = "a.csv"\ndrive_speed = 1e-3\nrate = "10 Hz"\n'
-    )
-    scene = Scene.from_toml(tmp_path / "s.toml")
-    _, (record,) = with_records(scene, None)
-    right(record)
-    assert Scene.from_document(scene.as_document(), tmp_path).logs[0].rate == 10.0
 
 
 @pytest.mark.parametrize("mark", ["\t", ","])
@@ -325,34 +274,6 @@ def test_a_test_data_file_of_a_pcs_mtm(tmp_path, mark):
     assert [step.stop - step.start for step in record.steps] == [120, 120]
     right(read_log(tmp_path / "a.txt", step=2))
     assert record.normal_force[0] == 3.0 and record.channel_units["Sliding Speed"] == "m/s"
-
-
-ALL_HEADERS = (
-    "Time [s]\tSliding Time [s]\tCycles Reset\tDistance [m]\tLinear Position [m]\tSpeed [m/s]\tNormal Force [N]\t"
-    "Friction Force [N]\tPenetration Depth [m]\tCoefficient of Friction\tNominal Normal Force [N]\tSequence Count"
-)
-"""The headers that an owner of an Anton Paar tribometer lists (dancingmelon/tribo_python, note.txt)."""
-
-
-def instrumx(i, force):
-    return f"{i / 10}\t{i / 10 - 1}\t0\t{i / 1e4}\t0.001\t0.001\t3.0\t{force}\t1e-6\t{float(force) / 3:.5f}\t3\t1"
-
-
-@pytest.mark.parametrize(
-    ("head", "row", "more"),
-    [
-        (ALL_HEADERS, instrumx, {}),
-        ("SetName,Cycle,Time_S,Size_mm,Friction_N", lambda i, f: f"slide,1,{i / 10},{i},{f}", {"normal_force": 3}),
-        ("time_s,recnum,hstress_mpa,mu", lambda i, f: f"{i / 10},{i},5.0,{float(f) / 3!r}", {"normal_force": "3 N"}),
-        ("Time(Sec),Wear(Micrometers),Frictional Force(N),Coefficient of Friction,Speed(RPM)",
-         lambda i, f: f"{i / 10},1.0,{f},{float(f) / 3:.5f},191", {"normal_force": 3}),
-        ('"Time","Extension","Load"\n"(s)","(mm)","(N)"', lambda i, f: f'"{i / 10}","{i / 100}","{f}"',
-         {"normal_force": 3, "columns": {"friction_force": "Load"}}),
-    ],
-    ids=["Anton Paar InstrumX", "CellScale", "a rock rig", "Ducom", "a sled on an Instron"],
-)  # fmt: skip
-def test_layouts_that_others_describe(tmp_path, head, row, more):
-    right(read_log(table(tmp_path, head, row, "a.txt"), **more))
 
 
 @pytest.mark.parametrize("name", EXPORTS)
@@ -442,20 +363,3 @@ def test_a_clock_that_counts_from_1970_tells_its_unit(tmp_path, part):
     columns = {"normal_force": "force.z", "friction_force": "force.x"}
     record = read_log(path, columns=columns, units={"normal_force": "N", "friction_force": "N"})
     assert record.time[-1] - record.time[0] == pytest.approx(0.118, abs=1e-6)
-
-
-def test_a_counter_of_microseconds_that_passes_by_a_date_is_asked_for_its_unit(tmp_path):
-    rows = "".join(f"{1_710_253_695 + 2000 * i},0.{3 + i % 3}00,1.000\n" for i in range(60))
-    path = tmp_path / "micros.csv"
-    path.write_text("Time,Fx [N],Fz [N]\n" + rows)
-    with pytest.raises(LogError, match="no unit was found for column 'Time'"):
-        read_log(path)
-
-
-def test_a_number_of_a_column_that_no_row_holds_is_refused_in_a_sentence(tmp_path):
-    path = tmp_path / "a.lvm"
-    rows = "".join(f"{i / 10}\t{i % 3}\n" for i in range(30))
-    path.write_text(f"LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\nX_Value\tFx_N\tComment\n{rows}")
-    numbered = {"time": "1", "friction_force": "2", "normal_force": "3"}
-    with pytest.raises(LogError, match=r"column 'Comment' \(normal force\) holds no numbers"):
-        read_log(path, columns=numbered, units={"normal_force": "N"})

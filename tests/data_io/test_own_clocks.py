@@ -64,28 +64,6 @@ def test_other_formats_of_columns_in_pairs(tmp_path, names, delimiter):
     assert {"own_clocks", "rows_without_partner"} <= codes(record)
 
 
-def test_clocks_that_agree_are_one_clock(tmp_path):
-    rows = "".join(f"{i / 10},{i % 7}.5,{i / 10},3.0\n" for i in range(40))
-    (tmp_path / "a.csv").write_text("Time [s],Fx [N],Time [s],Fz [N]\n" + rows)
-    record = read_log(tmp_path / "a.csv")
-    assert len(record) == 40 and "own_clocks" not in codes(record) and record.friction_force[3] == 3.5
-
-
-def test_clocks_that_do_not_meet_are_refused_by_name(tmp_path):
-    rows = "".join(f"{i / 10},{i % 7}.5,{i / 10 + 100},3.0\n" for i in range(40))
-    (tmp_path / "a.csv").write_text("Time [s],Fx [N],Time [s],Fz [N]\n" + rows)
-    with pytest.raises(LogError, match=r"'Fx \[N\]' runs from 0 to 3.9, that of 'Fz \[N\]' from 100 to 103.9"):
-        read_log(tmp_path / "a.csv")
-    assert len(read_log(tmp_path / "a.csv", normal_force="3 N")) == 40, "the remedy of the sentence"
-
-
-def test_a_time_that_is_named_is_the_clock_of_all(tmp_path):
-    rows = "".join(f"{i / 10},{i % 7}.5,{i / 5},3.0\n" for i in range(40))
-    (tmp_path / "a.csv").write_text("Time [s],Fx [N],t [s],Fz [N]\n" + rows)
-    assert read_log(tmp_path / "a.csv", columns={"time": "t"}).time[-1] == pytest.approx(7.8)
-    assert "own_clocks" not in codes(read_log(tmp_path / "a.csv"))
-
-
 def test_labview_with_one_x_column_and_starts_past_midnight(tmp_path):
     """The load starts half a second after the friction, and a day later by its date."""
     head = (
@@ -133,12 +111,6 @@ def test_tables_side_by_side_are_runs(tmp_path, apart):
     lengths = [len(read_log(tmp_path / "a.xlsx", run=run)) for run in (1, 2, 3)]
     assert lengths == [30, 20, 10]
     assert read_log(tmp_path / "a.xlsx", run=3).friction_force[4] == 24.0
-
-
-def test_a_friction_force_that_only_repeats_is_no_second_table(tmp_path):
-    rows = "".join(f"{i / 10},{i % 7}.5,3.0,{i / 10},{i % 7}.5\n" for i in range(40))
-    (tmp_path / "a.csv").write_text("Time [s],Fx [N],Fz [N],Time [s],Fx [N]\n" + rows)
-    assert len(read_log(tmp_path / "a.csv")) == 40
 
 
 def test_two_tables_on_the_same_grid_are_two(tmp_path):

@@ -1,15 +1,16 @@
-"""Tables as people keep them: units row by row, statistics below the rows, a channel that is sampled slower."""
+"""Tables as people keep them and loggers write them: each is read as the plain file is, or not at all."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
+import openpyxl
 import pytest
 
 from data_io import LogError, read_log
 
-SIBLINGS = range(20)
+SIBLINGS = range(10)
 
 
 def drawn(seed: int, rows: int = 600) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.random.Generator]:
@@ -20,12 +21,12 @@ def drawn(seed: int, rows: int = 600) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return time, np.round(force, 4), np.round(2.0 + 0.002 * random.standard_normal(rows), 4), random
 
 
-def check(path: Path, time: np.ndarray, force: np.ndarray, load: np.ndarray) -> None:
+def check(path: Path, time: np.ndarray, force: np.ndarray, load: np.ndarray, atol: float = 1e-9) -> None:
     """The log holds these numbers."""
     record = read_log(path)
     np.testing.assert_allclose(record.time, time - time[0], atol=2e-6)
-    np.testing.assert_allclose(record.friction_force, force, atol=1e-9)
-    np.testing.assert_allclose(record.normal_force, load, atol=1e-9)
+    np.testing.assert_allclose(record.friction_force, force, atol=atol)
+    np.testing.assert_allclose(record.normal_force, load, atol=atol)
 
 
 UNITS = {"N": 1.0, "mN": 1e3, "cN": 1e2, "kN": 1e-3}
@@ -128,3 +129,102 @@ def test_a_slow_channel_that_stops_for_a_while_is_no_load(tmp_path: Path) -> Non
     (tmp_path / "log.csv").write_text("Time [s],Fx [N],Fz [N]\n" + "\n".join(rows) + "\n")
     with pytest.raises(LogError, match="normal force holds no number in rows"):
         read_log(tmp_path / "log.csv")
+
+
+@pytest.mark.parametrize("mark", [999.99, 9999.0, -9999.0, 32767.0])
+@pytest.mark.parametrize("column", [0, 1])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_mark_for_no_value_is_none(tmp_path: Path, mark: float, column: int, seed: int) -> None:
+    time, *forces, _ = drawn(seed, 1000)
+    rows = np.unique(np.random.default_rng(seed).integers(20, 980, 5)[:, None] + np.arange(9))
+    written = [force.copy() for force in forces]
+    written[column][rows] = mark
+    text = "Time [s],Fx [N],Fz [N]\n" + "".join(f"{t:.4f},{f},{n}\n" for t, f, n in zip(time, *written, strict=True))
+    (tmp_path / "log.csv").write_text(text)
+    there = np.setdiff1d(np.arange(time.size), rows)
+    record = read_log(tmp_path / "log.csv")
+    check(tmp_path / "log.csv", time[there], *(force[there] for force in forces))
+    assert any(f.code == "no_value_mark" and f"{rows.size} row(s)" in f.message for f in record.findings)
+
+
+def test_a_force_that_reaches_nine_hundred_and_ninety_nine_is_no_mark(tmp_path: Path) -> None:
+    """Negative control: round and repeated, but not far from all others."""
+    time, force, load, _ = drawn(0)
+    force = np.clip(2000.0 * force, None, 999.0)
+    text = "Time [s],Fx [N],Fz [N]\n" + "".join(f"{t:.4f},{f},{n}\n" for t, f, n in zip(time, force, load, strict=True))
+    (tmp_path / "log.csv").write_text(text)
+    check(tmp_path / "log.csv", time, force, load)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_header_may_say_how_much_one_count_is(tmp_path: Path, seed: int) -> None:
+    time, force, load, _ = drawn(seed)
+    rows = "".join(f"{100.0 * t:.3f},{f},{n}\n" for t, f, n in zip(time, force, load, strict=True))
+    (tmp_path / "log.csv").write_text(f"Time [0.01 s],Fx [N],Fz [N]\n{rows}")
+    check(tmp_path / "log.csv", time, force, load)
+    (tmp_path / "volts.csv").write_text(f"Time [10 ms],Fx [V],Fz [N]\n{rows}")
+    with pytest.raises(LogError, match="V"):  # negative control: a volt is no newton
+        read_log(tmp_path / "volts.csv")
+
+
+@pytest.mark.parametrize("change", [(2, 1), (1, 2), (-4, -5)])
+def test_an_offset_of_the_clock_may_change_within_a_log(tmp_path: Path, change: tuple[int, int]) -> None:
+    time, force, load, _ = drawn(0)
+    lines = []
+    for t, f, n in zip(time, force, load, strict=True):
+        offset = change[int(t > time[500])]
+        utc = 12 * 3600.0 + t + 3600.0 * offset
+        stamp = f"2023-10-29T{int(utc // 3600):02d}:{int(utc % 3600 // 60):02d}:{utc % 60:06.3f}{offset:+03d}:00"
+        lines.append(f"{stamp},{f},{n}\n")
+    (tmp_path / "log.csv").write_text("Time,Fx [N],Fz [N]\n" + "".join(lines))
+    record = read_log(tmp_path / "log.csv")
+    np.testing.assert_allclose(record.time, time, atol=2e-3)
+
+
+@pytest.mark.parametrize("begin", [0.0, 59 * 60.0 + 58.0, 12 * 60.0])
+def test_minutes_and_seconds_go_on_over_the_hour(tmp_path: Path, begin: float) -> None:
+    time, force, load, _ = drawn(1)
+    stamps = [f"{int((begin + t) // 60) % 60:02d}:{(begin + t) % 60:06.3f}" for t in time.tolist()]
+    rows = "".join(f"{s},{f},{n}\n" for s, f, n in zip(stamps, force, load, strict=True))
+    (tmp_path / "log.csv").write_text(f"Time,Fx [N],Fz [N]\n{rows}")
+    check(tmp_path / "log.csv", time, force, load)
+
+
+@pytest.mark.parametrize("mark", ["\u202f", "\u00a0", "\u2009", "'"])
+def test_marks_between_thousands_are_no_delimiters(tmp_path: Path, mark: str) -> None:
+    time, force, load, _ = drawn(2)
+
+    def written(value: float) -> str:
+        return f"{value:,.1f}".replace(",", mark).replace(".", ",")
+
+    rows = "".join(
+        f"{written(1e3 * t + 1e4)};{written(1e3 * f)};{written(1e3 * n)}\n"
+        for t, f, n in zip(time, force, load, strict=True)
+    )
+    (tmp_path / "log.csv").write_text(f"Time [ms];Fx [mN];Fz [mN]\n{rows}", encoding="utf-8")
+    check(tmp_path / "log.csv", time, force, load, 1e-3)
+
+
+def test_names_of_rows_are_no_column(tmp_path: Path) -> None:
+    time, force, load, _ = drawn(3)
+    rows = [f"{t:.4f}\t{f}\t{n}" for t, f, n in zip(time, force, load, strict=True)]
+    text = "Time_s\tFx_N\tFz_N\n" + "".join(f"{i}\t{row}\n" for i, row in enumerate(rows, start=1))
+    (tmp_path / "r.txt").write_text(text)
+    check(tmp_path / "r.txt", time, force, load)
+    unnamed = "Time_s\tFx_N\tFz_N\n" + "".join(f"{row}\t7\n" for row in rows)  # negative control: one name is missing
+    (tmp_path / "unnamed.txt").write_text(unnamed)
+    with pytest.raises(LogError, match="4 fields"):
+        read_log(tmp_path / "unnamed.txt")
+
+
+@pytest.mark.parametrize(("shown", "stored"), [("0.0%", 0.01), ("0.00", 1.0)])
+def test_a_cell_shown_in_percent_holds_a_hundredth_of_it(tmp_path: Path, shown: str, stored: float) -> None:
+    time, force, load, _ = drawn(4, rows=200)
+    book = openpyxl.Workbook()
+    sheet = book.active
+    sheet.append(["Time [s]", "COF [%]", "Fz [N]"])
+    for t, f, n in zip(time.tolist(), force.tolist(), load.tolist(), strict=True):
+        sheet.append([t, stored * 100.0 * f / n, n])
+        sheet.cell(sheet.max_row, 2).number_format = shown
+    book.save(tmp_path / "log.xlsx")
+    check(tmp_path / "log.xlsx", time, force, load)

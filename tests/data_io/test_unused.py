@@ -8,12 +8,10 @@ import numpy as np
 import openpyxl
 import pytest
 
-from data_io import LogError, Record, read_log
-from identify.cli import main as cli
+from data_io import LogError, read_log
 from identify.logs.parting import gaps_apart
 from identify.logs.prepare import prepare
-from identify.logs.recorded_drive import recorded_drive
-from identify.logs.scene_records import read_entry, unused
+from identify.logs.scene_records import read_entry
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
 
@@ -24,14 +22,6 @@ NAN_BLOCK, DELETED = CASES / "nan_block.csv", CASES / "gap_block.csv"
 def rows(text, n=400, start=0.0):
     """So many rows at 100 Hz, each as `text(row, time)` has it."""
     return [text(i, start + i / 100.0) for i in range(n)]
-
-
-def umt(folder):
-    """A tribometer's export that loses its sensor from 1 s to 2 s."""
-    top = "Created by CETR UMT ver.1.136.257 12 May 2022 12:21:50\nRun # 1\nStep No. 1\n\nT,Fx,Fz\nsec,N,N\n\n"
-    lines = rows(lambda i, t: f"{t:.2f},{'---' if 100 <= i < 200 else f'{0.5 + 1e-3 * i:.4f}'},3.0")
-    (folder / "log.txt").write_text(top + "\n".join(lines) + "\n")
-    return folder / "log.txt"
 
 
 def words(folder):
@@ -69,7 +59,7 @@ def clock_fails(folder):
     return folder / "log.xlsx"
 
 
-@pytest.mark.parametrize("make", [umt, words, hdf5, clock_fails])
+@pytest.mark.parametrize("make", [words, hdf5, clock_fails])
 def test_window_that_avoids_the_trouble_is_read_and_one_that_does_not_is_refused(tmp_path, make):
     path = make(tmp_path)
     for window, n, first in (((0.0, 0.955), 96, 0.0), ((2.495, 3.505), 101, 2.5)):
@@ -92,7 +82,7 @@ def test_clock_that_falls_is_cut_on_either_side(tmp_path):
     np.testing.assert_allclose(before.friction_force, 0.55 + 0.1 * before.time, atol=1e-9)
 
 
-@pytest.mark.parametrize("make", [umt, words, hdf5])
+@pytest.mark.parametrize("make", [words, hdf5])
 def test_excluded_stretch_without_numbers_leaves_the_rest_where_it_was(tmp_path, make):
     record = read_log(make(tmp_path), exclude=[(0.9, 2.1)])
     inside = (record.time >= 0.9) & (record.time <= 2.1)
@@ -102,13 +92,8 @@ def test_excluded_stretch_without_numbers_leaves_the_rest_where_it_was(tmp_path,
     assert inside.any(), "it is still seen that there was something"
 
 
-def test_exclude_that_misses_a_part_of_the_block_is_refused(tmp_path):
-    with pytest.raises(LogError, match="holds no number"):
-        read_log(umt(tmp_path), exclude=[(0.9, 1.5)])
-
-
 def test_excluding_just_the_block_is_enough(tmp_path):
-    path = umt(tmp_path)
+    path = words(tmp_path)
     with pytest.raises(LogError) as refused:
         read_log(path)
     first, last = map(float, re.search(r'exclude = \[\["(\S+) s", "(\S+) s"\]\]', str(refused.value)).groups())
@@ -123,12 +108,6 @@ def test_block_without_numbers_is_as_good_as_rows_that_were_deleted():
         np.testing.assert_array_equal(getattr(told, name), getattr(deleted, name))
 
 
-def test_inspect_reads_the_part_that_is_asked_for(capsys):
-    assert cli.main(["inspect", str(NAN_BLOCK), "--window", "5 s,8 s"]) == 0
-    assert "300 rows" in capsys.readouterr().out
-    assert cli.main(["inspect", str(NAN_BLOCK)]) == 2
-
-
 @pytest.mark.parametrize("name", ["nan_window.toml", "nan_exclude.toml"])
 def test_scene_that_cuts_the_block_out_is_prepared(name):
     scene = Scene.from_toml(CASES / name)
@@ -141,28 +120,6 @@ def test_scene_that_cuts_the_block_out_is_prepared(name):
     untouched = Scene.from_document({**dict(scene.as_document()), "logs": [{"path": str(NAN_BLOCK)}]}, CASES)
     with pytest.raises(LogError, match="holds no number"):
         read_entry(untouched, 0)
-
-
-def test_unused_is_what_lies_around_the_window_and_the_zeros():
-    scene = Scene.from_toml(CASES / "nan_window.toml")
-    (before, behind) = unused(scene.logs[0])
-    assert before[1] < 5.0 and behind[0] > 8.0
-    assert before[0] == -np.inf and behind[1] == np.inf
-
-
-def test_threshold_may_be_infinite_as_it_says():
-    scene = Scene.from_toml(CASES / "quality_inf.toml")
-    assert scene.thresholds["missing_rows_reject"] == np.inf
-    quoted = Scene.from_toml(CASES / "quality_inf.toml", ['quality.jitter="inf"'])
-    assert quoted.thresholds["jitter"] == np.inf
-
-
-def test_pieces_of_a_drive_are_counted_within_the_window():
-    t = np.arange(4000) / 100.0
-    position = np.where(t < 20.0, 1e-4 * np.abs((t % 0.5) - 0.25), 1e-4 * t)  # 80 strokes, then one way
-    record = Record(t, np.ones_like(t), 0.5 + 0 * t, channels={"position": position}, channel_units={"position": "m"})
-    assert recorded_drive(record).programme is None or len(recorded_drive(record).programme) > 1
-    assert recorded_drive(record, window=(21.0, 39.0)).speed == pytest.approx(1e-4, rel=1e-6)
 
 
 def test_all_that_is_missing_is_asked_for_at_once(tmp_path):

@@ -133,14 +133,6 @@ def test_our_csv_opens_in_other_programmes(tmp_path):
     assert table[:, 2].tobytes() == sample().friction_force.tobytes()
 
 
-def test_our_csv_without_its_first_lines_is_plain_csv(tmp_path):
-    write_csv(sample(), tmp_path / "log.csv")
-    text = (tmp_path / "log.csv").read_text()
-    (tmp_path / "plain.csv").write_text(text.split("\n", 2)[2])
-    record = read_log(tmp_path / "plain.csv")
-    assert record.metadata["format"] == "delimited" and len(record) == 30
-
-
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -18,7 +18,7 @@ ELSEWHERE = {
     "packets": "tests/data_io/test_gaps_of_the_clock.py",
     "pauses": "tests/data_io/test_gaps_of_the_clock.py",
     "statistics_below": "tests/data_io/test_tables_as_people_keep_them.py",
-    "no_value_mark": "tests/data_io/test_written_forms.py",
+    "no_value_mark": "tests/data_io/test_tables_as_people_keep_them.py",
     "swings": "tests/logs/test_looks_of_records.py",  # what such records look like at random, as the next two
     "upside_down": "tests/logs/test_looks_of_records.py",
     "zero_lost": "tests/logs/test_looks_of_records.py",
