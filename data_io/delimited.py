@@ -1,4 +1,4 @@
-"""Delimited text of any origin, and of Anton Paar and Rtec: a header row, units, rows of numbers."""
+"""Delimited text of any origin, and of Rtec: a header row, units, rows of numbers."""
 
 import re
 from dataclasses import replace
@@ -7,15 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from data_io.columns import Header, Name, coefficient_column, find_column, shown, with_unit
-from data_io.contents import Contents, Part, with_column
+from data_io.columns import Header, coefficient_column, find_column, shown, with_unit
+from data_io.contents import Contents, Part
 from data_io.source import Request, Source
 from data_io.table import Table, read_tables
 from data_io.text import looks_like_text
-from data_io.units import to_si
 from data_io.values import Finding
-
-_T11 = re.compile(r"(?:^|[^A-Za-z0-9])T-?11(?:[^0-9]|$)", re.IGNORECASE)
 
 
 def read_delimited(source: Source, request: Request) -> Contents:
@@ -24,8 +21,9 @@ def read_delimited(source: Source, request: Request) -> Contents:
     Layout: lines of words, a header row that names a time and a force, units in brackets, as suffix or in a row below,
     rows; each further header row begins a step. Encodings: byte-order mark, UTF-8, UTF-16, single bytes of cp1252;
     line ends CR LF, LF, CR, also mixed; decimal comma where it does not delimit.
-    Also seen: T11 (ITeR), semicolons, load and speed only in the file name (there a name with `T11` and `10N` gives the
-    load, and says so); PCS MTM, many empty columns, names twice, a header per step.
+    Also seen: Anton Paar (formerly CSM) TRB3 and Nano, tabs, the TRB3 without a measured load, only the `Nominal Load
+    [N]` that was set; T11 (ITeR), semicolons, the load in the file name only; PCS MTM, many empty columns, names twice,
+    a header per step.
     """
     tables, footer = read_tables(source, request)
     filled = [table for table in tables if table.rows] or tables
@@ -47,48 +45,11 @@ def read_delimited(source: Source, request: Request) -> Contents:
         )
         for i, table in enumerate(filled)
     ]
-    if request.normal_force is None and _T11.search(source.path.name):
-        parts = [_loaded_by_name(source, part, findings) for part in parts]
     return Contents(parts, metadata, list(dict.fromkeys(findings)))
 
 
 def _has_force(header: Header) -> bool:
     return bool({"normal_force", "friction_force"} & set(header.roles)) or coefficient_column(header) is not None
-
-
-def _loaded_by_name(source: Source, part: Part, findings: list[Finding]) -> Part:
-    """Give a step of a T11 without a load the one in its file name, as `T11_10N_0.1m-s.csv`."""
-    load = load_in_name(source.path.name)
-    if "normal_force" in part.header.roles or load is None:
-        return part
-    text = f"the normal force of {load:g} N was taken from the file name, as T11 exports have it: check it"
-    findings.append(Finding("normal_force_from_name", "warning", text))
-    return with_column(part, "normal_force", Name("file name", "file name", "N"), np.full(part.rows, load))
-
-
-def load_in_name(name: str) -> float | None:
-    """Return the force [N] that a file name states once, as `10N` or `2,5 mN`; None where it states none or several."""
-    found = re.findall(r"(?<![\w.,])(\d+(?:[.,]\d+)?) ?([mk]?N)(?![A-Za-z])", name.replace("_", " "))
-    if len(found) != 1:
-        return None
-    return to_si(float(found[0][0].replace(",", ".")), found[0][1], "force")
-
-
-# Text export of Anton Paar (formerly CSM) tribometers: TRB3, Nano.
-
-# µ is one byte in cp1252, two in UTF-8
-_TIME = re.compile(rb"Time ?\[[a-z]+\][^\t\r\n]*+\t([^\r\n]*+)", re.IGNORECASE)
-_OTHERS = re.compile(rb"Laps|Nominal Load|Penetration Depth|(?:\xb5|\xc2\xb5|\xce\xbc) ?(?:\t|\[)", re.IGNORECASE)
-
-
-def is_anton_paar(head: bytes) -> bool:
-    """Tell a TRB3 or Nano (software version not known: no file was seen) by a tab-separated header.
-
-    It holds Time [s] and one of Laps, Nominal Load, µ, Penetration Depth, perhaps below lines of words.
-    Quirks: UTF-8 with or without mark, or cp1252; decimal comma possible; tabs at the ends of rows; the TRB3 has no
-    measured load, only the `Nominal Load [N]` that was set; the Nano writes forces in mN.
-    """
-    return looks_like_text(head) and any(_OTHERS.search(rest) for rest in _TIME.findall(head))
 
 
 # CSV export of Rtec MFT.

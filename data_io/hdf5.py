@@ -10,6 +10,7 @@ than memory. Files are opened so that they can do no harm: read-only, nothing ou
 
 from __future__ import annotations
 
+import bisect
 import contextlib
 import functools
 import os
@@ -47,8 +48,6 @@ _WIDEST: Final = 256
 _SHOWN: Final = 12
 _DEEPEST: Final = 6
 _MOST_GROUPS: Final = 2000
-_BLOCK: Final = 1 << 24
-"""Rows read at a time; progress is told after each."""
 _PATIENCE: Final = 1
 """Seconds of computing after which a file whose structure is not walked through is given up; a sound one takes
 milliseconds."""
@@ -328,22 +327,12 @@ def _texts(value: Any) -> Sequence[str]:
     return listed if len(listed) != 1 else [part.strip() for part in listed[0].split(",")]
 
 
-def _read_values(dataset: h5py.Dataset, rows: slice, tell: Callable[[float], None]) -> FloatArray:
-    """Return the rows of a dataset, which is a column, as float64 (n,). tell: called with the share read."""
-    count = rows.stop - rows.start
+def _read_values(dataset: h5py.Dataset, rows: slice) -> FloatArray:
+    """Return the rows of a dataset, which is a column, as float64 (n,)."""
     if dataset.ndim != 1:
-        tell(1.0)
         return np.asarray(dataset[()], dtype=np.float64).reshape(-1)[rows].copy()
-    if rows == slice(0, dataset.size) and count <= _BLOCK:
-        whole = np.asarray(dataset[()], dtype=np.float64)  # without a selection the library is a third faster
-        tell(1.0)
-        return whole
-    values = np.empty(count)
-    for first in range(0, count, _BLOCK):
-        end = min(first + _BLOCK, count)
-        dataset.read_direct(values, np.s_[rows.start + first : rows.start + end], np.s_[first:end])
-        tell(end / count)
-    return values
+    whole = rows == slice(0, dataset.size)  # without a selection the library is a third faster
+    return np.asarray(dataset[()] if whole else dataset[rows], dtype=np.float64)
 
 
 # What a file holds, and the part of it that was asked for.
@@ -565,8 +554,9 @@ def _columns(source: Source, request: Request, table: _Table) -> dict[int, Float
     time, scale = _clock(request, table)
     rows = slice(0, int(time.size))
     if request.window is not None and scale is not None:  # by `_by_file_clock` it is in the clock of the file
-        start = _bisected(time, request.window[0] / scale, after=False)
-        rows = slice(start, max(_bisected(time, request.window[1] / scale, after=True), start))
+        places, number = range(int(time.size)), functools.partial(_number_at, time)
+        start = bisect.bisect_left(places, request.window[0] / scale, key=number)
+        rows = slice(start, max(bisect.bisect_right(places, request.window[1] / scale, key=number), start))
     check_memory(
         source,
         rows.stop - rows.start,
@@ -574,12 +564,9 @@ def _columns(source: Source, request: Request, table: _Table) -> dict[int, Float
         lambda row: (_number_at(time, row) - _number_at(time, 0)) * (scale or 1.0),
     )
     columns = {}
-    for count, index in enumerate(wanted):
-
-        def tell(share: float, count: int = count) -> None:
-            request.progress((count + share) / len(wanted))
-
-        columns[index] = _read_values(datasets[index], rows, tell)
+    for count, index in enumerate(wanted, start=1):
+        columns[index] = _read_values(datasets[index], rows)
+        request.progress(count / len(wanted))
     return columns
 
 
@@ -593,18 +580,6 @@ def _clock(request: Request, table: _Table) -> tuple[h5py.Dataset, float | None]
         return time, factor(unit_of(request, table.header, index) or "s", "s")
     except UnitError:
         return time, None
-
-
-def _bisected(time: h5py.Dataset, value: float, *, after: bool) -> int:
-    low, high = 0, int(time.size)
-    while low < high:
-        middle = (low + high) // 2
-        here = _number_at(time, middle)
-        if here < value or (after and here == value):
-            low = middle + 1
-        else:
-            high = middle
-    return low
 
 
 def _number_at(dataset: h5py.Dataset, row: int) -> float:

@@ -33,7 +33,6 @@ READERS: Final = (
     Reader("bruker-csv", umt_text.is_bruker, umt_text.read_steps),
     Reader("cetr-text", umt_text.is_cetr, umt_text.read_steps),
     Reader("rtec-csv", delimited.is_rtec, delimited.read_rtec),
-    Reader("anton-paar", delimited.is_anton_paar, delimited.read_delimited),
     Reader("ni-channels", labview.is_ni_channels, labview.read_ni_channels),
     Reader("interval-text", labview.is_interval_text, labview.read_interval_text),
     Reader("stamped-lines", stamped_lines.is_stamped, stamped_lines.read_stamped),

@@ -96,8 +96,7 @@ def judge(path: Path, kind: LookAlike, made: Made, mutations: list[Mutation], da
         return "WRONG: " + traceback.format_exc(limit=-2).replace("\n", " | ")[-400:]
     if data == made.data and record.metadata["format"] != kind.form:
         return f"WRONG: read as {record.metadata['format']}"
-    usual = {"step_gap_unknown", "normal_force_from_name"}
-    if {f.code for f in record.findings if f.severity != "info"} - usual:
+    if {f.code for f in record.findings if f.severity != "info"} - {"step_gap_unknown"}:
         return "read with a warning"
     if kind.file_name in CLOCKLESS and any(m in (TEXT["rows swapped"], TEXT["row twice"]) for m in mutations):
         return "read, changed"

@@ -141,8 +141,6 @@ def driven(stated: float) -> Make:
 TWO = "T [s],Ff [N],Fx [N],Fz [N]\n0,{},1,3\n1,2,2,3\n2,3,3,3\n"
 INTERVAL = "Interval,0.01\n\nFx (N),Fz (N)\n1,3\n2,3\n3,3\n"
 CLOCKED = "Interval,0.01\n\nT (s),Fx (N),Fz (N)\n0,1,3\n0.01,2,3\n0.02,3,3\n"
-T11 = "Time [s];Friction force [N]\n0;1\n1;2\n2;3\n"
-T11_LOADED = "Time [s];Friction force [N];Load [N]\n0;1;10\n1;2;10\n2;3;10\n"
 
 
 def worded(words: int) -> str:
@@ -255,7 +253,6 @@ CASES: dict[str, list[tuple[Make, Make]]] = {
     "column_choice": [(log(TWO.format(9)), log(TWO.format(1)))],
     "unit_by_context": [(log(GOOD.replace("s,N,N", "s,g,N")), log(GOOD.replace("s,N,N", "s,gf,N")))],
     "normal_force_constant": [(log(GOOD, normal_force=3.0), log(GOOD))],
-    "normal_force_from_name": [(log(T11, "T11_10N.csv"), log(T11_LOADED, "T11_10N.csv"))],
     "normal_force_flipped": [(log(GOOD.replace(",3.0", ",-3.0")), log(GOOD.replace(",3.0", ",-3.0", 19)))],
     "clock_from_interval": [(log(INTERVAL), log(CLOCKED))],
     "joined_files": [(files(2), files(1))],
