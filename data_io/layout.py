@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -12,11 +12,8 @@ from data_io.text import BLANKS, DELIMITERS, is_clock_time, is_date, is_number, 
 from data_io.units import kind_of, split_cell, unit_word
 from data_io.values import Finding
 
-# Where a table of numbers begins: its header row, the units row below it, and how its rows are delimited.
-
 WIDE: Final = r" {2,}|\t+"
 """Delimiter of a header whose names hold single blanks and stand apart by several."""
-
 COMMENT: Final = re.compile(r"^\s*(?:#|%|//)+\s*")
 DIGIT: Final = re.compile(r"\d")
 _LOOK_AHEAD: Final = 6
@@ -35,15 +32,6 @@ class Head:
     width: int
 
 
-@dataclass(frozen=True)
-class _Below:
-    """What stands below a line: the lines before the first row of numbers, and that row (None: none is near)."""
-
-    between: tuple[tuple[int, str], ...]
-    start: int
-    row: str | None
-
-
 def head_at(source: Source, text: str, position: int, request: Request) -> Head | None:
     """Return the head of a table whose header row is the line at `position`, None if that line is none.
 
@@ -53,90 +41,55 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
     line, after = line_at(text, position)
     if len(line) > _LONGEST_HEADER:
         return None
-    line = COMMENT.sub("", line, count=1) if COMMENT.match(line) else line
+    line = COMMENT.sub("", line, count=1)
     readings = [(d, *_with_names_above(text, position, d, fields, request)) for d, fields in _readings(line)]
     readings = [reading for reading in readings if reading[2].roles]
     if not readings:
         return None
-    below = _below(text, after)
+    between, below, row = _rows_below(text, after)
+    numbers = [int(name) for name in request.columns.values() if name.isdecimal() and len(name) < 10]
     complaint: str | None = None
     for delimiter, fields, header in readings:
         named = _named(fields, request)
-        if not named and len(fields) < _last_numbered(request):
+        if not named and len(fields) < max(numbers, default=0):
             continue  # words of two or three fields above the table whose columns were numbered
         clear = delimiter in ("\t", ";", ",") and "time" in named and len(named) > 1
-        if below.row is None and not clear:
+        units = next(((u, here) for here, other in between if (u := _units_row(other, delimiter, len(fields)))), None)
+        if row is None:
+            if clear:
+                start = after if units is None else line_at(text, units[1])[1]
+                return Head(_with_units(source, request, header, units[0] if units else ()), start, delimiter, 0)
             continue
-        units, start = _units_below(text, after, below, delimiter, len(fields))
-        if below.row is None:
-            return Head(with_units(source, request, header, units), start, delimiter, 0)
-        layout = row_layout(below.row, delimiter, len(_trimmed(fields)))
-        if layout is None and _has_row_names(text, below.start, delimiter, header):
-            fields = ["row", *fields]
-            header, units = match_header(fields, request.columns), []
-            layout = row_layout(below.row, delimiter, len(fields))
+        layout = _row_layout(row, delimiter, len(_trimmed(fields)))
+        if layout is None and _has_row_names(text, below, delimiter, header):
+            fields, units = ["row", *fields], None
+            header = match_header(fields, request.columns)
+            layout = _row_layout(row, delimiter, len(fields))
         if layout is not None and layout[0] == ";" != delimiter and ";" in line:
             continue  # words that were torn apart where the rows below are not
-        between = below.between[:-1] if _ends_in_units(below, delimiter, fields, header) else below.between
+        words = between[:-1] if between and _are_units(between[-1][1], delimiter, len(fields), header) else between
         if (layout or clear) and any(
             lower and (not named or _named([name.raw for name in lower.header.names], request))
-            for lower in (head_at(source, text, here, request) for here, _ in between)
+            for lower in (head_at(source, text, here, request) for here, _ in words)
         ):
             return None  # words above the header row proper
         if layout is not None:
-            first = split(below.row, layout[0])
+            first = split(row, layout[0])
             numbered = [i for role, i in header.roles.items() if request.columns.get(role, "").isdecimal()]
             if any(i < len(first) and first[i] and not is_number_like(first[i]) for i in numbered):
                 return None  # another table: words stand in the columns that were numbered
-            return Head(with_units(source, request, header, units), below.start, *layout)
+            return Head(_with_units(source, request, header, units[0] if units else ()), below, *layout)
         if clear and complaint is None:
-            complaint = _misfit(text, below.start, below.row, delimiter, len(_trimmed(fields)))
+            held, names = len(split(row, delimiter)), len(_trimmed(fields))
+            complaint = f"line {text.count(chr(10), 0, below) + 1} holds {held} fields where the header names {names} "
+            complaint += (
+                "columns; decimal commas cannot be told from separating commas; export with ; or tabs between columns"
+                if delimiter == "," and held == 2 * names
+                else "columns; as many were expected; repair the header or export again"
+            )
     if complaint:
         raise source.error(complaint)
     return None
-
-
-def _has_row_names(text: str, start: int, delimiter: str, header: Header) -> bool:
-    """Tell whether rows hold one field more than names, the numbers 1, 2, 3, … of the rows in front of a rising time,
-    as R's write.table writes them."""
-    if "time" not in header.roles:
-        return False
-    own = BLANKS if delimiter == WIDE else delimiter
-    rows = [split(line, own) for _, line in itertools.islice(lines_from(text, start), _ROW_NAMES)]
-    place = header.roles["time"] + 1
-    if len(rows) < 2 or any(len(row) != len(header.names) + 1 or not is_number(row[place]) for row in rows):
-        return False
-    times = [float(row[place]) for row in rows]
-    return [row[0].strip('"') for row in rows] == [str(i + 1) for i in range(len(rows))] and sorted(set(times)) == times
-
-
-def _named(fields: Sequence[str], request: Request) -> Mapping[str, int]:
-    """Return the roles that names tell, of columns that the user numbered as well."""
-    by_name = {role: column for role, column in request.columns.items() if not column.isdecimal()}
-    return match_header(fields, by_name).roles
-
-
-def _last_numbered(request: Request) -> int:
-    """Return the highest number by which the user names a column, 0 where none is numbered."""
-    return max((int(name) for name in request.columns.values() if name.isdecimal() and len(name) < 10), default=0)
-
-
-def _with_names_above(
-    text: str, position: int, delimiter: str, fields: list[str], request: Request
-) -> tuple[list[str], Header]:
-    """Return a row of names and what it tells; names that it leaves empty may stand in the row above (merged cells).
-
-    They are taken from a row of words of the same width, where that tells a role.
-    """
-    header = match_header(fields, request.columns)
-    if all(fields) or not header.roles or delimiter not in ("\t", ";", ",") or position == 0:
-        return fields, header
-    above = split(text[text.rfind("\n", 0, position - 1) + 1 : position - 1], delimiter)
-    if len(above) != len(fields) or any(map(is_number, above)):
-        return fields, header
-    filled = [own or over for own, over in zip(fields, above, strict=True)]
-    told = match_header(filled, request.columns)
-    return (filled, told) if len(told.roles) > len(header.roles) else (fields, header)
 
 
 def line_at(text: str, position: int) -> tuple[str, int]:
@@ -163,80 +116,12 @@ def is_row(fields: Sequence[str]) -> bool:
     filled = [field for field in fields if field]
     if any(field.endswith(":") for field in filled):
         return False
-    numbers = sum(is_number(field) or is_number(field, ",") for field in filled)
-    if not numbers:
+    if not any(is_number(field) or is_number(field, ",") for field in filled):
         return len(filled) > 1 and all(split_cell(field) for field in filled)
     clock = next((i for i, field in enumerate(filled) if is_clock_time(field)), None)
     leads = clock is not None and all(is_number_like(field) or is_date(field) for field in filled[:clock])
-    told = sum(is_number_like(field) or (leads and is_clock_time(field)) for field in filled)
-    return told * 2 >= len(filled)
-
-
-def row_layout(row: str, delimiter: str, names: int) -> tuple[str, int] | None:
-    """Return the delimiter and number of fields of a row that fits `names` columns; empty fields may follow."""
-    own = BLANKS if delimiter == WIDE else delimiter
-    for candidate in (own, *(other for other in DELIMITERS if other != own)):
-        fields = split(row, candidate)
-        if len(fields) >= max(names, 2) and not any(fields[names:]) and is_row(fields):
-            return candidate, len(fields)
-    return None
-
-
-def with_units(source: Source, request: Request, header: Header, units: Sequence[str]) -> Header:
-    """Return the header with the entries of a units row where the names say no unit; both, differing, is an error
-    unless the user says which."""
-    names: list[Name] = []
-    roles = {index: role for role, index in header.roles.items()}
-    for index, name in enumerate(header.names):
-        given = units[index] if index < len(units) else ""
-        asked = {roles.get(index, ""), name.name, name.raw} & set(request.units)
-        if given and name.unit and given != name.unit and not asked:
-            raise source.error(
-                f"column {shown([name.raw])} names one unit and the units row below it {given!r}; "
-                f"one unit was expected; correct the header or give the unit with --units"
-            )
-        names.append(replace(name, unit=given) if units and name.unit is None else name)
-    return replace(header, names=tuple(names))
-
-
-def numbered_head(text: str, request: Request, *, goes_on: bool) -> Head | None:
-    """Return the head of a file of bare numbers, its columns called "1", "2", ..., if the user named them so.
-
-    The table is the longest block of rows of equal width, whichever delimiter tells it; other lines stand above it.
-    goes_on: more text follows, and rows that lack a column that was named may be settings.
-    """
-    wanted = request.columns
-    if not wanted or not all(name.isdecimal() and len(name) < 10 for name in wanted.values()):
-        return None
-    least = max(map(int, wanted.values())) if goes_on else 1 if request.rate is not None else 2
-    lines, numbers = list(lines_from(text, 0)), [int(name) - 1 for name in wanted.values()]
-    best = (0, 0, "", 0)  # rows, where, delimiter, width
-    for delimiter in DELIMITERS:
-        rows, start, before = 0, 0, 0
-        for position, line in lines:
-            fields = split(line, delimiter)
-            width = len(fields) if len(fields) >= least and _is_numbered_row(fields, numbers) else 0
-            if width != before or not width:
-                rows, start, before = 0, position, width
-            rows += 1
-            if width and rows > best[0]:
-                best = (rows, start, delimiter, width)
-    rows, start, delimiter, width = best
-    if not rows:
-        return None
-    fields = split(line_at(text, start)[0], delimiter)
-    names = []
-    for i in range(len(_trimmed(fields))):
-        beside = fields[i + 1] if i + 1 < len(fields) else ""
-        names.append(Name(str(i + 1), str(i + 1), unit_word(beside) if is_number(fields[i]) else None))
-    roles = {role: int(name) - 1 for role, name in wanted.items() if 0 < int(name) <= len(names) and role in KIND}
-    return Head(Header(tuple(names), roles), start, delimiter, width)
-
-
-def _is_numbered_row(fields: Sequence[str], numbers: Sequence[int]) -> bool:
-    """Tell a row of numbers and clock times with units behind them, words in columns that nobody asks for."""
-    asked = [fields[i] for i in numbers if i < len(fields)]
-    return is_row(fields) and all(is_number_like(f) or is_clock_time(f) or unit_word(f) for f in asked)
+    known = sum(is_number_like(field) or (leads and is_clock_time(field)) for field in filled)
+    return known * 2 >= len(filled)
 
 
 def _readings(line: str) -> Iterator[tuple[str, list[str]]]:
@@ -253,40 +138,96 @@ def _readings(line: str) -> Iterator[tuple[str, list[str]]]:
             yield delimiter, fields
 
 
-def _below(text: str, position: int) -> _Below:
+def _named(fields: Sequence[str], request: Request) -> set[str]:
+    """Return the roles that names tell, of columns that the user numbered as well."""
+    by_name = {role: column for role, column in request.columns.items() if not column.isdecimal()}
+    return set(match_header(fields, by_name).roles)
+
+
+def _with_names_above(
+    text: str, position: int, delimiter: str, fields: list[str], request: Request
+) -> tuple[list[str], Header]:
+    """Return a row of names and what it tells; names that it leaves empty may stand in the row above (merged cells).
+
+    They are taken from a row of words of the same width, where that tells a role.
+    """
+    header = match_header(fields, request.columns)
+    if all(fields) or not header.roles or delimiter not in ("\t", ";", ",") or position == 0:
+        return fields, header
+    above = split(text[text.rfind("\n", 0, position - 1) + 1 : position - 1], delimiter)
+    if len(above) != len(fields) or any(map(is_number, above)):
+        return fields, header
+    filled = [own or over for own, over in zip(fields, above, strict=True)]
+    other = match_header(filled, request.columns)
+    return (filled, other) if len(other.roles) > len(header.roles) else (fields, header)
+
+
+def _rows_below(text: str, position: int) -> tuple[list[tuple[int, str]], int, str | None]:
+    """Return the lines before the first row of numbers, where that is, and the row (None: none is near)."""
     between: list[tuple[int, str]] = []
     for here, line in lines_from(text, position):
         if DIGIT.search(line) and any(is_row(split(line, candidate)) for candidate in DELIMITERS):
-            return _Below(tuple(between), here, line)
+            return between, here, line
         between.append((here, line))
         if len(between) > _LOOK_AHEAD:
             break
-    return _Below(tuple(between), position, None)
+    return between, position, None
 
 
-def _units_below(text: str, after: int, below: _Below, delimiter: str, names: int) -> tuple[list[str], int]:
-    """Return the units row (empty if none), and where the text below header and units starts."""
-    for here, line in below.between:
-        if units := _units_row(line, delimiter, names):
-            return units, line_at(text, here)[1]
-    return [], after
+def _row_layout(row: str, delimiter: str, names: int) -> tuple[str, int] | None:
+    """Return the delimiter and number of fields of a row that fits `names` columns; empty fields may follow."""
+    own = BLANKS if delimiter == WIDE else delimiter
+    for candidate in (own, *(other for other in DELIMITERS if other != own)):
+        fields = split(row, candidate)
+        if len(fields) >= max(names, 2) and not any(fields[names:]) and is_row(fields):
+            return candidate, len(fields)
+    return None
+
+
+def _has_row_names(text: str, start: int, delimiter: str, header: Header) -> bool:
+    """Tell whether rows hold one field more than names, the numbers 1, 2, 3, … of the rows in front of a rising time,
+    as R's write.table writes them."""
+    place = header.roles.get("time", -1) + 1
+    own = BLANKS if delimiter == WIDE else delimiter
+    rows = [split(line, own) for _, line in itertools.islice(lines_from(text, start), _ROW_NAMES)]
+    if place == 0 or len(rows) < 2 or any(len(r) != len(header.names) + 1 or not is_number(r[place]) for r in rows):
+        return False
+    times = [float(row[place]) for row in rows]
+    return [row[0].strip('"') for row in rows] == [str(i + 1) for i in range(len(rows))] and sorted(set(times)) == times
 
 
 def _units_row(line: str, delimiter: str, names: int) -> list[str]:
-    line = COMMENT.sub("", line, count=1) if COMMENT.match(line) else line
+    """Return the units that a line below the names holds; nothing where it is none of units."""
+    line = COMMENT.sub("", line, count=1)
     fields = re.split(WIDE, line.strip()) if delimiter == WIDE else split(line, delimiter)
     fields = [field[1:-1].strip() if field[:1] in "([" and field[-1:] in ")]" else field for field in fields]
     known = any(field and field not in ("-", "1") and kind_of(field) is not None for field in fields)
     return fields if known and not any(fields[names:]) else []
 
 
-def _ends_in_units(below: _Below, delimiter: str, names: Sequence[str], header: Header) -> bool:
-    """Tell whether the line above the numbers is a units row that says Time below the column of times: as wide as the
-    names, with units of force, and without the name of any other role."""
-    line = below.between[-1][1] if below.between else ""
-    units = _units_row(line, delimiter, len(names))
-    roles = match_header(units, {}).roles if len(units) == len(names) else {}
+def _are_units(line: str, delimiter: str, names: int, header: Header) -> bool:
+    """Tell whether a line is a units row that says Time below the column of times: as wide as the names, with units of
+    force, and without the name of any other role."""
+    units = _units_row(line, delimiter, names)
+    roles = match_header(units, {}).roles if len(units) == names else {}
     return list(roles.items()) == [("time", header.roles.get("time"))] and any(kind_of(u) == "force" for u in units)
+
+
+def _with_units(source: Source, request: Request, header: Header, units: Sequence[str]) -> Header:
+    """Return the header with the entries of a units row where the names say no unit; both, differing, is an error
+    unless the user says which."""
+    names: list[Name] = []
+    roles = {index: role for role, index in header.roles.items()}
+    for index, name in enumerate(header.names):
+        given = units[index] if index < len(units) else ""
+        asked = {roles.get(index, ""), name.name, name.raw} & set(request.units)
+        if given and name.unit and given != name.unit and not asked:
+            raise source.error(
+                f"column {shown([name.raw])} names one unit and the units row below it {given!r}; "
+                f"one unit was expected; correct the header or give the unit with --units"
+            )
+        names.append(replace(name, unit=given) if units and name.unit is None else name)
+    return replace(header, names=tuple(names))
 
 
 def _trimmed(fields: Sequence[str]) -> list[str]:
@@ -295,21 +236,49 @@ def _trimmed(fields: Sequence[str]) -> list[str]:
     return list(fields[: last + 1])
 
 
-def _misfit(text: str, start: int, row: str, delimiter: str, names: int) -> str:
-    found = len(split(row, BLANKS if delimiter == WIDE else delimiter))
-    where = f"line {text.count(chr(10), 0, start) + 1} holds {found} fields where the header names {names} columns; "
-    if delimiter == "," and found == 2 * names:
-        return where + "decimal commas cannot be told from separating commas; export with ; or tabs between columns"
-    return where + "as many were expected; repair the header or export again"
+def numbered_head(text: str, request: Request, *, goes_on: bool) -> Head | None:
+    """Return the head of a file of bare numbers, its columns called "1", "2", ..., if the user named them so.
+
+    The table is the longest block of rows of equal width, whichever delimiter tells it; other lines stand above it.
+    goes_on: more text follows, and rows that lack a column that was named may be settings.
+    """
+    wanted = request.columns
+    if not wanted or not all(name.isdecimal() and len(name) < 10 for name in wanted.values()):
+        return None
+    places = [int(name) - 1 for name in wanted.values()]
+    least = max(places) + 1 if goes_on else 1 if request.rate is not None else 2
+    lines = list(lines_from(text, 0))
+    best = (0, 0, "", 0)  # rows, where, delimiter, width
+    for delimiter in DELIMITERS:
+        rows, start, before = 0, 0, 0
+        for position, line in lines:
+            fields = split(line, delimiter)
+            named = [fields[i] for i in places if i < len(fields)]
+            # words may stand in columns that nobody asks for, and units behind the numbers
+            fits = len(fields) >= least and is_row(fields)
+            fits = fits and all(is_number_like(f) or is_clock_time(f) or unit_word(f) for f in named)
+            width = len(fields) if fits else 0
+            if width != before or not width:
+                rows, start, before = 0, position, width
+            rows += 1
+            if width and rows > best[0]:
+                best = (rows, start, delimiter, width)
+    rows, start, delimiter, width = best
+    if not rows:
+        return None
+    fields = _trimmed(split(line_at(text, start)[0], delimiter))
+    units = [unit_word(beside) if is_number(own) else None for own, beside in itertools.pairwise([*fields, ""])]
+    names = tuple(Name(str(i), str(i), unit) for i, unit in enumerate(units, start=1))
+    roles = {role: int(name) - 1 for role, name in wanted.items() if 0 < int(name) <= len(names) and role in KIND}
+    return Head(Header(names, roles), start, delimiter, width)
 
 
 # The decimal mark of a block of rows: point or comma, told from the other mark that may stand between thousands.
 
 _LOOKED_AT: Final = 200
 """Rows in which commas between thousands are looked for."""
-_GROUPED: Final = r"[+-]?[1-9]\d{{0,2}}({}\d{{3}})+"
-_COMMA_GROUPS: Final = re.compile(_GROUPED.format(","))
-_POINT_GROUPS: Final = re.compile(_GROUPED.format(r"\."))
+_COMMA_GROUPS: Final = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+_POINT_GROUPS: Final = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")
 
 
 def decimal_mark(source: Source, block: str, head: Head) -> str | None:
@@ -321,7 +290,9 @@ def decimal_mark(source: Source, block: str, head: Head) -> str | None:
     """
     if "," not in block or (head.delimiter == "," and '"' not in block):
         return None
-    rows = _role_fields(block, head)
+    roles = head.header.roles.values()
+    split_rows = (split(line, head.delimiter) for line in block.split("\n"))
+    rows = ([f[i] if ":" not in f[i] else "" for i in roles if i < len(f)] for f in split_rows)  # no clock times
     first = list(itertools.islice(rows, _LOOKED_AT))
     telling = next((row for row in itertools.chain(first, rows) if any("," in f or "." in f for f in row)), None)
     if telling is None:
@@ -335,29 +306,17 @@ def decimal_mark(source: Source, block: str, head: Head) -> str | None:
         return "."
     if points and not all(_POINT_GROUPS.fullmatch(field) for field in points):
         return "," if any("," in field for field in telling) else "."
-    told = any(not _COMMA_GROUPS.fullmatch(field) for field in commas)
-    for place, index in enumerate(head.header.roles.values()):
-        column = [row[place] for row in first if place < len(row)]
-        _check_thousands(source, head.header.names[index].raw, column, sure=told or head.delimiter != ",")
+    sure = head.delimiter != "," or not all(_COMMA_GROUPS.fullmatch(field) for field in commas)
+    for place, index in enumerate(roles):
+        column = [row[place] for row in first if place < len(row) and row[place]]
+        grouped = [field for field in column if _COMMA_GROUPS.fullmatch(field)]
+        plain = [field for field in column if re.fullmatch(r"[+-]?\d{1,3}", field)]
+        if grouped and (plain or not sure) and len(grouped) + len(plain) == len(column):
+            raise source.error(
+                f"column {head.header.names[index].raw!r} holds {grouped[0]!r} and {(plain or grouped)[-1]!r}; the "
+                "comma may be a decimal mark or stand between thousands; export without thousands separators"
+            )
     return ","
-
-
-def _role_fields(block: str, head: Head) -> Iterator[list[str]]:
-    roles = head.header.roles.values()
-    for line in block.split("\n"):
-        fields = split(line, head.delimiter)
-        yield [fields[i] if ":" not in fields[i] else "" for i in roles if i < len(fields)]  # no clock times
-
-
-def _check_thousands(source: Source, name: str, column: Sequence[str], *, sure: bool) -> None:
-    """Refuse a column of which every comma may stand between thousands; sure: others say it is the decimal mark."""
-    grouped = [field for field in column if _COMMA_GROUPS.fullmatch(field)]
-    plain = [field for field in column if re.fullmatch(r"[+-]?\d{1,3}", field)]
-    if grouped and (plain or not sure) and len(grouped) + len(plain) == len([field for field in column if field]):
-        raise source.error(
-            f"column {name!r} holds {grouped[0]!r} and {(plain or grouped)[-1]!r}; the comma may be a decimal mark or "
-            "stand between thousands; export without thousands separators"
-        )
 
 
 # The last row of a log that does not end its last line: whole, or cut off in the middle of a number?
