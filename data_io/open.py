@@ -1,26 +1,58 @@
-"""Open a log of any known format."""
+"""Open a log of any known format: the table of readers, and what is done with what a reader finds."""
 
 import difflib
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from data_io import delimited, excel, hdf5, labview, matlab, parquet, stamped_lines, stickslip_csv, umt_text
 from data_io.assemble import assemble
 from data_io.clock import with_sound_clocks
 from data_io.contents import Contents, StepSummary, chosen_steps, is_series, joined_contents, logs_at, summaries
 from data_io.derived_columns import with_derived_columns, with_drive_of_rotation
 from data_io.own_clocks import on_one_clock, with_clock_of_rate
-from data_io.readers import READERS
 from data_io.record import Record, within
 from data_io.source import Request, Source, load, no_progress, sha256_of_several, sha256_unchanged
 from data_io.text import looks_like_text
 from data_io.units import parse_quantity
 from data_io.values import COLUMN_ROLES, LogError, UnitError
+
+
+@dataclass(frozen=True)
+class Reader:
+    """One format: its name, what tells a file of it by its first bytes, and what reads it (raises `LogError`).
+
+    A reader may leave out what the request does not ask for.
+    """
+
+    name: str
+    can_read: Callable[[bytes], bool]
+    read: Callable[[Source, Request], Contents]
+
+
+READERS: Final = (
+    Reader("hdf5", hdf5.can_read, hdf5.read),
+    Reader("matlab", matlab.can_read, matlab.read),
+    Reader("excel", excel.can_read, excel.read),
+    Reader("parquet", parquet.can_read, parquet.read),
+    Reader("tdms", labview.is_tdms, labview.read_tdms),
+    Reader("stickslip-csv", stickslip_csv.can_read, stickslip_csv.read),
+    Reader("labview-lvm", labview.is_lvm, labview.read_lvm),
+    Reader("bruker-csv", umt_text.is_bruker, umt_text.read_steps),
+    Reader("cetr-text", umt_text.is_cetr, umt_text.read_steps),
+    Reader("rtec-csv", delimited.is_rtec, delimited.read_rtec),
+    Reader("ni-channels", labview.is_ni_channels, labview.read_ni_channels),
+    Reader("interval-text", labview.is_interval_text, labview.read_interval_text),
+    Reader("stamped-lines", stamped_lines.is_stamped, stamped_lines.read_stamped),
+    Reader("delimited", looks_like_text, delimited.read_delimited),
+)
+"""One line per format, asked in this order; the most particular first."""
 
 ROLES: Final = (*COLUMN_ROLES, "position")
 """What a column can be named for."""
@@ -75,35 +107,33 @@ def read_log(
     own; `logs.zip/slow.txt` is a file in an archive.
     """
     path = Path(path)
-    request = Request(
-        step,
-        run,
-        dict(units or {}),
-        _checked_columns(path, columns),
-        _above_zero(path, normal_force, "N", "normal force"),
-        None if channels is None else tuple(channels),
-        progress,
-        _checked_window(path, window),
-        tuple((float(start), float(stop)) for start, stop in exclude),
-        _above_zero(path, rate, "Hz", "sampling rate"),
+    if window is not None:
+        start, stop = window = (float(window[0]), float(window[1]))
+        if not start < stop:
+            raise LogError(f"{path}: the window runs from {start:g} to {stop:g} s; a start before its stop is needed")
+    request = replace(
+        _request(path, units, columns, normal_force, rate),
+        step=step,
+        run=run,
+        channels=None if channels is None else tuple(channels),
+        progress=progress,
+        window=window,
+        exclude=tuple((float(start), float(stop)) for start, stop in exclude),
     )
-    return _read_series(path, request) if is_series(path) else _read_one(path, request)
-
-
-def _read_one(path: Path, request: Request) -> Record:
-    source = load(path)
-    try:
-        return within(assemble(source, request, contents_of(source, request)), request.window)
-    except LogError:
-        _refuse_by_name(source)
-        raise
-
-
-def _read_series(path: Path, request: Request) -> Record:
+    if not is_series(path):
+        source = load(path)
+        try:
+            return within(assemble(source, request, contents_of(source, request)), window)
+        except LogError:
+            _refuse_by_name(source)
+            raise
     paths = logs_at(path)
-    read = [(p, contents_of(load(p), _part_of(request, i, len(paths)))) for i, p in enumerate(paths)]
-    joined = joined_contents(path, read)
-    record = within(assemble(load(paths[0]), request, joined), request.window)
+    read = []
+    for i, p in enumerate(paths):
+        own = replace(request, step=None, run=None, window=None, exclude=())
+        own = replace(own, progress=partial(_share_of, progress, i, len(paths)))
+        read.append((p, contents_of(load(p), own)))
+    record = within(assemble(load(paths[0]), request, joined_contents(path, read)), window)
     about = {"path": str(path), "sha256": sha256_of_several(sha256_unchanged(p, load(p).size) for p in paths)}
     return replace(record, metadata={**record.metadata, **about})
 
@@ -123,12 +153,7 @@ def list_steps(
     table of numbers, or no such step, is found.
     """
     path = Path(path)
-    request = Request(
-        units=dict(units or {}),
-        columns=_checked_columns(path, columns),
-        normal_force=_above_zero(path, normal_force, "N", "normal force"),
-        rate=_above_zero(path, rate, "Hz", "sampling rate"),
-    )
+    request = _request(path, units, columns, normal_force, rate)
     if is_series(path):
         contents = joined_contents(path, [(p, contents_of(load(p), request)) for p in logs_at(path)])
     else:
@@ -150,10 +175,12 @@ def contents_of(source: Source, request: Request) -> Contents:
             found = on_one_clock(source, request, with_derived_columns(request, found))
             return with_drive_of_rotation(request, found)
     _refuse_by_name(source)
-    if (zeros := _zeros_in_text(source.head)) is not None:
+    zeros = re.search(rb"\x00+", source.head)
+    if zeros is not None and zeros.start() >= _LEAST_TEXT and looks_like_text(source.head[: zeros.start()]):
         raise source.error(
-            f"from byte {zeros[0]} on (below line {zeros[2]}) {zeros[1]} zero bytes stand in the text, as after a "
-            "crash while it was written; rows of numbers were expected; take them out in an editor, or copy it again"
+            f"from byte {zeros.start()} on (below line {source.head.count(10, 0, zeros.start())}) {len(zeros[0])} zero "
+            "bytes stand in the text, as after a crash while it was written; rows of numbers were expected; take them "
+            "out in an editor, or copy it again"
         )
     names = ", ".join(reader.name for reader in READERS)
     raise source.error(
@@ -169,36 +196,27 @@ def _refuse_by_name(source: Source) -> None:
             raise source.error(f"the file is {words}")
 
 
-def _zeros_in_text(head: bytes) -> tuple[int, int, int] | None:
-    """Return place and number of the zero bytes in what is text before them, and the lines before; None elsewhere."""
-    found = re.search(rb"\x00+", head)
-    if found is None or found.start() < _LEAST_TEXT or not looks_like_text(head[: found.start()]):
-        return None
-    return found.start(), len(found[0]), head.count(b"\n", 0, found.start())
+def _share_of(progress: Callable[[float], None], number: int, count: int, share: float) -> None:
+    """Tell how far one of several files is."""
+    progress((number + share) / count)
 
 
-def _part_of(request: Request, number: int, count: int) -> Request:
-    """Return the request for one of several files: all its steps, its share of the progress."""
-    own = replace(request, step=None, run=None, window=None, exclude=())
-    return replace(own, progress=lambda share: request.progress((number + share) / count))
-
-
-def _checked_columns(path: Path, columns: Mapping[str, str] | None) -> dict[str, str]:
+def _request(
+    path: Path,
+    units: Mapping[str, str] | None,
+    columns: Mapping[str, str] | None,
+    normal_force: float | str | None,
+    rate: float | str | None,
+) -> Request:
+    """Return what the user said of a log, checked."""
     for role in columns or {}:
         if role not in ROLES:
             near = difflib.get_close_matches(role, ROLES, n=1)
             hint = f"did you mean {near[0]}?" if near else "use one of these"
             raise LogError(f"{path}: a column was named for {role!r}; {', '.join(ROLES)} were expected; {hint}")
-    return dict(columns or {})
-
-
-def _checked_window(path: Path, window: tuple[float, float] | None) -> tuple[float, float] | None:
-    if window is None:
-        return None
-    start, stop = (float(time) for time in window)
-    if not start < stop:
-        raise LogError(f"{path}: the window runs from {start:g} to {stop:g} s; a start before its stop was expected")
-    return start, stop
+    load_given = _above_zero(path, normal_force, "N", "normal force")
+    rate_given = _above_zero(path, rate, "Hz", "sampling rate")
+    return Request(units=dict(units or {}), columns=dict(columns or {}), normal_force=load_given, rate=rate_given)
 
 
 def _above_zero(path: Path, given: float | str | None, unit: str, name: str) -> float | None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 
 from data_io import LogError, Record, read_log
-from data_io.readers import READERS
+from data_io.open import READERS
 from experiments.drawn_logs import ANY, CETR, GOOD, SEMICOLON, broken, tables
 
 BAD = {

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from data_io import LogError, list_steps, read_log
-from data_io.readers import READERS
+from data_io.open import READERS
 from experiments import run_reader_fuzz
 from experiments.lookalikes import ALL, TEXTS, rows
 from experiments.mutations import ORDER, TEXT
