@@ -86,16 +86,16 @@ def explain(
         read: the records of the scene; prepared: the logs as they are followed.
     """
     attempt = findings.attempt
-    refused = ""
+    refused, taken = "", [log for log in prepared if log.left_out is None]
     if findings.status in MISFITS:
-        others = [log for log in prepared if log.left_out is None and not log.judgement.swapped]
+        others = [log for log in taken if not log.judgement.swapped]
         swapped = dict.fromkeys(log.entry.path.name for log in prepared if log.judgement.swapped)
         if swapped and not others:
             refused = f"normal force and friction force look swapped in {', '.join(swapped)}; {EXCHANGE}"
         elif attempt is None:
-            refused = wrong_unit(prepared, placed=False)
+            refused = wrong_unit(prepared, placed=False) or smoothed(taken, [log.data.force for log in taken])
     if attempt is not None and not refused and findings.status is not Status.AT_BOUND:
-        refused = smoothed(attempt)
+        refused = smoothed(attempt.fitted_logs, attempt.solved.fitted)
     if refused:
         return replace(findings, status=Status.MODEL_MISFIT, message=refused), None
     if findings.status in MISFITS:

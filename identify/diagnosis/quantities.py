@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from identify.base.wording import speed_scale, three_figures, told_apart
 from identify.diagnosis.score_test import Change, Column, Score
 from identify.estimation.attempt import Attempt
 from identify.logs.log_data import LogData
+from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
 from identify.prediction.wording import said
@@ -173,25 +174,29 @@ def unknowns_of(attempt: Attempt, i: int) -> tuple[int, ...]:
 # ----------------------------------------------------------------------------------------------------------------------
 
 STOPPED = 0.2  # of its median: the least of a power spectrum that a filter made; autocorrelated noise has 0.4 and more
-LINES, FEWEST = 64, 512  # of that spectrum; samples from which on it tells
+LINES, FEWEST, QUIET = 64, 512, 0.25  # samples of a stretch, of a log that tells, and the share of stretches that count
 SHOWS = 9.0  # squares in noise variances by which an average changes a curve: three standard deviations
 
 
-def smoothed(attempt: Attempt) -> str:
+def smoothed(logs: Sequence[Prepared], curves: Sequence[Array]) -> str:
     """A sentence where the noise of a log is that of an averaged, filtered or resampled force, and an average as wide
-    would change its curve, whatever the model makes of it: a wrong damping looks like one. "" where no log is such."""
-    from scipy.signal import welch  # which takes a third of a second to load
+    would change its curve (n,), whatever the model makes of it: a wrong damping looks like one. "" where no log is
+    such. The curve is that of a fit, or the force itself where no start was met."""
+    from scipy.signal import detrend  # which takes a third of a second to load
 
-    for log, curve in zip(attempt.fitted_logs, attempt.solved.fitted, strict=True):
+    for log, curve in zip(logs, curves, strict=True):
         data = log.data
         used = (data.weight > 0.0) & np.isfinite(curve)
         if np.count_nonzero(used) < FEWEST:
             continue
-        # The median over stretches: a misfit stands in some of them.
-        power = welch((data.force - curve)[used], nperseg=LINES, detrend=False, average="median")[1]
-        if np.min(power[1:-1]) > STOPPED * np.median(power[1:-1]):
+        # Of the quietest stretches, straight but for noise, as those of a stick are: no misfit and no slip is in them.
+        stretches = detrend(np.lib.stride_tricks.sliding_window_view(data.force[used], LINES)[:: LINES // 4], axis=1)
+        size = np.sum(stretches**2, axis=1)
+        quiet = stretches[size <= np.quantile(size, QUIET)] * np.hanning(LINES)
+        power = np.mean(np.abs(np.fft.rfft(quiet, axis=1)) ** 2, axis=0)[3:-1]  # what a trend takes is no gap
+        if np.min(power) > STOPPED * np.median(power):
             continue
-        width = float(np.max(power[1:-1]) / np.mean(power))
+        width = float(np.max(power) / np.mean(power))
         shown = np.where(np.isfinite(curve), curve, data.force)
         box = np.ones(round(width) | 1) / (round(width) | 1)
         padded = np.pad(shown, box.size // 2, mode="reflect", reflect_type="odd")

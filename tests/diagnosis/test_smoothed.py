@@ -14,15 +14,15 @@ from tests.support import oracle
 NOISE, RATE = 2e-3, 1000.0
 
 
-def attempt_of(made):
-    """An attempt whose curve is the true force and whose noise was `made` of white noise, at its own level."""
+def logged(made):
+    """A log and its curve: the true force; its noise was `made` of white noise, at its own level."""
     run = oracle.simulate(PAIR, 1e-3, 1.0, 5.0)
     time, force = oracle.noisy_log(run, 5.0, RATE, 0.0, seed=0)
     noise = made(np.random.default_rng(3).standard_normal(time.size))
     noise *= NOISE / np.std(noise)
     data = SimpleNamespace(force=force + noise, weight=np.full(time.size, NOISE**-2))
     log = SimpleNamespace(name="a.csv", data=data)
-    return SimpleNamespace(fitted_logs=(log,), solved=SimpleNamespace(fitted=[force]))
+    return [log], [force]
 
 
 TREATMENTS = {
@@ -35,7 +35,7 @@ TREATMENTS = {
 
 @pytest.mark.parametrize("kind", TREATMENTS)
 def test_a_smoothed_force_is_recognised_by_its_noise(kind):
-    told = smoothed(attempt_of(TREATMENTS[kind]))
+    told = smoothed(*logged(TREATMENTS[kind]))
     assert "smoothed or resampled" in told
     if kind.startswith("average"):
         width = int(kind.split()[-1])
@@ -44,15 +44,10 @@ def test_a_smoothed_force_is_recognised_by_its_noise(kind):
 
 @pytest.mark.parametrize("memory", [0.0, 0.3, 0.6, 0.8, 0.95])
 def test_noise_with_a_memory_is_no_average(memory):
-    assert smoothed(attempt_of(lambda white: lfilter([1.0], [1.0, -memory], white))) == ""
+    assert smoothed(*logged(lambda white: lfilter([1.0], [1.0, -memory], white))) == ""
 
 
 def test_an_average_that_the_curve_does_not_show_is_no_matter():
-    found = attempt_of(lambda white: np.convolve(white, np.ones(5) / 5, "same"))
-    data = found.fitted_logs[0].data
-    level = SimpleNamespace(force=data.force - found.solved.fitted[0], weight=data.weight)
-    flat = SimpleNamespace(
-        fitted_logs=(SimpleNamespace(name="a.csv", data=level),),
-        solved=SimpleNamespace(fitted=[np.zeros(level.force.size)]),
-    )
-    assert smoothed(flat) == ""
+    (log,), (curve,) = logged(lambda white: np.convolve(white, np.ones(5) / 5, "same"))
+    level = SimpleNamespace(force=log.data.force - curve, weight=log.data.weight)
+    assert smoothed([SimpleNamespace(name="a.csv", data=level)], [np.zeros(curve.size)]) == ""
