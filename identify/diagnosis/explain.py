@@ -403,18 +403,10 @@ def _unexplained(findings: Findings, prepared: Sequence[Prepared]) -> Findings:
         return replace(findings, status=Status.SOLVER_FAILED, message=message)
     for log in prepared:
         for finding in log.judgement.findings if log.left_out is None else ():
-            if finding.code in SPOILS and finding.severity != "info":
+            if finding.severity != "info":
                 seen.setdefault(finding.code, f"{log.entry.path.name}: {finding.message}")
     if attempt is not None and attempt.gate.possible_causes and findings.status is not Status.SOLVER_FAILED:
         more.append(attempt.gate.possible_causes)
     if seen:
-        before = "; ".join([seen[code] for code in SPOILS if code in seen][:SEEN])
-        more.append(f"before the fit this was seen: {before}")
+        more.append(f"before the fit this was seen: {'; '.join(list(seen.values())[:SEEN])}")
     return replace(findings, message="; ".join([findings.message, *more]))
-
-
-SPOILS = (
-    *("friction_clipped", "spikes", "dropouts", "jitter", "repeated_time", "normal_clipped", "unloaded_rows"),
-    *("load_ripple", "friction_drift"),
-)
-"""Findings of the quality gate of what spoils samples, or is no part of the model."""

@@ -300,11 +300,16 @@ def _choice(
     notes: Mapping[str, str],
 ) -> Choice:
     effects = tuple(e.name for e in ALL if e.name in (*ALWAYS, *kept))
-    looks = {one.effect: one for one in candidates}
-    out = []
+    looks, out = {one.effect: one for one in candidates}, list[EffectReason]()
     for name in (effect.name for effect in ALL):
-        stays, look, gain = name in effects, looks.get(name), gains.get(name)
-        worth = _worth(gain, stays=stays)
+        stays, look = name in effects, looks.get(name)
+        gain, asked = gains.get(name, (np.nan, np.nan))
+        worth = "it was tried"
+        if np.isfinite(gain):
+            verdict = "worth" if stays else "not worth"
+            worth = f"the fit gains {max(gain, 0.0):.3g} where its parameters ask for {asked:.3g}: {verdict} them"
+        elif name in gains:
+            worth = "without it no start describes the data" if stays else "it gains nothing"
         if name in ALWAYS:
             sentence = "the equation of motion of a stick-slip record needs it"
         elif name in notes:
@@ -312,16 +317,7 @@ def _choice(
         elif look is not None:
             sentence = f"{look.sentence}; {worth}" if look.tried else look.sentence
         else:
-            sentence = worth if gain is not None else UNASKED.get(name, "a law that nothing calls for")
-        number = None if gain is None or not np.isfinite(gain[0]) else gain[0]
-        out.append(EffectReason(name, stays, sentence, cost=price(name, effects), statistic=number))
+            sentence = UNASKED.get(name, "a law that nothing calls for")
+        statistic = float(gain) if np.isfinite(gain) else None
+        out.append(EffectReason(name, stays, sentence, cost=price(name, effects), statistic=statistic))
     return Choice(effects, tuple(out))
-
-
-def _worth(gain: tuple[float, float] | None, *, stays: bool) -> str:
-    if gain is None:
-        return "it was tried"
-    if not np.isfinite(gain[0]):
-        return "without it no start describes the data" if stays else "it gains nothing"
-    verdict = "worth" if stays else "not worth"
-    return f"the fit gains {max(gain[0], 0.0):.3g} where its parameters ask for {gain[1]:.3g}: {verdict} them"

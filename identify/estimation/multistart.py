@@ -29,7 +29,7 @@ from identify.shooting.starts import GOOD, candidates, fit_features
 
 Array = NDArray[np.float64]
 
-DRAWN = 16  # quasi-random starts
+DRAWN = 16  # starts of a Latin hypercube
 REACH = 2.0  # of the spread of a logarithm (a factor of seven); of a coefficient, half as far
 DISTINCT = 0.35  # of that reach, in one parameter at least, between two starts that are both solved
 WORSE = 2.0  # times the best fit to a cycle: what is no better is not solved
@@ -150,13 +150,14 @@ def _solved(attempt: Attempt, unknowns: Unknowns, sizes: Array) -> Attempt | Non
 
 
 def _starts(logs: Sequence[Prepared], unknowns: Unknowns, centre: Array, seed: int) -> list[Array]:
-    """Starts (n_p,) clearly apart, the best first: a quasi-random sample of a box about a centre (n_p,), and what the
+    """Starts (n_p,) clearly apart, the best first: a Latin hypercube about a centre (n_p,), and what the
     levels of the data say, each fitted to a cycle; as they are drawn where no log has settled cycles."""
     reach = REACH * unknowns.spread * np.where(unknowns.logarithmic, 1.0, 0.5)
     reach = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(reach, unknowns.prior_deviation), 0.0)
-    drawn = reach > 0.0
+    drawn, random = reach > 0.0, np.random.default_rng(seed)
+    places = random.permuted(np.tile(np.arange(DRAWN), (int(drawn.sum()), 1)), axis=1).T
     sample = np.tile(centre, (DRAWN, 1))
-    sample[:, drawn] += reach[drawn] * (2.0 * _quasi_random(DRAWN, int(drawn.sum()), seed) - 1.0)
+    sample[:, drawn] += reach[drawn] * (2.0 * (places + random.random(places.shape)) / DRAWN - 1.0)
     sample = np.clip(sample, unknowns.lower, unknowns.upper)
     features, bases = features_of(logs)
     if features:
@@ -167,13 +168,3 @@ def _starts(logs: Sequence[Prepared], unknowns: Unknowns, centre: Array, seed: i
         found = [np.where(settled.free, start.theta, centre) for start in fitted if start.cost < worst]
         sample = np.array(found).reshape(-1, centre.size)
     return list(apart(np.where(unknowns.free, sample, centre), np.where(drawn, DISTINCT * reach, np.inf)))
-
-
-def _quasi_random(count: int, dimensions: int, seed: int) -> Array:
-    """Points (count, dimensions) that fill the unit cube evenly: multiples of the powers of a generalised golden ratio,
-    modulo 1 (Kronecker's sequence), shifted at random. The module of scipy for this takes half a second to load."""
-    ratio = 2.0
-    for _ in range(50):  # x^(d + 1) = x + 1
-        ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1.0))
-    shift = np.random.default_rng(seed).random(dimensions)
-    return np.asarray((shift + np.arange(count)[:, None] * ratio ** -np.arange(1.0, dimensions + 1.0)) % 1.0)

@@ -17,7 +17,6 @@ from identify.identification import find
 from identify.logs.prepare import prepare
 from identify.logs.rhythms import rhythms
 from identify.logs.unknowns import from_scene
-from identify.logs.vibration import tuned
 from identify.model.model import assemble
 from identify.scene import Scene
 from identify.simulation.simulate import run
@@ -68,18 +67,6 @@ def test_a_vibration_of_the_drive_is_found_in_the_sticks(vibrating):
     assert np.all(left < 1.1)
 
 
-def test_a_frequency_that_was_found_is_not_left_for_another_line(vibrating):
-    scene = _scene((*MAIN, "excitation"))
-    unknowns = from_scene(scene)
-    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, vibrating, strict=True)]
-    _, held = tuned(prepared, unknowns)
-    i = held.names.index("excitation_frequency")
-    low, high = np.exp([held.lower[i], held.upper[i]])
-    longest = max(duration for _, duration, _ in LOGS)
-    assert low < 31.0 < high
-    assert high - low < 1.01 / longest < np.exp(unknowns.upper[i]) - np.exp(unknowns.lower[i])
-
-
 def _values(fitted):
     attempt = fitted.attempt
     assert attempt is not None and attempt.gate.status is Status.CONVERGED, attempt
@@ -120,23 +107,6 @@ def test_what_a_scene_fixes_of_a_drift_stays_fixed():
     assert {name: told[name] for name in PAIR} == pytest.approx(PAIR, rel=0.05)
     previewed = preview(scene, records).parameters
     assert {name: previewed[name] for name in drift} == pytest.approx(drift, rel=1e-12)
-
-
-@pytest.mark.parametrize("given", [{"excitation_frequency": 31.02}, {"excitation_phase": 0.45}, {}])
-def test_what_a_scene_fixes_of_a_vibration_stays_fixed(vibrating, given):
-    effects = (*MAIN, "excitation")
-    scene = _scene(effects, parameters={name: {"fixed": value} for name, value in given.items()})
-    unknowns = from_scene(scene)
-    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, vibrating, strict=True)]
-    logs, unknowns = tuned(logs, unknowns)
-    base = logs[0].data.base
-    free = dict(zip(unknowns.names, unknowns.free.tolist(), strict=True))
-    assert free["excitation_amplitude"], "a rhythm lies there"
-    assert not any(free[name] for name in given)
-    for log in logs:
-        values = dict(zip(unknowns.names, unknowns.values(log.data.theta(unknowns.start), base).tolist(), strict=True))
-        assert {name: values[name] for name in given} == pytest.approx(given, rel=1e-12)
-        assert values["excitation_amplitude"] == pytest.approx(3e-6, rel=0.1)
 
 
 def test_a_choice_of_effects_weighs_all_modelswith_one_noise(vibrating):

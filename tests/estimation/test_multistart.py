@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import qmc
 
 from experiments import in_vivo
 from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
@@ -12,7 +11,7 @@ from identify.base.outcome import Status
 from identify.estimation.attempt import solve_from
 from identify.estimation.certainty import Question, certainty
 from identify.estimation.covariance import information_at
-from identify.estimation.multistart import Optimum, _quasi_random, multistart
+from identify.estimation.multistart import Optimum, multistart
 from identify.estimation.search import SearchProblem, search
 from identify.logs.parting import parted
 from identify.logs.prepare import prepare
@@ -95,11 +94,3 @@ def test_intervals_hold_an_optimum_that_the_data_do_not_rule_out(doubled):
     assert wrong.solved.theta[i] - alone > truth + 0.02
     estimate = next(e for e in _sure(wrong, unknowns).estimates if e.name == "mu_k0")
     assert estimate.verdict == "not identifiable" or estimate.lower < truth - 0.005 < estimate.upper
-
-
-@pytest.mark.parametrize("dimensions", [1, 3, 7])
-def test_quasi_random_points_fill_the_cube_more_evenly_than_random_ones(dimensions):
-    points = _quasi_random(64, dimensions, 0)
-    assert points.shape == (64, dimensions) and points.min() >= 0.0 and points.max() < 1.0
-    random = np.random.default_rng(0).random((64, dimensions))
-    assert qmc.discrepancy(points) < 0.6 * qmc.discrepancy(random)
