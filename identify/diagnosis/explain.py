@@ -391,7 +391,7 @@ def _rows(
 
 def _unexplained(findings: Findings, prepared: Sequence[Prepared]) -> Findings:
     """A misfit that nothing explains that was stated, with what the quality gate saw before the fit."""
-    attempt, seen, more = findings.attempt, dict[str, str](), list[str]()
+    attempt, seen = findings.attempt, dict[str, str]()
     missing = [] if attempt is None else [i for i in required_logs(prepared) if i not in attempt.log_numbers]
     # An attempt that was taken over from another model has the tests of that.
     if missing and attempt is not None and attempt.with_solved(attempt.solved).fits:
@@ -405,8 +405,5 @@ def _unexplained(findings: Findings, prepared: Sequence[Prepared]) -> Findings:
         for finding in log.judgement.findings if log.left_out is None else ():
             if finding.severity != "info":
                 seen.setdefault(finding.code, f"{log.entry.path.name}: {finding.message}")
-    if attempt is not None and attempt.gate.possible_causes and findings.status is not Status.SOLVER_FAILED:
-        more.append(attempt.gate.possible_causes)
-    if seen:
-        more.append(f"before the fit this was seen: {'; '.join(list(seen.values())[:SEEN])}")
-    return replace(findings, message="; ".join([findings.message, *more]))
+    before = f"; before the fit this was seen: {'; '.join(list(seen.values())[:SEEN])}" if seen else ""
+    return replace(findings, message=f"{findings.message}{before}")

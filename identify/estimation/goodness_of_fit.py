@@ -51,7 +51,6 @@ class Gate:
     z, log, cycle: (c,) standardised misfit of every cycle, its log and number (from 1).
     solver, event_shift: return status of the solver; how far event times moved in the last pass [samples].
     status, message: CONVERGED where all tests hold; what failed, where, and what to do.
-    possible_causes: what a misfit may come of, to go behind the message where no other cause is found.
     levels: (logs,) variance of autocorrelated noise over that measured in the sticks, 1 for white noise.
     """
 
@@ -63,7 +62,6 @@ class Gate:
     event_shift: float
     status: Status
     message: str
-    possible_causes: str = ""
     levels: Array = field(default_factory=lambda: np.ones(1))
 
     @property
@@ -95,18 +93,11 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     # Slips that hardly show are taken for noise while it is measured: a curve that follows them leaves less.
     quiet = np.where(estimated > 0.0, np.clip(level, QUIETEST, 1.0), 1.0)
     z = (squares - quiet[log] * counts) / (quiet[log] * spread)
-    levels, causes, cycles = np.ones(len(names)), "", (log, cycle, names)
+    levels, cycles = np.ones(len(names)), (log, cycle, names)
     status, message = _chi_square(solved, total / max(float(quiet[log] @ counts), 1.0), allowed, z, *cycles)
     if status is Status.CONVERGED:
         variance = "its variance" if np.min(quiet) > 1.0 - 4.0 * NOISE_ERROR else "the variance measured in the sticks"
         message = message or f"the misfit is noise ({chi2:.3f} of {variance}) in all {z.size} cycles"
-    elif status is Status.WRONG_EVENT_COUNT:
-        causes = "perhaps a slip was missed or invented, or the force was cut off or disturbed"
-    elif status is Status.MODEL_MISFIT and solved.solution.success and (chi2 > 1.0 or np.any(z > PER_CYCLE)):
-        causes = (
-            "perhaps friction follows another law than the effects say or differs from cycle to cycle, or a rig value "
-            "or the noise level is wrong, or the drive moves otherwise than stated"
-        )
     if status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and chi2 < 1.0 + MORE:
         logs = solved.problem.logs, solved.trajectories, solved.fitted
         known = autocorrelation_test(*logs, noise_estimated, level)
@@ -114,7 +105,7 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
             of_cycle = known.levels[log]
             wider = (squares - of_cycle * counts) / (known.spread_inflation[log] * of_cycle * spread)
             if _chi_square(solved, 1.0, allowed, wider, *cycles)[0] is Status.CONVERGED:
-                levels, z, status, causes = known.levels, wider, Status.CONVERGED, ""
+                levels, z, status = known.levels, wider, Status.CONVERGED
                 message = (
                     f"the misfit is autocorrelated noise ({chi2:.3f} of the variance measured in the sticks) in all "
                     f"{z.size} cycles{', which have nothing in common' if np.max(levels) > 1.0 + CLOSE else ''}"
@@ -130,7 +121,7 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
         elif scatter := stick_scatter(solved):
             message += f"; strength (mu_s - mu_k0) differs from stick to stick by {three_figures(100.0 * scatter)} %"
     found = solved.solution.return_status, solved.event_shift
-    return Gate(chi2, z, log + 1, cycle + 1, *found, status, message, causes, levels)
+    return Gate(chi2, z, log + 1, cycle + 1, *found, status, message, levels)
 
 
 def _per_cycle(solved: Solved) -> tuple[Array, Array, Indices, Indices]:
@@ -186,8 +177,8 @@ def _chi_square(
     if z[worst] > OUTLIER and OUTLIER_RATIO * others < max(z[worst], OUTLIER_RATIO * PER_CYCLE):
         beside = "while the others fit" if others < PER_CYCLE else f"where the others do by up to {others:.0f}"
         return Status.WRONG_EVENT_COUNT, (
-            f"{where} misfits by {z[worst]:.0f} standard deviations {beside}; look at it in the report and exclude "
-            "that stretch"
+            f"{where} misfits by {z[worst]:.0f} standard deviations {beside}; perhaps a slip was missed, or the "
+            "force disturbed: look at it in the report and exclude that stretch"
         )
     if chi2 < 1.0 and not loud and solution.success:
         return Status.MODEL_MISFIT, (
