@@ -8,7 +8,7 @@ from experiments.study_problem import NOISE, RIG
 from identify import Scene
 from identify.effects import MAIN
 from identify.estimation import search
-from identify.estimation.starts import features_of, starts_of
+from identify.estimation.starts import starts_of
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -36,16 +36,6 @@ def logs():
 def _start(logs, unknowns):
     values = unknowns.values(next(starts_of(logs, unknowns)), logs[0].data.base).tolist()
     return dict(zip(unknowns.names, values, strict=True))
-
-
-def test_every_slip_after_a_rest_has_features_of_its_own(logs):
-    prepared, _ = logs
-    features = [f for f in features_of(prepared)[0] if not f.settled]
-    held = [sum(seconds for speed, seconds in f.legs if speed == 0.0) for f in features]
-    assert [h for h in held if h] == pytest.approx([1.0, 3.0, 10.0], abs=0.05)
-    assert np.all(np.diff([f.drop for f, h in zip(features, held, strict=True) if h]) > 0.0), (
-        "longer rests, larger slips"
-    )
 
 
 def test_holds_tell_strength_and_ageing_apart_from_the_start(logs):

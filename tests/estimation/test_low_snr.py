@@ -10,7 +10,7 @@ import pytest
 from data_io import Record
 from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.estimation.attempt import place_on, solve_from
+from identify.estimation.attempt import solve_from
 from identify.estimation.search import join
 from identify.logs.prepare import Prepared
 from identify.logs.segment import segment
@@ -26,8 +26,6 @@ SLOW, FAINT, FAST, FASTEST = (1e-4 / 60, 800.0, 20.0), (1e-4, 20.0, 500.0), (1e-
 HIDDEN = {"mu_s": 0.5729, "mu_k0": 0.5188, "delta_mu_k": -0.05276, "a": 408.2, "D": 1.134e-4, "t_cr": 0.4387}
 HIDDEN_RIG = {"mass": 0.2148, "stiffness": 1436.0, "damping": 83.31}
 # Rests of 0.6 ms between slips of 70 ms at 1 mm/s.
-BY_A_HAIR = {"mu_s": 0.2524, "mu_k0": 0.1763, "delta_mu_k": -0.06767, "a": 46.75, "D": 1.865e-5, "t_cr": 1.851}
-HAIR_RIG = {"mass": 0.2756, "stiffness": 2079.0, "damping": 261.3}
 
 
 @lru_cache(maxsize=4)
@@ -47,10 +45,6 @@ def logs(
 
 def hidden() -> tuple[list[Prepared], Unknowns, tuple[int, ...]]:
     return logs(tuple(HIDDEN.items()), tuple(HIDDEN_RIG.items()), (FAINT, FAST, FASTEST))
-
-
-def near_grazing() -> tuple[list[Prepared], Unknowns, tuple[int, ...]]:
-    return logs(tuple(BY_A_HAIR.items()), tuple(HAIR_RIG.items()), (SLOW, FAST))
 
 
 def test_half_of_the_slips_lost_in_the_noise_make_a_log_faint() -> None:
@@ -81,11 +75,3 @@ def test_a_faint_log_joins_as_the_model_follows_it() -> None:
 
 
 # A start from which these logs and the fastest, solved cycle by cycle, come to an answer that is off by 14 % in a.
-
-
-def test_rests_shorter_than_a_slip_is_placed_exactly_are_followed() -> None:
-    prepared, unknowns, slips = near_grazing()
-    placed = place_on(prepared, [1], unknowns)
-    assert [number for number, _, _ in placed] == [1]
-    _, log, trajectory = placed[0]
-    assert log.fit_mode.name == "continuous" and trajectory.cycles == 0 and trajectory.arrests == slips[1]

@@ -177,17 +177,6 @@ def test_a_prior_pulls_as_bayes_says(free):
     assert found.sure.white[place, place] == pytest.approx(0.5 * size**2, rel=0.1)
 
 
-def test_an_interval_ends_at_a_bound_of_the_scene(free):
-    value = {e.name: e for e in free.estimates}["t_cr"]
-    upper = value.value + 0.5 * (value.upper - value.value)
-    found = _found({"t_cr": {"upper": upper}}, "A")
-    assert found.status is Status.CONVERGED
-    bounded = {e.name: e for e in found.estimates}["t_cr"]
-    assert bounded.upper == pytest.approx(upper, rel=1e-9)
-    assert "upper bound of the scene" in bounded.reason
-    assert bounded.lower == pytest.approx(value.lower, rel=0.02)
-
-
 def test_a_scene_with_groups_and_ties_is_read_back():
     scene = _scene({"D": {"per": "volunteer"}, "a": {"tie": {"to": "t_cr", "factor": 600.0}}})
     again = Scene.from_document(json.loads(json.dumps(scene.as_document())))

@@ -6,13 +6,12 @@ import time
 
 import pytest
 
-from identify import Scene, SceneError, fit
+from identify import Scene, fit
 from identify.base import budget
 from identify.base.budget import no_time_limit, seconds_left, time_is_up, time_limit
 from identify.base.outcome import Status
 from identify.estimation.strategies import Strategy, may_run, run_strategy, tracing
 from identify.examples import FOLDER
-from identify.scene.toml import read_toml
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
 
@@ -69,17 +68,3 @@ def test_a_fit_whose_time_is_up_ends_with_what_it_has(limit: float) -> None:
             and "--time-limit" in result["message"]
         )
         assert result["not_tried"] and all(p["value"] is None for p in result["parameters"].values())
-
-
-@pytest.mark.parametrize("text", ['"0 s"', '"-3 s"', '"5 N"', '"soon"'])
-def test_a_limit_that_is_none_is_refused(text: str) -> None:
-    document = read_toml(FOLDER / "pair.toml", [f"fit.time_limit={text}"])
-    with pytest.raises(SceneError, match="time_limit"):
-        Scene.from_document(document, FOLDER)
-
-
-def test_a_limit_is_kept_in_the_document() -> None:
-    scene = Scene.from_toml(FOLDER / "pair.toml", ['fit.time_limit="2 min"'])
-    assert scene.time_limit == 120.0
-    assert Scene.from_document(scene.as_document()).time_limit == 120.0
-    assert "fit" not in Scene.from_toml(FOLDER / "pair.toml").as_document()
