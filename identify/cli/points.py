@@ -38,68 +38,17 @@ from identify.scene.values import EACH_LOG
 if TYPE_CHECKING:
     from identify.model.model import Model
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Operating points of several groups: those that --group asks for, and options that show one pair alone.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-def of_groups(asked: Sequence[str], points: list[PairAtPoint]) -> list[PairAtPoint]:
-    """The points of the groups that --group names, each as VALUE or LABEL=VALUE; all of them where it names none.
-
-    Raises:
-        CommandLineError: a group that no log belongs to.
-    """
-    kept = points
-    for item in asked:
-        kept = [p for p in kept if item in [t for per, value in p.groups for t in (value, f"{per}={value}")]]
-    if kept:
-        return kept
-    known = listed_groups(points)
-    raise CommandLineError(
-        f"--group names {' and '.join(map(repr, asked))}; the logs are of {known}: name one of these"
-        if known
-        else f"--group names {asked[0]!r}, but no parameter differs between groups of logs here: leave it out"
-    )
-
-
-def one_pair(points: Sequence[PairAtPoint], option: str) -> list[PairAtPoint]:
-    """The points that have values, for an option that shows a single pair.
-
-    Raises:
-        CommandLineError: points of several groups, or none with values.
-    """
-    told = [p for p in points if not p.untold]
-    if not told:
-        raise CommandLineError(f"{option} has nothing to show: {points[0].untold}")
-    if len({p.groups for p in told}) > 1:
-        per, value = told[0].groups[0]
-        choice = f'--group "{value}"' if per == EACH_LOG else f'--group "{per}={value}"'
-        raise CommandLineError(
-            f"{option} shows one pair, and the parameters differ between {listed_groups(told)}: choose one, as by "
-            f"{choice}"
-        )
-    return told
-
-
-def listed_groups(points: Sequence[PairAtPoint]) -> str:
-    """The groups of these points in words, each once."""
-    return "; ".join(dict.fromkeys(named(p.groups) for p in points if p.groups))
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# One operating point of a pair, as calculators and maps of the command line take it.
-# ----------------------------------------------------------------------------------------------------------------------
-
 Array = NDArray[np.float64]
+POINT = {"drive_speed": Key("m/s", sign=NOT_NEGATIVE), "normal_force": Key("N", sign=POSITIVE)}
 
 
 @dataclass(frozen=True)
 class PairAtPoint:
     """One operating point: drive speed [m/s] and normal force [N], every parameter [SI], how well they are known.
 
-    covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where nothing is said of it; groups: of the log,
-    by what the parameters of a fit differ by; untold: why the fit has no values for it, empty where it has; log: its
-    number in the scene (from 0); origins: where the values come from.
+    covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where it is unknown; groups: of the log, by what
+    the parameters of a fit differ by; untold: why the fit has no values for it, empty where it has; origins: where the
+    values come from.
     """
 
     name: str
@@ -113,7 +62,6 @@ class PairAtPoint:
     area_exponent: float = 0.0
     groups: Groups = ()
     untold: str = ""
-    log: int = 0
     origins: Origins = field(default_factory=Origins)
 
     @property
@@ -132,61 +80,57 @@ class PairAtPoint:
         return Site(self.model, self.values, self.drive_speed, self.normal_force, self.area, self.area_exponent)
 
 
-POINT = {"drive_speed": Key("m/s", sign=NOT_NEGATIVE), "normal_force": Key("N", sign=POSITIVE)}
-
-
-def operating_points(arguments: Namespace) -> list[PairAtPoint]:
+def operating_points(arguments: Namespace) -> tuple[list[PairAtPoint], Tested | None, Scene]:
     """One point per log, changed by --at; a drive speed given there makes it one point, of every group where parameters
-    differ between groups.
+    differ between groups. With the range of what the logs tested, None where there are none, and the scene.
 
     Raises:
         CommandLineError, SceneError, SimulationError, LogError: one sentence each.
     """
+    result: Result | None = None
     if arguments.result:
-        result: Result | None
-        result, scene = _fitted(Path(arguments.result))
+        result = read_result(Path(arguments.result))
+        if not result.converged:
+            raise CommandLineError(f"{arguments.result}: this fit has no values ({result.status}); mend the fit first")
+        source = scene_of(result, arguments.result)
     else:
-        result, scene = None, Scene.from_toml(arguments.scene)
-    scene = without(arguments.without, _settled(scene, result))
+        source = Scene.from_toml(arguments.scene)
+    settled = _settled(source, result)
+    for name in arguments.without:
+        if name not in settled.model.effects:
+            raise CommandLineError(
+                f"--without names {name!r}, which is not among the effects of the scene; did you mean "
+                f"{nearest(name, settled.model.effects)!r}?"
+            )
+    scene = settled
+    if arguments.without:
+        scene = settled.with_effects([name for name in settled.model.effects if name not in arguments.without])
     check_calculable(scene.model)
     changes = at_values(arguments.at, scene)
-    points = of_groups(arguments.group, _points(scene, changes, result))
-    if changes:
-        for point in points:
-            _check_order(point.values)
-    if len(points) > 1 and (
-        "drive_speed" in changes or len({(p.drive_speed, p.normal_force, p.groups, p.untold) for p in points}) == 1
-    ):
+    points = _of_groups(arguments.group, _points(scene, changes, result))
+    for values in (point.values for point in points if changes):
+        static, slow, change = values["mu_s"], values["mu_k0"], values.get("delta_mu_k", 0.0)
+        if not slow + change > 0.0 or not slow < static:
+            raise CommandLineError(
+                f"mu_k0 is {slow:g} here, with mu_s {static:g} and delta_mu_k {change:g}; expected mu_k0 below mu_s, "
+                "and mu_k0 + delta_mu_k above 0: change --at"
+            )
+    same = len({(p.drive_speed, p.normal_force, p.groups, p.untold) for p in points}) == 1
+    if len(points) > 1 and ("drive_speed" in changes or same):
         first = {point.groups: point for point in reversed(points) if not point.untold}
         points = [replace(point, name="the operating point") for point in reversed(first.values())] or points[:1]
-    return points
-
-
-def _fitted(path: Path) -> tuple[Result, Scene]:
-    """The result and its scene."""
-    result = read_result(path)
-    if not result.converged:
-        raise CommandLineError(f"{path}: this fit has no values ({result.status}); mend the fit first")
-    return result, scene_of(result, path)
+    tested = None if result is None else Tested.of_result(result)
+    if result is None and source.logs:
+        tested = Tested.of(
+            {"drive_speed": p.drive_speed, "normal_force": p.normal_force, "stiffness": p.values["stiffness"]}
+            for p in _points(settled, {}, None)
+        )
+    return points, tested, source
 
 
 def points_of(scene: Scene, result: Result) -> list[PairAtPoint]:
     """The operating point of every log of a finished fit; several where a log has a programme of speeds."""
     return _points(_settled(scene, result), {}, result)
-
-
-def tested_range(arguments: Namespace) -> Tested | None:
-    """The range of the logs of a fit, or of a scene that has logs; None where nothing was tested."""
-    if arguments.result:
-        return Tested.of_result(read_result(Path(arguments.result)))
-    scene = Scene.from_toml(arguments.scene)
-    if not scene.logs:
-        return None
-    points = _points(_settled(scene, None), {}, None)
-    names = ("stiffness",)
-    return Tested.of(
-        {"drive_speed": p.drive_speed, "normal_force": p.normal_force} | {n: p.values[n] for n in names} for p in points
-    )
 
 
 def _settled(scene: Scene, result: Result | None) -> Scene:
@@ -197,31 +141,16 @@ def _settled(scene: Scene, result: Result | None) -> Scene:
     return scene.with_effects(chosen or choose_from_numbers(scene).effects)
 
 
-def without(names: Sequence[str], scene: Scene) -> Scene:
-    """The scene without some of its effects.
-
-    Raises:
-        CommandLineError: one that is not on. SceneError: a composition that is refused.
-    """
-    effects = scene.model.effects
-    for name in names:
-        if name not in effects:
-            raise CommandLineError(
-                f"--without names {name!r}, which is not among the effects of the scene; did you mean "
-                f"{nearest(name, effects)!r}?"
-            )
-    return scene.with_effects([name for name in effects if name not in names]) if names else scene
-
-
-def at_values(items: list[str], scene: Scene) -> dict[str, float]:
+def at_values(items: Sequence[str], scene: Scene) -> dict[str, float]:
     """ "drive_speed=1 mm/s" and the like as SI numbers by name.
 
     Raises:
         CommandLineError, SceneError: no KEY=VALUE, an unknown key, or a value that cannot be read or be.
     """
-    keys = POINT | {p.name: Key(p.unit) for p in scene.model.parameters}
+    declared = {p.name: p for p in scene.model.parameters}
+    keys = POINT | {p.name: Key(p.unit) for p in declared.values()}
     values = {}
-    for name, text in (pairs(items, "--at", 'drive_speed="1 mm/s"') or {}).items():
+    for name, text in pairs(items, "--at", 'drive_speed="1 mm/s"').items():
         if name not in keys:
             raise CommandLineError(
                 f"--at names {name!r}, which is not known; did you mean {nearest(name, keys)!r}? "
@@ -230,37 +159,24 @@ def at_values(items: list[str], scene: Scene) -> dict[str, float]:
         values[name] = quantity(text, keys[name].unit, f"--at {name}")
         if name in POINT:
             check(f"--at {name}", keys[name], values[name])
-    for p in scene.model.parameters:
-        if p.name in values and not p.lower <= values[p.name] <= p.upper:
+        elif not (p := declared[name]).lower <= values[name] <= p.upper:
             raise CommandLineError(
-                f"--at {p.name} is {values[p.name]:g}; the model admits {p.lower:g} to {p.upper:g} {p.unit}".rstrip()
+                f"--at {name} is {values[name]:g}; the model admits {p.lower:g} to {p.upper:g} {p.unit}".rstrip()
                 + ": move it there"
             )
     return values
 
 
-def _check_order(values: Mapping[str, float]) -> None:
-    static, slow, change = values["mu_s"], values["mu_k0"], values.get("delta_mu_k", 0.0)
-    if not slow + change > 0.0 or not slow < static:
-        raise CommandLineError(
-            f"mu_k0 is {slow:g} here, with mu_s {static:g} and delta_mu_k {change:g}; expected mu_k0 below mu_s, and "
-            "mu_k0 + delta_mu_k above 0: change --at"
-        )
-
-
 def _points(scene: Scene, changes: Mapping[str, float], result: Result | None) -> list[PairAtPoint]:
-    asked = [(n, entry, place) for n, entry in enumerate(scene.logs or (None,)) for place in _places(result, n, entry)]
     parameters = {key: value for key, value in changes.items() if key not in POINT}
     declared = scene.model.parameter_names
     points = []
-    for number, entry, place in asked:
+    for entry, place in _logs(scene, result):
         log = result.logs[place] if result and place is not None else LogResult()
         pair = pair_of(result, scene, place or 0) if result else Pair()
         names, covariance = pair.names, pair.covariance
-        name = entry.path.name if entry else "the rig of the scene"
-        values = (
-            scene.values(entry) | {key: value for key, value in pair.values.items() if key in declared} | parameters
-        )
+        estimates = {key: value for key, value in pair.values.items() if key in declared}
+        values = scene.values(entry) | estimates | parameters
         load = _normal_force(scene, entry, changes, log)
         for speed in _speeds(scene, entry, changes):
             check_ranges(scene.effects, scene.extrapolate, values, speed, [load])
@@ -272,11 +188,10 @@ def _points(scene: Scene, changes: Mapping[str, float], result: Result | None) -
                 if covariance is not None:
                     names, covariance = with_tied(names, covariance, ties_of(scene))
             measured = tuple(n for n in declared if n in names and result is not None and n not in changes)
-            told = tuple(n for n in declared if n not in measured and n not in guessed)
             kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT)]
             points.append(
                 PairAtPoint(
-                    name=name,
+                    name=entry.path.name if entry else "the rig of the scene",
                     model=scene.model,
                     values=values,
                     drive_speed=speed,
@@ -287,19 +202,24 @@ def _points(scene: Scene, changes: Mapping[str, float], result: Result | None) -
                     area_exponent=scene.contact.exponent or 0.0,
                     groups=pair.groups,
                     untold=pair.untold,
-                    log=number,
-                    origins=Origins(measured, told, tuple(guessed)),
+                    origins=Origins(
+                        measured, tuple(n for n in declared if n not in measured and n not in guessed), tuple(guessed)
+                    ),
                 )
             )
     return points
 
 
-def _places(result: Result | None, number: int, entry: LogEntry | None) -> list[int | None]:
-    """Where a result has a log of its scene: once, and once for each group where parts of it are of several."""
-    if result is None or entry is None:
-        return [None]
-    first = {groups_of(result, place): place for place in reversed(result.places(number))}
-    return [*sorted(first.values())]
+def _logs(scene: Scene, result: Result | None) -> list[tuple[LogEntry | None, int | None]]:
+    """The logs of a scene, and where a result has each: once, and once for each group where parts of it are of
+    several. (None, None): the rig alone."""
+    if result is None or not scene.logs:
+        return [(entry, None) for entry in scene.logs or (None,)]
+    out: list[tuple[LogEntry | None, int | None]] = []
+    for number, entry in enumerate(scene.logs):
+        first = {groups_of(result, place): place for place in reversed(result.places(number))}
+        out += [(entry, place) for place in sorted(first.values())]
+    return out
 
 
 def _speeds(scene: Scene, entry: LogEntry | None, changes: Mapping[str, float]) -> list[float]:
@@ -330,3 +250,46 @@ def _normal_force(scene: Scene, entry: LogEntry | None, changes: Mapping[str, fl
         entry.path, entry.step, entry.units, entry.columns, run=entry.run, rate=entry.rate, exclude=left_out
     )
     return float(np.nanmedian(record.normal_force))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Points of several groups.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _of_groups(wanted: Sequence[str], points: list[PairAtPoint]) -> list[PairAtPoint]:
+    """The points of the groups that --group names, each as VALUE or LABEL=VALUE; all of them where it names none."""
+    kept = points
+    for item in wanted:
+        kept = [p for p in kept if item in [t for per, value in p.groups for t in (value, f"{per}={value}")]]
+    if kept:
+        return kept
+    known = _listed(points)
+    raise CommandLineError(
+        f"--group names {' and '.join(map(repr, wanted))}; the logs are of {known}: name one of these"
+        if known
+        else f"--group names {wanted[0]!r}, but no parameter differs between groups of logs here: leave it out"
+    )
+
+
+def one_pair(points: Sequence[PairAtPoint], option: str) -> list[PairAtPoint]:
+    """The points that have values, for an option that shows a single pair.
+
+    Raises:
+        CommandLineError: points of several groups, or none with values.
+    """
+    kept = [p for p in points if not p.untold]
+    if not kept:
+        raise CommandLineError(f"{option} has nothing to show: {points[0].untold}")
+    if len({p.groups for p in kept}) > 1:
+        per, value = kept[0].groups[0]
+        choice = f'--group "{value}"' if per == EACH_LOG else f'--group "{per}={value}"'
+        raise CommandLineError(
+            f"{option} shows one pair, and the parameters differ between {_listed(kept)}: choose one, as by {choice}"
+        )
+    return kept
+
+
+def _listed(points: Sequence[PairAtPoint]) -> str:
+    """The groups of these points in words, each once."""
+    return "; ".join(dict.fromkeys(named(p.groups) for p in points if p.groups))

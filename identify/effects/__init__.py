@@ -1,27 +1,14 @@
-"""The table of effects. A new effect is one file here and one line in ALL."""
+"""The table of effects. A new effect is one class in a file here and one line in ALL."""
 
 import sys
 
-from identify.effects.contact_ageing import ContactAgeing
-from identify.effects.direct_effect import DirectEffect
-from identify.effects.driven_damping import DrivenDamping
-from identify.effects.excitation import Excitation
-from identify.effects.finger_motion import FingerMotion
-from identify.effects.force_sensor import ForceSensor
-from identify.effects.friction_heterogeneity import FrictionHeterogeneity
-from identify.effects.hysteresis_damping import HysteresisDamping
-from identify.effects.inertia import Inertia
-from identify.effects.linear_weakening import LinearWeakening
-from identify.effects.load_dependence import LoadDependence
-from identify.effects.occlusion import Occlusion
-from identify.effects.power_law import PowerLaw
-from identify.effects.pressure_dependence import PressureDependence
+from identify.effects.contact import ContactAgeing, FrictionHeterogeneity, Occlusion
+from identify.effects.excitation import Excitation, FingerMotion
+from identify.effects.load import LoadDependence, PressureDependence, VaryingNormalForce
 from identify.effects.quantities import Effect
-from identify.effects.sensor_lag import SensorLag
-from identify.effects.sensor_second_lag import SensorSecondLag
-from identify.effects.skin_compliance import SkinCompliance
-from identify.effects.varying_normal_force import VaryingNormalForce
-from identify.effects.velocity_weakening import VelocityWeakening
+from identify.effects.rig import DrivenDamping, HysteresisDamping, Inertia, SkinCompliance
+from identify.effects.sensor import ForceSensor, SensorLag, SensorSecondLag
+from identify.effects.velocity import DirectEffect, LinearWeakening, PowerLaw, VelocityWeakening
 
 ALL: tuple[Effect, ...] = (
     Inertia(),

@@ -1,14 +1,102 @@
-"""Friction heterogeneity: the level is a random field along the track, strength and loading rate differ per stick."""
+"""The contact: it strengthens at rest, moistens, and differs from place to place."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 
+from identify.base.wording import three_figures
 from identify.effects.quantities import Effect, Expression, Importance, Parameter, Situation, State, Terms
+from identify.effects.typical import fall, stick_time
+
+
+class ContactAgeing(Effect):
+    """State gamma: gamma' = (1 - gamma)/t_cr - |x'|/D, held within 0 and 1 (eq. 2, drive frame)."""
+
+    name = "contact_ageing"
+    says = "the contact strengthens while it rests and is renewed by sliding"
+    source = "eqs. (2)-(5)"
+    parameters = (
+        Parameter("D", "m", 1e-8, 1e-1, 40e-6, "D", "relaxation length: sliding that renews the contact"),
+        Parameter("t_cr", "s", 1e-5, 1e5, 0.5, "t_cr", "creep time: rest that saturates the contact"),
+    )
+    states = (State("gamma", "", start=0.0, lower=0.0, upper=1.0),)
+    null = {"D": 0.0, "t_cr": 0.0}  # a limit: plain static and kinetic friction, D/t_cr vanishing too
+
+    def terms(self, s: Situation) -> Terms:
+        """Strengthening gamma and its rate."""
+        gamma = s.x.gamma
+        return Terms(strengthening=gamma, rates={"gamma": s.pace * (1 - gamma) / s.p.t_cr - s.v / s.p.D})
+
+    def at_rest(self, s: Situation, aged: Expression) -> Mapping[str, Expression]:
+        """Eq. (3a) from any start: 1 - (1 - gamma) exp(-t/t_cr)."""
+        return {"gamma": s.x.gamma - (1 - s.x.gamma) * ca.expm1(-aged / s.p.t_cr)}
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """Relaxation length against the travel of the spring in a slip, and creep time against the stick."""
+        travel = fall(p, normal_force) / p["stiffness"]
+        rest = stick_time(p, normal_force, drive_speed)
+        regained = -math.expm1(-rest / p["t_cr"])
+        return Importance(
+            "D k/((μs − μk0) F_n)",
+            p["D"] / travel,
+            f"sliding by {1e6 * p['D']:.3g} µm renews the contact, {p['D'] / travel:.2g} of the spring's travel; "
+            f"a stick of about {three_figures(rest)} s regains {three_figures(100 * regained)} % of the strength",
+        )
+
+
+class Occlusion(Effect):
+    """With the share e(t) = 1 - exp(-t/t_occ): all friction times exp(level e), contact ageing 1 + hastening e as fast.
+
+    A drift in time, not along the track. t counts from the start of the record.
+    """
+
+    name = "occlusion"
+    says = "friction level and ageing drift in time as the skin moistens"
+    source = "occlusion of skin by a closed contact within tens of seconds; first-order approach"
+    parameters = (
+        Parameter(
+            "occlusion_level",
+            "",
+            -3.0,
+            3.0,
+            0.1,
+            "λ_occ",
+            "logarithm of the final change of friction level",
+            "linear",
+            0.1,
+        ),
+        Parameter(
+            "occlusion_hastening",
+            "",
+            -0.99,
+            20.0,
+            0.0,
+            "η_occ",
+            "final change of the ageing rate",
+            "linear",
+            0.1,
+            "given",
+        ),
+        Parameter("occlusion_time", "s", 1e-2, 1e6, 30.0, "t_occ", "time in which the skin moistens"),
+    )
+    null = {"occlusion_level": 0.0, "occlusion_hastening": 0.0}
+
+    def terms(self, s: Situation) -> Terms:
+        """The level, and the ageing time gained: the integral of hastening * e."""
+        share = -ca.expm1(-s.time / s.p.occlusion_time)
+        gained = s.p.occlusion_hastening * (s.time - s.p.occlusion_time * share)
+        return Terms(level=s.p.occlusion_level * share, clock=gained)
+
+    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
+        """The change of level."""
+        share = abs(p["occlusion_level"])
+        return Importance("λ_occ", share, f"friction drifts by {100 * share:.3g} % within {p['occlusion_time']:.3g} s")
+
 
 MODES = 48
 SHORTEST = 0.02  # wave lengths shorter than that (of the correlation length) are left out of the field
