@@ -70,6 +70,7 @@ def work(monkeypatch):
         (["stability", "--scene", examples.SCENE, "--at", "drive_speed=-1 mm/s"], "--at drive_speed is -0.001 m/s"),
         (["stability", "--scene", examples.SCENE, "--at", "normal_force=-2 N"], "--at normal_force is -2 N"),
         (["amplitude", "--scene", examples.SCENE, "--at", "normal_force=0 N"], "--at normal_force is 0 N"),
+        (["stability", "--scene", examples.SCENE, "--at", "drive_speed=1e30"], "which no rig has"),
         (["amplitude", "--scene", examples.SCENE, "--at", "mu_k0=0.9"], "mu_k0 is 0.9 here"),
         (["amplitude", "--scene", examples.SCENE, "--at", "delta_mu_k=-0.9"], "above 0"),
         (["amplitude", "--scene", examples.SCENE, "--plot", "none/a.png"], "folder does not exist"),

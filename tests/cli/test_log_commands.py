@@ -120,23 +120,6 @@ def test_the_plot_shows_phases_and_spikes_as_found(monkeypatch, tmp_path):
     assert low < record.friction_force.min() and high > record.friction_force.max()
 
 
-def test_a_clean_log_shows_neither_spikes_nor_rests(monkeypatch, tmp_path):
-    time = np.arange(4000) / 500.0
-    seen = inspection("clean.csv", Record(time, 1.0 + noise(2), 0.4 + saw(time) + noise(1)))
-    (part,) = drawn(monkeypatch, [seen], tmp_path / "a.png")
-    labels = set(part.axes[0].get_legend_handles_labels()[1])
-    assert labels == {"slip"} and part.get_suptitle() == "clean.csv · accept"
-
-
-def test_no_spike_of_a_long_log_is_thinned_away(monkeypatch, tmp_path):
-    time = np.arange(60_000) / 2000.0
-    force = 0.4 + saw(time) + noise(1, time.size)
-    force[30_001] += 1.0
-    seen = inspection("long.csv", Record(time, np.ones(time.size), force))
-    (part,) = drawn(monkeypatch, [seen], tmp_path / "a.png")
-    assert part.axes[0].get_ylim()[1] > 1.4
-
-
 def test_inspect_tells_what_is_in_the_logs(folder, capsys):
     slow, stepped = examples.FOLDER / "0.1_mm_per_s.txt.gz", examples.FOLDER / "1_mm_per_s.txt.gz"
     code, words, _ = stickslip(capsys, "inspect", slow, stepped)
@@ -306,45 +289,6 @@ def test_a_scene_without_friction_says_which_default_it_takes(folder, capsys):
     assert code == 0
     assert "documented defaults are taken: mu_k0 0.45, D 40 µm, t_cr 0.5 s, delta_mu_k −0.1, a 300 s/m" in said
     assert "mu_s 0.6" not in said
-
-
-def test_converted_log_holds_the_same_numbers(folder, capsys):
-    log = examples.FOLDER / "1_mm_per_s.txt.gz"
-    assert stickslip(capsys, "convert", log, "--out", "a.h5")[0] == 0
-    assert (read_log("a.h5").friction_force == read_log(log).friction_force).all()
-    assert stickslip(capsys, "convert", log, "--out", "b.h5", "--anonymise")[0] == 0
-    assert (read_log("b.h5").friction_force == read_log(log).friction_force).all()
-    content = Path("b.h5").read_bytes()
-    for word in (b"make_example_logs", b"Jan 2026", b"1_mm_per_s"):
-        assert word in Path("a.h5").read_bytes() and word not in content
-
-
-BAD_LOGS = {
-    "missing": (None, "no such file"),
-    "empty": ("", "empty"),
-    "binary": (bytes(range(256)) * 40, "reader"),
-    "no time": (LOG.replace("T,", "Q,"), "time"),
-    "no force": (LOG.replace("Fx", "Q"), "friction"),
-    "no units": (LOG.replace("s,N,N\n", ""), "unit"),
-    "NaN block": (
-        "\n".join(
-            line if not 40 <= i < 60 else line.split(",")[0] + ",nan,nan" for i, line in enumerate(LOG.split("\n"))
-        ),
-        "rows",
-    ),
-    "clock backwards": (LOG.replace("\n1.00,", "\n0.50,"), "clock"),
-    "one row": ("\n".join(LOG.split("\n")[:3]) + "\n", "row"),
-}
-
-
-@pytest.mark.parametrize("case", BAD_LOGS)
-def test_bad_logs_are_refused_in_one_sentence(folder, capsys, case):
-    content, word = BAD_LOGS[case]
-    name = "log.csv" if content is None else write("log.csv", content)
-    assert stickslip(capsys, "convert", write("good.csv", LOG), "--out", "good.h5")[0] == 0
-    sentence = refused(capsys, "convert", name, "--out", "log.h5")
-    assert word in sentence and name in sentence
-    assert not Path("log.h5").exists()
 
 
 def cetr(folder, name="Anna Meier.txt", rows=60):

@@ -91,3 +91,10 @@ def test_a_draft_asks_for_the_damping_ratio_first_and_explains_h(tmp_path):
         asked.index('zeta = "TODO"') < asked.index("damping, which is a dashpot in N s/m") < asked.index("h = 2 zeta k")
     )
     assert "rig.zeta" in made.to_fill_in and "rig.damping" not in made.to_fill_in
+
+
+@pytest.mark.parametrize("speed", [0.1, "100 mm/s"])
+def test_a_bare_speed_of_a_fast_rig_is_si(speed):
+    assert scene({"drive_speed": speed}).rig.drive_speed == pytest.approx(0.1)
+    with pytest.raises(SceneError, match="which no rig has"):
+        scene({"drive_speed": "1e9 m/s"})
