@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 from scipy.optimize.elementwise import find_root
 
 from identify.base.errors import SimulationError
@@ -44,8 +44,6 @@ PER_DECADE = 12
 PER_PERIOD = 16
 FIRST_CHUNK, CHUNK = 64, 1024  # times per call while scanning an oscillation
 MAX_SCAN = 500_000  # times of one search: a bound, so that no scene runs for ever
-CLEAR = 10.0  # times what a parabola sinks between the lowest places: a minimum that is higher is positive
-ZOOM, ZOOMS = 17, 8  # a dip is looked at with so many times, each round in the neighbourhood of the lowest
 DEEP = 0.5  # a dip is looked at where a parabola comes within this share of its rise to zero
 
 _GRID = np.concatenate([[0.0], np.geomspace(10.0**-DECADES, 1.0, DECADES * PER_DECADE + 1)])
@@ -103,7 +101,7 @@ def _fallen(function: Function, t: Array, v: Array) -> Iterator[tuple[float, flo
     edges = np.flatnonzero(np.diff(np.concatenate([[False], cells, [False]]).astype(int)))
     for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         low, high = float(t[first]), float(t[last])
-        if v[first] > 0.0 and v[first + 1] <= 0.0 and not _is_dip(v, first):
+        if v[first] > 0.0 and v[first + 1] <= 0.0 and first not in _dips(v):
             low = _refined(function, low, float(t[first + 1]))
         yield low, high
 
@@ -113,10 +111,6 @@ def _dips(v: Array) -> NDArray[np.intp]:
     inner = v[1:-1]
     rise = v[:-2] + v[2:] - 2.0 * inner
     return np.flatnonzero((inner <= v[:-2]) & (inner <= v[2:]) & (rise > 0.0) & (inner <= DEEP * rise)) + 1
-
-
-def _is_dip(v: Array, i: int) -> bool:
-    return bool(np.any(_dips(v) == i))
 
 
 def _first_in(function: Function, t: Array, v: Array) -> float | None:
@@ -133,25 +127,8 @@ def _first_in(function: Function, t: Array, v: Array) -> float | None:
 
 def _in_dip(function: Function, low: float, high: float) -> float | None:
     """The first zero around a minimum between low and high, None if the minimum is positive."""
-    start = low
-    for _ in range(ZOOMS):
-        t = np.linspace(low, high, ZOOM)
-        v = function(t)
-        i = int(np.argmin(v))
-        if v[i] <= 0.0:
-            below = int(np.flatnonzero(v <= 0.0)[0])
-            return _refined(function, t[below - 1] if below else start, t[below])
-        if 0 < i < ZOOM - 1 and v[i] > CLEAR * _sinks(v[i - 1 : i + 2]):
-            return None
-        low, high = t[max(i - 1, 0)], t[min(i + 1, ZOOM - 1)]
-    return None
-
-
-def _sinks(v: Array) -> float:
-    """By how much a parabola through three values at even distances, the middle one the lowest, sinks below it."""
-    before, here, after = v.tolist()
-    bend = before + after - 2.0 * here
-    return (after - before) ** 2 / (8.0 * bend) if bend > 0.0 else 0.0
+    lowest = minimize_scalar(lambda t: float(function(np.array([t]))[0]), bounds=(low, high), options={"xatol": 0.0})
+    return _refined(function, low, float(lowest.x)) if lowest.fun <= 0.0 else None
 
 
 def _refined(function: Function, low: float, high: float) -> float:

@@ -8,7 +8,8 @@ from typing import Any
 
 from scipy.integrate import DOP853 as SCIPYS
 
-Field = Callable[[Any, Any], Any]  # (x, time within the step) -> dx/dt
+State = Any  # anything that adds and multiplies: CasADi SX, numpy arrays, floats
+Field = Callable[[State, State], State]  # (x, time within the step) -> dx/dt
 
 
 @dataclass(frozen=True)
@@ -49,23 +50,21 @@ DOP853 = Tableau(
 )
 
 
-def weighted(weights: tuple[float, ...], stages: list[Any]) -> Any:
+def weighted(weights: tuple[float, ...], stages: list[State]) -> State:
     """Sum of the stages times their weights, without those that count nothing."""
     return sum(weight * stage for weight, stage in zip(weights, stages, strict=True) if weight)
 
 
-def step(tableau: Tableau, field: Field, x: Any, h: Any) -> tuple[Any, Any, list[Any]]:
+def step(tableau: Tableau, field: Field, x: State, h: State) -> tuple[State, State, list[State]]:
     """One step of length h from x.
-
-    Works on anything that adds and multiplies (CasADi SX, numpy arrays).
 
     Returns:
         the state after the step, the local error estimate (0 without an embedded formula), the stages.
     """
-    stages: list[Any] = []
-    moves: list[Any] = []
+    stages: list[State] = []
+    moves: list[State] = []
     for c, row in zip(tableau.c, tableau.a, strict=True):
         stages.append(field(x + weighted(row, moves), c * h))
         moves.append(h * stages[-1])
-    error: Any = weighted(tableau.error, moves) if tableau.error else 0.0
+    error: State = weighted(tableau.error, moves) if tableau.error else 0.0
     return x + weighted(tableau.b, moves), error, stages

@@ -1,4 +1,4 @@
-"""The table of effects. A new effect is one class in a file here and one line in ALL."""
+"""The table of effects. A new effect is one file here and one line in ALL."""
 
 import sys
 

@@ -32,13 +32,13 @@ from identify.scene.tables import (
     share,
     stated,
 )
-from identify.scene.toml import TOP, is_rig, located, to_fill_in
+from identify.scene.toml import TOP, Tables, is_rig, located, to_fill_in
 from identify.scene.values import USUAL_TOLERANCES, Contact, Initial, LogEntry, Rig
 
 Effects = tuple[str, ...] | Literal["auto"]
 
 
-def read_parts(document: Mapping[str, object], folder: Path) -> dict[str, Any]:
+def read_parts(document: Mapping[str, object], folder: Path) -> Tables:
     """The frozen values behind the tables of a scene file, as a `Scene` takes them; "name" is None where none is given.
 
     Args:
@@ -117,7 +117,7 @@ def _rig(
         raise SceneError(
             f"[rig] has no damping although the effect {damped_by} is on; give one of {', '.join(DAMPING)}"
         )
-    values: dict[str, Any] = {}
+    values: Tables = {}
     tolerances: dict[str, float] = {}
     ratios: dict[str, float] = {}
     dashpot = _is_dashpot(table)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Literal
+from typing import Literal
 
 from data_io.contents import log_is_at
 from data_io.thresholds import DEFAULTS, Thresholds
@@ -19,7 +19,7 @@ from identify.model.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, ass
 from identify.scene.parameters import declared_by, default_spec
 from identify.scene.parts import known_effects, read_parts
 from identify.scene.tables import TIED, check_ranges
-from identify.scene.toml import question_bare_numbers, read_toml, with_rig_file
+from identify.scene.toml import Tables, question_bare_numbers, read_toml, with_rig_file
 from identify.scene.values import EACH_LOG, Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
 
 NEUTRAL = (("factor", 1.0), ("offset", 0.0))  # of a tie
@@ -109,7 +109,7 @@ class Scene:
             f"{given!r:.60} is no scene; expected a Scene, the path of a scene file, or its tables as a dict"
         )
 
-    def as_document(self) -> dict[str, Any]:
+    def as_document(self) -> Tables:
         """The scene as JSON-able tables, SI numbers, absolute log paths; `from_document` rebuilds it.
 
         What is not stated is absent. Where the effects are still to be chosen that goes for every parameter the scene
@@ -276,12 +276,12 @@ def _plain(value: object) -> object:
     return dict(value) if isinstance(value, Mapping) else value
 
 
-def _stated(table: Mapping[str, object], without: Sequence[str] = ()) -> dict[str, Any]:
+def _stated(table: Mapping[str, object], without: Sequence[str] = ()) -> Tables:
     """The table without what it does not state; tuples become lists, as in JSON."""
     return {key: _plain(v) for key, v in table.items() if v is not None and v != () and v != {} and key not in without}
 
 
-def _table_of(spec: ParameterSpec) -> dict[str, Any]:
+def _table_of(spec: ParameterSpec) -> Tables:
     tie = {} if spec.tie is None else {k: v for k, v in asdict(spec.tie).items() if (k, v) not in NEUTRAL}
     table = _stated(asdict(spec), without=("name", "prior_mean", "prior_sd", "stated", "tie"))
     return table | _stated({"prior": _stated({"mean": spec.prior_mean, "sd": spec.prior_sd}), "tie": tie})

@@ -17,13 +17,14 @@ from identify.scene.tables import RIG, Key, text
 
 DEEPEST = 10  # tables of a scene within each other
 LONGEST_INTEGER = 10_000  # bits
+Tables = dict[str, Any]
 BACKSLASH = "a backslash within \" begins an escape: write paths of Windows within ', as in 'C:\\logs\\new.txt'"
 TOP: Mapping[str, Key] = dict.fromkeys(
     "effects extrapolate rig contact initial parameters quality fit tolerances logs".split(), Key()
 ) | {"name": Key(read=text)}
 
 
-def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
+def read_toml(path: Path, overrides: Sequence[str] = ()) -> Tables:
     """The tables of a TOML file with the overrides put in.
 
     Raises:
@@ -46,7 +47,7 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     return document
 
 
-def parsed(text: str) -> dict[str, Any]:
+def parsed(text: str) -> Tables:
     """The tables that a TOML text holds.
 
     Raises:
@@ -93,7 +94,7 @@ def is_rig(document: Mapping[str, object]) -> bool:
     return bool(document) and not set(document) - set(RIG)
 
 
-def with_rig_file(document: Mapping[str, object], folder: Path) -> dict[str, Any]:
+def with_rig_file(document: Mapping[str, object], folder: Path) -> Tables:
     """The tables with `rig = "RIG.toml"` replaced by what that file holds; its path is relative to the folder.
 
     Raises:
@@ -120,7 +121,7 @@ def located(folder: Path, path: str) -> Path:
     return folder / os.path.expanduser(path)  # noqa: PTH111 - that of pathlib raises where there is none
 
 
-def put(document: dict[str, Any], override: str) -> None:
+def put(document: Tables, override: str) -> None:
     """Replace one value, "dotted.key=value"; logs are counted from 1 ("logs.1.mass=0.3 kg").
 
     Raises:
