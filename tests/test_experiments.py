@@ -34,28 +34,6 @@ def runs(script, capsys):
     assert capsys.readouterr().out.strip(), "an experiment prints what it found"
 
 
-def test_the_house_is_measured_as_it_stands(tmp_path):
-    (tmp_path / "hen.py").write_text(
-        "from typing import Any\n\nA, B = 1, -2.5\nC = (1e-3, 60 * 60)\nD = 'word'\nE = [1]\n\n\n"
-        "class Egg:\n    def _hatch(self, a, b, c, d, e, f, *, g): return self._hatch\n\n\n"
-        "def _once(x: Any): return x\n\n\ndef _twice(): return _once\n\n\n"
-        "def lay(a, b, c, d, e, f, g, h): return _twice() or _twice()\n"
-    )
-    (tmp_path / "yard.py").write_text("from hen import _once\n\n\nclass Egg: ...\n\n\nclass _Shell: ...\n")
-    study = runpy.run_path(str(FOLDER / "run_house.py"))
-    files = sorted(tmp_path.glob("*.py"))
-    counts = study["measured"](files, tmp_path, study["importers_of"](files, tmp_path)).counts()
-    assert counts == {
-        "lines": 19 + 7,
-        "files": 2,
-        "functions": 4,
-        "used_once": 1,  # `_hatch`: `_once` is used here and by the yard
-        "constants": 3,
-        "any_lines": 1,
-        "many_parameters": 1,
-        "one_importer": 1,
-        "doubled_classes": 1,
-    }
 
 
 def test_every_hard_scene_is_in_the_acceptance_table_and_subsets_are_spread():

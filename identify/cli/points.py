@@ -32,7 +32,7 @@ from identify.prediction.sources import (
 )
 from identify.report.stored_result import read_result, scene_of
 from identify.scene import LogEntry, Scene
-from identify.scene.tables import NOT_NEGATIVE, POSITIVE, Key, check, check_ranges, nearest
+from identify.scene.tables import NOT_NEGATIVE, POSITIVE, Key, check, nearest
 from identify.scene.values import EACH_LOG
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ def _points(scene: Scene, changes: Mapping[str, float], result: Result | None) -
         values = scene.values(entry) | estimates | parameters
         load = _normal_force(scene, entry, changes, log)
         for speed in _speeds(scene, entry, changes):
-            check_ranges(scene.effects, scene.extrapolate, values, speed, [load])
+            scene.check_ranges(None, speed, [load], values)
             guessed = assumed(scene, values, (*changes, *pair.values))
             if result is None:
                 known = stated(scene, values, speed) or ((), np.zeros((0, 0)))

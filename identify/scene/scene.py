@@ -18,10 +18,11 @@ from identify.effects.quantities import Parameter
 from identify.model.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
 from identify.scene.parameters import declared_by, default_spec
 from identify.scene.parts import known_effects, read_parts
-from identify.scene.tables import TIED, check_ranges
+from identify.scene.tables import TIED
 from identify.scene.toml import Tables, question_bare_numbers, read_toml, with_rig_file
 from identify.scene.values import EACH_LOG, Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
 
+LOAD_LAW = "load law"  # role of the effects whose range is one of normal force
 NEUTRAL = (("factor", 1.0), ("offset", 0.0))  # of a tie
 
 
@@ -187,21 +188,34 @@ class Scene:
         return replace(self, effects=effects, parameters=specs, extrapolate=allowed)
 
     def check_ranges(
-        self, log: LogEntry | None = None, drive_speed: DriveSpeed | None = None, normal_forces: Sequence[float] = ()
+        self,
+        log: LogEntry | None = None,
+        drive_speed: DriveSpeed | None = None,
+        normal_forces: Sequence[float] = (),
+        values: Mapping[str, float] | None = None,
     ) -> None:
         """Refuse a measured law outside its range, at the operating point of a log, or of the rig without one.
 
         Args:
-            drive_speed: [m/s], normal_forces: [N]; in place of what the scene says.
+            drive_speed: [m/s], or a programme, in which nothing slides while the drive stands; normal_forces: [N];
+                values: parameters by name [SI]; in place of what the scene says.
 
         Raises:
             SceneError: the sentence of the effect, and how to override it.
         """
         rig = self.rig if log is None else self.rig_for(log)
-        told = () if rig.normal_force is None else (rig.normal_force,)
-        check_ranges(
-            self.effects, self.extrapolate, self.values(log), drive_speed or rig.drive_speed, normal_forces or told
-        )
+        speed = drive_speed or rig.drive_speed or 0.0
+        speeds = [pace for _, pace in speed if pace] if isinstance(speed, tuple) else [speed] if speed else []
+        loads = list(normal_forces) or ([] if rig.normal_force is None else [rig.normal_force])
+        for effect in ALL:
+            if effect.name not in self.effects or effect.name in self.extrapolate:
+                continue
+            by_load = effect.role == LOAD_LAW
+            for load in loads if by_load else loads[:1] or [1.0]:
+                for pace in (speeds[:1] or [1.0]) if by_load else speeds:
+                    sentence = effect.refusal(self.values(log) if values is None else values, load, pace)
+                    if sentence is not None:
+                        raise SceneError(f'{sentence}, or use it there all the same: extrapolate = ["{effect.name}"]')
 
     @property
     def friction(self) -> SimpleNamespace:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import PurePath
@@ -13,7 +13,6 @@ from typing import Any
 from data_io.units import UnitError, parse_quantity
 from data_io.values import SIZES
 from identify.base.errors import SceneError
-from identify.effects import ALL
 
 LONGEST_WORD = 60  # characters of a word that are compared with known ones
 LARGEST = 1e18  # of an SI unit, and its inverse the least: no rig has it, and what is made of several is a number still
@@ -290,41 +289,3 @@ class TomlTable:
     def values(self) -> dict[str, Any]:
         """The values of all keys that are there."""
         return {name: self.get(name) for name in self.data}
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Measured laws outside the range of their measurements.
-# ----------------------------------------------------------------------------------------------------------------------
-
-LOAD_LAW = "load law"  # role of the effects whose range is one of normal force
-
-
-def check_ranges(
-    effects: Sequence[str],
-    extrapolate: Sequence[str],
-    values: Mapping[str, float],
-    drive_speed: float | tuple[tuple[float, float], ...] | None,
-    normal_forces: Iterable[float] = (),
-) -> None:
-    """Refuse a law outside the range of its measurements.
-
-    Args:
-        effects: those that are on. extrapolate: those of them that are used all the same.
-        values: parameters by name [SI].
-        drive_speed: [m/s], or a programme; while the drive stands nothing slides. normal_forces: [N], none: unknown.
-
-    Raises:
-        SceneError: the effect's own sentence, and how to override it.
-    """
-    programme = drive_speed if isinstance(drive_speed, tuple) else ((0.0, drive_speed or 0.0),)
-    speeds = [pace for _, pace in programme if pace != 0.0]
-    loads = list(normal_forces)
-    for effect in ALL:
-        if effect.name not in effects or effect.name in extrapolate:
-            continue
-        by_load = effect.role == LOAD_LAW
-        for load in loads if by_load else loads[:1] or [1.0]:
-            for pace in (speeds[:1] or [1.0]) if by_load else speeds:
-                sentence = effect.refusal(values, load, pace)
-                if sentence is not None:
-                    raise SceneError(f'{sentence}, or use it there all the same: extrapolate = ["{effect.name}"]')

@@ -102,12 +102,11 @@ def test_a_fit_leaves_no_half_report(case, capsys, monkeypatch):
     assert cli.main(["fit", "--scene", "fit.toml", "--out", "whole", "--quiet"]) == 0
     sizes = sorted(path.stat().st_size for path in files(case) - before)
     before = files(case)
-    for size in (0, sizes[-1] - 1):
-        capsys.readouterr()
-        with no_file_larger_than(size):
-            assert cli.main(["fit", "--scene", "fit.toml", "--out", "new", "--quiet"]) == 2
-        _, words = capsys.readouterr()
-        assert words.count("\n") == 1 and "too large" in words and files(case) == before
+    capsys.readouterr()
+    with no_file_larger_than(sizes[-1] - 1):
+        assert cli.main(["fit", "--scene", "fit.toml", "--out", "new", "--quiet"]) == 2
+    _, words = capsys.readouterr()
+    assert words.count("\n") == 1 and "too large" in words and files(case) == before
 
 
 def test_a_batch_stops_and_keeps_what_is_whole_and_so_does_its_comparison(case, capsys):
@@ -123,7 +122,7 @@ def test_a_batch_stops_and_keeps_what_is_whole_and_so_does_its_comparison(case, 
 
     assert batch(case / "whole")[0] == 0
     sizes = {path.name: path.stat().st_size for path in files(case / "whole")}
-    for size in (0, sizes["result.json"] - 1, sizes["job.json"] + 1):
+    for size in (0, sizes["job.json"] + 1):
         out = case / f"new{size}"
         code, document = batch(out, size)
         assert code == 2 and "too large" in document["message"].lower()
@@ -134,9 +133,8 @@ def test_a_batch_stops_and_keeps_what_is_whole_and_so_does_its_comparison(case, 
     sizes = sorted(path.stat().st_size for path in files(case) - before)
     before = files(case)
     compared[-2] = "again"
-    for size in (0, sizes[0], sizes[-1] - 1):
-        capsys.readouterr()
-        with no_file_larger_than(size):
-            assert cli.main(compared) == 2
-        _, words = capsys.readouterr()
-        assert words.count("\n") == 1 and "too large" in words and files(case) == before
+    capsys.readouterr()
+    with no_file_larger_than(sizes[-1] - 1):
+        assert cli.main(compared) == 2
+    _, words = capsys.readouterr()
+    assert words.count("\n") == 1 and "too large" in words and files(case) == before
