@@ -34,8 +34,6 @@ def runs(script, capsys):
     assert capsys.readouterr().out.strip(), "an experiment prints what it found"
 
 
-
-
 def test_every_hard_scene_is_in_the_acceptance_table_and_subsets_are_spread():
     assert SAMPLES["hard"].numbers("whole") == list(range(len(CASES)))
     for sample in SAMPLES.values():

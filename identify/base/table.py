@@ -8,18 +8,20 @@ import re
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from identify.base.wording import DASH, columns, number
 
 if TYPE_CHECKING:
     import pandas as pd
+    from jinja2 import Template
 
 Value = str | float | int | bool | None
 
-SENTENCE = 400  # characters of a cell on a page
 LINE = 2000  # characters of a cell; Excel takes 32,767
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "|", "%", "＝", "＋", "－", "＠")  # read as a formula by spreadsheets
 LATEX_ROWS = 400  # a longer table is for a spreadsheet
@@ -133,57 +135,19 @@ class OutputTable:
             and not any(isinstance(row[k].value, str) for row in cells if len(row) > k)
             for k in range(len(self.columns))
         ]
-        heads = [
-            Markup('<th scope="col"{}>{}</th>').format(
-                Markup(' class="number"') if right else "",
-                Markup('<button type="button">{}</button>').format(visible(head, 80)) if sortable else visible(head),
-            )
-            for head, right in zip(self.columns, numeric, strict=True)
-        ]
-        body = Markup("\n").join(_html_row(row, numeric, len(self.columns), sortable) for row in cells)
-        attributes = (
-            Markup(' class="sortable" id="{}"').format(self.name) if sortable else Markup(' class="{}"').format(style)
-        )
         return Markup(
-            '<div class="scroll" tabindex="0">\n<table{}>\n<thead><tr>{}</tr></thead>\n'
-            "<tbody>\n{}\n</tbody>\n</table>\n</div>"
-        ).format(attributes, Markup("").join(heads), body)
-
-    def to_xlsx(self) -> bytes:
-        """An Excel file with this table as its one sheet."""
-        return workbook([self])
-
-
-def _html_row(row: Sequence[Cell], numeric: Sequence[bool], width: int, sortable: bool) -> Markup:
-    if len(row) == 1:
-        return Markup('<tr class="part"><th scope="rowgroup" colspan="{}">{}</th></tr>').format(width, _inside(row[0]))
-    out = []
-    for k, cell in enumerate(row):
-        tag, kind = ("td", cell.kind if cell.kind not in CHIPS else "") if k else ("th", "")
-        classes = " ".join(filter(None, ["number" if k and numeric[k] else "", kind]))
-        key = Markup(' data-sort="{}"').format(visible(str(cell.value), 100)) if cell.value is not None else ""
-        out.append(
-            Markup("<{}{}{}{}>{}</{}>").format(
-                Markup(tag),
-                Markup(' scope="row"') if k == 0 else "",
-                Markup(' class="{}"').format(classes) if classes else "",
-                key if sortable else "",
-                _inside(cell),
-                Markup(tag),
+            _template().render(
+                table=self, numeric=numeric, sortable=sortable, style=style, visible=visible, chips=CHIPS
             )
         )
-    return Markup("<tr>{}</tr>").format(Markup("").join(out))
 
 
-def _inside(cell: Cell) -> Markup:
-    shown = escape(visible(cell.shown, LINE if cell.kind == "words" else SENTENCE))
-    if cell.kind in CHIPS:
-        body = Markup('<span class="chip {}">{}</span>').format(cell.kind, shown)
-    elif cell.link:
-        body = Markup('<a href="{}"><bdi>{}</bdi></a>').format(cell.link, shown)
-    else:
-        body = Markup("<bdi>{}</bdi>").format(shown)
-    return body + Markup(" <small>{}</small>").format(visible(cell.note, LINE)) if cell.note else body
+@cache
+def _template() -> Template:
+    from jinja2 import Environment
+
+    text = Path(__file__).with_name("table.html.j2").read_text(encoding="utf-8")
+    return Environment(autoescape=True).from_string(text)
 
 
 def _name(cell: Cell) -> str:

@@ -63,7 +63,6 @@ def test_a_workbook_has_a_sheet_for_each_table():
     cells = list(book["lengths"].iter_rows(values_only=True))
     assert cells[0] == ("name", "length [m]", "remark") and cells[1][1] == pytest.approx(37.4e-6)
     assert "f" not in {cell.data_type for row in book["lengths"].iter_rows() for cell in row}, "no formula"
-    assert openpyxl.load_workbook(io.BytesIO(TABLE.to_xlsx())).sheetnames == ["lengths"]
 
 
 def test_latex_is_balanced_and_holds_no_command_of_a_text():
