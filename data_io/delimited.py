@@ -9,10 +9,17 @@ import numpy as np
 
 from data_io.columns import Header, coefficient_column, find_column, shown, with_unit
 from data_io.contents import Contents, Part
+from data_io.own_clocks import with_even_clock
 from data_io.source import Request, Source
 from data_io.table import Table, read_tables
 from data_io.text import looks_like_text
 from data_io.values import Finding
+
+_INTERVAL = re.compile(
+    r"[ \t]*+\"?(?:sample |sampling )?interval(?: ?[(\[]s(?:ec)?[)\]])?\"?(?=[ \t,;:=])[ \t]*+[,;:=]?[ \t]*+"
+    r"((?:[0-9]++(?:[.,][0-9]++)?|[.,][0-9]++)(?:[eE][+-]?[0-9]++)?)[ \t,;]*+$",
+    re.IGNORECASE,
+)
 
 
 def read_delimited(source: Source, request: Request) -> Contents:
@@ -23,7 +30,7 @@ def read_delimited(source: Source, request: Request) -> Contents:
     line ends CR LF, LF, CR, also mixed; decimal comma where it does not delimit.
     Also seen: Anton Paar (formerly CSM) TRB3 and Nano, tabs, the TRB3 without a measured load, only the `Nominal Load
     [N]` that was set; T11 (ITeR), semicolons, the load in the file name only; PCS MTM, many empty columns, names twice,
-    a header per step.
+    a header per step; National Instruments, a line `Interval,0.0005` [s] above the names and no time column.
     """
     tables, footer = read_tables(source, request)
     filled = [table for table in tables if table.rows] or tables
@@ -39,12 +46,17 @@ def read_delimited(source: Source, request: Request) -> Contents:
         metadata["preamble"] = "\n".join(filled[0].preamble)
     if footer:
         metadata["footer"] = "\n".join(footer)
-    parts = [
-        Part(
-            1, i + 1, table.header, table.columns, {"above": "; ".join(table.preamble)} if i and table.preamble else {}
-        )
-        for i, table in enumerate(filled)
-    ]
+    parts = []
+    for number, table in enumerate(filled, start=1):
+        about = {"above": "; ".join(table.preamble)} if number > 1 and table.preamble else {}
+        part = Part(1, number, table.header, table.columns, about)
+        stated = [match for line in (*filled[0].preamble, *table.preamble) if (match := _INTERVAL.match(line))]
+        interval = float(stated[-1][1].replace(",", ".")) if stated else 0.0
+        if "time" not in table.header.roles and interval > 0:
+            part = with_even_clock(part, 0.0, interval, "Interval")
+            text = f"the clock was made from the interval of {interval:g} s that the file states"
+            findings.append(Finding("clock_from_interval", "info", text))
+        parts.append(part)
     return Contents(parts, metadata, list(dict.fromkeys(findings)))
 
 

@@ -10,10 +10,8 @@ import numpy as np
 from data_io.columns import KIND, Name, coefficient_column, distance_columns
 from data_io.contents import Contents, Part, unit_of, with_column
 from data_io.source import Request
-from data_io.units import SI_UNIT, factor
+from data_io.units import SI_UNIT, factor, kind_of
 from data_io.values import Finding, FloatArray, UnitError
-
-# Columns that a log holds in another form: friction force as coefficient times load, time as distance over speed.
 
 
 def with_derived_columns(request: Request, contents: Contents) -> Contents:
@@ -151,31 +149,23 @@ def with_drive_of_rotation(request: Request, contents: Contents) -> Contents:
     """
     if contents.settled or "drive_speed" in request.columns:
         return contents
-    turned = [_turned(request, part) for part in contents.parts]
-    told = [text for _, text in turned if text]
-    if not told:
-        return contents
-    text = f"the drive speed is {told[0]}, as a rotary module has it"
-    findings = [*contents.findings, Finding("speed_from_rotation", "info", text)]
-    return replace(contents, parts=[part for part, _ in turned], findings=findings)
-
-
-def _turned(request: Request, part: Part) -> tuple[Part, str]:
-    names = part.header.names
-    turns = next((i for i, n in enumerate(names) if (n.unit or "").lower() in _RPM and i in part.columns), None)
-    if turns is None or "drive_speed" in part.header.roles:
-        return part, ""
-    radius = next((i for i, n in enumerate(names) if n.key in _RADIUS and i in part.columns), None)
-    if radius is None and _ROTARY.search(names[turns].name):
-        radius = next((i for i, n in enumerate(names) if n.key == "yposition" and i in part.columns), None)
-    if radius is None:
-        return part, ""
-    try:
-        scale = factor(unit_of(request, part.header, radius) or "", "m")
-    except UnitError:
-        return part, ""
-    speed = 2.0 * np.pi / 60.0 * part.columns[turns] * np.abs(part.columns[radius]) * scale
-    if not np.isfinite(speed).all() or not speed.any():
-        return part, ""
-    made = with_column(part, "drive_speed", Name(NAME, NAME, "m/s"), speed)
-    return made, f"2 pi {names[turns].name} / 60 times {names[radius].name}"
+    parts, findings = [], list(contents.findings)
+    for part in contents.parts:
+        parts.append(part)
+        names = [(i, name) for i, name in enumerate(part.header.names) if i in part.columns]
+        turns = next((i for i, name in names if (name.unit or "").lower() in _RPM), None)
+        if turns is None or "drive_speed" in part.header.roles:
+            continue
+        turning = part.header.names[turns].name
+        keys = (*_RADIUS, *(("yposition",) if _ROTARY.search(turning) else ()))
+        radius = next((i for key in keys for i, name in names if name.key == key), None)
+        unit = None if radius is None else unit_of(request, part.header, radius)
+        if radius is None or kind_of(unit or "") != "length":
+            continue
+        speed = 2.0 * np.pi / 60.0 * part.columns[turns] * np.abs(part.columns[radius]) * factor(unit or "", "m")
+        if np.isfinite(speed).all() and speed.any():
+            parts[-1] = with_column(part, "drive_speed", Name(NAME, NAME, "m/s"), speed)
+            track = part.header.names[radius].name
+            text = f"the drive speed is 2 pi {turning} / 60 times {track}, as a rotary module has it"
+            findings.append(Finding("speed_from_rotation", "info", text))
+    return replace(contents, parts=parts, findings=list(dict.fromkeys(findings)))

@@ -22,7 +22,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -32,10 +32,10 @@ import numpy as np
 from data_io import hdf5_walk
 from data_io.columns import Header, Name, coefficient_column, match_header, role_indices, words
 from data_io.contents import Contents, Part, unit_of
-from data_io.source import LEAST_SUSPECT, Request, Source, load
+from data_io.source import LEAST_SUSPECT, Request, Source
 from data_io.units import factor, to_si
 from data_io.values import COLUMN_ROLES, FloatArray, LogError, LogTooLargeError, UnitError
-from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, INDEX, Account, Entry, read_account
+from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, Account, read_account
 
 if TYPE_CHECKING:
     import h5py
@@ -661,18 +661,3 @@ def _datasets(file: h5py.File) -> str:
     found = [name for item in there for name in within.get(item.name, []) or [item.name]]
     more = ", ..." if len(found) > _SHOWN else ""
     return f"the datasets are {', '.join(found[:_SHOWN])}{more}" if found else "it holds no datasets"
-
-
-def read_index(path: str | Path) -> tuple[Entry, ...]:
-    """Return the index of an archive, empty for any other file. Raises `LogError` for a damaged one."""
-    source = load(Path(path))
-    if not can_read(source.head):
-        return ()
-    with opened(source) as file:
-        table: Any = dict(_children(file)).get(INDEX)
-        wanted = [field.name for field in fields(Entry)]
-        if not _is_dataset(table) or not set(wanted) <= set(table.dtype.names or ()):
-            return ()
-        rows = table[()][wanted].tolist()
-    plain: list[list[Any]] = [[_text(value) if isinstance(value, bytes) else value for value in row] for row in rows]
-    return tuple(Entry(*row) for row in plain)

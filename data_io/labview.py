@@ -1,6 +1,6 @@
-"""Files of National Instruments: LabVIEW measurement files, TDMS (npTDMS, optional extra `tdms`), and text."""
+"""Files of National Instruments: LabVIEW measurement files, channels in pairs, TDMS (npTDMS, optional extra `tdms`)."""
 
-import logging
+import io
 import math
 import re
 import struct
@@ -169,42 +169,6 @@ def _names(channels: Sequence[str], units: Sequence[str], *, pairs: bool) -> tup
     return tuple(names)
 
 
-# Text that states its sampling interval above the rows instead of holding a time column, as NI exports do.
-
-_NUMBER: Final = r"((?:[0-9]++(?:[.,][0-9]++)?|[.,][0-9]++)(?:[eE][+-]?[0-9]++)?)"
-_NAME: Final = r"\"?(?:sample |sampling )?interval(?: ?[(\[]s(?:ec)?[)\]])?\"?"
-_LINE: Final = rf"[ \t]*+{_NAME}(?=[ \t,;:=])[ \t]*+[,;:=]?[ \t]*+{_NUMBER}[ \t,;]*+$"
-_INTERVAL_LINE = re.compile(rb"(?:^|[\r\n])" + _LINE.replace("$", r"(?:[\r\n]|$)").encode(), re.IGNORECASE)
-_INTERVAL = re.compile(_LINE, re.IGNORECASE)
-
-
-def is_interval_text(head: bytes) -> bool:
-    """Tell by a line such as `Interval,0.0005`."""
-    return looks_like_text(head) and _INTERVAL_LINE.search(head) is not None
-
-
-def read_interval_text(source: Source, request: Request) -> Contents:
-    """Read delimited text with a line `Interval,0.0005` [s] above the names (National Instruments). Raises `LogError`.
-
-    Quirks: no time column, so the clock is interval * row; signals in volts, which need a scale:
-    `--units "friction_force=2.5 N/V"`. Where there is a time column it is used, not the interval.
-    """
-    tables, footer = read_tables(source, request)
-    findings = [remark for table in tables for remark in table.remarks]
-    parts = []
-    for number, table in enumerate(tables, start=1):
-        told = [match for line in (*tables[0].preamble, *table.preamble) if (match := _INTERVAL.match(line))]
-        interval = float(told[-1][1].replace(",", ".")) if told else 0.0
-        part = Part(1, number, table.header, table.columns)
-        if "time" not in table.header.roles and interval > 0:
-            part = with_even_clock(part, 0.0, interval, "Interval")
-            text = f"the clock was made from the interval of {interval:g} s that the file states"
-            findings.append(Finding("clock_from_interval", "info", text))
-        parts.append(part)
-    metadata = {"preamble": "\n".join(tables[0].preamble)} | ({"footer": "\n".join(footer)} if footer else {})
-    return Contents(parts, metadata, list(dict.fromkeys(findings)))
-
-
 # LabVIEW TDMS files, read by npTDMS (optional extra `tdms`).
 
 _TDMS: Final = b"TDSm"
@@ -244,7 +208,7 @@ def read_tdms(source: Source, request: Request) -> Contents:
         ) from error
     try:
         target: Any = source.file()
-        with _heard() as heard, nptdms.TdmsFile.open(target) as file:
+        with _messages() as messages, nptdms.TdmsFile.open(target) as file:
             groups = [group for group in file.groups() if any(len(channel) for channel in group.channels())]
             parts = [_tdms_part(source, request, group, dict(file.properties)) for group in groups]
             about = {str(key): str(value) for key, value in file.properties.items()}
@@ -256,40 +220,28 @@ def read_tdms(source: Source, request: Request) -> Contents:
     except _OF_DAMAGE as error:
         reason = " ".join(str(error).split())
         raise source.error(f"the TDMS file is damaged ({reason:.100}); copy it again") from error
+    lost = [line.rpartition("] ")[2] for line in messages.getvalue().splitlines()]
     if not parts:
-        why = f" ({heard[0]:.100})" if heard else ""
+        why = f" ({lost[0]:.100})" if lost else ""
         raise source.error(
             f"the TDMS file holds no channel with samples{why}; forces were expected; copy it again, or record it again"
         )
     told = [part for part in parts if "friction_force" in part.header.roles] or parts
-    findings = [
-        Finding("damaged_parts", "warning", f"parts of the file could not be read: {text:.200}") for text in heard
-    ]
+    findings = [Finding("damaged_parts", "warning", f"parts of the file could not be read: {t:.200}") for t in lost]
     return Contents([replace(part, run=run) for run, part in enumerate(told, start=1)], about, findings)
 
 
 @contextmanager
-def _heard() -> Iterator[list[str]]:
-    """What npTDMS writes to its log of a file that it reads as far as it can."""
-    said: list[str] = []
+def _messages() -> Iterator[io.StringIO]:
+    """Take what npTDMS writes to its log of a file that it reads as far as it can."""
+    from nptdms.log import log_manager
 
-    class Handler(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            said.append(record.getMessage())
-
-    handler, above = Handler(logging.WARNING), logging.getLogger("nptdms")
-    loggers = [
-        above,
-        *(logging.getLogger(name) for name in logging.Logger.manager.loggerDict if name.startswith("nptdms.")),
-    ]
-    kept = [(logger, list(logger.handlers), logger.propagate) for logger in loggers]
-    for logger in loggers:
-        logger.handlers, logger.propagate = [handler], False
+    messages = io.StringIO()
+    console = log_manager.console_handler.setStream(messages)
     try:
-        yield said
+        yield messages
     finally:
-        for logger, handlers, propagate in kept:
-            logger.handlers, logger.propagate = handlers, propagate
+        log_manager.console_handler.setStream(console)
 
 
 def _tdms_part(source: Source, request: Request, group: Any, of_file: dict[str, Any]) -> Part:

@@ -14,7 +14,7 @@ import numpy as np
 from data_io import delimited, excel, hdf5, labview, matlab, parquet, stamped_lines, stickslip_csv, umt_text
 from data_io.assemble import assemble
 from data_io.clock import with_sound_clocks
-from data_io.contents import Contents, StepSummary, chosen_steps, is_series, joined_contents, logs_at, summaries
+from data_io.contents import Contents, is_series, joined_contents, logs_at
 from data_io.derived_columns import with_derived_columns, with_drive_of_rotation
 from data_io.own_clocks import on_one_clock, with_clock_of_rate
 from data_io.record import Record, within
@@ -48,7 +48,6 @@ READERS: Final = (
     Reader("cetr-text", umt_text.is_cetr, umt_text.read_steps),
     Reader("rtec-csv", delimited.is_rtec, delimited.read_rtec),
     Reader("ni-channels", labview.is_ni_channels, labview.read_ni_channels),
-    Reader("interval-text", labview.is_interval_text, labview.read_interval_text),
     Reader("stamped-lines", stamped_lines.is_stamped, stamped_lines.read_stamped),
     Reader("delimited", looks_like_text, delimited.read_delimited),
 )
@@ -136,34 +135,6 @@ def read_log(
     record = within(assemble(load(paths[0]), request, joined_contents(path, read)), window)
     about = {"path": str(path), "sha256": sha256_of_several(sha256_unchanged(p, load(p).size) for p in paths)}
     return replace(record, metadata={**record.metadata, **about})
-
-
-def list_steps(
-    path: str | Path,
-    units: Mapping[str, str] | None = None,
-    columns: Mapping[str, str] | None = None,
-    step: int | None = None,
-    run: int | None = None,
-    normal_force: float | str | None = None,
-    rate: float | str | None = None,
-) -> tuple[StepSummary, ...]:
-    """Return the steps of every run of a log (or of a series of files), whether or not they can be used.
-
-    units, columns, normal_force: as in `read_log`; step, run: only those with this number. Raises `LogError` where no
-    table of numbers, or no such step, is found.
-    """
-    path = Path(path)
-    request = _request(path, units, columns, normal_force, rate)
-    if is_series(path):
-        contents = joined_contents(path, [(p, contents_of(load(p), request)) for p in logs_at(path)])
-    else:
-        source = load(path)
-        try:
-            contents = contents_of(source, request)
-        except LogError:
-            _refuse_by_name(source)
-            raise
-    return chosen_steps(path, summaries(contents, request), step, run)
 
 
 def contents_of(source: Source, request: Request) -> Contents:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path, PurePath
@@ -21,7 +21,7 @@ from data_io.source import no_progress
 from data_io.values import SEVERITIES, Finding, LogError, Scalar, Step
 
 if TYPE_CHECKING:
-    import h5py
+    pass
 
 # The JSON account in our own files of what is no column: read back with every value of the kind it must be.
 
@@ -77,83 +77,19 @@ def _plain(value: Scalar) -> Scalar:
     return value.item() if isinstance(value, np.generic) else value
 
 
-# The HDF5 layout of this project: one log in a file, or many in an archive with an index.
-#
-# `/run_1/step_1/{time,normal_force,friction_force,...}`, float64, compressed, with checksums of the library's, each
-# dataset with its `units`. In archives every log is a run with its own `about` (metadata and findings as JSON), and
-# `/index` is a table of them.
+# The HDF5 layout of this project: `/run_1/step_1/{time,normal_force,friction_force,...}`, float64, compressed, with the
+# library's checksums, each dataset with its `units`; metadata and findings as JSON in `about`.
 
 FORMAT: Final = "stickslip-log"
 FORMAT_VERSION: Final = 1
 ABOUT: Final = "about"
 """Name of the HDF5 dataset with metadata and findings as JSON."""
-INDEX: Final = "index"
-"""Name of the table of an archive."""
 
 _DISTRIBUTION: Final = "stick-slip-workbench"
 _CHUNK: Final = 1 << 16
 _BLOCK: Final = 1 << 22
 _LEVEL: Final = 1
 """Of gzip: with the bytes shuffled, higher levels cost time and gain little."""
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One line of the index. duration [s], rate [Hz], normal_force [N] (median), drive_speed [m/s] (NaN: not told)."""
-
-    run: int
-    source_file: str
-    source_sha256: str
-    source_format: str
-    rows: int
-    steps: int
-    duration: float
-    rate: float
-    normal_force: float
-    drive_speed: float
-
-
-@contextmanager
-def _created(path: str | Path, dated: bool) -> Iterator[h5py.File]:
-    """Yield a new file; its structure is protected by checksums, which HDF5 writes from format 1.10 on."""
-    with _writing(path), atomic_hdf5(path, track_order=True, libver=("v110", "v110")) as file:
-        file.attrs.update({"format": FORMAT, "format_version": FORMAT_VERSION})
-        file.attrs["created_by"] = f"{_DISTRIBUTION} {metadata.version(_DISTRIBUTION)}"
-        if dated:
-            file.attrs["created"] = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-        yield file
-
-
-def _put(
-    file: h5py.File, place: h5py.Group, record: Record, run: int | None, progress: Callable[[float], None]
-) -> Mapping[str, Scalar]:
-    """Write a record below `file` and its account to `place`; return its metadata. `run`: in place of its own."""
-    about = about_of(record)
-    if isinstance(record.drive_speed, float):
-        place.attrs.update({"drive_speed": record.drive_speed, "drive_speed_units": "m/s"})
-    place[ABOUT] = json.dumps({"metadata": about["metadata"], "findings": about["findings"]})
-    units, columns = record.units(), record.columns()
-    done, whole = 0, len(record) * len(columns)
-    for step in record.steps:
-        group = file.require_group(f"run_{step.run if run is None else run}").create_group(
-            f"step_{step.number}", track_order=True
-        )
-        group.attrs.update(step.parameters)
-        for name, values in columns.items():
-            part = values[step.start : step.stop]
-            link = name.replace("/", "|") if name != "." else "(.)"  # no link may hold a slash
-            data = group.create_dataset(
-                link, shape=part.shape, dtype=np.float64, chunks=(min(part.size, _CHUNK),), shuffle=True,
-                compression="gzip", compression_opts=_LEVEL, fletcher32=True,
-            )  # fmt: skip
-            for begin in range(0, part.size, _BLOCK):
-                data[begin : begin + _BLOCK] = part[begin : begin + _BLOCK]
-                done += min(part.size - begin, _BLOCK)
-                progress(done / whole)
-            data.attrs["units"] = units[name]
-            if link != name:
-                data.attrs["name"] = name
-    return about["metadata"]
 
 
 CSV_MARK: Final = f"# {FORMAT} "
@@ -178,36 +114,37 @@ def write_hdf5(
     Compressed, with checksums; the file appears whole or not at all. progress: called with the share written. dated:
     the file tells when it was written. Raises `LogError` where it cannot be written.
     """
-    with _created(path, dated) as file:
-        about = _put(file, file, record, None, progress)
+    # the structure is protected by checksums, which HDF5 writes from format 1.10 on
+    with _writing(path), atomic_hdf5(path, track_order=True, libver=("v110", "v110")) as file:
+        file.attrs.update({"format": FORMAT, "format_version": FORMAT_VERSION})
+        file.attrs["created_by"] = f"{_DISTRIBUTION} {metadata.version(_DISTRIBUTION)}"
+        if dated:
+            file.attrs["created"] = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+        about = about_of(record)
+        if isinstance(record.drive_speed, float):
+            file.attrs.update({"drive_speed": record.drive_speed, "drive_speed_units": "m/s"})
+        file[ABOUT] = json.dumps({"metadata": about["metadata"], "findings": about["findings"]})
+        units, columns = record.units(), record.columns()
+        done, whole = 0, len(record) * len(columns)
+        for step in record.steps:
+            group = file.require_group(f"run_{step.run}").create_group(f"step_{step.number}", track_order=True)
+            group.attrs.update(step.parameters)
+            for name, values in columns.items():
+                part = values[step.start : step.stop]
+                link = name.replace("/", "|") if name != "." else "(.)"  # no link may hold a slash
+                data = group.create_dataset(
+                    link, shape=part.shape, dtype=np.float64, chunks=(min(part.size, _CHUNK),), shuffle=True,
+                    compression="gzip", compression_opts=_LEVEL, fletcher32=True,
+                )  # fmt: skip
+                for begin in range(0, part.size, _BLOCK):
+                    data[begin : begin + _BLOCK] = part[begin : begin + _BLOCK]
+                    done += min(part.size - begin, _BLOCK)
+                    progress(done / whole)
+                data.attrs["units"] = units[name]
+                if link != name:
+                    data.attrs["name"] = name
         for key in ("source_file", "source_sha256"):
-            file.attrs[key] = str(about.get(key, ""))
-
-
-def write_archive(records: Iterable[Record], path: str | Path, *, dated: bool = True) -> tuple[Entry, ...]:
-    """Write many logs into one file: run 1, run 2, ... and an index of them, which is returned.
-
-    Records are taken one after the other; only one need be in memory. Read one back with `read_log(path, run=2)`.
-    Raises `LogError` where it cannot be written or there is none.
-    """
-    import h5py
-
-    entries: list[Entry] = []
-    with _created(path, dated) as file:
-        for number, record in enumerate(records, start=1):
-            group = file.create_group(f"run_{number}", track_order=True)
-            about = _put(file, group, record, number, no_progress)
-            file_name, digest, form = (str(about.get(f"source_{key}", "")) for key in ("file", "sha256", "format"))
-            rate, load = float(1.0 / np.median(np.diff(record.time))), float(np.nanmedian(record.normal_force))
-            speed = float("nan") if record.drive_speed is None else float(np.median(np.abs(record.drive_speed)))
-            size, end = (len(record), len(record.steps)), float(record.time[-1])
-            entries.append(Entry(number, file_name, digest, form, *size, end, rate, load, speed))
-        if not entries:
-            raise LogError(f"{path}: no log is left to write; one at least was expected; see why each was refused")
-        kinds: dict[Any, Any] = {"int": np.int64, "float": np.float64, "str": h5py.string_dtype()}
-        kind = np.dtype([(field.name, kinds[field.type]) for field in fields(Entry)])
-        file.create_dataset(INDEX, data=np.array([astuple(entry) for entry in entries], dtype=kind))
-    return tuple(entries)
+            file.attrs[key] = str(about["metadata"].get(key, ""))
 
 
 def write_csv(record: Record, path: str | Path) -> None:

@@ -483,7 +483,7 @@ ALL: Mapping[str, LookAlike] = {
     "micronewton": LookAlike("delimited", "micronewton.txt", TABLES["micronewton"]),
     "lvm": LookAlike("labview-lvm", "pair.lvm", lvm),
     "lvm comma": LookAlike("labview-lvm", "pair_comma.lvm", lvm_comma),
-    "volts": LookAlike("interval-text", "volts.csv", TABLES["volts"], SCALES),
+    "volts": LookAlike("delimited", "volts.csv", TABLES["volts"], SCALES),
     "mtm": LookAlike("delimited", "mtm.csv", TABLES["mtm"]),
     "semicolons": LookAlike("delimited", "semicolons.csv", TABLES["semicolons"]),
     "blanks": LookAlike("delimited", "blanks.dat", TABLES["blanks"]),

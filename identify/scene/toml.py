@@ -10,7 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from data_io import list_steps
+from data_io.open import contents_of
+from data_io.source import Request, load
 from data_io.values import LogError
 from identify.base.errors import SceneError
 from identify.scene.tables import RIG, Key, text
@@ -83,7 +84,7 @@ def _remedy(path: Path, complaint: str) -> str:
 def _refuse_a_log(path: Path) -> None:
     """Raise SceneError where a file that is no scene is a log."""
     with suppress(LogError, OSError):
-        list_steps(path)
+        contents_of(load(path), Request())
         raise SceneError(
             f"this is a log, not a scene; write a scene from it with: stickslip scene {path} --out SCENE.toml"
         )

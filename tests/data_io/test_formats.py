@@ -11,7 +11,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from data_io import LogError, list_steps, read_log
+from data_io import LogError, read_log
 from data_io.open import READERS
 from experiments import run_reader_fuzz
 from experiments.lookalikes import ALL, TEXTS, rows
@@ -152,7 +152,7 @@ def test_a_series_of_files_is_one_test(tmp_path, started):
     assert [(s.number, s.parameters["file"]) for s in record.steps] == [(1, "s_8.txt"), (2, "s_9.txt"), (3, "s_10.txt")]
     assert record.time[3] == pytest.approx(10.0 if started else 0.03)
     assert ("step_gap_unknown" in codes(record)) != started and "joined_files" in codes(record, "info")
-    assert len(read_log(tmp_path, step=2)) == 3 and len(list_steps(tmp_path)) == 3
+    assert len(read_log(tmp_path, step=2)) == 3
 
 
 def test_files_that_may_be_several_tests_are_not_joined(tmp_path):
@@ -161,16 +161,6 @@ def test_files_that_may_be_several_tests_are_not_joined(tmp_path):
         read_log(tmp_path)
     with pytest.raises(LogError, match="no file fits"):
         read_log(tmp_path / "x*.txt")
-
-
-def test_steps_are_listed_before_anybody_chooses(tmp_path):
-    found = list_steps(put(tmp_path, ALL["cetr"]))
-    assert [(s.run, s.number, s.rows) for s in found] == [(1, 1, 30), (1, 2, 30)]
-    assert found[0].parameters["Velocity"] == "240" and found[0].started.second == 58
-    assert found[0].columns["Fx"] == "g" and found[0].columns["COF"] in ("", None)
-    assert found[0].duration == pytest.approx(0.0127 + 28 * 0.02)
-    bare = list_steps(put(tmp_path, ALL["bare tab"]))
-    assert bare[0].duration is None and bare[0].rows == 60
 
 
 GOOD = "T,Fx,Fz\ns,N,N\n" + "".join(f"{i / 100:.2f},{i % 7}.5,3.0\n" for i in range(40))

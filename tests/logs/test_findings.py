@@ -22,7 +22,7 @@ ELSEWHERE = {
     "swings": "tests/logs/test_looks_of_records.py",  # what such records look like at random, as the next two
     "upside_down": "tests/logs/test_looks_of_records.py",
     "zero_lost": "tests/logs/test_looks_of_records.py",
-    "unreadable": "tests/cli/test_inspect.py",  # the reader's sentence as a verdict, see tests/data_io/test_refusals.py
+    "unreadable": "tests/logs/test_verdicts.py",
 }
 PAIRS = [(code, number) for code, pairs in finding_cases.CASES.items() for number in range(len(pairs))]
 
