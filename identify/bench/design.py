@@ -20,7 +20,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io.speed_steps import Programme
 from identify.base.budget import time_is_up
 from identify.base.errors import SimulationError
 from identify.base.quantiles import NORMAL
@@ -29,7 +28,6 @@ from identify.estimation.fit_wording import WANTED, round_up
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION
 from identify.shooting.transcription import BOUNDED_START_SD
-from identify.simulation.drive import Drive
 from identify.simulation.plan import scales
 from identify.simulation.simulate import run
 from identify.simulation.trajectory import Trajectory
@@ -38,7 +36,6 @@ Array = NDArray[np.float64]
 
 CYCLES = 4  # that are simulated of a steady drive; later ones repeat the last
 REPEATED = 40  # of the later cycles, one by one: of more, each tells as much as these do on average, at least
-MOST_CYCLES = 30  # of a programme, each of which has a normal force of its own
 DOUBLINGS = 6  # of the simulated duration until it has its cycles
 SETTLED, STEADY = 60.0, 15.0  # times sqrt(m/k): a slide so long goes on; the end of it in which it is steady
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)  # of a phase, at which sensitivities are taken,
@@ -59,31 +56,12 @@ UNKNOWN = 50.0  # standard deviation of a logarithm that is as good as infinite
 
 @dataclass(frozen=True)
 class LogDesign:
-    """How a log is recorded: drive speed [m/s], or a programme of (start [s], speed [m/s]); normal force [N]; stiffness
-    of the spring [N/m], None for that of the rig; duration of a programme [s], 0 for as long as its cycles take."""
+    """How a log is recorded: drive speed [m/s], normal force [N], stiffness of the spring [N/m], None for that of the
+    rig."""
 
-    drive: float | Programme
+    speed: float
     normal_force: float
     stiffness: float | None = None
-    duration: float = 0.0
-
-    @property
-    def speed(self) -> float:
-        """The fastest drive speed [m/s]."""
-        return max(speed for _, speed in self.drive) if isinstance(self.drive, tuple) else self.drive
-
-    @property
-    def steps(self) -> list[tuple[float, float]]:
-        """Speed [m/s] and duration [s] of each step of the drive."""
-        if not isinstance(self.drive, tuple):
-            return [(self.drive, self.duration)]
-        ends = [*(start for start, _ in self.drive[1:]), self.duration]
-        return [(speed, end - start) for (start, speed), end in zip(self.drive, ends, strict=True)]
-
-    @property
-    def holds(self) -> tuple[float, ...]:
-        """How long the drive stands in between [s]."""
-        return tuple(seconds for speed, seconds in self.steps if speed == 0.0)
 
     def base(self, unknowns: Unknowns, base: Array) -> Array:
         """Base values (n_p,) of the rig with the spring of this design; its damping ratio stays."""
@@ -166,9 +144,10 @@ class SimulatedLog:
 
 
 def simulated_log(
-    unknowns: Unknowns, theta: Array, base: Array, design: LogDesign, longest: float
+    unknowns: Unknowns, theta: Array, base: Array, design: LogDesign, longest: float, cycles: int = CYCLES
 ) -> SimulatedLog | None:
-    """The log of a design, from rest with a fresh contact, at theta (n_p,) and base values (n_p,) of the rig.
+    """The log of a design, from rest with a fresh contact, at theta (n_p,) and base values (n_p,) of the rig: so many
+    cycles, which repeat.
 
     None where nothing slips within `longest` [s], the spring pulls the mass back after a slip (no fit follows that),
     the model refuses, or the time is up.
@@ -185,37 +164,36 @@ def simulated_log(
     # What a fit does not know of the start: the spring can be loaded already, and the contact be older.
     starts = [i for i, state in enumerate(model.states) if i == ELONGATION or state.lower is not None]
     try:
-        nominal = _nominal(unknowns, values, design, longest, typical.time)
+        nominal = _nominal(unknowns, values, design, longest, typical.time, cycles)
         onsets = nominal.onsets
-        if not onsets.size or not _in_turn(nominal) or (design.duration and onsets.size > MOST_CYCLES):
+        if not onsets.size or not _in_turn(nominal):
             return None
-        repeats = not design.duration and onsets.size > CYCLES
-        until = float(onsets[CYCLES]) if repeats else nominal.duration
-        period = float(onsets[CYCLES] - onsets[CYCLES - 1]) if repeats else 0.0
-        drive = Drive.of(design.drive).changes(0.0, until)
-        times, weights, beside = _moments(nominal, until, typical.time, drive)
+        repeats = onsets.size > cycles
+        until = float(onsets[cycles]) if repeats else nominal.duration
+        period = float(onsets[cycles] - onsets[cycles - 1]) if repeats else 0.0
+        times, weights, beside = _moments(nominal, until, typical.time)
         around = np.column_stack([times - beside, times, times + beside])
         before, here, after = nominal.sample(around.ravel())["force"].reshape(-1, 3).T
         rate, seconds = (after - before) / (2.0 * beside), until + 0.5 * period
         columns, longer = list[Array](), list[float]()
 
         def differ(other: Trajectory, step: float, changes: Sequence[float] = ()) -> None:
-            at = _same_moments(nominal, other, times, until, (*drive, *changes))
+            at = _same_moments(nominal, other, times, until, changes)
             columns.append((other.sample(at)["force"] - here - rate * (at - times)) / step)
             if repeats and not changes:
-                longer.append((float(other.onsets[CYCLES] - other.onsets[CYCLES - 1]) - period) / step)
+                longer.append((float(other.onsets[cycles] - other.onsets[cycles - 1]) - period) / step)
 
         for index in np.flatnonzero(unknowns.free).tolist():
             step = STEP * (1.0 if unknowns.logarithmic[index] else float(unknowns.spread[index]))
             moved = theta + step * np.eye(theta.size)[index]
-            differ(run(model, named(moved), design.drive, force, seconds), step)
+            differ(run(model, named(moved), design.speed, force, seconds), step)
         for i in starts:
             step = STEP * (float(typical.state[i]) if i == ELONGATION else 1.0)
             start = {model.states[i].name: model.states[i].start + step}
-            differ(run(model, values, design.drive, force, seconds, start=start), step)
+            differ(run(model, values, design.speed, force, seconds, start=start), step)
         for changes, on in _cycle_loads(nominal, until):
             load = (changes, force * (1.0 + STEP * on))
-            differ(run(model, values, design.drive, load, seconds), STEP * force, changes.tolist())
+            differ(run(model, values, design.speed, load, seconds), STEP * force, changes.tolist())
     except SimulationError:
         return None
     sensitivity, shared = np.column_stack(columns), int(np.count_nonzero(unknowns.free)) + len(starts)
@@ -224,7 +202,7 @@ def simulated_log(
     arrests = nominal.arrests[nominal.arrests <= until]
     if not arrests.size:  # of a log that slides a fit may take the level only
         weights[times < until - STEADY * typical.time] = 0.0
-    since = int(np.searchsorted(times, onsets[CYCLES - 1])) if repeats else times.size
+    since = int(np.searchsorted(times, onsets[cycles - 1])) if repeats else times.size
     return SimulatedLog(
         duration=until,
         slips=int(arrests.size),
@@ -239,18 +217,16 @@ def simulated_log(
 
 
 def _nominal(
-    unknowns: Unknowns, values: dict[str, float], design: LogDesign, longest: float, time: float
+    unknowns: Unknowns, values: dict[str, float], design: LogDesign, longest: float, time: float, cycles: int
 ) -> Trajectory:
     """The motion until its cycles are there, the mass slides on, or for `longest` [s]."""
-    if design.duration:
-        return run(unknowns.model, values, design.drive, design.normal_force, design.duration)
     # In a cycle the spring relaxes by twice the step of friction, roughly.
     travel = 2.0 * abs(values["mu_s"] - values["mu_k0"]) * design.normal_force / values["stiffness"]
-    duration = min(CYCLES * travel / design.speed + SETTLED * time, longest)
+    duration = min(cycles * travel / design.speed + SETTLED * time, longest)
     for _ in range(DOUBLINGS):
-        seen = run(unknowns.model, values, design.drive, design.normal_force, duration)
+        seen = run(unknowns.model, values, design.speed, design.normal_force, duration)
         sliding = seen.onsets.size > seen.arrests.size and seen.duration - seen.onsets[-1] > SETTLED * time
-        if seen.onsets.size > CYCLES or sliding or duration == longest:
+        if seen.onsets.size > cycles or sliding or duration == longest:
             break
         duration = min(2.0 * duration, longest)
     return seen
@@ -280,11 +256,11 @@ def _in_turn(seen: Trajectory) -> bool:
     )
 
 
-def _moments(seen: Trajectory, until: float, time: float, changes: Sequence[float]) -> tuple[Array, Array, Array]:
-    """Nodes [s] and weights [s] of Gauss's rule between switches and changes of the drive; and for how long about each
+def _moments(seen: Trajectory, until: float, time: float) -> tuple[Array, Array, Array]:
+    """Nodes [s] and weights [s] of Gauss's rule between switches; and for how long about each
     node the motion is smooth [s], at least."""
     starts = np.array([phase.start for phase in seen.phases])
-    ends = np.unique([0.0, until, *changes, *starts[starts < until]])
+    ends = np.unique([0.0, until, *starts[starts < until]])
     pieces = []
     for begin, end in itertools.pairwise(ends.tolist()):
         stick = seen.phases[int(np.searchsorted(starts, begin, side="right")) - 1].mode == "stick"
@@ -310,28 +286,6 @@ def _same_moments(seen: Trajectory, other: Trajectory, times: Array, until: floa
     if what != alike:
         raise SimulationError("a motion that is a little off has other switches")
     return np.interp(times, at, there)
-
-
-def with_holds(unknowns: Unknowns, theta: Array, base: Array, steady: LogDesign, holds: Sequence[float]) -> LogDesign:
-    """A drive that stands for so long each [s] between runs.
-
-    Each run ends half-way through the stick after its first slip, at this place: a slip in which the drive stops tells
-    little, and is another one where the pair is a little different. Where the mass slides on, runs reach past the peak.
-    """
-    own = unknowns.values(theta, steady.base(unknowns, base))
-    values = dict(zip(unknowns.names, own.tolist(), strict=True))
-    run_time = 3.0 * values["mu_s"] * steady.normal_force / (values["stiffness"] * steady.speed)  # past a first peak
-    programme, at = list[tuple[float, float]](), 0.0
-    for hold in (*holds, 0.0):
-        programme.append((at, steady.speed))
-        seen = run(unknowns.model, values, tuple(programme), steady.normal_force, at + 2.0 * run_time)
-        arrests, stop = seen.arrests[seen.arrests > at], at + run_time
-        if arrests.size:
-            onsets = np.append(seen.onsets[seen.onsets > arrests[0]], seen.duration)
-            stop = 0.5 * float(arrests[0] + onsets[0])
-        programme += [(stop, 0.0)] if hold else []
-        at = stop + hold
-    return LogDesign(tuple(programme), steady.normal_force, steady.stiffness, at)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -531,7 +485,7 @@ def _best(
         most = 1
         if log.slips:
             room = min(knowledge.longest / log.duration, MOST_SLIPS / log.slips) - chosen.get(design, 0)
-            most = int(max(min((left - SETUP) / log.duration, np.inf if design.holds else room), 0.0))
+            most = int(max(min((left - SETUP) / log.duration, room), 0.0))
         possible += [(design, 2**i) for i in range(most.bit_length())]
     ranked = sorted(possible, key=lambda log: -gain(log, 1) / knowledge.seconds(*log))
     first = list(dict.fromkeys(design for design, _ in ranked))[:TRIED]

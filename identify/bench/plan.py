@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.errors import IdentifyError, SimulationError
+from identify.base.errors import IdentifyError
 from identify.base.quantiles import NORMAL
 from identify.base.result import Result
-from identify.bench.design import Knowledge, LogDesign, PlannedLog, choose, simulated_log, with_holds
+from identify.bench.design import Knowledge, LogDesign, PlannedLog, choose, simulated_log
 from identify.estimation.covariance import inverse
 from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
@@ -32,19 +32,17 @@ BUDGET = 900.0  # [s] for all logs together
 LONGEST = 300.0  # [s] of a log at one speed
 BEYOND = 30.0  # times the fastest drive speed, and below the slowest
 DIALS = tuple(float(f"{dial}e{decade}") for decade in range(-8, 1) for dial in (1, 3))  # drive speeds to set [m/s]
-HOLDS = (1.0, 3.0, 10.0), (10.0, 30.0, 100.0)  # [s]
 REPEATED_SLIPS = 10  # of a log that repeats a speed
 FARTHEST = math.log(3.0)  # of a logarithm: how far draws go
 
 
 @dataclass(frozen=True)
 class Choices:
-    """What can be set at the rig; what is empty is left to the default: speeds [m/s]; holds of one log [s]; loads [N];
+    """What can be set at the rig; what is empty is left to the default: speeds [m/s]; loads [N];
     stiffnesses of the springs there are [N/m]; fastest sampling rate [Hz]; targets, names of what is to be identified;
     budget for all logs [s]."""
 
     speeds: tuple[float, ...] = ()
-    holds: tuple[float, ...] = ()
     loads: tuple[float, ...] = ()
     stiffnesses: tuple[float, ...] = ()
     fastest: float = math.inf
@@ -92,7 +90,12 @@ def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Resul
     of_drives = [scene.rig.drive_speed, *(entry.drive_speed for entry in scene.logs)]
     listed = [abs(v) for drive in of_drives if drive is not None for v in Drive.of(drive).speeds if v]
     speeds = [speed for each in driven_at for speed in each] or listed or [1e-3]
-    designs = _designs(knowledge, speeds, load, choices)
+    designs = [
+        LogDesign(speed, force, spring)
+        for spring in choices.stiffnesses or (None,)
+        for force in choices.loads or (load,)
+        for speed in choices.speeds or dialled(speeds)
+    ]
     if all(knowledge.log(design) is None for design in designs):
         raise IdentifyError(
             "no log of any speed that was tried slips with the values of this scene; give starts in [parameters] that "
@@ -226,19 +229,3 @@ def _repeat(knowledge: Knowledge, lone: Sequence[float], load: float) -> tuple[L
 def dialled(speeds: Sequence[float]) -> list[float]:
     """Drive speeds that one would set about some [m/s], rising."""
     return [v for v in DIALS if min(speeds) / BEYOND <= v <= max(speeds) * BEYOND]
-
-
-def _designs(known: Knowledge, speeds: Sequence[float], load: float, choices: Choices) -> list[LogDesign]:
-    """Among which is chosen: steady drives, and drives with holds at about three times the speed of the scene."""
-    steady = choices.speeds or tuple(dialled(speeds))
-    middle, out = float(np.exp(np.mean(np.log(speeds)))), list[LogDesign]()
-    for spring in choices.stiffnesses or (None,):
-        for normal_force in choices.loads or (load,):
-            out += [LogDesign(v, normal_force, spring) for v in steady]
-            fast = LogDesign(min(steady, key=lambda v: abs(math.log(v / (3.0 * middle)))), normal_force, spring)
-            try:
-                for holds in (choices.holds,) if choices.holds else HOLDS:
-                    out.append(with_holds(known.unknowns, known.places[0], known.base, fast, holds))
-            except SimulationError:
-                continue  # the model refuses this motion: steady drives are left
-    return out

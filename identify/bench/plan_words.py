@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from typing import Any
 
@@ -18,7 +16,7 @@ from identify.prediction.wording import listed
 
 Array = NDArray[np.float64]
 
-TABLE = "log,step,drive_speed_mm_per_s,duration_s,normal_force_N,sampling_rate_Hz,stiffness_N_per_m,what"
+TABLE = "log,drive_speed_mm_per_s,duration_s,normal_force_N,sampling_rate_Hz,stiffness_N_per_m"
 NOISE_ALONE = "these are intervals of noise alone; errors of the sensors, and of what is taken as exact of the rig, add"
 WITH_TOLERANCES = (
     "the intervals include the errors of rig and sensors, which no log lowers, and a usual scatter of specimens where "
@@ -46,14 +44,11 @@ def verdict(half: float) -> str:
 
 def described(log: PlannedLog) -> str:
     """A log in lab words."""
-    design, speed = log.design, speed_text(log.design.speed, 3)
+    design = log.design
     spring = "" if design.stiffness is None else f" on the spring of {three_figures(design.stiffness)} N/m"
-    load, seconds = f"{three_figures(design.normal_force)} N{spring}", seconds_text(log.duration)
-    if design.holds:
-        holds, again = listed([f"{hold:.4g}" for hold in design.holds]), f", {log.times} times over" * (log.times > 1)
-        return f"holds of {holds} s between runs at {speed}{again}, {seconds} in all, {load}, at {log.rate:.0f} Hz"
+    at = f"{speed_text(design.speed, 3)}, {three_figures(design.normal_force)} N{spring}, at {log.rate:.0f} Hz"
     again = ": a repeat with another specimen" * log.repeats
-    return f"a log of {seconds} at {speed}, {load}, at {log.rate:.0f} Hz ({log.slips} slips){again}"
+    return f"a log of {seconds_text(log.duration)} at {at} ({log.slips} slips){again}"
 
 
 def seconds_text(seconds: float) -> str:
@@ -109,35 +104,14 @@ def _seconds(plan: RecordingPlan) -> float:
     return sum(log.duration + SETUP for log in plan.logs)
 
 
-def _steps(log: PlannedLog) -> list[tuple[float, float]]:
-    """Speed [m/s] and duration [s] of each step."""
-    design = log.design
-    return design.steps * log.times if isinstance(design.drive, tuple) else [(design.speed, log.duration)]
-
-
 def step_table(plan: RecordingPlan) -> str:
-    """The step programme, one row per step of the drive, as CSV in the units of a CETR script."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(TABLE.split(","))
+    """The step programme, one row per log, as CSV in the units of a CETR script."""
+    rows = [TABLE]
     for number, log in enumerate(plan.logs, 1):
-        for step, (speed, seconds) in enumerate(_steps(log), 1):
-            spring = "" if log.design.stiffness is None else f"{log.design.stiffness:.6g}"
-            row = [number, step, f"{1e3 * speed:.6g}", f"{seconds:.4g}", f"{log.design.normal_force:.6g}"]
-            writer.writerow([*row, f"{log.rate:.0f}", spring, "hold" if speed == 0.0 else "drive"])
-    return out.getvalue()
-
-
-def stated_drives(plan: RecordingPlan) -> str:
-    """How a scene states the drive of each log when it is recorded as the step table has it: lines to paste."""
-    lines = []
-    for number, log in enumerate(plan.logs, 1):
-        at, pairs = 0.0, list[str]()
-        for speed, seconds in _steps(log):
-            pairs.append(f'[{at:.6g}, "{1e3 * speed:.6g} mm/s"]')
-            at += float(f"{seconds:.4g}")
-        lines.append(f"drive_speed = [{', '.join(pairs)}]   # log {number}, times from its first row on")
-    return "\n".join(lines)
+        spring = "" if log.design.stiffness is None else f"{log.design.stiffness:.6g}"
+        load, drive = f"{log.design.normal_force:.6g}", f"{1e3 * log.design.speed:.6g},{log.duration:.4g}"
+        rows.append(f"{number},{drive},{load},{log.rate:.0f},{spring}")
+    return "\n".join([*rows, ""])
 
 
 def plan_document(plan: RecordingPlan) -> dict[str, Any]:
@@ -163,10 +137,7 @@ def plan_document(plan: RecordingPlan) -> dict[str, Any]:
         "logs": [
             {
                 "words": described(log),
-                "drive": [list(step) for step in log.design.drive]
-                if isinstance(log.design.drive, tuple)
-                else log.design.drive,
-                "holds": list(log.design.holds),
+                "drive": log.design.speed,
                 "normal_force": log.design.normal_force,
                 "stiffness": log.design.stiffness,
                 "duration": log.duration,

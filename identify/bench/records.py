@@ -1,4 +1,4 @@
-"""What one record tells of a rig: a ring-down, the stiffness of its sticks, the free oscillation within its slips."""
+"""What one record tells of a rig: a ring-down, or the stiffness of its sticks."""
 
 from __future__ import annotations
 
@@ -14,10 +14,7 @@ from identify.base.quantiles import NORMAL, student
 from identify.base.wording import speed_text, three_figures
 from identify.bench.ringdown import FEWEST_SAMPLES, FEWEST_SWINGS, RingDown, ring_downs
 from identify.logs.draft import DraftLog, look
-from identify.logs.log_regime import LogRegime
 from identify.logs.recorded_drive import UNTOLD, recorded_drive
-from identify.logs.regime import Regime
-from identify.logs.slip_frequency import slip_frequency
 from identify.logs.slips import line_slope
 
 Array = NDArray[np.float64]
@@ -72,8 +69,7 @@ def _of_tap(tap: RingDown, name: str, added: float) -> list[Measured]:
 
 
 def sticks(record: Record, path: Path, speed: float | None, on_skin: bool = False) -> list[Measured]:
-    """The stiffness that the sticks of a record tell, and the natural frequency within its slips where it resolves
-    them (on a rigid block: on skin the slip swings on the skin as well).
+    """The stiffness that the sticks of a record, or one slow pull, tell.
 
     Args:
         speed: of the drive [m/s]; None: as the record tells it.
@@ -82,10 +78,6 @@ def sticks(record: Record, path: Path, speed: float | None, on_skin: bool = Fals
         IdentifyError: no drive speed, or no straight rise.
     """
     seen = look(DraftLog(path, None, record)).seen
-    swung = [] if on_skin else _slips(record, path.name, seen)
-    harmonic = seen.regime is Regime.NEAR_HARMONIC  # the mass slides nearly all the time: its rises are no sticks
-    if harmonic and swung:
-        return swung
     told = recorded_drive(record)
     drive = told.speed if speed is None else speed
     if not drive:
@@ -103,21 +95,7 @@ def sticks(record: Record, path: Path, speed: float | None, on_skin: bool = Fals
         slope, error = _ramp(record.time, record.friction_force, path.name)
         shown = f"a ramp rises at {three_figures(slope)} N/s"
     source = f"{path.name}: {shown} at {speed_text(drive)}{', on skin' if on_skin else ''}"
-    return [Measured("series" if on_skin else "stiffness", slope / drive, error, source, by_speed=True), *swung]
-
-
-def _slips(record: Record, name: str, seen: LogRegime) -> list[Measured]:
-    """The natural frequency within the slips of each stroke that resolves them."""
-    out = []
-    for stroke, verdict in zip(seen.strokes, seen.verdicts, strict=True):
-        rows, typical = slice(stroke.start, stroke.stop), verdict.found.stick_slope
-        force = stroke.direction * record.friction_force[rows]
-        swung = None if typical is None else slip_frequency(record.time[rows], force, verdict.found, typical[0])
-        if swung is not None:
-            frequency, error = swung
-            shown = f"{name}: slips swing at {three_figures(frequency / (2 * np.pi))} Hz"
-            out.append(Measured("frequency", frequency, error, shown))
-    return out
+    return [Measured("series" if on_skin else "stiffness", slope / drive, error, source, by_speed=True)]
 
 
 def _error_of_median(values: Array) -> float:

@@ -177,7 +177,6 @@ def _plan_arguments(parser: ArgumentParser) -> None:
     add_options(parser, options, defaults={"--budget": "15 min"})
     choices = {
         "--speed SPEEDS": '"0.1 mm/s,1 mm/s" (default: dials around that of the scene)',
-        "--hold TIMES": 'of one log, "3 s,10 s,30 s" (default: two series are tried)',
         "--load FORCES": '"1 N,2 N" (default: that of the scene)',
         "--stiffness SPRINGS": '"500 N/m,1.5 N/mm" (default: that of the scene)',
         "--fastest HZ": 'highest sampling rate there is, "100 Hz" (default: any)',
@@ -191,11 +190,10 @@ def _plan(arguments: Namespace, terminal: Terminal) -> Answer:
 
     from data_io.atomic import atomic_write
     from identify.bench.plan import Choices
-    from identify.bench.plan_words import plan_document, plan_text, stated_drives, step_table
+    from identify.bench.plan_words import plan_document, plan_text, step_table
 
     choices = Choices(
         speeds=positives(arguments.speed, "m/s", "--speed"),
-        holds=positives(arguments.hold, "s", "--hold"),
         loads=positives(arguments.load, "N", "--load"),
         stiffnesses=positives(arguments.stiffness, "N/m", "--stiffness"),
         fastest=next(iter(positives(arguments.fastest, "Hz", "--fastest")), float("inf")),
@@ -208,10 +206,7 @@ def _plan(arguments: Namespace, terminal: Terminal) -> Answer:
     if out is not None and made.logs:
         with atomic_write(out) as handle:
             handle.write(step_table(made))
-        terminal.say(
-            f"{out}: the step programme, {len(made.logs)} log(s); in the scene of their fit, one [[logs]] each:"
-        )
-        terminal.say(stated_drives(made))
+        terminal.say(f"{out}: the step programme, {len(made.logs)} log(s), one [[logs]] each in the scene of their fit")
         document["out"] = str(out)
     enough = bool(made.logs) or all(v == "identified" for v in document["verdicts"].values())
     status = {"status": "done" if enough else "nothing_to_add"}

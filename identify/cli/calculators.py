@@ -53,7 +53,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
         "--range NAME=LOW:HIGH+": 'of a quantity of the map, repeatable: drive_speed="0.1 mm/s:10 mm/s" (default: '
         "around the point)",
         "--points N": "along each quantity (default: 60, of one alone 120)",
-        "--data FILE": "the numbers of the map (csv or h5)",
+        "--data FILE": "the numbers of the map (csv)",
     }
     add_options(group, maps)
 

@@ -88,15 +88,6 @@ def _maximum(alpha: Array, overshoot: Array) -> tuple[Array, Array, Array, Array
     return tau, s, np.where(np.abs(alpha) < 1, s * s + square, energy), square
 
 
-def log_amplitude(alpha: ArrayLike, overshoot: ArrayLike) -> Any:
-    """Natural logarithm of the dimensionless amplitude of `slip_maximum`, broadcast; finite where that overflows."""
-    a, A = _pair(alpha, overshoot)
-    with np.errstate(all="ignore"):
-        tau, _, energy, _ = _maximum(a, A)
-        above = A * (2 * a + A)  # of the energy over 1
-        return _shaped(0.5 * np.where(np.abs(above) < 0.5, np.log1p(above), np.log(energy)) - a * tau, alpha, overshoot)
-
-
 def slip_maximum(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
     """Dimensionless time of the elongation maximum and the amplitude xi_max - xi_o (eqs. 13-16).
 
@@ -146,12 +137,6 @@ def _status(alpha: Array, overshoot: Array) -> tuple[NDArray[np.str_], Array]:
     return status, first
 
 
-def slip_status(alpha: ArrayLike, overshoot: ArrayLike) -> Any:
-    """The status of `slip` alone, broadcast."""
-    with np.errstate(all="ignore"):
-        return _shaped(_status(*_pair(alpha, overshoot))[0], alpha, overshoot)
-
-
 def _velocity_gap(eps: Any, b: Any, q: Any) -> tuple[Any, Any]:
     """exp(alpha tau) (1 - xi') and its slope at the angle eps = 2 pi - w_d tau; zero where the mass sticks."""
     growth, sine, cosine = np.expm1(b * (eps.dtype.type(TURN) - eps)), np.sin(eps / 2), np.cos(eps / 2)
@@ -159,42 +144,16 @@ def _velocity_gap(eps: Any, b: Any, q: Any) -> tuple[Any, Any]:
     return 2 * sine * sine - q * whole + growth, whole - q * (1 - 2 * sine * sine) - b * (1 + growth)
 
 
-def _rough_end(alpha: Array, overshoot: Array, first: Array) -> Array:
-    """eps of slips that do stick again, to the digits that plain floats have."""
-    w = np.sqrt((1 - alpha) * (1 + alpha))
-    b, q = alpha / w, (alpha + overshoot) / w
-    return rising_root(_velocity_gap, first, first + np.pi, (b, q))
-
-
-def drop_of(alpha: Array, overshoot: Array) -> tuple[Array, Array]:
-    """(drop, its derivative by the overshoot) of slips that stick again, NaN elsewhere; plain floats, quicker than
-    `slip` and less exact near the fold. Both arguments of one shape (n,)."""
-    with np.errstate(all="ignore"):
-        status, first = _status(alpha, overshoot)
-        again = status == "restick"
-        a, A = alpha[again], overshoot[again]
-        eps = _rough_end(a, A, first[again])
-        w, phi = np.sqrt((1 - a) * (1 + a)), 2 * a + A
-        tau = (2 * np.pi - eps) / w
-        stop = np.maximum(np.exp(-a * tau) * (-phi * np.cos(eps) + (1 - a * phi) * np.sin(eps) / w), 0.0)
-        ends = end_slopes(a, A, eps, tau, stop)[1]
-    return _spread(phi + stop, again, alpha), _spread(1 - ends[1], again, alpha)
-
-
 def _ends(alpha: Array, overshoot: Array, first: Array) -> tuple[Long, Long, Long]:
     """(eps, tau_end, xi''(tau_end)) of slips that do stick again, in the longest floats there are."""
-
-    def terms(a: Any, A: Any) -> tuple[Any, Any, Any]:
-        w = np.sqrt((1 - a) * (1 + a))
-        return w, a / w, (a + A) / w
-
-    rough = _rough_end(alpha, overshoot, first)
+    w = np.sqrt((1 - alpha) * (1 + alpha))
+    rough = rising_root(_velocity_gap, first, first + np.pi, (alpha / w, (alpha + overshoot) / w))
     # Near the fold the root is ill conditioned: one last step with the longest floats there are.
-    a, A = alpha.astype(np.longdouble), overshoot.astype(np.longdouble)
-    w, b, q = terms(a, A)
-    gap, slope = _velocity_gap(rough.astype(np.longdouble), b, q)
+    a, A, near = (q.astype(np.longdouble) for q in (alpha, overshoot, rough))
+    w = np.sqrt((1 - a) * (1 + a))
+    gap, slope = _velocity_gap(near, a / w, (a + A) / w)
     step = np.where(np.abs(gap) < 1e-6 * np.abs(slope), gap / slope, 0.0)
-    eps = np.clip(rough - step, first, first + TURN / 2)
+    eps = np.clip(near - step, first, first + TURN / 2)
     tau, phi = (TURN - eps) / w, 2 * a + A
     # Not negative: at the fold itself rounding may leave a trace below zero.
     stop = np.maximum(np.exp(-a * tau) * (-phi * np.cos(eps) + (1 - a * phi) * np.sin(eps) / w), 0.0)

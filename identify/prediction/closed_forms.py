@@ -1,7 +1,7 @@
 """The paper's closed forms of a cycle in SI (eqs. 8-25), and whether the nonlinear model agrees with them.
 
-The linearised slip (docs/equations.md, sections 1 and 4) from the exact breakaway (damper force included), from a
-stick that saturates the contact only as far as it lasts; of use where a V_max << 1.
+The linearised slip (docs/equations.md, sections 1 and 4) of a contact that its stick has saturated, from the exact
+breakaway (damper force included); of use where a V_max << 1.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from identify.effects import MAIN
 from identify.prediction import amplitude, stability
@@ -23,9 +23,6 @@ AGREES = 0.05  # relative difference up to which a closed form is called valid a
 KNOWN = (*MAIN, "driven_damping", "linear_weakening", "varying_normal_force")  # effects, at one operating point
 SLOW = 1e-6  # s/m, of a weakening that no slip gets to the end of
 CYCLE = ("drop", "period", "slip_duration", "peak_speed")
-SATURATED = 38.0  # creep times after which a contact is saturated to the last digit
-ROUNDS = 60  # of Newton's method for the saturation
-CLOSE, NOISE = 1e-14, 1e-6  # of the saturation, relative: ample; below it steps may stop shrinking
 
 
 @dataclass(frozen=True)
@@ -33,8 +30,8 @@ class ClosedForms:
     """The closed forms at operating points, SI, NaN where they have no answer; arrays (n,), or of shape ().
 
     status: "restick", "steady" (slides on), "no_slip", "runaway" (alpha <= -1) of the linearised slip. groups: by name
-    (`groups.MEANING`). numbers: "drop", "period", "slip_duration", "peak_speed" of a cycle and "saturation" at its
-    onset; "critical_speed" [m/s], below which that slip sticks again; "Pi" and its critical value "Pi_fc" decide
+    (`groups.MEANING`). numbers: "drop", "period", "slip_duration", "peak_speed" of a cycle; "critical_speed"
+    [m/s], below which that slip sticks again; "Pi" and its critical value "Pi_fc" decide
     whether steady sliding is stable (below: stable), "Pi_fc_printed" by the printed eq. (25); "Omega_c". worn: the
     contact does not age in steady sliding.
     """
@@ -70,11 +67,16 @@ def closed_forms(values: Mapping[str, Any]) -> ClosedForms:
     q = known_settings(values)
     with np.errstate(all="ignore"):
         g = formed(q)
-        status, cycle = _cycle(q, g)
+        slip = amplitude.slip(g["alpha"], g["overshoot"])
+        length, time = q["drive_speed"] / g["omega_n"], 1 / g["omega_n"]
         ageing = (q["D"] > 0) & (q["t_cr"] > 0)
         limit = stability.critical_loading(g["alpha"])
         fall = (q["mu_s"] - q["mu_k0"]) * q["normal_force"] / np.sqrt(q["mass"] * q["stiffness"])
-        numbers = cycle | {
+        numbers = {
+            "drop": slip.drop * length * q["stiffness"],
+            "period": slip.period * time,
+            "slip_duration": slip.duration * time,
+            "peak_speed": slip.peak_speed * q["drive_speed"],
             "critical_speed": np.where(np.isnan(limit), np.nan, np.where(limit > 0, fall / limit, np.inf)),
             "Pi": g["Pi"],
             "Pi_fc": np.where(ageing, stability.critical_friction(g["z"] / 2, g["tau_cr"]), np.nan),
@@ -85,56 +87,7 @@ def closed_forms(values: Mapping[str, Any]) -> ClosedForms:
         }
     shape = np.shape(q["drive_speed"])
     shown = [{name: np.broadcast_to(value, shape) for name, value in table.items()} for table in (g, numbers)]
-    return ClosedForms(shown[0], np.asarray(status), ~ageing | (g["v_acr"] > 1), shown[1])
-
-
-def _cycle(q: Mapping[str, Any], g: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
-    """Status and numbers of the cycle that repeats, of `settings` and their groups."""
-    share = saturations(g["alpha"], g["loading"], g["tau_cr"])
-    slip = amplitude.slip(g["alpha"], share * g["loading"] - 2 * g["alpha"])
-    status, length, time = slip.status, q["drive_speed"] / g["omega_n"], 1 / g["omega_n"]
-    if np.any(np.isnan(share)):  # a cycle that only a saturated contact can begin slides on
-        saturated = amplitude.slip_status(g["alpha"], g["loading"] - 2 * g["alpha"])
-        status = np.where(np.isnan(share), np.where(saturated == "restick", "steady", saturated), status)
-    return status, {
-        "drop": slip.drop * length * q["stiffness"],
-        "period": slip.period * time,
-        "slip_duration": slip.duration * time,
-        "peak_speed": slip.peak_speed * q["drive_speed"],
-        "saturation": np.where(slip.status == "restick", share, np.nan),
-    }
-
-
-def saturations(alpha: ArrayLike, loading: ArrayLike, tau_cr: ArrayLike) -> Any:
-    """Saturation s of the contact at the onset of slip in a cycle that repeats, shape as broadcast; NaN without one.
-
-    s = 1 - exp(-drop/tau_cr), the drop being that of a slip with the loading s Phi; the largest such s.
-
-    Args:
-        alpha: effective damping ratio. loading: Phi of a saturated contact. tau_cr: creep time; 0: saturated at once.
-    """
-    shape = np.broadcast_shapes(*(np.shape(q) for q in (alpha, loading, tau_cr)))
-    a, phi, T = (np.ravel(np.asarray(q, float)) for q in np.broadcast_arrays(alpha, loading, tau_cr))
-    share, before = np.ones(a.shape), np.full(a.shape, np.inf)
-    with np.errstate(all="ignore"):
-        left = np.flatnonzero((T > 0) & (phi < SATURATED * T))  # the drop is at least Phi
-        for _ in range(ROUNDS):
-            if not left.size:
-                break
-            x, p, t = share[left], phi[left], T[left]
-            drop, slope = amplitude.drop_of(a[left], x * p - 2 * a[left])
-            rest = np.exp(-drop / t)
-            rise = rest / t * slope * p
-            # 1 - exp(-drop/t) rises ever more slowly with x: where it is steeper than x, no root is left below.
-            step = np.where(rise < 1, (x - 1 + rest) / (1 - rise), np.nan)
-            share[left] = np.minimum(x - step, 1.0)
-            size = np.abs(step)
-            # Done, or at the noise of the drop: there steps no longer shrink.
-            done = (size <= CLOSE * x) | ((size < NOISE * x) & (size > 0.7 * before[left]))
-            before[left] = size
-            left = left[~done & np.isfinite(size)]
-        share[left] = np.nan
-    return share.reshape(shape)[()]
+    return ClosedForms(shown[0], np.asarray(slip.status), ~ageing | (g["v_acr"] > 1), shown[1])
 
 
 def judged(value: float, answer: float | None, status: str, alpha: float) -> str:

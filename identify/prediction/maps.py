@@ -11,7 +11,7 @@ import numpy as np
 from contourpy import contour_generator
 from numpy.typing import NDArray
 
-from data_io.atomic import atomic_hdf5, atomic_write
+from data_io.atomic import atomic_write
 from identify.base.errors import SimulationError
 from identify.prediction.axes import Axis, Site, admissible, axis, check_axes, moved
 from identify.prediction.draws import AnswerInterval, Draws
@@ -317,26 +317,22 @@ def line_map(
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Maps as data: CSV for any program, HDF5 with units and boundaries.
+# Maps as data.
 # ----------------------------------------------------------------------------------------------------------------------
-
-FORMATS = (".csv", ".h5", ".hdf5")
-FORMAT, VERSION = "stickslip-map", 1
 
 
 def check_data_path(path: Path) -> None:
-    """Refuse a file of which the ending tells no format.
+    """Refuse a file that is not to be a table.
 
     Raises:
         SimulationError: what was expected.
     """
-    if path.suffix.lower() not in FORMATS:
-        raise SimulationError(f"{path} ends in no format of data; expected {', '.join(FORMATS)}: rename it")
+    if path.suffix.lower() != ".csv":
+        raise SimulationError(f"{path} is no format of data for a map; expected .csv: rename it")
 
 
 def write_map(made: Chart | LineMap, path: Path) -> list[Path]:
-    """Write a map as .csv (one row per node; boundaries of two quantities in a second file beside it) or .h5 (arrays
-    and boundaries).
+    """Write a map as CSV, one row per node; the boundaries of two quantities in a second file beside it.
 
     Returns:
         the files written.
@@ -345,60 +341,30 @@ def write_map(made: Chart | LineMap, path: Path) -> list[Path]:
         SimulationError: another ending. OSError: a file that cannot be written.
     """
     check_data_path(path)
-    drawn, changes = (made, None) if isinstance(made, Chart) else (made.chart, (made.ends, made.losses))
+    drawn = made if isinstance(made, Chart) else made.chart
     grid = drawn.plane
-    x, y = np.meshgrid(grid.x_values, grid.y_values)
-    columns: dict[str, tuple[str, NDArray[Any]]] = {grid.x.name: (grid.x.unit, x), grid.y.name: (grid.y.unit, y)}
-    columns |= {"outcome": ("", drawn.outcomes), "growth_rate": ("1/s", drawn.growth)}
-    columns |= {"multiplier": ("", drawn.multiplier)} | {n: (QUANTITIES[n], q) for n, q in drawn.figures.items()}
-    if changes is None:
-        pieces = [drawn.values_of(boundary) for boundary in (drawn.sticking, drawn.unstable)]
-    else:
-        assert isinstance(made, LineMap)
-        columns |= {"sliding_force": ("N", made.sliding_force)}
-        pieces = [[np.array([[change.value] for change in each])] if each else [] for each in changes]
-        columns = {name: (unit, values.ravel()) for name, (unit, values) in columns.items()}
-    lines = dict(zip(("end of stick-slip", "loss of stability of sliding"), pieces, strict=True))
-    if path.suffix.lower() != ".csv":
-        _write_hdf5(path, grid.site, columns, lines)
+    heads = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in (grid.x, grid.y)]
+    columns: dict[str, NDArray[Any]] = dict(zip(heads, np.meshgrid(grid.x_values, grid.y_values), strict=True))
+    columns |= {"outcome": drawn.outcomes, "growth_rate [1/s]": drawn.growth, "multiplier": drawn.multiplier}
+    columns |= {f"{name} [{unit}]": drawn.figures[name] for name, unit in QUANTITIES.items()}
+    if isinstance(made, LineMap):
+        _write_csv(path, columns | {"sliding_force [N]": made.sliding_force})
         return [path]
-    _write_csv(path, {_head(name, unit): values.ravel() for name, (unit, values) in columns.items()})
-    if changes is not None:
-        return [path]
+    lines = {"end of stick-slip": drawn.sticking, "loss of stability of sliding": drawn.unstable}
+    pieces = [(words, i + 1, p) for words, b in lines.items() for i, p in enumerate(drawn.values_of(b))]
+    rows = [(words, piece, *point) for words, piece, points in pieces for point in points]
     beside = path.with_name(f"{path.stem}_boundaries.csv")
-    rows = [(w, i + 1, *point) for w, each in lines.items() for i, points in enumerate(each) for point in points]
-    head = ("boundary", "piece", _head(grid.x.name, grid.x.unit), _head(grid.y.name, grid.y.unit))
-    _write_csv(beside, {name: [row[k] for row in rows] for k, name in enumerate(head)})
+    _write_csv(path, columns)
+    _write_csv(beside, {head: [row[k] for row in rows] for k, head in enumerate(("boundary", "piece", *heads))})
     return [path, beside]
-
-
-def _head(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit else name
 
 
 def _write_csv(path: Path, columns: Mapping[str, Any]) -> None:
     import pandas as pd
 
     with atomic_write(path) as handle:
-        pd.DataFrame(columns).to_csv(handle, index=False, lineterminator="\n")
-
-
-def _write_hdf5(
-    path: Path, site: Site, columns: Mapping[str, tuple[str, NDArray[Any]]], lines: Mapping[str, Sequence[Array]]
-) -> None:
-    import h5py
-
-    with atomic_hdf5(path) as file:
-        file.attrs["format"], file.attrs["format_version"] = FORMAT, VERSION
-        point = {**site.values, "drive_speed": site.drive_speed, "normal_force": site.normal_force}
-        file.create_group("operating_point").attrs.update(point)
-        for name, (unit, values) in columns.items():
-            data = values.astype(h5py.string_dtype()) if values.dtype.kind == "U" else values
-            file.create_dataset(name, data=data).attrs["units"] = unit
-        for words, pieces in lines.items():
-            group = file.create_group(f"boundaries/{words.replace(' ', '_')}")
-            for number, points in enumerate(pieces):
-                group.create_dataset(f"piece_{number + 1}", data=points)
+        frame = pd.DataFrame({name: np.ravel(values) for name, values in columns.items()})
+        frame.to_csv(handle, index=False, lineterminator="\n")
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -1,5 +1,7 @@
-"""What a log is expected to tell: against longer simulations, closed forms and what a rig can do."""
+"""What a log is expected to tell, against longer simulations and closed forms; `stickslip plan`."""
 
+import csv
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -7,13 +9,17 @@ import pytest
 
 from experiments.study_problem import DEMO, RIG
 from identify import Scene
-from identify.bench.design import LogDesign, choose, promised, simulated_log, with_holds
+from identify.bench.design import LogDesign, choose, simulated_log
 from identify.bench.plan import Choices, plan
+from identify.bench.plan_words import plan_text, shown_half, step_table, verdict
+from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
+from identify.report.stored_result import as_json
 from identify.shooting.transcription import BOUNDED_START_SD
 from identify.simulation.simulate import run
+from tests.support.fake_fit import failed, fit_of_a_scene, with_verdicts
 
 ALL = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 
@@ -26,29 +32,27 @@ def scene(free=("mu_s", "t_cr"), **rig):
     return Scene.from_document({"effects": effects, "rig": stated, "parameters": parameters})
 
 
-def simulated(design, free=("mu_s", "t_cr"), values=DEMO | RIG, longest=60.0):
+def simulated(design, free=("mu_s", "t_cr"), values=DEMO | RIG, longest=60.0, cycles=4):
     unknowns = from_scene(scene(free))
     base = unknowns.base({name: values[name] for name in RIG})
     theta = unknowns.theta(np.array([values[name] for name in unknowns.names]), base)
-    return simulated_log(unknowns, theta, base, design, longest)
+    return simulated_log(unknowns, theta, base, design, longest, cycles)
 
 
 @pytest.fixture(scope="module")
 def planned():
-    """At 20 mm/s and this load the mass slides on: without holds a log shows one peak."""
-    return plan(scene(), (), Choices(speeds=(2e-2,), holds=(0.2, 1.0, 5.0)))
+    return plan(scene(), (), Choices(speeds=(1e-3, 3e-3)))
 
 
 def test_a_long_log_tells_what_its_simulation_to_the_end_does():
     """A shared period makes many slips tell more than as many logs of few; a part of a log tells that part."""
-    made, load = simulated(LogDesign(1e-3, 1.0), ALL), 1.0
+    made = simulated(LogDesign(1e-3, 1.0), ALL)
     assert made.period > 0.0 and made.slips == 4
-    seconds = made.duration + 20.0 * made.period
-    whole = simulated(LogDesign(((0.0, 1e-3),), load, None, seconds), ALL)  # a programme is simulated to its end
+    whole = simulated(LogDesign(1e-3, 1.0), ALL, cycles=24)
     assert whole.slips == 24
     errors = []
     for load_sd in (0.0, 1e-4, 1e-2):
-        times = seconds / made.duration
+        times = whole.duration / made.duration
         matrices = (
             made.information(1000.0, 25e-6, load_sd, times),
             whole.information(1000.0, 25e-6, load_sd),
@@ -97,27 +101,6 @@ def test_a_log_in_which_the_spring_pulls_the_mass_back_is_none_to_ask_for():
     assert made[1][0] <= 0 and made[1][1] is not None
 
 
-def test_the_drive_stops_where_no_slip_is_near(planned):
-    """A slip in which the drive stops tells little, and is another one where the pair is a little different."""
-    known = planned.knowledge
-    design = with_holds(known.unknowns, known.places[0], known.base, LogDesign(3e-3, 1.0), (1.0, 3.0, 10.0))
-    assert design.holds == pytest.approx((1.0, 3.0, 10.0))
-    drive = [*design.drive, (design.duration, 0.0)]
-    for number in range(1, len(drive), 2):
-        stop, restart = drive[number][0], drive[number - 1][0]
-        seen = run(assemble(MAIN), DEMO | RIG, tuple(drive[:number]), 1.0, stop + 1.0)  # as if it ran on
-        arrest = float(seen.arrests[seen.arrests < stop][-1])
-        onset = float(seen.onsets[seen.onsets > arrest][0])
-        assert arrest > restart and min(stop - arrest, onset - stop) > 0.2 * (onset - arrest)
-
-
-def test_holds_tell_the_ageing_that_one_peak_leaves_open(planned):
-    (log,) = (log for log in planned.logs if log.design.holds)
-    assert log.design.holds == pytest.approx((0.2, 1.0, 5.0)) and "t_cr" in log.identifies
-    assert all(promised(planned.then)[i] < 0.2 for i in planned.knowledge.targeted)
-    assert promised(planned.now)[planned.knowledge.names.index("t_cr")] > 10.0
-
-
 def test_no_log_is_planned_that_a_fit_cannot_follow(planned):
     """Chosen again, a log becomes longer: of thousands of slips, in eight minutes, a fit at its limit knew nothing."""
     before = planned.knowledge
@@ -151,3 +134,109 @@ def test_a_softer_spring_is_simulated_with_the_damping_ratio_kept():
     assert softer["stiffness"] == 735.0 and softer["damping"] == pytest.approx(73.5) and softer["mass"] == 0.2
     soft, stiff = simulated(LogDesign(1e-3, 1.0, 735.0)), simulated(LogDesign(1e-3, 1.0))
     assert soft.duration / soft.slips > 1.5 * stiff.duration / stiff.slips
+
+
+def test_intervals_are_ranges_where_they_differ():
+    halves = [np.array(h) for h in ([0.081, 0.0812], [0.05, 0.2], [0.05, 9.0], [9.0, 1e9])]
+    assert [shown_half(h) for h in halves] == ["± 8.1 %", "± 5 to 20 %", "± 5 % to open", "open"]
+    assert (verdict(0.1), verdict(0.5), verdict(5.0)) == ("identified", "weak", "not identifiable")
+
+
+def test_the_table_has_every_log(planned):
+    rows = list(csv.DictReader(step_table(planned).splitlines()))
+    assert [float(row["duration_s"]) for row in rows] == pytest.approx([log.duration for log in planned.logs], rel=1e-3)
+    assert [float(row["drive_speed_mm_per_s"]) for row in rows] == [1e3 * log.design.speed for log in planned.logs]
+    assert rows and "add " in plan_text(planned) and set(planned.logs[0].identifies) <= {"mu_s", "t_cr"}
+
+
+SCENE = """
+effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force"]
+[rig]
+mass = "0.2 kg"
+stiffness = "1470 N/m"
+damping = "147 N/m"
+drive_speed = "1 mm/s"
+normal_force = "1 N"
+[parameters]
+"""
+
+
+@pytest.fixture
+def ask(tmp_path, monkeypatch, capsys):
+    """The document of `stickslip plan` in a folder of its own, at one drive speed."""
+    monkeypatch.chdir(tmp_path)
+
+    def document(source, *options):
+        assert cli.main(["plan", source, "--speed", "1 mm/s", *options, "--json"]) in (0, 3)
+        return json.loads(capsys.readouterr().out)
+
+    return document
+
+
+def test_what_is_assumed_is_named_and_the_answer_is_a_range(tmp_path, ask, capsys):
+    fixed = "".join(f"{n} = {{ fixed = {v} }}\n" for n, v in DEMO.items() if n not in ("mu_s", "t_cr"))
+    (tmp_path / "pair.toml").write_text(SCENE + fixed + "mu_s = { start = 0.62 }\n")
+    document = ask("pair.toml", "--out", "steps.csv")
+    assert document["verdicts"] == {"mu_s": "identified", "t_cr": "identified"} and document["assumed"] == ["t_cr"]
+    assert document["now"]["t_cr"] is None and document["then"]["t_cr"] < 0.2
+    low, high = document["ranges"]["then"]["t_cr"]
+    assert low < 0.8 * high and (tmp_path / "steps.csv").read_text().startswith("log,drive_speed_mm_per_s")
+    for wrong, words in ((["--for", "a"], "a is not searched"), (["--speed", "-1 mm/s"], "positive number")):
+        assert cli.main(["plan", "pair.toml", *wrong]) == 2
+        assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("open_", [False, True])
+def test_a_fit_is_planned_from_its_estimates_at_the_load_of_its_logs(tmp_path, ask, open_):
+    """What is not identifiable has no standard error: it is as open as before, and the plan is for just that."""
+    fit = with_verdicts(fit_of_a_scene()) if open_ else fit_of_a_scene()
+    logs = [log | {"normal_force_N": 0.5} for log in fit.result["logs"]]
+    (tmp_path / "result.json").write_text(as_json(fit.result | {"logs": logs}))
+    document = ask("result.json")
+    assert document["status"] in ("done", "nothing_to_add") and document["now"]["mu_s"] is not None
+    assert (document["now"]["a"] is None or document["now"]["a"] > 1.0) == open_
+    assert {log["normal_force"] for log in document["logs"]} <= {0.5} and (document["logs"] or not open_)
+
+
+def listed(result):
+    """The [[logs]] of a result, as a scene lists them."""
+    logs = result["provenance"]["scene"]["logs"]
+    return "".join(f'[[logs]]\npath = "{log["path"]}"\ndrive_speed = {log["drive_speed"]}\n' for log in logs)
+
+
+@pytest.mark.parametrize("auto", [False, True])
+def test_a_fit_of_the_scene_takes_the_place_of_its_values_and_one_speed_is_repeated(tmp_path, ask, auto):
+    """Each of its speeds stands in one log: the plan asks for one more log at one of these, and only then. A scene may
+    leave its effects open, and name one parameter; the fit lists effects and all their parameters."""
+    result = fit_of_a_scene().result
+    folder = tmp_path / "stickslip-pair"
+    folder.mkdir()
+
+    def told(specimen):
+        text = SCENE.replace("[parameters]", specimen)
+        if auto:
+            text = text.replace(text[text.index("effects") : text.index("[rig]")], 'effects = "auto"\n')
+            text += "[parameters]\nmu_s = { start = 0.6 }\n"
+        (tmp_path / "pair.toml").write_text(text + listed(result))
+        same = Scene.from_toml(tmp_path / "pair.toml")
+        same = same.with_effects(result["provenance"]["scene"]["effects"]) if auto else same
+        provenance = result["provenance"] | {"scene": same.as_document()}
+        (folder / "result.json").write_text(as_json(result | {"provenance": provenance}))
+        return ask("pair.toml")
+
+    first = told("")
+    assert first["source"].startswith("From the fit of this scene in ") and "a" in first["measured"]
+    assert first["assumed"] == [] and [log["repeats"] for log in first["logs"]][:1] == [True]
+    assert first["logs"][0]["drive"] in [abs(log["drive_speed_m_per_s"]) for log in result["logs"]]
+    assert not any(log["repeats"] for log in told("[tolerances]\nspecimen = 0\n")["logs"])
+
+
+@pytest.mark.parametrize(("good", "why"), [(True, "another state of this scene; plan"), (False, "did not converge")])
+def test_a_fit_that_does_not_stand_for_the_scene_is_offered_not_used(tmp_path, ask, good, why):
+    (tmp_path / "pair.toml").write_text(SCENE)
+    (tmp_path / "stickslip-pair").mkdir()
+    fit = fit_of_a_scene() if good else failed(fit_of_a_scene(), "model_misfit", "the model does not fit")
+    (tmp_path / "stickslip-pair" / "result.json").write_text(as_json(fit.result))
+    document = ask("pair.toml")
+    assert why in document["source"] and document["existing_result"].endswith("result.json")
+    assert document["measured"] == [] and "a" in document["assumed"]

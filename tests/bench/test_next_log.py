@@ -88,13 +88,6 @@ def test_simulated_logs_promise_what_the_fit_of_these_logs_knows():
     assert np.all(ratio > 0.8) and np.all(ratio < 1.15), ratio
 
 
-def test_another_log_like_the_first_would_not_have_told(unseen):
-    free, pair, log = UNSEEN
-    (asked,) = next_logs(unseen).logs
-    assert asked.duration < log[1]
-    assert estimate(found_in(pair, free, [log, log]), "a").verdict == "not identifiable"
-
-
 def test_speeds_of_a_programme_count_for_as_long_as_they_were_driven():
     data = LogData(*(np.arange(3.0),) * 3, np.ones(1), 1e-3, NormalForce.of(1.0), 0.0, 0.5, 9.0)
     assert driven(data) == [(1e-3, 8.5)]

@@ -6,7 +6,6 @@ import csv
 import json
 from dataclasses import replace
 
-import h5py
 import numpy as np
 import pytest
 
@@ -36,11 +35,6 @@ def test_a_map_is_stored_whole(tmp_path, speed_and_stiffness):
     assert first["outcome"] == made.outcomes[0, 0]
     lines = list(csv.DictReader(files[1].open(encoding="utf-8")))
     assert len(lines) == sum(len(p) for b in (made.sticking, made.unstable) for p in made.values_of(b))
-    write_map(made, tmp_path / "map.h5")
-    with h5py.File(tmp_path / "map.h5") as file:
-        np.testing.assert_array_equal(file["period"][()], made.figures["period"])
-        assert file["period"].attrs["units"] == "s" and file["outcome"].asstr()[0, 0] == made.outcomes[0, 0]
-        assert file["boundaries/end_of_stick-slip/piece_1"].shape[1] == 2
     with pytest.raises(SimulationError, match="no format"):
         write_map(made, tmp_path / "map.txt")
     answer = line_map(SITE, "mass", points=3)
@@ -108,11 +102,11 @@ def test_the_command_line_draws_and_stores_maps(tmp_path, capsys):
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE, encoding="utf-8")
     asked = ["stability", "--scene", str(scene), "--json", "--map", "pressure", "area", "--points", "4"]
-    files = ["--plot", str(tmp_path / "map.png"), "--data", str(tmp_path / "map.h5")]
+    files = ["--plot", str(tmp_path / "map.png"), "--data", str(tmp_path / "map.csv")]
     assert main([*asked, "--range", "pressure=2 kPa:50 kPa", *files]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["map"]["x"]["values"][0] == pytest.approx(2e3) and len(document["map"]["outcomes"]) == 4
-    assert (tmp_path / "map.png").exists() and (tmp_path / "map.h5").exists()
+    assert (tmp_path / "map.png").exists() and (tmp_path / "map.csv").exists()
     line = ["amplitude", "--scene", str(scene), "--json", "--map", "normal_force", "--points", "8"]
     assert main([*line, "--plot", str(tmp_path / "line.png")]) == 0
     (end,) = json.loads(capsys.readouterr().out)["map"]["end_of_stick_slip"]
