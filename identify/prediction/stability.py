@@ -17,6 +17,8 @@ from identify.prediction.groups import QUANTITIES, settings
 
 Array = NDArray[np.float64]
 
+TINY = 1e-200  # a step into the complex plane
+
 
 def _linearise(q: dict[str, Array]) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
     """Of m x'' + resistance x' + k x + F_n step dgamma = 0, dgamma' = -dgamma/t_cr - x'/D about steady sliding:
@@ -24,7 +26,7 @@ def _linearise(q: dict[str, Array]) -> tuple[Array, Array, Array, NDArray[np.boo
     ageing, whether gamma moves at all (v_acr <= 1)."""
     v, left = q["drive_speed"], np.exp(-q["a"] * q["drive_speed"])
     with np.errstate(all="ignore"):
-        ageing = (q["D"] > 0) & (q["t_cr"] > 0) & (v * q["t_cr"] <= q["D"])
+        ageing = (q["D"].real > 0) & (q["t_cr"].real > 0) & ((v * q["t_cr"]).real <= q["D"].real)
         worn = np.where(ageing, v * q["t_cr"] / q["D"], 1.0)
         damper = q["damping"] * np.sqrt(q["mass"] / q["stiffness"])
         resistance = damper + q["normal_force"] * q["delta_mu_k"] * q["a"] * left * worn
@@ -67,44 +69,28 @@ def _roots(q: dict[str, Array]) -> NDArray[np.complex128]:
     return np.where(ageing[..., None], third, second)
 
 
+def _characteristic(q: dict[str, Array]) -> list[Array]:
+    """Coefficients of the characteristic polynomial [kg, ...] of a rate [1/s], from the power 3 down."""
+    resistance, step, _, ageing = _linearise(q)
+    m, k, fresh = q["mass"], q["stiffness"], np.where(ageing, 1.0 / q["t_cr"], 0.0)
+    coupling = np.where(ageing, q["normal_force"] * step / q["D"], 0.0)
+    third = [m, resistance + m * fresh, k + resistance * fresh - coupling, k * fresh]
+    second = [0.0 * m, m, resistance, k]
+    return [np.where(ageing, a, b) for a, b in zip(third, second, strict=True)]
+
+
 def _slopes(q: dict[str, Array], roots: NDArray[np.complex128], sign: Array) -> dict[str, Any]:
-    """d(root)/d(quantity), implicitly from P(root; quantities) = 0; roots [1/s] of shape (..., 3)."""
-    m, k, h, _, _, delta, a, D, t, v, load = (x[..., None] for x in q.values())
-    resisting, falling, worn, ageing = (x[..., None] for x in _linearise(q))
-    c, left = h * np.sqrt(m / k), np.exp(-a * v)
-    slope = load * delta * a * left  # of friction, fresh contact
-    by_worn = np.where(ageing, slope, 0.0)
-    resistance = {
-        "mass": c / (2 * m),
-        "stiffness": -c / (2 * k),
-        "damping": np.sqrt(m / k),
-        "normal_force": delta * a * left * worn,
-        "delta_mu_k": load * a * left * worn,
-        "a": load * delta * left * worn * (1 - a * v),
-        "drive_speed": sign[..., None] * (by_worn * t / D - a * slope * worn),
-        "t_cr": by_worn * v / D,
-        "D": -by_worn * v * t / D**2,
-    }
-    step: dict[str, Any] = {
-        "mu_s": 1.0,
-        "mu_k0": -1.0,
-        "delta_mu_k": np.expm1(-a * v),
-        "a": -delta * v * left,
-        "drive_speed": -sign[..., None] * delta * a * left,
-    }
-    coupling = load * falling / D
-    linear = {name: load / D * value for name, value in step.items()}
-    linear["normal_force"], linear["D"] = falling / D, -coupling / D
-    zero = np.zeros(1)
-    mechanical = (m * roots + resisting) * roots + k
-    table: dict[str, Any] = {}
+    """d(root)/d(quantity) = -P_q/P_x of P(x; q) = 0, P_q by steps into the complex plane, which lose no digits; roots
+    [1/s] of shape (..., 3)."""
+    c3, c2, c1, _ = (c[..., None] for c in _characteristic(q))
+    by_root = (3 * c3 * roots + 2 * c2) * roots + c1
+    table = {}
     for name in QUANTITIES:
-        own: Any = resistance.get(name, zero) * roots + (roots**2 if name == "mass" else float(name == "stiffness"))
-        creep = -mechanical / t**2 if name == "t_cr" else 0.0
-        third = creep + (roots + 1 / t) * own - roots * linear.get(name, zero)
-        rise = mechanical + (roots + 1 / t) * (2 * m * roots + resisting) - coupling
-        two = -own / (2 * m * roots + resisting)
-        table[name] = np.where(ageing, -third / rise, two)
+        moved = {n: np.asarray(value, complex) for n, value in q.items()}
+        moved[name] = moved[name] + 1j * TINY
+        c3, c2, c1, c0 = (c.imag[..., None] / TINY for c in _characteristic(moved))
+        table[name] = -(((c3 * roots + c2) * roots + c1) * roots + c0) / by_root
+    table["drive_speed"] = table["drive_speed"] * sign[..., None]
     return table
 
 
