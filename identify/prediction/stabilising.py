@@ -6,7 +6,7 @@ Steady means that small disturbances of sliding die out and that no stick-slip i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,28 +31,21 @@ Array = NDArray[np.float64]
 STEP = 1.25  # factor between the values looked at
 MARGIN = 0.2
 BETWEEN = 3  # values between limit and advice at which it is made sure that nothing comes in between
-# What advice is given on: words, unit, how far either way it is looked for, the parameter without which there is none.
-CHANGED: Mapping[str, tuple[str, str, float, str]] = {
-    "drive_speed": ("drive speed", "m/s", 1e5, "stiffness"),
-    "stiffness": ("stiffness (damping h held)", "N/m", 100.0, "stiffness"),
-    "stiffness_at_zeta": ("stiffness (damping ratio ζ held)", "N/m", 100.0, "damping"),
-    "damping": ("damping h", "N/m", 100.0, "damping"),
-    "mass": ("mass", "kg", 100.0, "mass"),
-    "normal_force": ("normal force", "N", 100.0, "stiffness"),
-}
+# What advice is given on, and how far either way it is looked for.
+CHANGED = {"drive_speed": 1e5}
+CHANGED |= dict.fromkeys(("stiffness", "stiffness_at_zeta", "damping", "mass", "normal_force"), 100.0)
 
 
 @dataclass(frozen=True)
 class ChangeAdvice:
     """A change as the interface gives it: the quantity now, its limit and the value advised, which is a least or a most
-    one (at; None without a limit); zeta: of the damping advised."""
+    one (at; None without a limit)."""
 
     quantity: str
     label: str
     now: Number
     limit: Number
     advised: Number
-    zeta: float | None
     at: str | None
     kind: str | None
     extrapolated: bool
@@ -117,8 +110,9 @@ def stabilising_changes(
     if point.covariance is not None and names:
         values = {**site.values, "drive_speed": speed, "normal_force": load}
         drawn = Draws.of(model, values, names, point.covariance, draws)
-    asked = [name for name, (*_, needs) in CHANGED.items() if needs in model.parameter_names]
-    changes = tuple(_change(site, axis(site, n), drawn, tested, margin) for n in asked if axis(site, n).value > 0.0)
+    known = (*model.parameter_names, *POINT, *(["stiffness_at_zeta"] if "damping" in model.parameter_names else []))
+    asked = [axis(site, name) for name in CHANGED if name in known]
+    changes = tuple(_change(site, q, drawn, tested, margin) for q in asked if q.value > 0.0)
     steady = _steady(CycleBatch(model, site.setting[None]))
     return StabilisingAdvice(
         steady, margin, changes, advice_text(f"{said(speed, 'm/s')} and {said(load, 'N')}", steady, margin, changes)
@@ -164,7 +158,7 @@ def nearest_turn(site: Site, q: Axis) -> tuple[bool, Turn | None]:
 
 
 def _change(site: Site, q: Axis, drawn: Draws | None, tested: Tested | None, margin: float) -> ChangeAdvice:
-    (words, unit, *_), own, (steady, turn) = CHANGED[q.name], q.name.removesuffix("_at_zeta"), nearest_turn(site, q)
+    own, unit, (steady, turn) = q.name.removesuffix("_at_zeta"), q.unit, nearest_turn(site, q)
     now = number(q.value, unit, "")
 
     def outside(value: float) -> bool:
@@ -174,7 +168,7 @@ def _change(site: Site, q: Axis, drawn: Draws | None, tested: Tested | None, mar
         low, high = (said(end, unit) for end in _span(site, q))
         reason = f"{'any, it is steady' if steady else 'cannot be reached, it is not steady'} from {low} to {high}"
         none = number(None, unit, ""), number(None, unit, reason)
-        return ChangeAdvice(q.name, words, now, *none, None, None, None, outside(q.value), reason)
+        return ChangeAdvice(q.name, q.label, now, *none, None, None, outside(q.value), reason)
     limit, interval, scaled, reason = float(q.value_at(turn.place)), None, None, ""
     if drawn is not None:
         ends = drawn.ends(site, q, turn.place, turn.rising, turn.start)
@@ -192,11 +186,10 @@ def _change(site: Site, q: Axis, drawn: Draws | None, tested: Tested | None, mar
             scaled = AnswerInterval(least, most, interval.reason)
     return ChangeAdvice(
         quantity=q.name,
-        label=words,
+        label=q.label,
         now=now,
         limit=number(limit, unit, turn.kind, interval),
         advised=number(None if reason else advised, unit, reason, scaled),
-        zeta=advised / (2.0 * site.values["stiffness"]) if q.name == "damping" and not reason else None,
         at="least" if turn.rising else "most",
         kind=turn.kind,
         extrapolated=outside(limit if reason else advised),
@@ -206,7 +199,7 @@ def _change(site: Site, q: Axis, drawn: Draws | None, tested: Tested | None, mar
 
 def _span(site: Site, q: Axis) -> tuple[float, float]:
     """How far a quantity is looked for [SI]."""
-    low, high = q.value / CHANGED[q.name][2], q.value * CHANGED[q.name][2]
+    low, high = q.value / CHANGED[q.name], q.value * CHANGED[q.name]
     if q.name in POINT:
         return low, high
     declared = site.model.parameter(q.name.removesuffix("_at_zeta"))

@@ -217,6 +217,5 @@ def _change_text(row: ChangeAdvice) -> str:
         notes.append("the interval of the limit reaches beyond the margin")
     if advised == row.now.value:
         return f"- {row.label}: as it is ({said(advised, limit.unit)}); {'; '.join(notes)}."
-    ratio = f" (ζ = {row.zeta:.3g})" if row.zeta is not None else ""
     now = said(row.now.value, limit.unit)
-    return f"- {row.label} at {row.at} {said(advised, limit.unit)}{ratio}, now {now} ({'; '.join(notes)})."
+    return f"- {row.label} at {row.at} {said(advised, limit.unit)}, now {now} ({'; '.join(notes)})."

@@ -41,7 +41,7 @@ def sticks(values: dict[str, float], speed: float, load: float) -> bool:
 def advice():
     """Stiffness known to 2 %, all else exact."""
     point = OperatingPoint(DEMO, SPEED, LOAD, np.array([[29.4**2]]))
-    return stabilising_changes(MODEL, point, ("stiffness",), TESTED, draws=40)
+    return stabilising_changes(MODEL, point, ("stiffness",), TESTED, draws=100)
 
 
 def test_limits_are_those_of_brute_force(advice):

@@ -54,7 +54,7 @@ def test_skew_intervals_are_those_of_an_independent_monte_carlo(change):
     document = to_dict(predict(MODEL, pair, speed, pair["normal_force"], covariance, study.NAMES))
     scene = study.Case(pair, speed, covariance, document)
     drawn = study.drawn(scene, 130, np.random.default_rng(2))
-    sticks, course = study.begun(Lanes.of(drawn, np.full(len(drawn), speed)), 12)
+    sticks, course = study.begun(Lanes.of(drawn, np.full(len(drawn), speed)), 8)
     for name, values in (("drop", course.drop), ("period", course.period)):
         _, (low, high) = scene.interval(name)
         # 130 draws tell a share of 95 % to 2 %; the ends are quantiles of 200.
@@ -69,7 +69,7 @@ def test_skew_intervals_are_those_of_an_independent_monte_carlo(change):
 def test_ends_of_draws_are_those_of_their_own_windows():
     """Of pairs far from the estimate, and of the outer draws, which are closed in on; orders of the rest are kept."""
     answer = solution_set(map_of(MODEL, OperatingPoint(PAIR, 1e-3, 1.0)), 1e-3)
-    draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, study.NAMES, known_to(PAIR, 0.1), 16)
+    draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, study.NAMES, known_to(PAIR, 0.1), 10)
     (part,) = answer.windows.sticking
     ends = DrawAnswers(draws, Site(MODEL, DEMO, 1e-3, 1.0), answer).limit(part, True)
     own = np.array([speed_windows(MODEL, w).end for w in draws.settings])

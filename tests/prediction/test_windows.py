@@ -124,6 +124,7 @@ def test_sliding_is_unstable_until_its_damping_vanishes():
     assert found.unstable == ((found.searched[0], pytest.approx(exact, rel=1e-8)),)
 
 
+@pytest.mark.slow
 def test_the_study_of_random_pairs_agrees_with_simulation(capsys):
     assert study.main(fast=True) == 1.0
     assert "contradict themselves: 0" in capsys.readouterr().out
