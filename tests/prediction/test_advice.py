@@ -10,16 +10,16 @@ import pytest
 from identify.base.errors import SimulationError
 from identify.base.result import Result
 from identify.cli.main import main
+from identify.prediction import sources
 from identify.prediction.axes import axis
 from identify.prediction.draws import OperatingPoint
-from identify.prediction.sources import Tested
 from identify.prediction.stabilising import nearest_turn, stabilising_changes
 from tests.support import oracle
 from tests.support.maps_case import DEMO, SITE
 
 MODEL, SPEED, LOAD = SITE.model, 15e-3, 1.0
 EFFECTS = 'effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]\n'
-TESTED = Tested({"drive_speed": (1e-6, 1.4e-2), "normal_force": (0.4, 1.0), "stiffness": (1470.0, 1470.0)})
+TESTED = sources.Tested({"drive_speed": (1e-6, 1.4e-2), "normal_force": (0.4, 1.0), "stiffness": (1470.0, 1470.0)})
 
 
 def sticks(values: dict[str, float], speed: float, load: float) -> bool:
@@ -39,22 +39,12 @@ def sticks(values: dict[str, float], speed: float, load: float) -> bool:
 
 @pytest.fixture(scope="module")
 def advice():
-    """Stiffness known to 2 %, all else exact."""
-    point = OperatingPoint(DEMO, SPEED, LOAD, np.array([[29.4**2]]))
-    return stabilising_changes(MODEL, point, ("stiffness",), TESTED, draws=100)
+    return stabilising_changes(MODEL, OperatingPoint(DEMO, SPEED, LOAD), (), TESTED)
 
 
-def test_limits_are_those_of_brute_force(advice):
-    rows = {row.quantity: row for row in advice.changes}
-    for quantity in ("damping", "normal_force"):
-        limit, loud = rows[quantity].limit.value, -1 if rows[quantity].at == "least" else 1
-        answers = []
-        for side in (loud, -loud):
-            moved = limit * (1 + 0.02 * side)
-            load = moved if quantity == "normal_force" else LOAD
-            values = DEMO if quantity == "normal_force" else {**DEMO, quantity: moved}
-            answers.append(sticks(values, SPEED, load))
-        assert answers == [True, False], quantity
+def test_a_limit_is_that_of_brute_force(advice):
+    (limit,) = (row.limit.value for row in advice.changes if row.quantity == "normal_force")
+    assert [sticks(DEMO, SPEED, share * limit) for share in (1.02, 0.98)] == [True, False]
 
 
 def test_advice_keeps_the_margin_and_names_what_is_extrapolated(advice):
@@ -62,23 +52,24 @@ def test_advice_keeps_the_margin_and_names_what_is_extrapolated(advice):
     for row in advice.changes:
         factor = 1.2 if row.at == "least" else 1 / 1.2
         assert row.advised.value == pytest.approx(factor * row.limit.value)
-        low, high = row.limit.ends
-        assert low is None or low < row.limit.value < high
     flags = {row.quantity: row.extrapolated for row in advice.changes}
     assert flags["drive_speed"] and flags["stiffness"] and not flags["mass"] and not flags["normal_force"]
     assert "damping h at least" in advice.text and "extrapolated: outside the tested range" in advice.text
 
 
-def test_a_quantity_that_is_set_wrong_now_is_so_at_its_limit(advice):
-    """The value to be set is off by as much as the one that is."""
-    (limit,) = (row.limit for row in advice.changes if row.quantity == "stiffness")
+@pytest.mark.slow
+def test_a_quantity_that_is_set_wrong_now_is_so_at_its_limit():
+    """Stiffness known to 2 %: the value to be set is off by as much as the one that is."""
+    point = OperatingPoint(DEMO, SPEED, LOAD, np.array([[29.4**2]]))
+    changes = stabilising_changes(MODEL, point, ("stiffness",), draws=100).changes
+    (limit,) = (row.limit for row in changes if row.quantity == "stiffness")
     assert limit.interval == pytest.approx([limit.value / 1.04, limit.value * 1.04], rel=5e-3)
 
 
-def test_what_is_steady_stays_as_it_is_and_what_cannot_be_is_said():
-    far = stabilising_changes(MODEL, OperatingPoint(DEMO, 4e-2, LOAD))
-    rows = {row.quantity: row for row in far.changes}
-    assert far.steady and rows["drive_speed"].advised.value == 4e-2 and rows["drive_speed"].limit.interval is None
+def test_what_is_steady_is_seen_and_what_cannot_be_reached():
+    far = type(SITE)(MODEL, DEMO, 4e-2, LOAD)
+    steady, turn = nearest_turn(far, axis(far, "drive_speed"))
+    assert steady and turn.rising and np.exp(turn.place) < 4e-2
     slow = type(SITE)(MODEL, DEMO, 1e-4, LOAD)
     assert nearest_turn(slow, axis(slow, "mass")) == (False, None)
     with pytest.raises(SimulationError, match="expected positive numbers"):
@@ -92,10 +83,10 @@ def test_tested_range_of_a_result():
         {"drive_speed_m_per_s": 1.0, "normal_force_N": 9.0, "reason_left_out": "it slides"},
     ]
     scene = {"rig": {"stiffness": {"value": 1000.0, "tolerance": 0.01}}, "logs": [{}, {"stiffness": 2000.0}, {}]}
-    found = Tested.of_result(Result.from_dict({"logs": logs, "provenance": {"scene": scene}}))
+    found = sources.Tested.of_result(Result.from_dict({"logs": logs, "provenance": {"scene": scene}}))
     assert found.ranges == {"drive_speed": (1e-3, 5e-3), "normal_force": (1.0, 2.0), "stiffness": (1000.0, 2000.0)}
     assert found.extrapolated("drive_speed", 6e-3) and not found.extrapolated("drive_speed", -5.4e-3)
-    assert not found.extrapolated("mass", 1e9) and Tested({}).extrapolated("stiffness", 1.0)
+    assert not found.extrapolated("mass", 1e9) and sources.Tested({}).extrapolated("stiffness", 1.0)
 
 
 def test_the_command_line_prints_it(tmp_path, capsys):

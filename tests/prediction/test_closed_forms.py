@@ -232,21 +232,23 @@ def test_sticks_again_exactly_above_the_critical_loading(alpha: float, away: flo
         assert amplitude.slip(alpha, overshoot).status == ("restick" if away > 0 else "steady")
 
 
-@FEW
-@given(st.floats(1e-300, 0.99999), st.integers(1, 4))
-def test_critical_loading_over_its_range(alpha: float, n: int) -> None:
-    log = stability.log_critical_loading(alpha, n)
-    a = mp.mpf(alpha)
-    w = mp.sqrt((1 - a) * (1 + a))
-    b = a / w
-    low, high = (2 * n - 1) * mp.pi, 2 * n * mp.pi  # of one monotone equation, halved
+def phi_cr(alpha: Any, n: int) -> Any:
+    """Phi of the slip whose n-th velocity maximum just touches the drive speed: one monotone equation, halved."""
+    w = mp.sqrt((1 - alpha) * (1 + alpha))
+    b, low, high = alpha / w, (2 * n - 1) * mp.pi, 2 * n * mp.pi
     for _ in range(plain.HALVINGS):
         psi = (low + high) / 2
         inside = mp.exp(b * psi) * (mp.cos(psi) - b * mp.sin(psi)) < 1
         low, high = (psi, high) if inside else (low, psi)
+    return -mp.exp(b * low) * mp.sin(low) / w
+
+
+@FEW
+@given(st.floats(1e-300, 0.99999), st.integers(1, 4))
+def test_critical_loading_over_its_range(alpha: float, n: int) -> None:
     if alpha > 1e-20:
-        exact = b * low + mp.log(-mp.sin(low) / w)
-        assert abs(log - exact) < 1e-13 * (1 + abs(exact))
+        exact = mp.log(phi_cr(mp.mpf(alpha), n))
+        assert abs(stability.log_critical_loading(alpha, n) - exact) < 1e-13 * (1 + abs(exact))
     assert np.isnan(stability.critical_loading(-1 - alpha)) and stability.critical_loading(1 + alpha) == np.inf
     assert stability.critical_loading(-alpha) == 0
 
@@ -351,17 +353,6 @@ def test_derivatives_of_the_maximum(alpha: float, overshoot: float) -> None:
         point = {"alpha": alpha, "overshoot": overshoot}
         exact = difference(lambda q: dict(enumerate(plain.maximum(q["alpha"], q["overshoot"]))), point, name)
         assert close(by[0], exact[0]) and close(by[1] / height, exact[1])
-
-
-def phi_cr(alpha: Any, n: int) -> Any:
-    """Phi of the slip whose n-th velocity maximum just touches the drive speed: one monotone equation, halved."""
-    w = mp.sqrt((1 - alpha) * (1 + alpha))
-    b, low, high = alpha / w, (2 * n - 1) * mp.pi, 2 * n * mp.pi
-    for _ in range(plain.HALVINGS):
-        psi = (low + high) / 2
-        inside = mp.exp(b * psi) * (mp.cos(psi) - b * mp.sin(psi)) < 1
-        low, high = (psi, high) if inside else (low, psi)
-    return -mp.exp(b * low) * mp.sin(low) / w
 
 
 @pytest.mark.parametrize("alpha", [1e-6, 0.3, 0.59999, 0.6, 0.97])
