@@ -66,6 +66,7 @@ def test_skew_intervals_are_those_of_an_independent_monte_carlo(change):
     assert chance["interval"][0] < np.mean(sticks) < chance["interval"][1]
 
 
+@pytest.mark.slow
 def test_ends_of_draws_are_those_of_their_own_windows():
     """Of pairs far from the estimate, and of the outer draws, which are closed in on; orders of the rest are kept."""
     answer = solution_set(map_of(MODEL, OperatingPoint(PAIR, 1e-3, 1.0)), 1e-3)
@@ -112,6 +113,7 @@ def test_every_number_has_an_interval_and_the_document_is_json():
     assert fixed == [] and asked(1e-4)["amplitude"]["drop"]["interval"] is None
 
 
+@pytest.mark.slow
 def test_intervals_are_those_of_differences():
     """Half widths against answers at moved parameters."""
     names, speed = ("mass", "mu_s", "damping", "t_cr"), 2e-5
