@@ -174,4 +174,6 @@ def test_a_slip_that_was_missed_is_put_in_by_the_motion_that_follows_from_the_an
     spoiled = [replace(prepared[0], falls=np.delete(prepared[0].falls, 4)), prepared[1]]
     found, _ = search.search(search.SearchProblem(spoiled, unknowns, thorough=False))
     assert found.gate.status is Status.CONVERGED
-    np.testing.assert_allclose(found.solved.theta, right.solved.theta, atol=0.01)  # standard errors up to 0.2
+    away = np.abs(found.solved.theta - right.solved.theta)[unknowns.free]
+    assert found.solved.problem.samples > right.solved.problem.samples  # it goes on to the end of the log
+    assert np.max(away / np.sqrt(np.diag(information_at(right.solved, unknowns).covariance()))) < 0.15
