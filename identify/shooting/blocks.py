@@ -336,6 +336,7 @@ class Block:
     drive_speed: int  # its place among the constants
     n_states: int
     moving: tuple[int, ...]  # states that are not held at their bounds
+    curved: tuple[int, ...]  # slots on which rows and curve depend not only linearly: not the end of a slide
     one_step: tuple[Block, Block] | None = None  # of a slide in several: a step of it, and the last one
 
     def evaluate(self, slots: Array, constants: Array, *, derivatives: bool) -> tuple[Array, ...]:
@@ -351,18 +352,14 @@ class Block:
         d_curve = by_slot[:, :, self.n_rows :].reshape(count, self.n_slots, self.n_cells, self.order)
         return rows, curve, d_rows, d_curve.transpose(0, 2, 3, 1)
 
-    def hessian(self, slots: Array, constants: Array, on_rows: Array, on_curve: Array, used: tuple[int, ...]) -> Array:
+    def hessian(self, slots: Array, constants: Array, on_rows: Array, on_curve: Array) -> Array:
         """Second derivatives (B, n_slots, n_slots) of on_rows . rows + on_curve . curve; weights (B, n_rows) and
-        (B, n_cells * order). Built on first use: only solves that need the exact Hessian ask for it.
-
-        Args:
-            used: the slots with respect to which; all others count as constants.
-        """
+        (B, n_cells * order). Built on first use: only solves that need the exact Hessian ask for it."""
         if self.one_step is not None:
             return self._hessian_by_steps(slots, constants, on_rows, on_curve)
         out = np.zeros((slots.shape[0], self.n_slots, self.n_slots))
-        index = np.array(used)
-        some = _second(self, used)([slots, constants, on_rows, on_curve])[0]
+        index = np.array(self.curved)
+        some = _second(self)([slots, constants, on_rows, on_curve])[0]
         out[:, index[:, None], index] = some.reshape(-1, index.size, index.size)
         return out
 
@@ -399,11 +396,10 @@ class Block:
         for j in range(steps - 1, 0, -1):
             pull = np.einsum("br,bri->bi", weights, by_rows[j]) + np.einsum("bc,bci->bi", pulls[:, j], by_curve[j])
             weights = on_steps[j - 1] = -pull[:, moving]
-        within = (*range(n_x), *range(2 * n_x, self.n_slots))  # whatever is used: one code for every fit of the model
         at_inner, of_inner = (each[:-1].reshape(-1, each.shape[-1]) for each in (at, of))
         on_inner = pulls[:, :-1].transpose(1, 0, 2).reshape(-1, self.order)
-        second = inner.hessian(at_inner, of_inner, on_steps.reshape(-1, moving.size), on_inner, within)
-        final = last.hessian(at[-1], of[-1], on_rows, pulls[:, -1], within)
+        second = inner.hessian(at_inner, of_inner, on_steps.reshape(-1, moving.size), on_inner)
+        final = last.hessian(at[-1], of[-1], on_rows, pulls[:, -1])
         bends = np.concatenate([second.reshape(steps - 1, *final.shape), final[None]])
         by_state = np.matmul(bends[..., :n_x], states)  # (steps, B, n_slots, n_slots)
         by_state[..., :n_x, n_x:] += bends[..., :n_x, n_x:]
@@ -414,12 +410,12 @@ class Block:
 
 
 @lru_cache(maxsize=64)
-def _second(of: Block, used: tuple[int, ...]) -> Mapped:
+def _second(of: Block) -> Mapped:
     """The mapped function behind `Block.hessian`."""
     slots, constants, rows, curve = of.expressions
     on_rows, on_curve = ca.SX.sym("on_rows", of.n_rows), ca.SX.sym("on_curve", curve.numel())
     weighted = ca.dot(on_rows, rows) + ca.dot(on_curve, curve)
-    second, _ = ca.hessian(weighted, ca.vertcat(*(slots[i] for i in used)))
+    second, _ = ca.hessian(weighted, ca.vertcat(*(slots[i] for i in of.curved)))
     return Mapped(ca.Function("block_second", [slots, constants, on_rows, on_curve], [ca.densify(second)]))
 
 
@@ -435,18 +431,19 @@ def block(model: Model, kind: BlockKind) -> Block:
     worn, one_step = isinstance(kind, SlideBlock | SteadyBlock) and kind.worn, None
     if isinstance(kind, SlideBlock) and kind.steps > 1:
         one_step = block(model, replace(kind, steps=1, released=False)), block(model, replace(kind, steps=1))
-    held = _clamped(model, worn)
+    clamped, n_x, count = _clamped(model, worn), len(model.states), slots.numel()
     return Block(
         kind,
-        slots.numel(),
-        rows.numel(),
-        cells.shape[1],
-        cells.shape[0],
-        Mapped(values),
-        Mapped(derivatives),
-        (slots, s.constants, rows, curve),
-        len(model.parameters) + len(model.states),
-        len(model.states),
-        tuple(i for i in range(len(model.states)) if i not in held),
-        one_step,
+        n_slots=count,
+        n_rows=rows.numel(),
+        n_cells=cells.shape[1],
+        order=cells.shape[0],
+        values=Mapped(values),
+        derivatives=Mapped(derivatives),
+        expressions=(slots, s.constants, rows, curve),
+        drive_speed=len(model.parameters) + n_x,
+        n_states=n_x,
+        moving=tuple(i for i in range(n_x) if i not in clamped),
+        curved=tuple(i for i in range(count) if not (isinstance(kind, SlideBlock) and n_x <= i < 2 * n_x)),
+        one_step=one_step,
     )

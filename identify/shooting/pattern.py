@@ -153,11 +153,6 @@ class Scatter:
     jacobian: slice
     hessian: slice
 
-    @cached_property
-    def used(self) -> tuple[int, ...]:
-        """The slots that are an unknown in some block."""
-        return tuple(np.flatnonzero(np.any(self.slots >= 0, axis=0)).tolist())
-
     def gradient(self, pull: Array, size: int) -> Array:
         """Derivatives with respect to the slots of all blocks (B, n_slots), by unknowns (size,)."""
         # Those of slots that hold a constant are counted in front of all unknowns (KNOWN is -1), and left out.

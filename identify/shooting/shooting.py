@@ -166,7 +166,7 @@ class Problem:
             second = np.empty((*slots.shape, slots.shape[1]))
             for at in _chunks(slots.shape[0]):
                 weights = on_rows[family.rows[at]], pull[at].reshape(pull[at].shape[0], -1)
-                second[at] = family.block.hessian(slots[at], family.constants[at], *weights, scatter.used)
+                second[at] = family.block.hessian(slots[at], family.constants[at], *weights)
             np.take(second, scatter.hessian_entries, out=entries[scatter.hessian])
         summed = self.pattern.hessian(entries, scale)
         summed.data += on_cost * point.hessian.data

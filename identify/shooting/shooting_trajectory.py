@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import groupby
 from typing import Literal
 
 import numpy as np
@@ -142,11 +141,6 @@ class ShootingTrajectory:
             begins = kind == "rest" and i > 0 and self.modes[i - 1][0] != "rest"
             out.append(out[-1] + begins if out else 0)
         return out
-
-    def by_part(self) -> list[list[Stretch]]:
-        """The stretches of every part."""
-        zipped = zip(self.part, self.stretches, strict=True)
-        return [[stretch for _, stretch in some] for _, some in groupby(zipped, key=lambda pair: pair[0])]
 
     @property
     def parts(self) -> int:

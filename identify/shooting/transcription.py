@@ -28,7 +28,7 @@ from identify.shooting.blocks import (
 from identify.shooting.grid import Grid
 from identify.shooting.layout import KNOWN, Family, Indices, Layout, Places
 from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
-from identify.simulation.sliding import rate_slopes
+from identify.simulation.sliding import linearised
 
 Array = NDArray[np.float64]
 
@@ -438,7 +438,7 @@ class _LogTranscriber:
     def _rates(self, state: Array, at: float) -> Array:
         """Derivatives of the rates of all states with respect to the states (n_x, n_x) [1/s per unit]."""
         u = np.array([self.log.speed_at(at), self.log.normal_force.at(at), 1.0, at])
-        return rate_slopes(self.model, state, self.p, u)
+        return linearised(self.model, False, state[None], self.p[None], u[None])[1][0]
 
 
 def parts_of_rest(model: Model, p: Array, duration: float) -> list[tuple[float, float]]:

@@ -127,24 +127,10 @@ def lasting(model: Model, p: Array, u: Array) -> Sliding | None:
     if model.clocked:
         return None
     try:
-        found = sliding(model, p, float(u[0]), float(u[1]))
+        (steady,) = slidings(model, np.append(p, [u[1], u[0]]))
     except SimulationError:
         return None
-    return found if np.all(np.isfinite(found.state)) else None
-
-
-def rate_slopes(model: Model, x: Array, p: Array, u: Array) -> Array:
-    """Derivatives (n_x, n_x) of the rates of a sliding mass by its states x (n_x,) [1/s per unit], no state held."""
-    return linearised(model, False, x[None, :], p[None, :], u[None, :])[1][0]
-
-
-def sliding(model: Model, p: Array, drive_speed: float, normal_force: float) -> Sliding:
-    """Steady sliding at drive speed [m/s] (positive) under normal force [N]; p (n_p,) in the model's order.
-
-    Raises:
-        SimulationError: no finite steady state.
-    """
-    return slidings(model, np.append(p, [normal_force, drive_speed]))[0]
+    return steady if np.all(np.isfinite(steady.state)) else None
 
 
 def growth_rates(model: Model, settings: Array) -> Array:

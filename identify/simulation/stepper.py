@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -55,11 +55,6 @@ class Situated:
     def constants(self) -> Array:
         """p and these numbers, shape (n_p + 5,)."""
         return np.append(self.p, self.numbers)
-
-    @cached_property
-    def setting(self) -> Array:
-        """Parameters, normal force at the start, drive speed: shape (n_p + 2,)."""
-        return np.append(self.p, [self.normal_force, self.drive_speed])
 
     def at(self, t: float, direction: float = 1.0) -> Array:
         """u (4,) of the model at time t [s] within the phase."""

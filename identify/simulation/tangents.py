@@ -6,7 +6,6 @@ The setting w (n_w,) = parameters, normal force [N], drive speed [m/s] holds dur
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as ca
@@ -28,65 +27,31 @@ def situated_at(w: Array, direction: float = 1.0, time: float = 0.0) -> Situated
     return Situated(w[:-2], float(w[-1]), direction, float(w[-2]), 0.0, time)
 
 
-@dataclass(frozen=True)
-class StepExpressions:
-    """What a step is a function of: x and its length, w, direction; x after it and the rate there."""
-
-    given: tuple[ca.SX, ca.SX, ca.SX]
-    after: ca.SX
-    rate: ca.SX
-
-    @staticmethod
-    def of(model: Model, method: Method, mode: ModeName) -> StepExpressions:
-        """Of a sliding mode."""
-        n_x, n_p = len(model.states), len(model.parameters)
-        xh, w, direction = ca.SX.sym("xh", n_x + 1), ca.SX.sym("w", n_p + 2), ca.SX.sym("direction")
-        moving, constants = rate(model, mode), ca.vertcat(w[:n_p], w[n_p + 1], direction, w[n_p], 0, 0)
-        problem = StepProblem(moving, constants, lambda _after: ca.SX.ones(n_x))
-        after, _ = method.step(problem, xh[:n_x], ca.SX(0), xh[n_x])
-        return StepExpressions((xh, w, direction), after, moving(after, constants, 0))
-
-    def function(self, *results: ca.SX) -> Mapped:
-        """These results of a step, each as one row of numbers."""
-        return Mapped(ca.Function("step", self.given, [ca.densify(result) for result in results]))
-
-
 @lru_cache(maxsize=64)
 def _functions(model: Model, method: Method, mode: ModeName) -> tuple[Mapped, Mapped]:
-    """Of a step: x after it and the rate there; the derivatives of x after it by x and w, one column per row."""
-    step = StepExpressions.of(model, method, mode)
-    xh, w, _ = step.given
-    slope = ca.jacobian(step.after, ca.vertcat(xh[:-1], w)).T
-    return step.function(step.after, step.rate), step.function(slope)
+    """Of (x and step length, w, direction): x after a step and the rate there; the derivatives of x after it by x and
+    w, one column per row."""
+    n_x, n_p = len(model.states), len(model.parameters)
+    given = xh, w, direction = ca.SX.sym("xh", n_x + 1), ca.SX.sym("w", n_p + 2), ca.SX.sym("direction")
+    moving, constants = rate(model, mode), ca.vertcat(w[:n_p], w[n_p + 1], direction, w[n_p], 0, 0)
+    problem = StepProblem(moving, constants, lambda _after: ca.SX.ones(n_x))
+    after, _ = method.step(problem, xh[:n_x], ca.SX(0), xh[n_x])
+    slope = ca.jacobian(after, ca.vertcat(xh[:-1], w)).T
+    results = [after, moving(after, constants, 0)], [slope]
+    values, slopes = (Mapped(ca.Function("step", given, [ca.densify(q) for q in some])) for some in results)
+    return values, slopes
 
 
-def of_steps(function: Mapped, slide: Slide, x: Array, lengths: Array) -> list[Array]:
-    """The results (s, ...) of a function of steps of some lengths (s,) [s] from states x (s, n_x) of a slide."""
+def _arguments(slide: Slide, x: Array, lengths: Array) -> list[Array]:
     count, situated = len(lengths), slide.situated
-    settings = np.repeat(situated.setting[None], count, axis=0)
-    given = [np.concatenate([x, lengths[:, None]], axis=1), settings, np.full(count, situated.direction)]
-    return function(given)
+    settings = np.repeat(np.append(situated.p, [situated.normal_force, situated.drive_speed])[None], count, axis=0)
+    return [np.concatenate([x, lengths[:, None]], axis=1), settings, np.full(count, situated.direction)]
 
 
 def stepped(model: Model, slide: Slide, x: Array, lengths: Array) -> tuple[Array, Array]:
     """States (s, n_x) after steps of some lengths (s,) [s] from states x (s, n_x) of a slide, and the rates there."""
-    after, rates = of_steps(_functions(model, slide.method, slide.mode)[0], slide, x, lengths)
+    after, rates = _functions(model, slide.method, slide.mode)[0](_arguments(slide, x, lengths))
     return after, rates
-
-
-def step_slopes(model: Model, slide: Slide, x: Array, lengths: Array) -> Array:
-    """The derivatives (s, n_x, n_x + n_w) of those states by x and the setting."""
-    (slopes,) = of_steps(_functions(model, slide.method, slide.mode)[1], slide, x, lengths)
-    return slopes.reshape(len(lengths), x.shape[1], -1)
-
-
-def onward(slope: Array, moved: Array) -> Array:
-    """Derivatives (n_x, m) after a step with `slope` (n_x, n_x + n_w), of those before it; the last of the m directions
-    are the setting."""
-    n = moved.shape[0]
-    after = slope[:, :n] @ moved
-    after[:, n - slope.shape[1] :] += slope[:, n:]
-    return np.asarray(after)
 
 
 def node_slopes(model: Model, slides: Sequence[Slide], onset: Array) -> list[Array]:
@@ -95,16 +60,19 @@ def node_slopes(model: Model, slides: Sequence[Slide], onset: Array) -> list[Arr
     Args:
         onset: derivatives (n_x, m) of the first state; the last of the m directions are the setting.
     """
-    found, moved = list[Array](), onset
+    out, moved, n = list[Array](), onset, onset.shape[0]
     for number, slide in enumerate(slides):
         if number:
             moved = moved - _switch(model, slides[number - 1], slide, moved)
         nodes = [moved]
-        for slope in step_slopes(model, slide, slide.x[:-1], np.diff(slide.t)):
-            moved = onward(slope, moved)
+        (slopes,) = _functions(model, slide.method, slide.mode)[1](_arguments(slide, slide.x[:-1], np.diff(slide.t)))
+        for slope in slopes.reshape(len(slide.t) - 1, n, -1):
+            after = slope[:, :n] @ moved
+            after[:, n - slope.shape[1] :] += slope[:, n:]
+            moved = after
             nodes.append(moved)
-        found.append(np.array(nodes))
-    return found
+        out.append(np.array(nodes))
+    return out
 
 
 def _switch(model: Model, before: Slide, after: Slide, moved: Array) -> Array:

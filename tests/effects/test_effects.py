@@ -30,11 +30,6 @@ ALL_TOGETHER = case.together()
 
 
 @EVERY
-def test_an_effect_stands_in_the_file_of_its_name(effect):
-    assert type(effect).__module__ == f"identify.effects.{effect.name}"
-
-
-@EVERY
 def test_declaration_is_complete(effect):
     assert effect.name.isidentifier() and effect.says and effect.source and type(effect).__doc__
     assert not effect.says.endswith("."), "a phrase for tables"
@@ -163,21 +158,6 @@ def _wavy(model: Model) -> bool:
 def test_derivatives(effect, name):
     for seed in range(2):
         assert derivative_error(assemble(case.company(effect)), name, seed) < 1e-7
-
-
-def test_derivatives_where_two_lags_are_equal():
-    model = assemble(("inertia", "hysteresis_damping", "skin_compliance", "sensor_lag", "sensor_second_lag"))
-    names = model.parameter_names
-    p = case.values(model)
-    p[names.index("lag_time")] = p[names.index("second_lag_time")] = 1e-2
-    x, u, t = case.state(model, np.random.default_rng(1)), case.inputs(np.random.default_rng(1)), 0.021
-    slope = ca.Function("slope", [(q := ca.SX.sym("q", p.size))], [ca.jacobian(model.rest(x, q, u, t), q)])
-    got = np.array(ca.densify(slope(p)))
-    for name in ("lag_time", "second_lag_time"):
-        unit = np.eye(p.size)[names.index(name)] * 1e-5
-        at = {k: case.result(model, "rest", x, p + k * unit, u, t) for k in (-2, -1, 1, 2)}
-        numeric = (at[-2] - 8 * at[-1] + 8 * at[1] - at[2]) / 12e-5
-        np.testing.assert_allclose(got[:, names.index(name)], numeric, rtol=1e-6, atol=1e-6 * np.abs(numeric).max())
 
 
 # ---- bounds

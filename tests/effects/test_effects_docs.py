@@ -34,20 +34,6 @@ def test_counted_costs_are_up_to_date():
         assert row in PAGE.splitlines()
 
 
-def test_an_outdated_page_is_seen():
-    old = PAGE.replace("`lag_time` 0.001 s", "`lag_time` 0.002 s")
-    assert old != PAGE and run_effect_table.page_with({"effects": run_effect_table.effects_table()}, old) != old
-
-
-def test_every_port_is_on_the_page():
-    from dataclasses import fields
-
-    from identify.effects.quantities import Terms
-
-    table = PAGE[PAGE.index("## Ports") : PAGE.index("## Adding")]
-    assert [f.name for f in fields(Terms) if f"`{f.name}`" not in table] == []
-
-
 # ---- off costs nothing
 
 
@@ -113,6 +99,7 @@ normal_force = "1 N"
 """
 
 
+@pytest.mark.slow
 def test_the_example_is_one_file_and_one_line(tmp_path):
     name = _copy_with_example(tmp_path)
     assert _changed(tmp_path) == {f"effects/{name}.py", "effects/__init__.py"}

@@ -91,17 +91,6 @@ def test_one_rest_after_another_is_one_rest(effect):
         assert np.max(np.abs(twice - once) / (sizes + np.abs(once))) < 1e-12
 
 
-def test_one_rest_after_another_with_all_effects():
-    model, values, _, x, u = _setting(TOGETHER, 5)
-    u[TIME] = 5.0
-    twice = case.result(
-        model, "rest", case.result(model, "rest", x, values, u - 1.3 * np.eye(4)[TIME], 0.4), values, u, 1.3
-    )
-    once = case.result(model, "rest", x, values, u, 1.7)
-    sizes = np.array([case.SIZES[s.unit] for s in model.states])
-    assert np.max(np.abs(twice - once) / (sizes + np.abs(once))) < 1e-12
-
-
 # ---- decays
 
 
@@ -125,8 +114,3 @@ def test_decays_of_close_rates(count, apart):
         for order in itertools.islice(itertools.permutations(rates), 6):
             got, exact = float(function(order, t)), _exact(order, t)
             assert got == pytest.approx(exact, rel=2e-12 * 10 ** (count - 2)), (order, t)
-
-
-def test_unequal_rates_taken_for_equal_are_seen():
-    """Control: the decay of rates a thousandth apart is not that of equal ones."""
-    assert _exact((100.0, 100.1), 0.02) != pytest.approx(_exact((100.0, 100.0), 0.02), rel=1e-6)

@@ -20,7 +20,7 @@ from identify.prediction.orbit import QUANTITIES, CycleMap, close, orbit_slopes
 from identify.prediction.predict import predict, predictions, solution_set
 from identify.prediction.windows import Outcome
 from identify.simulation.simulate import run
-from identify.simulation.sliding import sliding
+from identify.simulation.sliding import slidings
 from tests.support import oracle
 from tests.support.maps_case import DEMO
 
@@ -68,7 +68,7 @@ def test_bistable_is_both():
     map_ = map_of()
     assert solution_set(map_, 15e-3).outcome is Outcome.BISTABLE
     for speed, sticks in ((15e-3, False), (5e-3, True)):
-        x, v, gamma = sliding(map_.model, map_.p, speed, LOAD).state
+        x, v, gamma = slidings(map_.model, np.append(map_.p, [LOAD, speed]))[0].state
         seen = oracle.simulate(DEMO, speed, LOAD, 2.0, (float(x), 1.02 * float(v), float(gamma)))
         assert (seen.arrests.size > 0) is sticks
     y = settled_orbit(map_, 15e-3).y
@@ -79,7 +79,7 @@ def test_bistable_is_both():
 @pytest.mark.parametrize("delta", [-0.13, 0.05])
 def test_sliding_has_the_eigenvalues_of_the_closed_form(speed, delta):
     map_, pair = map_of(delta_mu_k=delta), SimpleNamespace(**{**DEMO, "delta_mu_k": delta})
-    ours = sliding(map_.model, map_.p, speed, LOAD).eigenvalues
+    ours = slidings(map_.model, np.append(map_.p, [LOAD, speed]))[0].eigenvalues
     theirs = stability.eigenvalues(pair, pair, speed, LOAD)
     assert np.allclose(ours, theirs[: ours.size], rtol=1e-9) and np.isnan(theirs[ours.size :]).all()
 

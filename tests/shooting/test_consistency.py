@@ -35,11 +35,3 @@ def test_a_slip_that_runs_backwards_is_named(wears: bool) -> None:
     assert said(motion(wears=wears, slip=5e-3, after=5e-3)) is None
     assert "cycle 2: at this answer the slip runs backwards" in str(said(motion(wears=True, slip=5e-3, after=-1e-4)))
     assert "cycle 2" in str(said(motion(wears=wears, slip=-1e-4, after=5e-3)))
-
-
-def test_a_slip_that_never_wears_has_nothing_after_its_wear() -> None:
-    assert said(motion(wears=False, slip=5e-3, after=-1e-4)) is None
-
-
-def test_how_fast_a_worn_contact_slides_does_not_hide_that_the_slip_turned_back() -> None:
-    assert "cycle 2" in str(said(motion(wears=True, slip=-1e-4, after=1.0)))

@@ -51,16 +51,6 @@ def test_a_lane_slips_alone_as_among_others():
         np.testing.assert_array_equal(alone.states[:, 0], many.states[: len(alone.states), i])
 
 
-def test_a_lane_at_rest_stays_where_it_is():
-    slips = sliding_lanes.slip(MODEL, *_given(), PER_HALF_PERIOD)
-    for i in np.flatnonzero(slips.rested):
-        after = int(np.ceil(slips.arrest[i] / slips.h[i]))
-        np.testing.assert_array_equal(
-            slips.states[after:, i], np.tile(slips.states[-1, i], (len(slips.states) - after, 1))
-        )
-        assert slips.states[-1, i, 1] <= 0.0
-
-
 def test_a_lane_that_is_lost_does_not_rest_and_disturbs_no_other():
     x, p, u = _given()
     whole = sliding_lanes.slip(MODEL, x, p, u, PER_HALF_PERIOD)

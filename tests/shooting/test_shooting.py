@@ -189,18 +189,6 @@ def test_multipliers_of_a_solution_balance_its_gradient():
     assert np.max(np.abs(point.gradient)) > 1.0, "the rows hold the answer"
 
 
-def test_one_sample_moved_is_seen():
-    problem = _problem()[0]
-    log = problem.logs[1]
-    force = log.force.copy()
-    force[500] += case.NOISE
-    moved = Problem([problem.logs[0], replace(log, force=force)], problem.layout)
-    z = _somewhere(problem)
-    change = moved.evaluate(z, derivatives=False).cost - problem.evaluate(z, derivatives=False).cost
-    residual = (log.force[500] - problem.fitted(z)[1][500]) / case.NOISE
-    assert change == pytest.approx(residual + 0.5, rel=1e-6)
-
-
 def test_cost_does_not_depend_on_the_curve_the_samples_are_compressed_about():
     problem = _problem(load_sd=1e-3)[0]
     z = _somewhere(problem)
@@ -320,22 +308,6 @@ def test_a_wrong_model_does_not_fit(wrong):
         assert not solved.solution.cost < 200.0
 
 
-def test_a_pattern_is_taken_over_by_problems_with_the_same_unknowns_and_rows_only():
-    first, _ = _problem(free=case.FRICTION[:-1])
-    finer, _ = _problem(free=case.FRICTION[:-1], grid=replace(SMALL, steps=4))
-    other, _ = _problem(free=case.FRICTION[1:])  # as many unknowns and rows, but they are others
-    assert other.pattern.shape == first.pattern.shape
-    taken = {
-        problem: Problem(problem.logs, problem.layout, problem.moments, first.pattern) for problem in (finer, other)
-    }
-    assert taken[finer].pattern is first.pattern and taken[other].pattern is not first.pattern
-    for problem, again in taken.items():
-        z = _somewhere(problem)
-        expected, found = (p.evaluate(z, derivatives=True) for p in (problem, again))
-        for name in ("jacobian", "hessian"):
-            np.testing.assert_array_equal(getattr(found, name).toarray(), getattr(expected, name).toarray())
-
-
 @pytest.mark.parametrize("jitter", [0.0, 1e-3])
 @pytest.mark.parametrize("per", [None, "log"], ids=["shared", "own"])
 def test_a_point_keeps_its_cost_where_every_parameter_is_unknown(per, jitter):
@@ -355,13 +327,3 @@ def test_a_point_keeps_its_cost_where_every_parameter_is_unknown(per, jitter):
         spread = unknowns.spread[unknowns.names.index("mu_s")]
         soft, _ = problem.with_all_parameters(unknowns.with_weak_priors(), z)
         assert every.layout.prior_sd[own[0]] == FORGOTTEN * spread > soft.layout.prior_sd[own[0]]
-
-
-def test_finer_steps_are_those_of_a_finer_grid():
-    problem, _ = _problem()
-    z = _somewhere(problem)
-    finer = problem.with_steps(2 * SMALL.steps)
-    walked, _ = _problem(grid=replace(SMALL, steps=2 * SMALL.steps))
-    coarse, fine = (p.evaluate(z, derivatives=False) for p in (problem, finer))
-    assert np.max(np.abs(coarse.rows - fine.rows)) > 1e-9, "more steps change nothing"
-    assert walked.layout.size == finer.layout.size and walked.samples == finer.samples

@@ -8,9 +8,7 @@ import pytest
 
 from experiments.draws import draw
 from experiments.energy import balance
-from experiments.verdicts import difference, judge, motion
-from identify.model.model import assemble
-from identify.simulation.simulate import run
+from experiments.verdicts import judge, motion
 from identify.simulation.steppers import STIFF, StepProblem
 
 # Seed of the scene: what was wrong there.
@@ -81,23 +79,6 @@ def test_a_part_of_an_implicit_step_is_the_motion_there() -> None:
 VALUES = {"mu_s": 0.6, "mu_k0": 0.45, "stiffness": 1470.0, "mass": 0.2, "damping": 8.0 * 1470.0}
 
 
-def test_a_rest_of_millennia_loses_what_its_series_element_loses() -> None:
-    model, x, stiff = assemble(("inertia", "skin_compliance")), 1e-4, 4400.0
-    values = {n: VALUES[n] for n in ("mu_s", "mu_k0", "stiffness", "mass")}
-    values |= {"skin_stiffness": stiff, "skin_retardation": 2e-3}
-    found = balance(run(model, values, 0.0, 1.0, 1e12, start={"elongation": x}), values)
-    assert found is not None
-    k = VALUES["stiffness"]
-    assert found.damper == pytest.approx(0.5 * (k * x) ** 2 / (k + stiff), rel=1e-10)
-
-
-def test_a_slip_that_begins_with_a_fresh_contact_begins_saturated() -> None:
-    scene = draw(3732)
-    phases = motion(scene, scene.accuracy).phases
-    assert [p.mode for p in phases][:2] == ["worn", "slip"]
-    assert phases[0].start == 0.0 and phases[0].duration > 1e-9
-
-
 def test_an_implicit_step_that_newton_does_not_find_again_is_drawn_through_its_ends() -> None:
     """Seed 7645: one step of 1,200 was found by Newton's method and, a last digit apart, not found again: samples in it
     were of 1e16 m/s."""
@@ -108,20 +89,6 @@ def test_an_implicit_step_that_newton_does_not_find_again_is_drawn_through_its_e
     fastest = max(float(np.max(np.abs(np.asarray(phase.states)[:, 1]))) for phase in ours.phases)
     times = np.linspace(0.0, ours.duration, 20_001)
     assert float(np.max(np.abs(ours.sample(times)["sliding_speed"]))) <= 1.01 * fastest
-
-
-def test_an_implicit_step_does_not_leave_for_another_solution_of_its_equations() -> None:
-    """Seed 7472: a contact that was 7e16 times as strong as a contact can be, and an elongation of 4e11 m."""
-    assert judge(draw(7472)).outcome.startswith("refused: the slip phase")
-
-
-@pytest.mark.parametrize("seed", [7612])
-def test_a_contact_that_ages_for_no_time_where_the_sliding_turns_is_no_switch(seed: int) -> None:
-    scene = draw(seed)
-    ours, truth = (motion(scene, accuracy) for accuracy in (scene.accuracy, scene.accuracy / 100.0))
-    assert ours.wear_times.size != truth.wear_times.size
-    assert difference(ours, truth) == float("inf")
-    assert difference(ours, truth, scene.accuracy) <= scene.accuracy
 
 
 @pytest.mark.parametrize("seed", [3002, 4065])

@@ -21,10 +21,6 @@ PAPER = [seed for seed in range(2000) if effects_of(seed) == MAIN][:100]
 OTHERS = range(40, 60)
 
 
-def test_no_two_cases_share_a_name() -> None:
-    assert len({case.name for case in CASES}) == len(CASES)
-
-
 @pytest.mark.parametrize("case", GREEN, ids=lambda case: case.name)
 def test_the_case_is_green_and_a_spring_slightly_too_stiff_is_not(case: HardCase) -> None:
     error, spoilt = case.errors(0.0, 1e-3)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -97,15 +95,6 @@ def test_every_method_locates_switches_and_samples_densely(method: Method) -> No
     times = np.linspace(0.0, 1.0, 3001)
     np.testing.assert_allclose(found.sample(times)["force"], truth.force(times), atol=100 * rtol)
     assert found.methods == (method.name,)
-
-
-def test_the_outside_reference_agrees() -> None:
-    ours = run(MODEL, PAIR, 1e-3, 1.0, 0.5)
-    theirs = run(MODEL, PAIR, 1e-3, 1.0, 0.5, accuracy=Stepping(1e-9, OUTSIDE))
-    apart = distance(ours, theirs)
-    assert theirs.methods == ("cvodes",)
-    assert 0.0 < apart.switches < 1e-8
-    assert apart.forces < 1e-7
 
 
 def _eq13_arrest() -> float:
@@ -206,29 +195,6 @@ def test_the_default_follows_from_the_noise() -> None:
         run(MODEL, PAIR, 1e-3, 1.0, 1.0, accuracy=0.0)
 
 
-def test_cost_is_counted_linear_in_cycles() -> None:
-    nodes = [sum(len(phase.times) for phase in run(MODEL, PAIR, 1e-3, 1.0, t).phases) for t in (3.0, 6.0, 12.0)]
-    assert nodes[1] == pytest.approx(2 * nodes[0], rel=0.1)
-    assert nodes[2] == pytest.approx(4 * nodes[0], rel=0.1)
-
-
-def test_the_command_line_takes_an_accuracy_and_reports_the_error(tmp_path, capsys) -> None:
-    from identify.cli.main import main
-    from identify.examples import FOLDER
-
-    rig = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N", "--duration", "2", "--rate", "500"]
-    command = ["simulate", "--scene", str(FOLDER / "pair.toml"), *rig]
-    assert main([*command, "--out", str(tmp_path / "fine.csv"), "--accuracy", "1e-5", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)["accuracy"]
-    assert found["asked"] == 1e-5
-    assert 0.0 < found["switches"] < 1e-5
-    assert found["methods"] == ["dop853"]
-    assert main([*command, "--out", str(tmp_path / "noisy.csv"), "--noise", "5 mN", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["accuracy"]["asked"] == pytest.approx(1e-4)
-    assert main([*command, "--out", str(tmp_path / "log.csv"), "--accuracy", "2"]) == 2
-    assert "--accuracy is 2" in capsys.readouterr().err
-
-
 def test_orders_hold_through_switches_and_are_lost_where_these_are_not_located() -> None:
     from experiments.run_work_precision import orders
 
@@ -244,12 +210,3 @@ def test_a_record_sampled_in_one_go_is_what_its_parts_are() -> None:
     for name, values in whole.items():
         single = [float(motion.sample([t])[name][0]) for t in times[::23]]
         np.testing.assert_allclose(values[::23], single, rtol=1e-12, atol=1e-15, err_msg=name)
-
-
-def test_runs_that_take_turns_do_not_meet_in_their_buffers() -> None:
-    alone = run(MODEL, PAIR, 1e-3, 1.0, 1.0)
-    fast = PAIR | {"mass": 0.05}
-    both = [run(MODEL, values, 1e-3, 1.0, 1.0) for values in (fast, PAIR)]
-    np.testing.assert_array_equal(both[1].onsets, alone.onsets)
-    assert both[0].achieved is not None  # a second run in between
-    np.testing.assert_array_equal(run(MODEL, PAIR, 1e-3, 1.0, 1.0).onsets, alone.onsets)

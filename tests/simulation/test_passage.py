@@ -47,13 +47,3 @@ def test_a_slow_line_meets_a_tremor_in_its_dips_and_a_fast_one_anywhere():
     slow, fast = (first_passage(tremor, STEP, rise, LATER) for rise in (5.0, 3000.0))
     assert slow[0] < -0.6 and slow[1] > 0.5
     assert abs(fast[0]) < 0.1
-
-
-def test_dips_that_are_survived_do_not_count():
-    tremor = _tremor(4)
-    all_of_them, lasting = (first_passage(tremor, STEP, 10.0, LATER, survived) for survived in (0.0, 0.015))
-    assert lasting[0] > all_of_them[0] + 0.05, "the bottom of a dip is soon over"
-
-
-def test_a_line_that_never_reaches_a_tremor_tells_nothing():
-    assert first_passage(np.linspace(0.0, 10.0, 1000), 1e-3, 1.0, LATER) == (0.0, 0.0)

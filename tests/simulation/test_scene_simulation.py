@@ -59,12 +59,6 @@ def test_a_simulation_starts_settled(name, elongation):
         assert samples["lagged_force"] == pytest.approx(stiffness * elongation, rel=1e-9, abs=1e-12)
 
 
-def test_the_initial_gamma_is_kept_beside_a_settled_skin():
-    scene = scene_of(beside_the_others("skin_compliance"), initial={"gamma": 0.3, "elongation": 1e-5})
-    first = simulate(scene, 0.1).sample([0.0])
-    assert first["gamma"] == pytest.approx(0.3) and first["elongation"] == pytest.approx(1e-5)
-
-
 def test_the_course_of_the_load_or_its_mean():
     course = ([0.0, 1.0, 3.0], [1.0, 0.8, 1.2])
     mean = (0.9 * 1.0 + 0.9 * 1.0) / 2.0  # trapezoids over the first two seconds: 0.9 then (0.8 + 1.0)/2
@@ -96,8 +90,3 @@ def test_laws_keep_to_their_measured_range_in_a_simulation():
     heavy = scene_of(("inertia", "load_dependence", "varying_normal_force"))
     with pytest.raises(SceneError, match="load_dependence was measured"):
         simulate(heavy, 1.0, normal_force=([0.0, 1.0], [1.0, 80.0]))
-
-
-def test_effects_to_be_chosen_are_not_simulated():
-    with pytest.raises(SceneError, match="list them by name"):
-        simulate(Scene.from_document({"effects": "auto", "rig": RIG}), 1.0)

@@ -8,6 +8,7 @@ import pytest
 from identify.base.errors import SimulationError
 from identify.effects import MAIN
 from identify.model.model import assemble
+from identify.simulation.drive import Drive
 from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
 from identify.simulation.trajectory import Trajectory
@@ -123,3 +124,15 @@ def test_a_plain_oscillator_slips_as_the_closed_form_says() -> None:
     assert force[0] - force[1] == pytest.approx(2 * 0.19, rel=1e-9)
     slip = (trajectory.arrests[0] - trajectory.onsets[0]) * omega
     assert slip == pytest.approx(2 * np.pi - 2 * np.arctan(overshoot), rel=1e-9)
+
+
+def test_a_drive_within_a_window_begins_with_what_holds_there() -> None:
+    drive = Drive.of(((0.0, 1e-3), (2.0, 0.0), (3.0, -2e-3)))
+    assert drive.changes(2.0, 3.5) == [3.0]  # the ends do not count
+    assert drive.within(2.0, 3.5) == [(2.0, 0.0), (3.0, -2e-3)]
+    assert drive.within(-1.0, 2.5)[0] == (-1.0, 1e-3)
+
+
+def test_without_inertia_nothing_is_simulated() -> None:
+    with pytest.raises(SimulationError, match="add inertia to effects"):
+        run(assemble(("contact_ageing",)), PAIR, 1e-3, 1.0, 2.0)
