@@ -52,7 +52,7 @@ def _moved_by_load(model: Model) -> bool:
     return bool(ca.depends_on(model.rest(x, p, u, t), u[1]))
 
 
-class Along:
+class LogContext:
     """A model with its parameters p (n_p,), under the drive and the load of a log; `half` is half a period [s]."""
 
     def __init__(self, model: Model, log: LogData, p: Array) -> None:
@@ -156,7 +156,7 @@ LEVEL, SURE_RISE = 0.25, 3.0  # of the slope of a stick, and standard errors: a 
 PEAK_WINDOW = 0.2  # of half a period: width of the mean whose highest value is the first peak
 
 
-def onset_on_data(along: Along, since: float, onset: float, x: Array, spread: float = np.inf) -> float:
+def onset_on_data(context: LogContext, since: float, onset: float, x: Array, spread: float = np.inf) -> float:
     """Where on the data a slide that is expected from `onset` on, from state x, fits best; after `since` [s]. Where
     nothing fits better than by chance it stays where it is expected.
 
@@ -165,14 +165,14 @@ def onset_on_data(along: Along, since: float, onset: float, x: Array, spread: fl
     """
     if spread == 0.0:
         return onset
-    log, half, latest = along.log, along.half, along.change_after(since)
+    log, half, latest = context.log, context.half, context.change_after(since)
     local = np.linspace(0.0, 2.0 * half, 200)
-    wave = along.motion(onset, x, float(local[-1])).sample(local)["force"]
-    slope = along.values["stiffness"] * log.speed_at(onset)
+    wave = context.motion(onset, x, float(local[-1])).sample(local)["force"]
+    slope = context.values["stiffness"] * log.speed_at(onset)
     reach, step = max(REACH * half, 2.0 * log.interval), max(half / PER_HALF_PERIOD, 0.25 * log.interval)
     centres = [onset]
-    fall = _steepest_fall(along, along.samples(since, min(onset + SEARCHED * (onset - since) + 2 * half, latest)))
-    if fall is not None and abs(fall - onset) > reach and (fall < onset or _may_stick(along, onset, fall, slope)):
+    fall = _steepest_fall(context, context.samples(since, min(onset + SEARCHED * (onset - since) + 2 * half, latest)))
+    if fall is not None and abs(fall - onset) > reach and (fall < onset or _may_stick(context, onset, fall, slope)):
         centres.append(fall)
 
     def misfits(index: NDArray[np.intp], places: Array) -> Array:
@@ -186,7 +186,7 @@ def onset_on_data(along: Along, since: float, onset: float, x: Array, spread: fl
 
     best, lowest, least = onset, np.inf, np.inf
     for centre in centres:
-        index = along.samples(max(centre - reach - half, np.nextafter(since, np.inf)), centre + reach + local[-1])
+        index = context.samples(max(centre - reach - half, np.nextafter(since, np.inf)), centre + reach + local[-1])
         index = index[:: max(index.size // COMPARED, 1)]
         index = index[log.time[index] < latest]  # the simulated wave does not know another speed of the drive
         if index.size < 2:
@@ -201,23 +201,23 @@ def onset_on_data(along: Along, since: float, onset: float, x: Array, spread: fl
     return best if lowest < least else onset
 
 
-def _may_stick(along: Along, begin: float, end: float, slope: float) -> bool:
+def _may_stick(context: LogContext, begin: float, end: float, slope: float) -> bool:
     """Whether the force between two times [s] may be that of a stick that loads at `slope` [N/s]."""
-    index = along.samples(begin, end)
-    if index.size < 3 or any(begin < change < end for change in along.changes):
+    index = context.samples(begin, end)
+    if index.size < 3 or any(begin < change < end for change in context.changes):
         return True
-    time, noise = along.log.time[index], along.log.noise
-    return line_slope(time, along.log.force[index], noise) > LEVEL * slope - SURE_RISE * slope_error(time, noise)
+    time, noise = context.log.time[index], context.log.noise
+    return line_slope(time, context.log.force[index], noise) > LEVEL * slope - SURE_RISE * slope_error(time, noise)
 
 
-def _steepest_fall(along: Along, index: NDArray[np.intp]) -> float | None:
+def _steepest_fall(context: LogContext, index: NDArray[np.intp]) -> float | None:
     """Where the force falls most from one half period to the next [s]; None where there are not two."""
-    width = max(round(along.half / along.log.interval), 1)
+    width = max(round(context.half / context.log.interval), 1)
     if index.size < 2 * width:
         return None
-    sums = np.concatenate([[0.0], np.cumsum(along.log.force[index])])
+    sums = np.concatenate([[0.0], np.cumsum(context.log.force[index])])
     means = sums[width:] - sums[:-width]
-    return float(along.log.time[index[width - 1 + int(np.argmax(means[:-width] - means[width:]))]])
+    return float(context.log.time[index[width - 1 + int(np.argmax(means[:-width] - means[width:]))]])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -229,56 +229,56 @@ FIRST_SWINGS = 8.0  # half periods about the first peak that are compared
 AGES = 41  # states of the contact that are tried
 
 
-def first_state(along: Along) -> Array:
+def first_state(context: LogContext) -> Array:
     """State at the begin of the window: the elongation from the first samples, the contact half aged or such that
     the first slip lies on the data."""
-    log, model = along.log, along.model
-    moving = next((c for c in (log.begin, *along.changes) if log.speed_at(c) > 0.0), log.end)
-    index = along.samples(moving, along.change_after(moving))
+    log, model = context.log, context.model
+    moving = next((c for c in (log.begin, *context.changes) if log.speed_at(c) > 0.0), log.end)
+    index = context.samples(moving, context.change_after(moving))
     peak = until = log.begin
     if index.size > 2:
-        width = max(min(int(PEAK_WINDOW * along.half / log.interval), index.size // 3), 1)
+        width = max(min(int(PEAK_WINDOW * context.half / log.interval), index.size // 3), 1)
         smooth = uniform_filter1d(log.force[index], width, mode="nearest")
         peak = float(log.time[index[int(np.argmax(smooth))]])
         until = float(log.time[index[int(np.argmax(smooth >= smooth[0] + RISEN * (smooth.max() - smooth[0])))]])
-    index = along.samples(log.begin, np.nextafter(until, np.inf))
+    index = context.samples(log.begin, np.nextafter(until, np.inf))
     if index.size == 0:
         index = np.array([min(int(np.searchsorted(log.time, log.begin)), log.time.size - 1)])
-    moved = np.array([along.drive_motion(t) for t in log.time[index]])
-    level = float(np.median(log.force[index] - along.values["stiffness"] * moved))
-    x = batch.at_force(model, np.array([level]), along.p[None], along.inputs(log.begin)[None])[0]
+    moved = np.array([context.drive_motion(t) for t in log.time[index]])
+    level = float(np.median(log.force[index] - context.values["stiffness"] * moved))
+    x = batch.at_force(model, np.array([level]), context.p[None], context.inputs(log.begin)[None])[0]
     if model.clamped is not None:
-        x[model.clamped] = _aged_at_begin(along, x, peak)
+        x[model.clamped] = _aged_at_begin(context, x, peak)
     return x
 
 
-def _aged_at_begin(along: Along, x: Array, peak: float) -> float:
+def _aged_at_begin(context: LogContext, x: Array, peak: float) -> float:
     """The bounded state with which the first slip lies on the data about the first peak [s]; half way where that does
     not depend on it."""
-    log, clamped = along.log, along.model.clamped
+    log, clamped = context.log, context.model.clamped
     assert clamped is not None
-    begin = max(peak - FIRST_SWINGS * along.half, log.begin)
-    end = min(peak + FIRST_SWINGS * along.half, along.change_after(peak))
+    begin = max(peak - FIRST_SWINGS * context.half, log.begin)
+    end = min(peak + FIRST_SWINGS * context.half, context.change_after(peak))
 
     def aged(value: float) -> Array:
         state = x.copy()
         state[clamped] = value
         return state
 
-    index = along.samples(begin, end)
+    index = context.samples(begin, end)
 
     def misfit(value: float) -> float:
         try:
-            begun, _t, state, _ = along.rest(log.begin, aged(value), begin)
+            begun, _t, state, _ = context.rest(log.begin, aged(value), begin)
             if begun or index.size == 0:
                 return np.inf
-            shown = along.motion(begin, state, end - begin).sample(log.time[index] - begin)["force"]
+            shown = context.motion(begin, state, end - begin).sample(log.time[index] - begin)["force"]
         except SimulationError:
             return np.inf
         return float(np.mean(log.weight[index] * (log.force[index] - shown) ** 2))
 
     ages = np.linspace(0.0, 1.0, AGES)
-    rests = [along.rest(log.begin, aged(value), log.end) for value in ages]
+    rests = [context.rest(log.begin, aged(value), log.end) for value in ages]
     onsets = np.array([t if begun else np.inf for begun, t, _, _ in rests])
     finite = onsets[np.isfinite(onsets)]
     if not finite.size or np.ptp(finite) <= 1e-3 * (peak - log.begin):
@@ -394,7 +394,7 @@ def follow(model: Model, log: LogData, p: Array, *, begins_sliding: bool) -> Fol
 def glide(model: Model, log: LogData, p: Array) -> ShootingTrajectory | None:
     """The motion of a log that slides steadily from begin to end; None where the model has no such motion."""
     motion = _Motion(model, log, p)
-    steady = motion.along.steady(log.begin)
+    steady = motion.context.steady(log.begin)
     if steady is None:
         return None
     motion.glide(log.begin, log.end)
@@ -405,7 +405,7 @@ class _Motion:
     """A motion as it is put together."""
 
     def __init__(self, model: Model, log: LogData, p: Array) -> None:
-        self.model, self.log, self.along = model, log, Along(model, log, p)
+        self.model, self.log, self.context = model, log, LogContext(model, log, p)
         self.stretches: list[Stretch] = []
         self.seen = 0  # of these, up to the last slip that stands out of the noise
         self.start = np.array([s.start for s in model.states])
@@ -414,14 +414,14 @@ class _Motion:
         """Follow the motion to the end of the window."""
         t, sliding, hidden = self.log.begin, begins_sliding, 0
         if begins_sliding:
-            steady = self.along.steady(t)
+            steady = self.context.steady(t)
             if steady is None:
                 return None
-            self.start, t = steady.state, self.along.change_after(t)
+            self.start, t = steady.state, self.context.change_after(t)
             self.glide(self.log.begin, t)
             self.seen = len(self.stretches)
         else:
-            self.start = first_state(self.along)
+            self.start = first_state(self.context)
         x = self.start
         while t < self.log.end and len(self.stretches) < MOST_STRETCHES:
             if not sliding:
@@ -453,7 +453,7 @@ class _Motion:
         again = rest > 0 and self.stretches[rest - 1].ended_by == "arrest"
         length = last.until - self.stretches[rest - 1].until if again else 2.0 * (last.until - begun)
         nodes = np.concatenate([self.stretches[rest].nodes[-1:], *(s.nodes for s in self.stretches[rest + 1 :])])
-        height = float(np.ptp(self.along.forces(0.5 * (begun + last.until), nodes)))
+        height = float(np.ptp(self.context.forces(0.5 * (begun + last.until), nodes)))
         return length / self.log.interval * (height / self.log.noise) ** 2 / 12.0 >= SHOWN
 
     def so_far(self) -> Followed | None:
@@ -467,32 +467,32 @@ class _Motion:
             return None
         end = stretches[-1].until
         if stretches[-1].ended_by == "arrest":
-            end = min(end + AFTER * (end - stretches[self.last_rest() or 0].until), self.along.change_after(end))
+            end = min(end + AFTER * (end - stretches[self.last_rest() or 0].until), self.context.change_after(end))
         return self._followed(end)
 
     def rest(self, t: float, x: Array) -> tuple[float, Array, bool]:
         """A rest and the onset that ends it, moved onto the data: its end, the state there, whether it then slides."""
         last = self.last_rest()
         before = -np.inf if last is None else self.stretches[last].until
-        begun, onset, x, changes = self.along.rest(t, x, self.log.end)
+        begun, onset, x, changes = self.context.rest(t, x, self.log.end)
         for until, after in changes:
             if begun or until < self.log.end:
                 self.stretches.append(Stretch("rest", until, "time", after[None]))
                 t = until
         if not begun:
             return self.log.end, x, False
-        placed = onset_on_data(self.along, t, onset, x, UNSURE * (onset - before))
+        placed = onset_on_data(self.context, t, onset, x, UNSURE * (onset - before))
         self.stretches.append(Stretch("rest", placed, "onset", x[None]))
         return placed, x, True
 
     def slide(self, t: float, x: Array) -> tuple[float, Array, bool]:
         """A slide until the mass rests, the drive changes, or the window ends; NaN where it is not followed further."""
-        until, begun = self.along.change_after(t), t
-        slide = SlideParts(self.model, begun, self.along.half)
+        until, begun = self.context.change_after(t), t
+        slide = SlideParts(self.model, begun, self.context.half)
         arrest: Phase | None = None
         faded = False
-        while t < until and t < begun + LONGEST * self.along.half and not faded:
-            motion = self.along.motion(t, x, min(CHUNK * self.along.half, until - t))
+        while t < until and t < begun + LONGEST * self.context.half and not faded:
+            motion = self.context.motion(t, x, min(CHUNK * self.context.half, until - t))
             arrest = slide.take(t, motion)
             if arrest is not None:
                 t, x = t + arrest.start + arrest.duration, arrest.end
@@ -505,19 +505,19 @@ class _Motion:
             return t, x, False
         if faded:
             self.glide(t, until)
-            steady = self.along.steady(until, just_before=True)
+            steady = self.context.steady(until, just_before=True)
             assert steady is not None
             return until, steady.state, True
         return (until, x, True) if t >= until else (np.nan, x, True)
 
     def faded(self, t: float, motion: Trajectory) -> bool:
         """Whether the last period of a motion that ends at t is steady sliding but for a part of the noise."""
-        steady = self.along.steady(t, just_before=True)
-        if steady is None or motion.duration < 2.0 * self.along.half:
+        steady = self.context.steady(t, just_before=True)
+        if steady is None or motion.duration < 2.0 * self.context.half:
             return False
-        local = np.linspace(motion.duration - 2.0 * self.along.half, motion.duration, 60)
+        local = np.linspace(motion.duration - 2.0 * self.context.half, motion.duration, 60)
         shown = motion.sample(local)["force"]
-        level = self.along.forces(t, steady.state[None], just_before=True)
+        level = self.context.forces(t, steady.state[None], just_before=True)
         drift = self.log.normal_force.at(t - motion.duration + local) / float(self.log.normal_force.at(t))
         return bool(np.max(np.abs(shown - level * drift)) < FADED * self.log.noise)
 
@@ -525,7 +525,7 @@ class _Motion:
         """Steady sliding between two times, in as many pieces as the normal force has."""
         count = min(max(2 * self.log.normal_force.between(since, until)[0].size, 1), PIECES)
         edges = np.linspace(since, until, count + 1)
-        steady = [self.along.steady(t, just_before=i == count) for i, t in enumerate(edges.tolist())]
+        steady = [self.context.steady(t, just_before=i == count) for i, t in enumerate(edges.tolist())]
         states = [s for s in steady if s is not None]
         if len(states) < len(steady):
             raise SimulationError("there is no steady sliding")

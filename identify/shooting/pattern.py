@@ -79,10 +79,6 @@ class Moments:
             self.square + np.sum((curve - self.reference) * (self.slope_at(curve) - self.pull), axis=(1, 2))
         )
 
-    def around(self, curve: Array) -> Moments:
-        """The same samples, compressed around another curve."""
-        return replace(self, reference=curve, pull=-self.slope_at(curve), square=self.squares_at(curve))
-
 
 def samples_of(family: Family, logs: Sequence[LogData], portion: int = PORTION) -> Iterator[CellSamples]:
     """The samples in the cells of a family, log by log and some cells at a time."""
@@ -138,7 +134,8 @@ def compressed(family: Family, logs: Sequence[LogData], reference: Array, portio
     curvature = powers[:, hankel].reshape(count, n_cells, order, order)
     squares, numbers = (column.reshape(count, n_cells).sum(axis=1) for column in (square, number))
     about_line = Moments(curvature, pull.reshape(count, n_cells, order), line, squares, numbers)
-    return about_line.around(reference)
+    moved = {"pull": -about_line.slope_at(reference), "square": about_line.squares_at(reference)}
+    return replace(about_line, reference=reference, **moved)
 
 
 @dataclass(frozen=True)

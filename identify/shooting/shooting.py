@@ -5,7 +5,6 @@ The samples are compressed exactly (`pattern.Moments`). Hessian: Gauss-Newton.
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -64,25 +63,6 @@ class Problem:
         self.moments = moments or [self._compress(f) for f in layout.families]
         self.pattern = pattern if pattern is not None and pattern.fits(layout) else Pattern(layout)
         self._last: tuple[bytes, bool, Point] | None = None
-
-    def driven(self, factor: float) -> Problem:
-        """The same problem, samples and starting point with all drive speeds times `factor`."""
-        out = copy.copy(self)
-        out._last = None
-        families = []
-        for family in self.layout.families:
-            constants = family.constants.copy()
-            constants[:, family.block.drive_speed] *= factor
-            families.append(replace(family, constants=constants))
-        out.layout = replace(self.layout, families=tuple(families))
-        return out
-
-    def with_moments(self, moments: list[Moments]) -> Problem:
-        """The same problem with other data, compressed in the same cells."""
-        out = copy.copy(self)
-        out._last = None
-        out.moments = moments
-        return out
 
     def with_all_parameters(self, unknowns: Unknowns, z: Array) -> tuple[Problem, Array]:
         """This problem with every parameter among its unknowns, and its point z (scaled) there.

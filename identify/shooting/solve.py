@@ -147,29 +147,6 @@ def _ports(problem: Problem, exact: bool) -> dict[str, _NlpCallback]:
     }
 
 
-def _not_begun(problem: Problem) -> Solution:
-    """Of a trajectory whose events do not follow each other, or coincide, no solve can begin: a failure like others."""
-    return Solution(
-        problem.start, problem.layout.start, OUT_OF_ORDER, False, 0, np.inf, np.inf, np.zeros(problem.layout.rows)
-    )
-
-
-def _left_by(problem: Problem, result: Mapping[str, Any], stats: Mapping[str, Any]) -> Solution:
-    """What the solver left, and what it says of it."""
-    z = np.array(result["x"]).ravel()
-    point = problem.evaluate(z, derivatives=False)
-    return Solution(
-        z=z,
-        x=z * problem.layout.scale,
-        return_status=str(stats["return_status"]),
-        success=bool(stats["success"]),
-        iterations=int(stats["iter_count"]),
-        cost=point.cost,
-        constraint_violation=float(np.max(np.abs(point.rows), initial=0.0)),
-        multipliers=np.array(result["lam_g"]).ravel(),
-    )
-
-
 def solve(
     problem: Problem,
     *,
@@ -195,7 +172,8 @@ def solve(
     layout = problem.layout
     first = problem.start if start is None else start
     if np.any(layout.lower > layout.upper) or not np.isfinite(problem.evaluate(first, derivatives=False).cost):
-        return _not_begun(problem)
+        z, rows = problem.start, np.zeros(layout.rows)
+        return Solution(z, layout.start, OUT_OF_ORDER, False, 0, np.inf, np.inf, rows)
     ports = _ports(problem, exact)
     options = dict(ALWAYS) | {
         "grad_f": ports["grad_f"],
@@ -211,4 +189,15 @@ def solve(
     solver = ca.nlpsol("identify", "ipopt", ports["nlp"], options)
     lower, upper = layout.lower / layout.scale, layout.upper / layout.scale
     result = solver(x0=first, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
-    return _left_by(problem, result, solver.stats())
+    stats, z = solver.stats(), np.array(result["x"]).ravel()
+    point = problem.evaluate(z, derivatives=False)
+    return Solution(
+        z=z,
+        x=z * layout.scale,
+        return_status=str(stats["return_status"]),
+        success=bool(stats["success"]),
+        iterations=int(stats["iter_count"]),
+        cost=point.cost,
+        constraint_violation=float(np.max(np.abs(point.rows), initial=0.0)),
+        multipliers=np.array(result["lam_g"]).ravel(),
+    )

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from identify.logs.fit_mode import moving_pieces
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
-from identify.shooting import batch as lanes
-from identify.shooting.batch import slip
+from identify.shooting import batch
 from identify.shooting.features import Features, Waves, middle_of_fall
 from identify.simulation.drive import Drive
 
@@ -84,7 +83,7 @@ def _levels(logs: Sequence[Prepared]) -> tuple[Array, Array]:
 # arrest force; that it ends at the same force is one more residual, so no limit cycle is iterated. Of a drive programme
 # every slip is simulated from the force at which the rest before it begins, through the holds, to that after it: how it
 # grows with the rest tells strength and ageing apart, which cycles of one speed do not. Levenberg-Marquardt runs for
-# all starts at once; all their perturbations are lanes of one batch.
+# all starts at once; all their perturbations are rows of one batch.
 # ----------------------------------------------------------------------------------------------------------------------
 
 PER_HALF_PERIOD = 24  # steps of a slip in the start fit
@@ -148,18 +147,18 @@ class _Fold:
         p = self.unknowns.values(theta[:, None, :], self.base[None]).reshape(s * self.n_logs, -1)
         u = np.tile(self.u, (s, 1))
         arrest = np.where(self.settled, arrest, self.begun_at)
-        x, before = lanes.at_force(model, arrest.ravel(), p, np.tile(self.u_begin, (s, 1))), np.zeros(u.shape[0])
+        x, before = batch.at_force(model, arrest.ravel(), p, np.tile(self.u_begin, (s, 1))), np.zeros(u.shape[0])
         for speed, seconds in self.legs:
             leg = np.tile(np.column_stack([speed, self.u[:, 1:]]), (s, 1))
-            x, before = lanes.rested(model, x, p, leg, np.tile(seconds, s)), before + np.tile(seconds, s)
-        stick, at_onset = lanes.stick(model, x, p, u)
-        slips = slip(model, at_onset, p, u, PER_HALF_PERIOD)  # settled: the time of day hardly moves in a cycle
+            x, before = batch.rested(model, x, p, leg, np.tile(seconds, s)), before + np.tile(seconds, s)
+        stick, at_onset = batch.stick(model, x, p, u)
+        slips = batch.slip(model, at_onset, p, u, PER_HALF_PERIOD)  # settled: the time of day hardly moves in a cycle
         steps = slips.states.shape[0]
         flat = slips.states.transpose(1, 0, 2).reshape(-1, x.shape[1])
-        force = lanes.load_cell(model, flat, np.repeat(p, steps, axis=0), np.repeat(u, steps, axis=0)).reshape(
+        force = batch.load_cell(model, flat, np.repeat(p, steps, axis=0), np.repeat(u, steps, axis=0)).reshape(
             -1, steps
         )
-        end_force = lanes.load_cell(model, np.nan_to_num(slips.at_arrest), p, u)
+        end_force = batch.load_cell(model, np.nan_to_num(slips.at_arrest), p, u)
         ok = slips.rested & np.isfinite(stick)
         duration = np.where(ok, slips.arrest, slips.h)
         k = p[:, model.parameter_names.index("stiffness")]
@@ -300,7 +299,7 @@ def _soft(fold: _Fold, starts: Array) -> tuple[Array, Array]:
 def _linearise(
     fold: _Fold, theta: Array, arrest: Array, shift: Array, soft_mean: Array, soft_sd: Array
 ) -> tuple[Array, Array, Array]:
-    """Half cost (S,), gradient (S, n) and Gauss-Newton curvature (S, n, n), by lanes with one thing changed each."""
+    """Half cost (S,), gradient (S, n) and Gauss-Newton curvature (S, n, n), by rows with one thing changed each."""
     s, n_t, n_l = theta.shape[0], fold.n_theta, fold.n_logs
     steps = 1e-4 * fold.unknowns.spread[fold.free]
     force_step = 1e-4 * fold.drops

@@ -16,7 +16,6 @@ from scipy.optimize import brentq
 from identify.base.errors import SimulationError
 from identify.model.model import ELONGATION, SPEED, Model
 from identify.model.modes import GUARDS, GuardName, ModeName, sliding_modes
-from identify.simulation import resting
 from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.plan import Plan, Scales
 from identify.simulation.resting import Resting
@@ -127,7 +126,7 @@ class Machine:
         self.tolerances = np.concatenate([[plan.rtol], plan.rtol * floor])
         self._left, self._borrowed = list(plan.methods), list[Stepper]()
         self.stepper = self._next()
-        self.rests = resting.borrowed(model)
+        self.rests = Resting(model)
         modes = sliding_modes(model.clamped is not None)
         self.first = dict.fromkeys(modes, min(FIRST * scale.time, scale.first))
         self.following: dict[ModeName, dict[GuardName, ModeName]] = {n: dict(mode.exits) for n, mode in modes.items()}
@@ -143,7 +142,6 @@ class Machine:
 
     def close(self) -> None:
         """Give back what others can use: the run is over."""
-        resting.give_back(self.rests)
         while self._borrowed:
             give_back(self._borrowed.pop())
 

@@ -45,7 +45,7 @@ def _functions(model: Model) -> tuple[ca.Function, ca.Function, Mapped, Mapped]:
 
 
 class Resting:
-    """Rests of one model; holds buffers, so one at a time uses it: see `borrowed`."""
+    """Rests of one model; holds buffers, so one per thread."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -126,20 +126,6 @@ class Resting:
     def _at_times(self, function: Mapped, times: Array) -> Array:
         """A margin [N] at times (n,) [s]."""
         return function([*(np.repeat(given[None], times.size, axis=0) for given in (self._x, self._c)), times])[0][:, 0]
-
-
-_IDLE: dict[Model, list[Resting]] = {}
-
-
-def borrowed(model: Model) -> Resting:
-    """Rests nobody uses: some that were given back, or new ones."""
-    idle = _IDLE.get(model)
-    return idle.pop() if idle else Resting(model)
-
-
-def give_back(rests: Resting) -> None:
-    """Let others use them."""
-    _IDLE.setdefault(rests.model, []).append(rests)
 
 
 def swing(model: Model, p: Array) -> tuple[float, float]:
