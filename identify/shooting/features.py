@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from identify.logs.log_data import LogData
 from identify.logs.segment import DetectedCycles
+from identify.model.model import Model
+from identify.shooting.batch import Slips, load_cell
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The force of one simulated cycle as a function of time: stick line, slip, stick line.
@@ -62,6 +64,18 @@ class Waves:
         rise, first, last = np.diff(force, axis=1), tilt[:, :-1], tilt[:, 1:]
         bends = [force[:, :-1], first, 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise]
         return Waves(h, duration, force[:, 0], end, slope, np.stack(bends).reshape(4, -1))
+
+    @staticmethod
+    def of_slips(model: Model, slips: Slips, p: Array, u: Array, rested: NDArray[np.bool_]) -> tuple[Waves, Array]:
+        """Of slips with parameters p (n, n_p) and inputs u (n, 4), those that have not rested a step long; and the time
+        of the middle of their falls (n,) [s]."""
+        n, steps = slips.h.size, slips.states.shape[0]
+        flat = slips.states.transpose(1, 0, 2).reshape(n * steps, -1)
+        force = load_cell(model, flat, np.repeat(p, steps, axis=0), np.repeat(u, steps, axis=0)).reshape(n, steps)
+        duration = np.where(rested, slips.arrest, slips.h)
+        end = load_cell(model, np.nan_to_num(slips.at_arrest), p, u)
+        slope = p[:, model.parameter_names.index("stiffness")] * u[:, 0]
+        return Waves.of(force, slips.h, duration, end, slope), middle_of_fall(force, slips.h, duration)
 
     def values(self, t: Array) -> Array:
         """Force (n, b) at times t (n, b) from the onset of each cycle."""

@@ -16,7 +16,7 @@ from identify.logs.log_data import LogData
 from identify.model.model import ELONGATION, Model
 from identify.shooting import batch
 from identify.shooting.batch import Slips
-from identify.shooting.features import Waves, middle_of_fall
+from identify.shooting.features import Waves
 from identify.shooting.grid import Grid
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 
@@ -116,15 +116,8 @@ def _arrests(model: Model, cycles: _Cycles, starts: list[Array]) -> Array:
 def _placed(model: Model, logs: list[LogData], cycles: _Cycles, x: Array) -> tuple[Slips, Array]:
     """Simulate every cycle from its arrest x (n, n_x) and place it on the data: the slips, their onsets (n,) [s]."""
     slips = _slips(model, cycles, x, PER_HALF_PERIOD)
-    n, steps = cycles.fall.size, slips.states.shape[0]
-    flat = slips.states.transpose(1, 0, 2).reshape(n * steps, -1)
-    force = batch.load_cell(model, flat, np.repeat(cycles.p, steps, axis=0), np.repeat(cycles.u, steps, axis=0))
-    end = batch.load_cell(model, np.nan_to_num(slips.at_arrest), cycles.p, cycles.u)
-    slope = cycles.p[:, model.parameter_names.index("stiffness")] * cycles.u[:, 0]
-    duration, force = np.where(slips.rested, slips.arrest, slips.h), force.reshape(n, steps)
-    waves = Waves.of(force, slips.h, duration, end, slope)
-    onset = cycles.fall - middle_of_fall(force, slips.h, duration)
-    return slips, _shifted(logs, cycles, waves, onset)
+    waves, middle = Waves.of_slips(model, slips, cycles.p, cycles.u, slips.rested)
+    return slips, _shifted(logs, cycles, waves, cycles.fall - middle)
 
 
 def _shifted(logs: list[LogData], cycles: _Cycles, waves: Waves, onset: Array) -> Array:

@@ -13,7 +13,7 @@ from identify.logs.fit_mode import moving_pieces
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting import batch
-from identify.shooting.features import Features, Waves, middle_of_fall
+from identify.shooting.features import Features, Waves
 from identify.simulation.drive import Drive
 
 Array = NDArray[np.float64]
@@ -103,7 +103,7 @@ class Start:
     cost: float
 
 
-class _Fold:
+class _FeatureFit:
     """The residuals of all features as functions of the unknowns, for many candidates at once. A slip that is like no
     other starts and ends at the forces that the log shows, in place of those that its own cycle repeats."""
 
@@ -153,19 +153,12 @@ class _Fold:
             x, before = batch.rested(model, x, p, leg, np.tile(seconds, s)), before + np.tile(seconds, s)
         stick, at_onset = batch.stick(model, x, p, u)
         slips = batch.slip(model, at_onset, p, u, PER_HALF_PERIOD)  # settled: the time of day hardly moves in a cycle
-        steps = slips.states.shape[0]
-        flat = slips.states.transpose(1, 0, 2).reshape(-1, x.shape[1])
-        force = batch.load_cell(model, flat, np.repeat(p, steps, axis=0), np.repeat(u, steps, axis=0)).reshape(
-            -1, steps
-        )
-        end_force = batch.load_cell(model, np.nan_to_num(slips.at_arrest), p, u)
         ok = slips.rested & np.isfinite(stick)
-        duration = np.where(ok, slips.arrest, slips.h)
-        k = p[:, model.parameter_names.index("stiffness")]
+        waves, middle = Waves.of_slips(model, slips, p, u, ok)
+        duration, end_force = waves.duration, waves.end
         # The middle of the simulated fall is the origin; its position is found on the simulated steps.
-        middle = middle_of_fall(force, slips.h, duration)
         t = np.tile(self.times, (s, 1)) + shift.reshape(-1, 1) + middle[:, None]
-        value, slope = Waves.of(force, slips.h, duration, end_force, k * u[:, 0]).with_rates(t)
+        value, slope = waves.with_rates(t)
         out = np.empty((s * self.n_logs, self.width + 2))
         d_shift = np.zeros_like(out)
         weight = np.tile(self.weight, (s, 1))
@@ -243,61 +236,44 @@ def fit_features(
         bases: per feature, the base values of its log (n_p,).
         starts: (S, n_p) theta; keep: of these that are followed to the end.
     """
-    fold = _Fold(unknowns, features, bases)
+    fold = _FeatureFit(unknowns, features, bases)
     theta = _inside(unknowns, starts)
-    s, n_t, n_l = theta.shape[0], fold.n_theta, fold.n_logs
-    arrest = np.tile([f.arrest for f in features], (s, 1)).astype(float)
-    shift = np.zeros((s, n_l))
-    damping = np.full(s, 1e-2)
-    soft_mean, soft_sd = _soft(fold, starts)
-    point = _linearise(fold, theta, arrest, shift, soft_mean, soft_sd)
-    cost = point[0]
+    n_t, n_l, free, spread = fold.n_theta, fold.n_logs, fold.free, unknowns.spread[fold.free]
+    # Weak priors of the start fit: the start itself, within a factor of some five.
+    rig = np.isin(np.array(unknowns.names)[free], ("mass", "stiffness", "damping"))
+    soft_mean, soft_sd = starts[:, free], np.where(rig, 0.3, 3.0 * spread)
+    arrest = np.tile([f.arrest for f in features], (theta.shape[0], 1)).astype(float)
+    moving = [theta, arrest, np.zeros((theta.shape[0], n_l))]
+    point, damping = [*_linearise(fold, (soft_mean, soft_sd), *moving)], np.full(theta.shape[0], 1e-2)
     for iteration in range(ITERATIONS):
-        _, gradient, curvature = point
+        cost, gradient, curvature = point
         scale = np.einsum("sii->si", curvature)
         damped = curvature + (damping[:, None] * scale + 1e-12)[:, :, None] * np.eye(scale.shape[1])
         move = -np.linalg.solve(damped, gradient[..., None])[..., 0]
-        big = np.max(np.abs(move[:, :n_t]) / (3 * unknowns.spread[fold.free]), axis=1, initial=1.0)
-        move = move / np.maximum(big, 1.0)[:, None]
-        new_theta = theta.copy()
-        new_theta[:, fold.free] += move[:, :n_t]
-        new_theta = _inside(unknowns, new_theta)
-        new_arrest = arrest + move[:, n_t : n_t + n_l]
-        new_shift = shift + move[:, n_t + n_l :]
-        new = _linearise(fold, new_theta, new_arrest, new_shift, soft_mean, soft_sd)
+        move /= np.maximum(np.max(np.abs(move[:, :n_t]) / (3 * spread), axis=1, initial=1.0), 1.0)[:, None]
+        theta = moving[0].copy()
+        theta[:, free] += move[:, :n_t]
+        moved = [_inside(unknowns, theta), moving[1] + move[:, n_t : n_t + n_l], moving[2] + move[:, n_t + n_l :]]
+        new = _linearise(fold, (soft_mean, soft_sd), *moved)
         better = new[0] < cost
-        theta, arrest, shift = (
-            np.where(better[:, None], a, b) for a, b in ((new_theta, theta), (new_arrest, arrest), (new_shift, shift))
-        )
         gain = np.where(better, cost - new[0], 0.0)
-        point = (
-            np.where(better, new[0], point[0]),
-            np.where(better[:, None], new[1], point[1]),
-            np.where(better[:, None, None], new[2], point[2]),
+        moving, point = (
+            [np.where(better.reshape(-1, *(1 for _ in a.shape[1:])), a, b) for a, b in zip(after, before, strict=True)]
+            for after, before in ((moved, moving), (new, point))
         )
-        cost = point[0]
         damping = np.clip(np.where(better, damping * 0.2, damping * 5.0), 1e-8, 1e4)
-        right = int(np.count_nonzero(2 * cost < NOTHING_LEFT * fold.count)) >= keep
-        if (iteration >= 4 or right) and theta.shape[0] > keep:
-            kept = np.argsort(cost)[: keep if right else max(keep, theta.shape[0] // 3)]
-            theta, arrest, shift, cost, damping = (v[kept] for v in (theta, arrest, shift, cost, damping))
-            soft_mean, gain = soft_mean[kept], gain[kept]
-            point = (point[0][kept], point[1][kept], point[2][kept])
-        if (iteration > 5 or right) and np.all(gain < 1e-3 * cost):
+        right = int(np.count_nonzero(2 * point[0] < NOTHING_LEFT * fold.count)) >= keep
+        if (iteration >= 4 or right) and better.size > keep:
+            kept = np.argsort(point[0])[: keep if right else max(keep, better.size // 3)]
+            moving, point = [a[kept] for a in moving], [a[kept] for a in point]
+            damping, soft_mean, gain = damping[kept], soft_mean[kept], gain[kept]
+        if (iteration > 5 or right) and np.all(gain < 1e-3 * point[0]):
             break
-    order = np.argsort(cost)
-    return [Start(theta[i], float(2 * cost[i] / fold.count)) for i in order]
-
-
-def _soft(fold: _Fold, starts: Array) -> tuple[Array, Array]:
-    """Weak priors of the start fit: the start itself, within a factor of some five."""
-    sd = 3.0 * fold.unknowns.spread[fold.free]
-    rig = np.isin(np.array(fold.unknowns.names)[fold.free], ("mass", "stiffness", "damping"))
-    return starts[:, fold.free], np.where(rig, 0.3, sd)
+    return [Start(moving[0][i], float(2 * point[0][i] / fold.count)) for i in np.argsort(point[0])]
 
 
 def _linearise(
-    fold: _Fold, theta: Array, arrest: Array, shift: Array, soft_mean: Array, soft_sd: Array
+    fold: _FeatureFit, soft: tuple[Array, Array], theta: Array, arrest: Array, shift: Array
 ) -> tuple[Array, Array, Array]:
     """Half cost (S,), gradient (S, n) and Gauss-Newton curvature (S, n, n), by rows with one thing changed each."""
     s, n_t, n_l = theta.shape[0], fold.n_theta, fold.n_logs
@@ -328,7 +304,7 @@ def _linearise(
         )
         curvature[np.ix_(np.arange(s), columns, columns)] += np.matmul(jac, jac.transpose(0, 2, 1))
         gradient[:, columns] += np.matmul(jac, base[:, log, :, None])[..., 0]
-    for mean, sd in ((soft_mean, soft_sd), (fold.mean, fold.prior_sd)):
+    for mean, sd in (soft, (fold.mean, fold.prior_sd)):
         off = (theta[:, fold.free] - mean) / sd
         cost = cost + 0.5 * np.sum(off**2, axis=1)
         gradient[:, :n_t] += off / sd
