@@ -18,7 +18,6 @@ from experiments.record_kinds import (
     STIFF,
     STROKES,
     Kind,
-    Log,
 )
 from identify import fit
 from identify.base.outcome import Status
@@ -178,10 +177,3 @@ def test_a_slip_that_was_missed_is_put_in_by_the_motion_that_follows_from_the_an
     away = np.abs(found.solved.theta - right.solved.theta)[unknowns.free]
     assert found.solved.problem.samples > right.solved.problem.samples  # it goes on to the end of the log
     assert np.max(away / np.sqrt(np.diag(information_at(right.solved, unknowns).covariance()))) < 0.15
-
-
-def test_a_log_of_its_own_course_is_told_from_one_of_cycles():
-    logs, _ = _prepared(_kind(SLOW, SLIDING, Log(5e-2, 3.0, 2000.0), HOLDS))
-    assert [log.fit_mode.name for log in logs] == ["cycles", "sliding", "continuous", "continuous"]
-    assert [log.left_out for log in logs] == [None] * 4
-    assert len(logs[3].pieces) == 3 and all(piece.fit_mode.name == "cycles" for piece in logs[3].pieces)
