@@ -1,13 +1,34 @@
-"""`stickslip stability` and `stickslip amplitude`: what the pair does at an operating point.
+"""`stickslip simulate`, `stability` and `amplitude`: the model run forward, and what the pair does at a point.
 
 The options stand apart from the work, so that help needs nothing heavy.
 """
 
 from __future__ import annotations
 
+import json
 from argparse import ArgumentParser, Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from identify.cli.common import Answer, Command, Terminal, add_options
+from identify.cli.common import (
+    MEASURED,
+    SET,
+    Answer,
+    Command,
+    CommandLineError,
+    Terminal,
+    add_options,
+    file_to_write,
+    new_file,
+    positive,
+    quantity,
+)
+
+if TYPE_CHECKING:
+    from identify.scene import Scene
+
+MOST_SAMPLES = 2e7  # half a gigabyte of columns
+ENDINGS = (".csv", ".h5", ".hdf5")
 
 
 def _command(name: str, help_: str) -> Command:
@@ -58,7 +79,136 @@ def _add_arguments(parser: ArgumentParser) -> None:
     add_options(group, maps)
 
 
+def _simulate_arguments(parser: ArgumentParser) -> None:
+    options = {
+        "--scene SCENE.toml": "the scene to simulate: fixed, else start, else default",
+        **SET,
+        "--duration T": "how long [s]",
+        "--rate HZ": "samples per second [Hz]",
+        "--noise SD": "standard deviation of white force noise [N]",
+        "--seed N": "seed of the noise (default 0)",
+        "--accuracy X": "relative error of switch times and forces that is tolerated (default: an order below the "
+        "noise)",
+        "--out LOG.csv|LOG.h5": "the log to write, over a simulated one at most",
+    }
+    required = ["--scene", "--duration", "--rate", "--out"]
+    add_options(parser, options, required, defaults={"--noise": "0", "--seed": 0})
+
+
+def _simulate(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Simulate and write."""
+    out = file_to_write(arguments.out, "--out", ENDINGS)
+    if not _is_simulated(out):
+        new_file(arguments.out, "--out", MEASURED)
+    duration, rate = positive(arguments.duration, "s", "--duration"), positive(arguments.rate, "Hz", "--rate")
+    samples = duration * rate + 1
+    if not 2 <= samples <= MOST_SAMPLES:
+        count = f"{samples:.3g} samples" if samples >= 2 else "1 sample"
+        raise CommandLineError(
+            f"{duration:g} s at {rate:g} Hz give {count}; expected 2 to {MOST_SAMPLES:g}: change --rate or --duration"
+        )
+    noise = quantity(arguments.noise, "N", "--noise")
+    if noise < 0:
+        raise CommandLineError(f"--noise is {noise:g} N; expected zero or a positive number: correct it")
+    if arguments.seed < 0:
+        raise CommandLineError(f"--seed is {arguments.seed}; expected zero or a positive whole number: correct it")
+    accuracy = None if arguments.accuracy is None else quantity(arguments.accuracy, "", "--accuracy")
+    if accuracy is not None and not 0.0 < accuracy < 1.0:
+        raise CommandLineError(f"--accuracy is {accuracy:g}; expected a relative error such as 1e-6: correct it")
+
+    from dataclasses import asdict
+    from time import process_time
+
+    import numpy as np
+
+    from data_io import Record, write_csv, write_hdf5
+    from identify.base.document import to_dict
+    from identify.base.wording import wrapped
+    from identify.diagnosis.effect_choice import choose_from_numbers, effects_result
+    from identify.scene import Scene
+    from identify.simulation.cost import cost
+    from identify.simulation.simulate import simulate
+
+    scene = Scene.from_toml(arguments.scene, arguments.set)
+    choice = choose_from_numbers(scene) if scene.effects == "auto" else None
+    if choice is not None:
+        scene = scene.with_effects(choice.effects)
+        terminal.say(f"effects by the numbers of the scene: {', '.join(choice.effects)}")
+    since = process_time()
+    motion = simulate(scene, duration, accuracy=accuracy, noise=noise or None).refined()
+    spent = cost(scene, motion, process_time() - since)
+    time = np.arange(int(duration * rate * (1 + 1e-12)) + 1) / rate
+    forces, speed = motion.sample(time), scene.rig.drive_speed
+    record = Record(
+        time=time,
+        normal_force=np.broadcast_to(forces["normal_force"], time.shape).copy(),
+        friction_force=forces["force"] + np.random.default_rng(arguments.seed).normal(0.0, noise, time.size),
+        drive_speed=speed if isinstance(speed, float) else None,
+        metadata=_provenance(scene, duration, rate) | {"noise_N": noise, "seed": arguments.seed},
+    )
+    (write_csv if out.suffix.lower() == ".csv" else write_hdf5)(record, out)
+    slips = motion.onsets.size
+    terminal.say(wrapped(_taken_by_default(scene)))
+    terminal.say(f"{out}: {time.size} samples, {slips} slips, noise {noise:g} N (seed {arguments.seed}), simulated")
+    document: dict[str, object] = {"status": "done", "out": str(out), "rows": time.size, "slips": slips}
+    document["parameters"] = dict(sorted(scene.values().items()))
+    if motion.achieved is not None:
+        errors, wanted = asdict(motion.achieved), motion.accuracy or 0.0
+        text = "unknown, with another tolerance the slips come differently"
+        if np.all(np.isfinite(list(errors.values()))):
+            text = f"switch times {errors['switches']:.1g} of a cycle, forces {errors['forces']:.1g}"
+            text += ": as near as numbers get" if max(errors.values()) > wanted else ""
+        methods = ", ".join(motion.methods) or "no slip"
+        terminal.say(f"asked for {wanted:.2g}; estimated errors: {text}; {methods}")
+        terminal.say(wrapped(spent.text, ""))
+        document["accuracy"] = {"asked": motion.accuracy, **errors, "methods": list(motion.methods)}
+        levels = [{"accuracy": level, "seconds": seconds} for level, seconds in spent.seconds.items()]
+        document["price"] = {"levels": levels, "effects_s": spent.effects}
+    if choice is not None:
+        document["effects"] = to_dict(effects_result(choice, auto=True))
+    return Answer(document=document)
+
+
+def _taken_by_default(scene: Scene) -> str:
+    """Which friction is simulated: what the scene says, and of which parameters it takes the documented default."""
+    from identify.base.wording import quantity as shown
+
+    values, units = scene.values(), {p.name: p.unit for p in scene.declared}
+    silent = [name for name, s in scene.parameters.items() if (s.fixed, s.start, s.tie) == (None, None, None)]
+    if not silent:
+        return "the friction is that of the scene"
+    defaults = ", ".join(f"{name} {shown(values[name], units[name])}" for name in silent)
+    return f"the scene gives no value of these, so documented defaults are taken: {defaults}"
+
+
+def _is_simulated(path: Path) -> bool:
+    """Whether a file that is there is a log that was simulated: it can be made again, and is written over."""
+    from data_io import LogError, read_log
+
+    try:
+        return read_log(path).metadata.get("simulated") is True
+    except (LogError, OSError):
+        return False
+
+
+def _provenance(scene: Scene, duration: float, rate: float) -> dict[str, str | float | bool]:
+    """What the log is made of, so that it can be made again: effects, every value [SI], scene (JSON), version."""
+    from importlib.metadata import version
+
+    return {
+        "simulated": True,
+        "scene": scene.name,
+        "effects": ", ".join(scene.model.effects),
+        "parameters_SI": json.dumps(scene.values()),
+        "scene_SI": json.dumps(scene.as_document() | {"logs": []}, ensure_ascii=False),
+        "duration_s": duration,
+        "rate_Hz": rate,
+        "version": version("stick-slip-workbench"),
+    }
+
+
 COMMANDS = (
+    Command("simulate", "run the model of a scene forward and write a log", _simulate_arguments, _simulate),
     _command("stability", "does the pair stick and slip at an operating point, and up to which drive speed"),
     _command("amplitude", "how large, how fast and how often the jumps of stick-slip are at an operating point"),
 )

@@ -16,7 +16,6 @@ from data_io.thresholds import percent
 from identify.base.document import Json, to_dict, to_document
 from identify.base.result import ClassicalTable
 from identify.base.wording import DASH, columns, number, programme_text, quantity, speed, split_key, wrapped
-from identify.cli.logs import only
 from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, judge
 from identify.logs.log_regime import LogRegime, drive_of, joined, look, only_of
@@ -66,6 +65,16 @@ class StatedRig:
     stiffness: float | None = None
     drive_speed: float | None = None
     mass: float | None = None
+
+
+def only(record: Record, step: Step) -> Record | None:
+    """One step of a record, on its own clock; None where it is too short for that."""
+    rows = slice(step.start, step.stop)
+    if np.count_nonzero(np.isfinite(record.friction_force[rows] + record.normal_force[rows])) < 2:
+        return None
+    columns = {name: values[rows] for name, values in record.columns().items()}
+    alone = (step.run, step.number, 0, step.stop - step.start, step.parameters)  # its head says what the drive does
+    return Record.from_columns(columns, {**record.about(), "steps": (alone,), "findings": ()})
 
 
 def inspection(path: str, record: Record, rig: StatedRig = StatedRig()) -> Inspection:

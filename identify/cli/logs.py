@@ -1,4 +1,4 @@
-"""`stickslip scene` and `convert`: a first scene of logs, and one layout for all."""
+"""`stickslip inspect`, `scene` and `convert`: what is in logs, a first scene of them, and one layout for all."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 
 from identify.base.progress import to_nobody
 from identify.cli.common import (
+    DONE,
     MEASURED,
+    WRONG_INPUT,
     Answer,
     Command,
     CommandLineError,
@@ -21,12 +23,71 @@ from identify.cli.common import (
     add_part_options,
     log_options,
     new_file,
+    picture,
+    quantity,
     read,
 )
 
 if TYPE_CHECKING:
-    from data_io import Record, Step
     from identify.logs.draft import DraftLog
+
+
+def _inspect_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="one or more logs")
+    options = {
+        "--plot FILE": "draw force and phases over time (png, svg or pdf)",
+        "--stiffness K": 'of the rig, to compare the sticks with: "1470 N/m"',
+        "--drive-speed V": 'where the log does not tell it: "0.1 mm/s"',
+        "--mass M": 'moving mass of the rig, for how fast it slips: "0.2 kg"',
+    }
+    add_options(parser, options)
+    add_log_options(parser)
+    add_part_options(parser)
+
+
+def _inspect(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Say it for each log. Among several logs one that cannot be read is rejected and the others are still seen."""
+    plot = picture(arguments.plot)
+    from data_io import LogError
+    from identify.cli.inspection import Inspection, StatedRig, document, draw, inspection, lines, overview
+
+    stated = {
+        name: quantity(text, unit, f"--{name.replace('_', '-')}")
+        for name, unit in (("stiffness", "N/m"), ("drive_speed", "m/s"), ("mass", "kg"))
+        if (text := getattr(arguments, name)) is not None
+    }
+    rig = StatedRig(**stated)
+
+    found: list[tuple[str, Inspection | None]] = []
+    logs: list[object] = []
+    unread: list[str] = []
+    for path in arguments.logs:
+        try:
+            seen = inspection(path, read(path, arguments, terminal), rig)
+        except LogError as error:
+            if len(arguments.logs) == 1:
+                raise
+            unread.append(str(error))
+            found.append((Path(path).name, None))
+            terminal.say(f"{path}\n  verdict: reject\n    reject: {error}\n")
+            finding = {"code": "unreadable", "severity": "reject", "message": str(error)}
+            logs.append({"path": path, "quality": {"verdict": "reject", "findings": [finding], "figures": {}}})
+            continue
+        found.append((Path(path).name, seen))
+        for line in lines(seen):
+            terminal.say(line)
+        logs.append(document(seen))
+    if len(found) > 1:
+        terminal.say(overview(found))
+    if plot and (drawn := [seen for _, seen in found if seen is not None]):
+        draw(drawn, plot)
+        terminal.say(f"plot: {plot}")
+    if unread:
+        from identify.report.stored_result import plain
+
+        message = f"{len(unread)} of {len(found)} logs cannot be read; {unread[0]}"
+        return Answer(WRONG_INPUT, plain({"schema": 1, "status": "error", "message": message, "logs": logs}))
+    return Answer(DONE, {"status": "done", "logs": logs})
 
 
 def _scene_arguments(parser: ArgumentParser) -> None:
@@ -67,26 +128,13 @@ def _scene(arguments: Namespace, terminal: Terminal) -> Answer:
 def _pieces(log: str, options: Mapping[str, object]) -> list[DraftLog]:
     """The log, or its steps one by one where it has several and none was chosen."""
     from data_io import read_log
+    from identify.cli.inspection import only
     from identify.logs.draft import DraftLog
 
     record = read_log(log, **options)  # type: ignore[arg-type]
     steps = record.steps if len(record.steps) > 1 else ()
     alone = [DraftLog(Path(log), step.number, part) for step in steps if (part := only(record, step)) is not None]
     return alone or [DraftLog(Path(log), None, record)]
-
-
-def only(record: Record, step: Step) -> Record | None:
-    """One step of a record, on its own clock; None where it is too short for that."""
-    import numpy as np
-
-    from data_io import Record
-
-    rows = slice(step.start, step.stop)
-    if np.count_nonzero(np.isfinite(record.friction_force[rows] + record.normal_force[rows])) < 2:
-        return None
-    columns = {name: values[rows] for name, values in record.columns().items()}
-    alone = (step.run, step.number, 0, step.stop - step.start, step.parameters)  # its head says what the drive does
-    return Record.from_columns(columns, {**record.about(), "steps": (alone,), "findings": ()})
 
 
 def _convert_arguments(parser: ArgumentParser) -> None:
@@ -131,7 +179,9 @@ def _convert(arguments: Namespace, terminal: Terminal) -> Answer:
     return Answer(document=document)
 
 
+INSPECT = "what is in a log: steps, units, sampling, quality, stick and slip, the classical table"
 COMMANDS = (
+    Command("inspect", INSPECT, _inspect_arguments, _inspect),
     Command("scene", "write a first, commented scene file from your logs", _scene_arguments, _scene),
     Command("convert", "write any readable log in the HDF5 layout of this project", _convert_arguments, _convert),
 )

@@ -31,7 +31,7 @@ first steps:
 
 exit codes: 0 done, 2 wrong input, 3 ran without success, 130 interrupted, 1 a defect of ours
 """
-GROUPS = "fit inspect logs bench studies simulate calculators app".split()
+GROUPS = "fit logs bench studies calculators app".split()
 
 
 class _Parser(ArgumentParser):
