@@ -58,12 +58,10 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
             # values that nobody measured make ranges, not one number
             texts = [ranges_text(prediction, part)] if origins.assumed else [own, prediction.closed_forms.text]
             if margin is not None:
-                advice = stabilising_changes(point.model, point.at, point.names, tested, margin)
+                advice = stabilising_changes(point.site.model, point.at, point.names, tested, margin)
                 document["advice"] = to_dict(advice)
                 texts.append(advice.text)
-            where = {"drive_speed": point.drive_speed, "normal_force": point.normal_force}
-            where["stiffness"] = point.values["stiffness"]
-            if tested is not None and (beyond := tested.beyond(where)):
+            if tested is not None and (beyond := tested.beyond(point.setting)):
                 document["extrapolated"] = beyond
                 texts.insert(0, beyond)
         for line in (line for text in texts for line in text.splitlines()):
@@ -81,8 +79,8 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
 def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnswer]:
     """The answers at each point; points of one pair share what they have in common."""
     if len(points) == 1 and not points[0].untold:
-        p = points[0]
-        return [predict(p.model, p.values, p.drive_speed, p.normal_force, p.covariance, p.names)]
+        p, site = points[0], points[0].site
+        return [predict(site.model, site.values, site.drive_speed, site.normal_force, p.covariance, p.names)]
     answered: dict[int, PointPrediction | NoAnswer] = {}
     for groups in {p.groups for p in points}:
         mine = [i for i, p in enumerate(points) if p.groups == groups]
@@ -90,7 +88,7 @@ def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnsw
         if first.untold:
             answered |= dict.fromkeys(mine, NoAnswer(f"no answer: {first.untold}"))
         else:
-            answered |= zip(mine, predictions(first.model, [points[i].at for i in mine], first.names), strict=True)
+            answered |= zip(mine, predictions(first.site.model, [points[i].at for i in mine], first.names), strict=True)
     return [answered[i] for i in range(len(points))]
 
 

@@ -6,7 +6,6 @@ from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,31 +34,24 @@ from identify.scene import LogEntry, Scene
 from identify.scene.tables import NOT_NEGATIVE, POSITIVE, Key, check, nearest
 from identify.scene.values import EACH_LOG
 
-if TYPE_CHECKING:
-    from identify.model.model import Model
-
 Array = NDArray[np.float64]
 POINT = {"drive_speed": Key("m/s", sign=NOT_NEGATIVE), "normal_force": Key("N", sign=POSITIVE)}
 
 
 @dataclass(frozen=True)
 class PairAtPoint:
-    """One operating point: drive speed [m/s] and normal force [N], every parameter [SI], how well they are known.
+    """One operating point, and how well it is known.
 
+    site: model, every parameter [SI], drive speed [m/s], normal force [N] and the contact's nominal area under it;
     covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where it is unknown; groups: of the log, by what
     the parameters of a fit differ by; untold: why the fit has no values for it, empty where it has; origins: where the
     values come from.
     """
 
     name: str
-    model: Model
-    values: Mapping[str, float]
-    drive_speed: float
-    normal_force: float
+    site: Site
     covariance: Array | None
     names: tuple[str, ...]
-    area: float | None = None
-    area_exponent: float = 0.0
     groups: Groups = ()
     untold: str = ""
     origins: Origins = field(default_factory=Origins)
@@ -72,12 +64,13 @@ class PairAtPoint:
     @property
     def at(self) -> OperatingPoint:
         """The point as predictions take it."""
-        return OperatingPoint(self.values, self.drive_speed, self.normal_force, self.covariance)
+        return OperatingPoint(self.site.values, self.site.drive_speed, self.site.normal_force, self.covariance)
 
     @property
-    def site(self) -> Site:
-        """The point as maps take it; `area` [m^2] is the contact's nominal one under its normal force."""
-        return Site(self.model, self.values, self.drive_speed, self.normal_force, self.area, self.area_exponent)
+    def setting(self) -> dict[str, float]:
+        """What the logs of a fit test."""
+        at = {"drive_speed": self.site.drive_speed, "normal_force": self.site.normal_force}
+        return at | {"stiffness": self.site.values["stiffness"]}
 
 
 def operating_points(arguments: Namespace) -> tuple[list[PairAtPoint], Tested | None, Scene]:
@@ -108,23 +101,20 @@ def operating_points(arguments: Namespace) -> tuple[list[PairAtPoint], Tested | 
     check_calculable(scene.model)
     changes = at_values(arguments.at, scene)
     points = _of_groups(arguments.group, _points(scene, changes, result))
-    for values in (point.values for point in points if changes):
+    for values in (point.site.values for point in points if changes):
         static, slow, change = values["mu_s"], values["mu_k0"], values.get("delta_mu_k", 0.0)
         if not slow + change > 0.0 or not slow < static:
             raise CommandLineError(
                 f"mu_k0 is {slow:g} here, with mu_s {static:g} and delta_mu_k {change:g}; expected mu_k0 below mu_s, "
                 "and mu_k0 + delta_mu_k above 0: change --at"
             )
-    same = len({(p.drive_speed, p.normal_force, p.groups, p.untold) for p in points}) == 1
+    same = len({(p.site.drive_speed, p.site.normal_force, p.groups, p.untold) for p in points}) == 1
     if len(points) > 1 and ("drive_speed" in changes or same):
         first = {point.groups: point for point in reversed(points) if not point.untold}
         points = [replace(point, name="the operating point") for point in reversed(first.values())] or points[:1]
     tested = None if result is None else Tested.of_result(result)
     if result is None and source.logs:
-        tested = Tested.of(
-            {"drive_speed": p.drive_speed, "normal_force": p.normal_force, "stiffness": p.values["stiffness"]}
-            for p in _points(settled, {}, None)
-        )
+        tested = Tested.of(point.setting for point in _points(settled, {}, None))
     return points, tested, source
 
 
@@ -189,22 +179,17 @@ def _points(scene: Scene, changes: Mapping[str, float], result: Result | None) -
                     names, covariance = with_tied(names, covariance, ties_of(scene))
             measured = tuple(n for n in declared if n in names and result is not None and n not in changes)
             kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT)]
+            elsewhere = tuple(n for n in declared if n not in measured and n not in guessed)
+            area, exponent = scene.contact.area_at(load), scene.contact.exponent or 0.0
             points.append(
                 PairAtPoint(
                     name=entry.path.name if entry else "the rig of the scene",
-                    model=scene.model,
-                    values=values,
-                    drive_speed=speed,
-                    normal_force=load,
+                    site=Site(scene.model, values, speed, load, area, exponent),
                     covariance=covariance[np.ix_(kept, kept)] if covariance is not None and kept else None,
                     names=tuple(names[i] for i in kept),
-                    area=scene.contact.area_at(load),
-                    area_exponent=scene.contact.exponent or 0.0,
                     groups=pair.groups,
                     untold=pair.untold,
-                    origins=Origins(
-                        measured, tuple(n for n in declared if n not in measured and n not in guessed), tuple(guessed)
-                    ),
+                    origins=Origins(measured, elsewhere, tuple(guessed)),
                 )
             )
     return points

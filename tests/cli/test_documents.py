@@ -15,11 +15,8 @@ from experiments.make_notebook import notebook
 from experiments.study_problem import DEMO, simulated_case
 from identify.cli import main as cli
 from identify.report.stored_result import as_json
-from identify.scene.tables import DAMPING
-from identify.scene.values import USUAL_TOLERANCES
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-UNEVEN = ("strength", "strength_scatter", "weakening_length", "mass", "level_wander", "level_roughness")
 PAGES = ("measuring.md", "glossary.md", "faq.md", "python.md")
 
 
@@ -33,26 +30,6 @@ def test_commands_and_options_are_there(page):
         assert name in commands, name
         for option in re.findall(r"--[a-z-]+", rest):
             assert option in commands[name]._option_string_actions, (name, option)
-
-
-def test_how_to_cite_is_told_by_what_there_is():
-    text = (DOCS / "faq.md").read_text(encoding="utf-8").partition("## How to cite")[2]
-    assert "result.json" in text and "stickslip verify" in text and "parameters.tex" in text
-    assert "(equations.md)" in text and (DOCS / "equations.md").is_file()
-
-
-def test_the_glossary_has_every_parameter_and_verdict():
-    text = (DOCS / "glossary.md").read_text(encoding="utf-8")
-    words = [*DEMO, *(name for name in UNEVEN if name != "mass")]
-    assert not [word for word in words if f"`{word}`" not in text]
-    assert "identified, weak, not identifiable" in text
-
-
-def test_every_way_to_state_the_damping_is_told():
-    text = (DOCS / "measuring.md").read_text(encoding="utf-8")
-    assert all(f"`{name}" in text for name in DAMPING) and "N s/m" in text
-    stated = re.findall(r"^(\w+) = ", text[text.index("[tolerances]") :], re.MULTILINE)
-    assert stated and set(stated) <= set(USUAL_TOLERANCES)
 
 
 def test_the_python_page_runs(tmp_path, monkeypatch, no_further_logs):

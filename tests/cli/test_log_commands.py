@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from data_io import LogError, Record, Step, read_log, write_csv, write_hdf5
+from data_io import Record, read_log, write_csv, write_hdf5
 from data_io.anonymise import anonymous, is_plain_setting, is_usual
 from identify import examples
-from identify.cli.inspection import StatedRig, draw, inspection
+from identify.cli.inspection import draw, inspection
 from identify.effects import MAIN
 from identify.scene import Scene
 from tests.support.command import refused, stickslip
@@ -171,15 +171,6 @@ def test_rig_and_window_of_the_command_line(folder, capsys):
     assert "reading" not in stickslip(capsys, "inspect", "a.h5")[2], "a short log shows no progress"
 
 
-def test_the_gate_of_the_report_and_that_of_inspect_are_one():
-    record, _ = log_with_everything()
-    told = inspection("a.csv", record, StatedRig(500.0, 1e-3)).judgement.result()
-    assert told.figures["residual_force"].value == pytest.approx(0.05, abs=1e-3)
-    assert told.figures["force_after_stop"].value == pytest.approx(0.33, abs=1e-3)
-    assert told.figures["missing_rows"].value == 5 and told.figures["spikes"].value == 3
-    assert told.figures["stick_slope_error"].value == pytest.approx(0.2 / 0.36 / 0.5 - 1, abs=0.02)
-
-
 def test_a_first_scene_is_drafted_from_the_logs(folder, capsys):
     logs = sorted(examples.FOLDER.glob("*.txt.gz"))
     code, words, _ = stickslip(capsys, "scene", *logs, "--out", "pair.toml")
@@ -317,41 +308,6 @@ def test_metadata_checksum_and_provenance_are_complete(tmp_path):
         about = json.loads(file["about"][()])["metadata"]
     assert about["Operator"] == "Anna Meier" and about["friction_force_source"] == "column Fx in g"
     assert about["source_format"] == record.metadata["format"]
-
-
-def test_a_window_from_the_first_row_on_is_read_and_nothing_else(tmp_path):
-    n = 5000
-    steps = (Step(1, 1, 0, 2000), Step(1, 2, 2000, n))
-    record = Record(np.arange(n) / 100, np.ones(n), np.arange(n) * 1.0, channels={"Z": np.ones(n)}, steps=steps)
-    write_hdf5(record, tmp_path / "log.h5")
-    part = read_log(tmp_path / "log.h5", step=2, window=(5.0, 6.0), channels=())
-    assert part.friction_force.tolist() == list(range(2500, 2601)) and not part.channels
-    assert part.metadata["file_time_start"] == 25.0 and part.time[0] == 0.0
-    with pytest.raises(LogError, match=r"holds 0 row.*runs from 0 to 29.99 s, .* shows 20 s; move"):
-        read_log(tmp_path / "log.h5", step=2, window=(30.0, 40.0))
-    with pytest.raises(LogError, match="start before its stop"):
-        read_log(tmp_path / "log.h5", window=(2.0, 1.0))
-    text = cetr(tmp_path)
-    cut = read_log(text, window=(0.5, 0.7))
-    np.testing.assert_array_equal(cut.friction_force, read_log(text).friction_force[25:36])
-    assert cut.metadata["file_time_start"] == pytest.approx(0.5)
-
-
-def test_columns_of_any_group_are_found_by_their_usual_names(tmp_path):
-    path = tmp_path / "daq.h5"
-    with h5py.File(path, "w") as file:
-        for test in ("slow", "fast"):
-            group = file.create_group(f"tests/{test}")
-            for name, unit in (("Time", "ms"), ("Fx", "mN"), ("Fz", "N")):
-                values = np.arange(1, 51.0) * (2 if test == "fast" else 1)
-                group.create_dataset(name, data=values, chunks=(7,), compression="lzf").attrs["units"] = unit
-            group["comment"] = "words"
-    assert [read_log(path, run=run).friction_force[0] for run in (1, 2)] == [2e-3, 1e-3]  # in the order of their names
-    assert read_log(path, run=1).metadata["group"] == "/tests/fast"
-    with pytest.raises(LogError, match="runs 1, 2"):
-        read_log(path)
-    with pytest.raises(LogError, match="step 3 was asked for"):
-        read_log(path, step=3)
 
 
 def test_anonymous_files_name_nobody_and_the_key_tells_all(tmp_path, capsys):

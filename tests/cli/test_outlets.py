@@ -101,18 +101,6 @@ def test_shares_are_said_as_what_they_mean(share, words):
     assert percent(share) == words
 
 
-def test_signed_and_whole():
-    assert percent(-1e-6, 1, signed=True) == "+0.0 %"
-    assert percent(0.031, 1, signed=True) == "+3.1 %"
-    assert percent(0.5, of="3 N") == "50 % of 3 N"
-    assert percent(50.0, of="3 N") == "50 times 3 N"
-
-
-def test_no_share_beyond_all_measure_of_a_force_about_zero(monkeypatch):
-    told = shown(monkeypatch, "inspect", *AS_STROKES, encoding="utf-8")
-    assert "from the first to the last third" not in " ".join(told.split())
-
-
 def test_help_is_quick_and_brings_no_casadi():
     script = "import sys, identify.cli.main as m; m.build_parser().format_help()"
     script += "; print('casadi' in sys.modules, 'numpy' in sys.modules)"

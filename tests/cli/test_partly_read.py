@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from data_io import LogError, LogTooLargeError, hdf5, read_log
+from data_io import LogTooLargeError, hdf5, read_log
 from identify import Scene, fit
 from identify.base.outcome import Status
 from identify.examples import FOLDER
@@ -52,13 +52,6 @@ def test_the_window_gives_the_fit_of_the_whole(scene, monkeypatch):
     for name, estimate in of_whole["parameters"].items():
         other = of_part["parameters"][name]
         assert abs(other["value"] - estimate["value"]) <= 0.05 * (estimate["standard_error"] or np.inf), name
-
-
-def test_without_a_window_the_sentence_names_it(scene, monkeypatch):
-    scene = replace(scene, logs=(replace(scene.logs[0], window=None, exclude=()),))
-    tight(monkeypatch, 24 * len(read_log(scene.logs[0].path)))
-    with pytest.raises(LogError, match=r'window = \["0 s", "4.799 s"\] in its \[\[logs\]\]'):
-        fit(scene)
 
 
 def test_times_of_the_entry_are_moved(scene, monkeypatch):

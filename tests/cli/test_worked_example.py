@@ -72,6 +72,7 @@ def found(tmp_path_factory):
     return json.loads(json.dumps(result)), heard
 
 
+@pytest.mark.slow
 def test_the_fit_answers_what_the_page_says(found):
     result, heard = found
     assert result["status"] == "converged" and result["estimator"] == "uneven"

@@ -133,7 +133,7 @@ def points(logs, told, parameters=None):
     known = {"unit": "", "standard_error": 1e-3, "verdict": "identified"}
     found = {name: {"value": value, **known} for name, value in DEMO.items()} | (parameters or {})
     result = {"status": "converged", "parameters": found, "logs": told, "provenance": {"scene": scene.as_document()}}
-    return [(p.values, p.drive_speed) for p in points_of(scene, Result.from_dict(result))]
+    return [(p.site.values, p.site.drive_speed) for p in points_of(scene, Result.from_dict(result))]
 
 
 def told(path, **more):
