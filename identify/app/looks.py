@@ -21,8 +21,8 @@ from identify.app.jobs import same_code
 from identify.base.document import to_document
 from identify.base.wording import quantity, speed_text
 from identify.logs.classical import table_of
-from identify.logs.log_regime import look
-from identify.logs.segmented import Segmented
+from identify.logs.prepare import Segmented
+from identify.logs.regime import look
 from identify.report.stored_result import plain
 
 LONGEST = 1800.0  # seconds that the inspection of one log may take

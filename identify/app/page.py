@@ -22,7 +22,7 @@ from identify.app.looks import Looks, row_of, seen_by_a_fit
 from identify.app.results import batch_seen, fit_row, fit_seen, residuals
 from identify.app.scenes import Scenes, edited, with_log
 from identify.app.simulations import answer_at, axes_of, site_of, start_from_data, tried
-from identify.logs.segmented import Segmented, segmented
+from identify.logs.prepare import Segmented, segmented
 from identify.report.stored_result import read_result
 from identify.report.stored_result import scene_of as scene_of_result
 from identify.scene import Scene

@@ -12,9 +12,9 @@ from identify.app.folder import Document, PageError
 from identify.base.document import to_document
 from identify.base.result import LogResult, Result
 from identify.estimation.starts import preview
+from identify.logs.prepare import Segmented
 from identify.logs.regime import Regime
 from identify.logs.scene_records import with_drives, with_records
-from identify.logs.segmented import Segmented
 from identify.prediction.axes import Site, axis, known_axes, moved_values
 from identify.prediction.predict import predict
 from identify.prediction.sources import Tested, pair_of

@@ -14,8 +14,8 @@ from identify.base.quantiles import NORMAL, student
 from identify.base.wording import speed_text, three_figures
 from identify.bench.ringdown import FEWEST_SAMPLES, FEWEST_SWINGS, RingDown, ring_downs
 from identify.logs.draft import DraftLog, look
+from identify.logs.noise import line_slope
 from identify.logs.recorded_drive import UNTOLD, recorded_drive
-from identify.logs.slips import line_slope
 
 Array = NDArray[np.float64]
 

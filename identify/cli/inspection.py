@@ -17,12 +17,10 @@ from identify.base.document import Json, to_dict, to_document
 from identify.base.result import ClassicalTable
 from identify.base.wording import DASH, columns, number, programme_text, quantity, speed, split_key, wrapped
 from identify.logs.classical import table_of
-from identify.logs.judgement import Judgement, judge
-from identify.logs.log_regime import LogRegime, drive_of, joined, look, only_of
-from identify.logs.recorded_drive import UNTOLD, RecordedDrive, recorded_drive
-from identify.logs.regime import SURE, Known, Regime
+from identify.logs.judgement import Judgement, RecordPart, judge
+from identify.logs.recorded_drive import UNTOLD, RecordedDrive, drive_of, recorded_drive
+from identify.logs.regime import SURE, Known, LogRegime, Regime, joined, look, only_of
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
-from identify.logs.slip_quality import RecordPart
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,7 +79,7 @@ def inspection(path: str, record: Record, rig: StatedRig = StatedRig()) -> Inspe
     """Look at a record: phases step by step, then the verdict on clock, forces and slips."""
     k, m, given = rig.stiffness or 0.0, rig.mass or 0.0, rig.drive_speed
     known = Known(k, half_period=float(np.pi * np.sqrt(m / k)) if k and m else 0.0)
-    recorded = recorded_drive(record, k) if given is None else RecordedDrive(((0.0, given),), "given")
+    recorded = recorded_drive(record) if given is None else RecordedDrive(((0.0, given),), "given")
     regime = look(record, drive_of(record, recorded) if given is None else given, known)
     alone = [only(record, s) for s in record.steps] if recorded.speed is None and len(record.steps) > 1 else []
     drives = [recorded if part is None else recorded_drive(part) for part in alone] or [recorded] * len(record.steps)

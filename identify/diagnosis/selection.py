@@ -28,7 +28,7 @@ from identify.estimation.search import alike
 from identify.logs.loads import swing
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
-from identify.logs.rhythms import SpectralLine, rhythms
+from identify.logs.vibration import SpectralLine, rhythms
 from identify.scene import Scene
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.solve import solve

@@ -44,9 +44,9 @@ def prefit_warnings(prepared: Sequence[Prepared]) -> list[str]:
     taken = [log for log in prepared if log.left_out is None]
     uneven = uneven_words(taken)
     then = [f"{uneven}: a strength of each stick is tried, then the estimator of uneven records"] if uneven else []
-    seen = [log for log in taken if any(part.slope is not None for part in log.judgement.slips)]
+    seen = [log for log in taken if log.judgement.slope_errors]
     odd = [(log, f.message) for log in seen for f in log.judgement.findings if f.code == "stick_slope"]
-    ratios = np.array([1.0 + next(p.slope for p in log.judgement.slips if p.slope is not None) for log, _ in odd])
+    ratios = np.array([1.0 + log.judgement.slope_errors[0] for log, _ in odd])
     if len(odd) < max(len(seen), 2) or not (np.all(ratios < 1.0) or np.all(ratios > 1.0)):
         return [*(f"{log.name}: {message}" for log, message in odd), *then]
     ratio, stated = float(np.median(ratios)), odd[0][0].rig.stiffness
@@ -71,7 +71,7 @@ def wrong_unit(prepared: Sequence[Prepared], *, placed: bool = True) -> str:
         rise = log.segmentation.stick_slope
         if rise is None or log.segmentation.stick_slopes.size < STICKS or rise[1] > AGREE:
             continue
-        for slope in (part.slope for part in log.judgement.slips if part.slope is not None):
+        for slope in log.judgement.slope_errors:
             if not 1.0 / slower < 1.0 + slope < STEEPER:
                 return (
                     f"in the sticks of {log.name} the force rises {1.0 + slope:.3g} times as fast as stiffness times "

@@ -20,8 +20,8 @@ from identify.base.outcome import Status
 from identify.base.quantiles import normal, student
 from identify.base.wording import START_VALUES, three_figures
 from identify.estimation.residual_autocorrelation import CLOSE, MORE, autocorrelation_test
+from identify.logs.fit_mode import hidden_rhythm
 from identify.logs.log_data import LogData
-from identify.logs.spectrum import hidden_rhythm
 from identify.logs.unknowns import Unknowns
 from identify.model.model import SPEED
 from identify.shooting.passes import SETTLED, Solved

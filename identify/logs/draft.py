@@ -1,4 +1,4 @@
-"""A first scene file from what the logs tell; what they do not tell is marked TODO."""
+"""A first scene file from what the logs show; what they do not show is marked TODO."""
 
 from __future__ import annotations
 
@@ -10,22 +10,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.quality import describe_sampling
 from identify.base.wording import speed_text
 from identify.effects import MAIN
-from identify.logs.judgement import judge
-from identify.logs.log_regime import LogRegime, drive_of, joined
-from identify.logs.log_regime import look as look_at
-from identify.logs.recorded_drive import RecordedDrive, recorded_drive
-from identify.logs.regime import Regime, Verdict
-from identify.logs.slip_quality import RecordPart
-from identify.logs.strokes import velocity_in_head, velocity_text
+from identify.logs.judgement import RecordPart, judge
+from identify.logs.recorded_drive import RecordedDrive, drive_of, recorded_drive, velocity_in_head, velocity_text
+from identify.logs.regime import LogRegime, Regime, joined
+from identify.logs.regime import look as look_at
 from identify.scene.toml import to_fill_in
-
-Array = NDArray[np.float64]
 
 EFFECTS = (*MAIN, "varying_normal_force")
 FEWEST_CYCLES = 2
@@ -43,8 +37,8 @@ class DraftLog:
 
 @dataclass(frozen=True)
 class Told:
-    """What one piece tells, SI. seen: its regime; stiffnesses [N/m]: of every stick, its slope over the speed that
-    holds in it, empty where the speed is not told; slope [N/s]: of a typical stick, None without one; slides: nearly
+    """What one piece shows, SI. seen: its regime; stiffnesses [N/m]: of every stick, its slope over the speed that
+    holds in it, empty where the speed is not known; slope [N/s]: of a typical stick, None without one; slides: nearly
     throughout; rejected: why the quality gate rejects it, "" where it does not."""
 
     piece: DraftLog
@@ -92,9 +86,10 @@ def draft(pieces: Sequence[DraftLog], folder: Path, said: Mapping[str, object], 
         said: how the logs were read (step, columns, units, normal_force), repeated in each log.
         rig: the file of a measured rig, which the scene then takes.
     """
-    told = [look(piece) for piece in pieces]
-    used = [t for t in told if not t.left_out] or told
-    measured = any(np.ptp(t.piece.record.normal_force[np.isfinite(t.piece.record.normal_force)]) > 0.0 for t in used)
+    logs = [look(piece) for piece in pieces]
+    used = [log for log in logs if not log.left_out] or logs
+    loads = [log.piece.record.normal_force for log in used]
+    measured = any(np.ptp(load[np.isfinite(load)]) > 0.0 for load in loads)
     effects = ", ".join(json.dumps(name) for name in (EFFECTS if measured else MAIN))
     lines = [
         "# A first scene, written from the logs below by: stickslip scene",
@@ -107,65 +102,56 @@ def draft(pieces: Sequence[DraftLog], folder: Path, said: Mapping[str, object], 
         "# mu_s = { start = 0.6 }",
         '# mass = { lower = "0.05 kg", upper = "0.5 kg" }   # a rig quantity named here is estimated',
     ]
-    for i, t in enumerate(told):
-        rest = next((o for o in reversed(told[:i]) if o.drive.stands and o.piece.path == t.piece.path), None)
-        lines += ["", *_log_lines(t, folder, said, rest)] if t in used else ["", _left_out(t)]
+    left_out = []
+    for i, log in enumerate(logs):
+        rest = next((o for o in reversed(logs[:i]) if o.drive.stands and o.piece.path == log.piece.path), None)
+        if log in used:
+            lines += ["", *_log_lines(log, folder, said, rest)]
+        else:
+            name = log.piece.path.name + ("" if log.piece.step is None else f" step {log.piece.step}")
+            left_out.append(f"{name}: {log.left_out}")
+            lines += ["", f"# left out: {name} ({_facts(log)}): {log.left_out}"]
     text = "\n".join([*lines, ""])
-    left_out = tuple(f"{_name(t)}: {t.left_out}" for t in told if t not in used)
-    return Draft(text, tuple(to_fill_in(tomllib.loads(text))), left_out)
+    return Draft(text, tuple(to_fill_in(tomllib.loads(text))), tuple(left_out))
 
 
 def look(piece: DraftLog) -> Told:
     """Drive, regime, stick slopes and noise of one piece."""
     record, drive = piece.record, recorded_drive(piece.record)
     seen = look_at(record, drive_of(record, drive))
-    moving = [
-        (verdict, stroke.speed)
-        for stroke, verdict in zip(seen.strokes, seen.verdicts, strict=True)
-        if stroke.stop - stroke.start >= FEWEST_ROWS
-    ]
+    pairs = list(zip(seen.strokes, seen.verdicts, strict=True))
+    moving = [(v, s.speed) for s, v in pairs if s.stop - s.start >= FEWEST_ROWS]
     cycles = sum(verdict.found.count for verdict, _ in moving if verdict.regime is not None and verdict.regime.slips)
     slides = cycles < FEWEST_CYCLES and any(verdict.regime is Regime.SLIDING for verdict, _ in moving)
-    slopes, stiffnesses = ([], []) if slides else _sticks(moving)  # a first rise into sliding bends
-    whole = joined(
-        [(stroke.start, v.found) for stroke, v in zip(seen.strokes, seen.verdicts, strict=True)], len(record)
-    )
+    slopes = [(slope, speed) for verdict, speed in moving for slope in verdict.found.stick_slopes.tolist()]
+    # first rises where there is no stick; but one into sliding bends
+    slopes = slopes or [(v.found.loading_slope, speed) for v, speed in moving if v.found.loading_slope is not None]
+    slopes = [] if slides else slopes
+    whole = joined([(stroke.start, verdict.found) for stroke, verdict in pairs], len(record))
     signs = np.ones(len(record))
     for stroke in seen.strokes:
         signs[stroke.start :] = stroke.direction
     return Told(
-        piece,
-        drive,
-        seen,
-        cycles,
-        float(np.median(slopes)) if slopes else None,
-        tuple(stiffnesses),
-        whole.noise,
-        slides,
-        judge(record, [RecordPart(record.time, signs * record.friction_force, whole)]).reason,
+        piece=piece,
+        drive=drive,
+        seen=seen,
+        cycles=cycles,
+        slope=float(np.median([slope for slope, _ in slopes])) if slopes else None,
+        stiffnesses=tuple(slope / speed for slope, speed in slopes if speed),
+        noise=whole.noise,
+        slides=slides,
+        rejected=judge(record, [RecordPart(record.time, signs * record.friction_force, whole)]).reason,
     )
 
 
-def _sticks(parts: Sequence[tuple[Verdict, float | None]]) -> tuple[list[float], list[float]]:
-    """Slopes of the sticks [N/s] and, where the speed is known, the stiffness [N/m] each tells; of first rises where
-    there is no stick."""
-    seen = [(slope, speed) for verdict, speed in parts for slope in verdict.found.stick_slopes.tolist()]
-    if not seen:
-        rises = [(verdict.found.loading_slope, speed) for verdict, speed in parts]
-        seen = [(slope, speed) for slope, speed in rises if slope is not None]
-    return [slope for slope, _ in seen], [slope / speed for slope, speed in seen if speed]
-
-
-def _rig_lines(told: Sequence[Told]) -> list[str]:
-    known = [t.stiffness for t in told if t.stiffness is not None]
+def _rig_lines(logs: Sequence[Told]) -> list[str]:
+    known = [log.stiffness for log in logs if log.stiffness is not None]
+    stiffness = 'stiffness = "TODO N/m"   # k of rig, holder and specimen along the drive'
     if known:
-        listed = ", ".join(f"{k:.4g}" for k in known)
         stiffness = (
             f'stiffness = {{ value = "{np.median(known):.4g} N/m", tolerance = "1 %" }}   '
-            f"# k, from the stick slopes over the speeds: {listed} N/m"
+            f"# k, from the stick slopes over the speeds: {', '.join(f'{k:.4g}' for k in known)} N/m"
         )
-    else:
-        stiffness = 'stiffness = "TODO N/m"   # k of rig, holder and specimen along the drive'
     return [
         '[rig]   # a tolerance can be stated: mass = { value = "0.2 kg", tolerance = "2 %" }',
         'mass = "TODO kg"   # moving mass of the specimen and its holder',
@@ -176,23 +162,22 @@ def _rig_lines(told: Sequence[Told]) -> list[str]:
     ]
 
 
-def _log_lines(told: Told, folder: Path, said: Mapping[str, object], rest: Told | None) -> list[str]:
+def _log_lines(log: Told, folder: Path, said: Mapping[str, object], rest: Told | None) -> list[str]:
     """The entry of a piece; rest: the step before it in which the drive stands."""
-    piece, record = told.piece, told.piece.record
-    lines = [f"# {_facts(told)}", "[[logs]]", f"path = {_located(piece.path, folder)}"]
-    if told.slides:
+    piece = log.piece
+    lines = [f"# {_facts(log)}", "[[logs]]", f"path = {_located(piece.path, folder)}"]
+    if log.slides:
         lines.insert(1, "# it slides: it tells the friction at its speed, and with slower logs a and delta_mu_k")
-    lines.append(_drive_line(told))
     options = dict(said) if piece.step is None else {**said, "step": piece.step}
-    lines += [f"{key} = {_toml(value)}" for key, value in options.items()]
-    lines.append(f'# noise = "{1e3 * told.noise:.3g} mN"   # estimated from the log; taken anew at every fit')
+    lines += [_drive_line(log), *(f"{key} = {_toml(value)}" for key, value in options.items())]
+    lines.append(f'# noise = "{1e3 * log.noise:.3g} mN"   # estimated from the log; taken anew at every fit')
     if rest is not None:
         zero = float(np.nanmedian(rest.piece.record.friction_force))
         lines.append(
             f'# tare = "{1e3 * zero:.3g} mN"   # what the force shows in step {rest.piece.step}, where the drive '
             "stands: its zero, if nothing pulls there"
         )
-    if "normal_force" not in said and not np.isfinite(record.normal_force).all():
+    if "normal_force" not in said and not np.isfinite(piece.record.normal_force).all():
         lines.append("# normal_force has gaps")
     return [*lines, '# labels = { material = "…", volunteer = "…" }']
 
@@ -202,37 +187,26 @@ def _located(path: Path, folder: Path) -> str:
     return json.dumps(os.path.relpath(path.absolute(), folder.absolute()).replace(os.sep, "/"), ensure_ascii=False)
 
 
-def _drive_line(told: Told) -> str:
-    programme = told.drive.programme
+def _drive_line(log: Told) -> str:
+    programme = log.drive.programme
     if programme is None:
-        slope = "" if told.slope is None else f"; the force rises at {told.slope:.4g} N/s in stick, that is k times it"
-        head = velocity_in_head(told.piece.record)
-        says = "" if head is None else f"the head of the log says {velocity_text(head)}; "
-        return f'drive_speed = "TODO mm/s"   # {says}{told.drive.trouble}{slope}'
-    speed = told.drive.speed
-    if speed is not None:
-        return f'drive_speed = "{speed_text(speed)}"   # {told.drive.source}: check it'
+        slope = "" if log.slope is None else f"; the force rises at {log.slope:.4g} N/s in stick, that is k times it"
+        head = velocity_in_head(log.piece.record)
+        states = "" if head is None else f"the head of the log says {velocity_text(head)}; "
+        return f'drive_speed = "TODO mm/s"   # {states}{log.drive.trouble}{slope}'
+    if log.drive.speed is not None:
+        return f'drive_speed = "{speed_text(log.drive.speed)}"   # {log.drive.source}: check it'
     pairs = ", ".join(f'[{start:.6g}, "{speed_text(speed)}"]' for start, speed in programme)
-    return f"drive_speed = [{pairs}]   # [start in s, speed], {told.drive.source}: check it"
+    return f"drive_speed = [{pairs}]   # [start in s, speed], {log.drive.source}: check it"
 
 
-def _facts(told: Told) -> str:
-    record = told.piece.record
-    rate = describe_sampling(record)[0].rate
-    load = float(np.nanmedian(record.normal_force))
-    regime = "nothing moves" if told.seen.regime is None else told.seen.regime.value.replace("_", " ")
+def _facts(log: Told) -> str:
+    record = log.piece.record
+    regime = "nothing moves" if log.seen.regime is None else log.seen.regime.value.replace("_", " ")
     return (
-        f"{len(record)} samples at {rate:.4g} Hz, {record.time[-1]:.4g} s; normal force {load:.4g} N; "
-        f"{told.cycles} stick-slip cycles; {regime}"
+        f"{len(record)} samples at {describe_sampling(record)[0].rate:.4g} Hz, {record.time[-1]:.4g} s; normal force "
+        f"{float(np.nanmedian(record.normal_force)):.4g} N; {log.cycles} stick-slip cycles; {regime}"
     )
-
-
-def _name(told: Told) -> str:
-    return told.piece.path.name + ("" if told.piece.step is None else f" step {told.piece.step}")
-
-
-def _left_out(told: Told) -> str:
-    return f"# left out: {_name(told)} ({_facts(told)}): {told.left_out}"
 
 
 def _toml(value: object) -> str:

@@ -1,4 +1,4 @@
-"""White noise and isolated spikes of a measured force, from the samples alone."""
+"""Samples of a measured force: averages, lines through them, their white noise, isolated spikes."""
 
 from __future__ import annotations
 
@@ -6,30 +6,61 @@ from math import comb, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
-from data_io.arrays import thinned_steps
+from data_io.arrays import grid_step, thinned_steps
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Indices = NDArray[np.int64]
 
-BLOCK = 16
-UNEVEN, UNEVEN_SHARE = 0.05, 0.01  # of the usual interval, by which more than such a share of the others differ
-STRETCH = 512
-MOST_STRETCHES = 128
-ORDERS = (2, 3, 4, 5)
+BLOCK = 16  # overlapping differences whose mean square is one estimate of the noise
 # Median over blocks of the mean square of 16 overlapping differences of unit white noise, by order.
 MEDIAN_OF_BLOCK = {2: 0.913, 3: 0.898, 4: 0.886, 5: 0.878}
-SPIKE_LENGTHS = (1, 2, 3)
-MET_AGAIN = 1 << 12  # samples among which a value comes twice where the step of the force counts beside its noise
-SPIKE_PASSES = 2
-SIDE = 5
-SPIKE_SD = 6.0
-SPIKE_SD_OVER_SIDES = 4.5
-MOST_SPIKES = 0.05
-FLOOR = 0.25  # of the height of a dip or bump: samples that differ by less have a level of their own
-# What surrounds a crest of a swing leaves a straight line too: by this share of its height, and standard deviations;
-# and so many samples further on it is a swing still.
-SWING, SWING_SD, SWINGS_ON = 0.3, 3.5, 3 * SIDE
+STRETCH, STRETCHES = 512, 128  # of a long record so many stretches of so many samples stand for all
+UNEVEN, UNEVEN_SHARE = 0.05, 0.01  # of the usual interval, by which more than such a share of the others differ
+SIDE = 5  # samples on either side of a spike that it has to leave
+SPIKE_SD, SPIKE_SD_OVER_SIDES = 6.0, 4.5  # standard deviations by which it leaves its chord and the lines beside it
+MOST_SPIKES = 0.05  # share of the samples: more of them are noise
+SWING = 0.3  # of its height: by so much what surrounds a crest of a swing leaves a straight line too
+FLOOR = 0.25  # of its height: samples of a dip or bump that differ by less have a level of their own
+MOST_POINTS = 400  # of a line
+
+
+def running_means(values: Array, width: int) -> Array:
+    """Means of every `width` neighbours of values (n,), shape (n - width + 1,)."""
+    averaged: Array = uniform_filter1d(values, width, mode="nearest", origin=-(width // 2) if width > 1 else 0)
+    return averaged[: values.size - width + 1]
+
+
+def smooth(force: Array, width: int) -> Array:
+    """Centred moving average over an odd number of samples; constant where the window would leave the record,
+    so that the ends are no noisier than the rest."""
+    width = min(width, force.size if force.size % 2 else force.size - 1)
+    return force if width < 3 else np.pad(running_means(force, width), width // 2, mode="edge")
+
+
+def line_slope(t: Array, f: Array, noise: float) -> float:
+    """Slope of a line through points (n,) [N/s]; outliers are dropped once; 0 with fewer than two points."""
+    per = t.size // MOST_POINTS
+    if per > 1:
+        t, f = (column[: per * MOST_POINTS].reshape(-1, per).mean(axis=1) for column in (t, f))
+        noise = noise / sqrt(per)
+    if t.size < 2:
+        return 0.0
+    t, f = t - t.mean(), f - f.mean()
+    slope = float(t @ f / (t @ t))
+    residual = np.abs(f - slope * t)
+    keep = residual < max(5.0 * noise, 4.0 * float(np.median(residual)))
+    if keep.all() or np.count_nonzero(keep) < 4:
+        return slope
+    t, f = t[keep] - t[keep].mean(), f[keep] - f[keep].mean()
+    return float(t @ f / (t @ t))
+
+
+def slope_error(t: Array, noise: float) -> float:
+    """Standard error of the slope of a line through points at times (n,) [s] with this noise [N/s]."""
+    return noise / (sqrt(t.size) * float(np.std(t)))
 
 
 def uneven(time: Array) -> bool:
@@ -50,18 +81,18 @@ def white_noise(force: Array, time: Array | None = None) -> float:
     """
     force = np.asarray(force, dtype=np.float64)
     if force.size < BLOCK:
-        return _few(force)
+        return sqrt(float(np.median(np.diff(force, 2) ** 2)) / 0.455 / 6.0) if force.size >= 3 else 0.0
+    sampled = force
+    if force.size > 2 * STRETCHES * STRETCH:  # the few bad joints do not count
+        chosen = np.linspace(0, force.size // STRETCH - 1, STRETCHES).astype(np.int64)
+        sampled = force[: force.size // STRETCH * STRETCH].reshape(-1, STRETCH)[chosen].ravel()
     estimates = []
-    differences, reached = _sampled(force), 0
-    for order in ORDERS if time is None else ORDERS[:1]:  # each from the one before
-        differences = np.diff(differences, order - reached) if time is None else _by_distance(force, time)
-        squares, reached = differences**2, order
+    for order in MEDIAN_OF_BLOCK if time is None else (2,):
+        squares = (np.diff(sampled, order) if time is None else _by_distance(force, time)) ** 2
         blocks = squares.size // BLOCK
-        if blocks < 4:
-            estimates.append(sqrt(float(np.median(squares)) / 0.455 / comb(2 * order, order)))
-            continue
-        means = squares[: blocks * BLOCK].reshape(blocks, BLOCK).mean(axis=1)
-        estimates.append(sqrt(float(np.median(means)) / MEDIAN_OF_BLOCK[order] / comb(2 * order, order)))
+        means = squares[: blocks * BLOCK].reshape(blocks, BLOCK).mean(axis=1) if blocks >= 4 else squares
+        usual = MEDIAN_OF_BLOCK[order] if blocks >= 4 else 0.455
+        estimates.append(sqrt(float(np.median(means)) / usual / comb(2 * order, order)))
     return max(min(estimates), quantum(force) / sqrt(12.0))
 
 
@@ -74,85 +105,51 @@ def _by_distance(force: Array, time: Array) -> Array:
     return off * np.sqrt(comb(4, 2) / (1.0 + share**2 + (1.0 - share) ** 2))
 
 
-def _sampled(force: Array) -> Array:
-    """All of a short record; of a long one stretches from all over it, joined (a few bad joints do not count)."""
-    stretches = force.size // STRETCH
-    if stretches <= 2 * MOST_STRETCHES:
-        return force
-    chosen = np.linspace(0, stretches - 1, MOST_STRETCHES).astype(np.int64)
-    return force[: stretches * STRETCH].reshape(stretches, STRETCH)[chosen].ravel()
-
-
-def _few(force: Array) -> float:
-    if force.size < 3:
-        return 0.0
-    return sqrt(float(np.median(np.diff(force, 2) ** 2)) / 0.455 / 6.0)
-
-
 def quantum(force: Array) -> float:
-    """The step of a quantised force [N]: all its values lie on a grid; 0 where the force is not quantised, or so finely
-    that it hardly meets a value again."""
-    if np.all(np.diff(np.sort(force[:MET_AGAIN])) > 0.0):
-        return 0.0
-    levels = np.unique(force[: 1 << 15])
-    if levels.size < 3:
-        return 0.0
-    steps = np.diff(levels)
-    steps = steps[steps > 1e-9 * (levels[-1] - levels[0])]
-    step = float(steps.min())
-    on_grid = np.abs(steps / step - np.round(steps / step)) < 0.05
-    return step if np.mean(on_grid) > 0.9 else 0.0
+    """The step of a quantised force [N]; 0 where the force is not quantised."""
+    return grid_step(force[: 1 << 15])
 
 
 def spikes(force: Array, noise: float, *, floors: bool = False) -> Mask:
-    """Marks isolated outliers of one to three samples, shape (n,).
+    """Marks isolated outliers of one to three samples of a finite force (n,) [N] with white noise of this sd [N].
 
     A spike leaves both the chord between its neighbours and the lines through five samples on either
     side, to the same side, and the signal is back on its level after it: a sharp corner of a saw-tooth
     or a crest sampled a few times is none, nor are the crests of a swing whose every period is a few samples.
-
-    Args:
-        force: finite values (n,) [N].
-        noise: standard deviation of the white noise [N].
-        floors: whether a run whose samples have a level of their own is a dip or a bump of the force, and no spike.
+    floors: a run whose samples have a level of their own is a dip or a bump of the force, and none either.
     """
     marked = np.zeros(force.size, dtype=bool)
     limit = SPIKE_SD * max(noise, 1e-12 * float(np.ptp(force)) if force.size else 0.0)
     if force.size < 2 * SIDE + 2 or limit == 0.0:
         return marked
     for _ in range(6):
-        marked = _spikes_above(force, limit, floors)
+        marked, clean = np.zeros(force.size, dtype=bool), force
+        for number, length in enumerate((1, 2, 3, 1, 2, 3)):  # one removed may uncover its neighbour
+            if number == 3 and clean is force:
+                break
+            first = _candidates(clean, length, limit)
+            first = first[_stands_out(clean, first, length, limit)] if first.size else first
+            if floors and length > 1 and first.size:
+                body = clean[first[:, None] + np.arange(length)]
+                height = np.abs(body.mean(axis=1) - 0.5 * (clean[first - 1] + clean[first + length]))
+                first = first[np.ptp(body, axis=1) > FLOOR * height]
+            if first.size:
+                marked[(first[:, None] + np.arange(length)).ravel()] = True
+                clean = bridged(clean, marked)
         if np.count_nonzero(marked) <= MOST_SPIKES * force.size:
             break
         limit *= 2.0
     return marked
 
 
-def _spikes_above(force: Array, limit: float, floors: bool) -> Mask:
-    """Spikes that leave their surroundings by more than the limit; one removed may uncover its neighbour."""
-    marked, clean = np.zeros(force.size, dtype=bool), force
-    jump = _jumps(clean, limit)
-    for _ in range(SPIKE_PASSES):
-        before = clean
-        for length in SPIKE_LENGTHS:
-            first = _candidates(jump, clean, length)
-            found = first[_stands_out(clean, first, length, limit)] if first.size else first
-            if floors and length > 1 and found.size:
-                body = clean[found[:, None] + np.arange(length)]
-                height = np.abs(body.mean(axis=1) - 0.5 * (clean[found - 1] + clean[found + length]))
-                found = found[np.ptp(body, axis=1) > FLOOR * height]
-            if found.size == 0:
-                continue
-            for k in range(length):
-                marked[found + k] = True
-            clean = bridged(clean, marked)
-            jump = _jumps(clean, limit)
-        if clean is before:  # nothing was found, and nothing would be
-            break
-    return marked
+def _candidates(force: Array, length: int, limit: float) -> Indices:
+    """First samples of runs of the given length that are entered and left by a jump."""
+    jump = np.abs(np.diff(force)) > 0.6 * limit
+    entered = np.flatnonzero(jump[:-length] & jump[length:]) + 1
+    return entered[(entered >= SIDE) & (entered + length + SIDE <= force.size)]
 
 
-def _stands_out(force: Array, first: NDArray[np.int64], length: int, limit: float) -> Mask:
+def _stands_out(force: Array, first: Indices, length: int, limit: float) -> Mask:
     """Which of the runs that begin at `first` are spikes."""
     inside = np.arange(1, length + 1)
     body = force[first[:, None] + inside - 1]
@@ -165,19 +162,12 @@ def _stands_out(force: Array, first: NDArray[np.int64], length: int, limit: floa
     good = (np.abs(off) > limit) & (side * (body - left) > sides) & (side * (body - right) > sides)
     height = np.abs(off).min(axis=1)
     crest = good.all(axis=1) & (np.abs(after - before) < 0.5 * height)
-    swings = crest & (np.minimum(off_left, off_right) > np.maximum(SWING * height, SWING_SD / SPIKE_SD * limit))
-    result: Mask = crest & ~_near(first, first[swings])
-    return result
+    swings = first[crest & (np.minimum(off_left, off_right) > np.maximum(SWING * height, 0.6 * limit))]
+    near = np.searchsorted(swings, first + 3 * SIDE, side="right") > np.searchsorted(swings, first - 3 * SIDE)
+    return np.asarray(crest & ~near)
 
 
-def _near(places: NDArray[np.int64], others: NDArray[np.int64]) -> Mask:
-    """Which places are within SWINGS_ON samples of one of the others; both in rising order."""
-    begin = np.searchsorted(others, places - SWINGS_ON)
-    result: Mask = np.searchsorted(others, places + SWINGS_ON, side="right") > begin
-    return result
-
-
-def _extrapolated(samples: Array, steps: NDArray[np.int64]) -> tuple[Array, Array]:
+def _extrapolated(samples: Array, steps: Indices) -> tuple[Array, Array]:
     """A line through samples (c, SIDE), nearest first, continued beyond the nearest by steps (l,): shape (c, l); and by
     how much one of the samples leaves it at most (c,).
 
@@ -193,31 +183,13 @@ def _extrapolated(samples: Array, steps: NDArray[np.int64]) -> tuple[Array, Arra
 def _middle(rows: Array) -> Array:
     """Medians of short rows (c, k), shape (c,): sorted in a third of the time that np.median takes."""
     k = rows.shape[1]
-    ordered = np.sort(rows, axis=1)
-    return np.asarray(0.5 * (ordered[:, (k - 1) // 2] + ordered[:, k // 2]))
-
-
-def _jumps(force: Array, limit: float) -> NDArray[np.int64]:
-    """Samples after which the force jumps."""
-    steps = np.diff(force)
-    return np.flatnonzero(np.abs(steps, out=steps) > 0.6 * limit)
-
-
-def _candidates(jump: NDArray[np.int64], force: Array, length: int) -> NDArray[np.int64]:
-    """First samples of runs of the given length that are entered and left by a jump."""
-    if jump.size == 0:
-        return jump
-    left = jump[np.minimum(np.searchsorted(jump, jump + length), jump.size - 1)] == jump + length
-    entered = jump[left] + 1
-    return entered[(entered >= SIDE) & (entered + length + SIDE <= force.size)]
+    return np.asarray(np.sort(rows, axis=1)[:, [(k - 1) // 2, k // 2]].mean(axis=1))
 
 
 def bridged(force: Array, holes: Mask) -> Array:
     """The force with the marked samples replaced by straight lines between their neighbours."""
-    bad = holes
-    if not bad.any() or bad.all():
+    if not holes.any() or holes.all():
         return force
-    out, good = force.copy(), np.flatnonzero(~bad)
-    wrong = np.flatnonzero(bad)
+    out, wrong, good = force.copy(), np.flatnonzero(holes), np.flatnonzero(~holes)
     out[wrong] = np.interp(wrong, good, force[good])
     return out

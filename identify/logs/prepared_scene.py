@@ -26,9 +26,6 @@ class PreparedScene:
 def prepare_scene(scene: Scene, records: Sequence[Record]) -> PreparedScene:
     """Part, cut, correct and segment all logs of a scene, and find starts for what is explicit in time.
 
-    Args:
-        records: its logs in their order.
-
     Raises:
         FitError: a log without drive speed, or of which nothing is left.
         SceneError: an effect outside its measured range.

@@ -1,42 +1,46 @@
-"""Stick and slip phases of a measured force, from the data alone."""
+"""Stick and slip phases of a measured force: falls found by their prominence, and which of them are slips."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import sqrt
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+from math import log, sqrt
 
 import numpy as np
+import scipy
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from data_io.arrays import kept, thinned_steps
-from identify.logs.noise import bridged, quantum, spikes, uneven, white_noise
-from identify.logs.slips import (
-    SLIDING,
-    SLIP,
-    STICK,
-    ForceTrace,
-    JudgedFalls,
-    crossing,
-    judge,
-    label,
-    level,
-    line_slope,
-    loading_knee,
-    noise_on_lines,
-    not_slipping,
-    slope,
-    slope_error,
-    span,
-)
-from identify.logs.zigzag import WIDTH_SHARE, find_falls
-
-__all__ = ["SLIDING", "SLIP", "STICK", "DetectedCycles", "Segmentation", "segment"]
+from identify.base.quantiles import chi_square
+from identify.logs.noise import bridged, line_slope, quantum, smooth, spikes, uneven, white_noise
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Phase = NDArray[np.int8]
 
-CLEAR = 6.0  # standard deviations of the smoothed force: of smaller falls many are lost in the noise
-FEW_SLIPS = 3  # slips before a record slides: fewer are followed one by one
-MOSTLY = 0.5  # share of the samples that slide from which on a record is followed, not folded
+STICK, SLIP, SLIDING = 0, 1, 2
+SMALLEST_SHARE = 0.2  # of the typical drop: a smaller fall is no cycle of its own, and noise is to be below
+CONFIRMED_SD = 5.0  # standard deviations of the average, by which the force rises after the last slip
+NARROW, WIDE = 0.2, 0.45  # of the half period: the first average, and the widest, which does not bend a slip yet
+LONG_INTERVAL = 1.6  # times the median: look again there
+BLOCKS = 1 << 14  # of whose extremes the prominences of a longer record are
+COLOURED, MOST_COLOURED = 1.5, 3.0  # times the white part that is left, and times the white part: noise with a memory
+CLEAR = 6.0  # standard deviations of the average: of smaller slips many are lost in the noise
+FEW_SLIPS, MOSTLY = 3, 0.5  # with fewer slips, or more of its samples sliding, a record is followed and not folded
+STRAIGHT = (0.3, 0.7)  # share of a rise, in time, whose slope is the stick slope
+ARRESTING = 0.93  # of the stick slope: a mass that slides on loads its spring less steeply
+SLOWEST_FALL = 0.4  # of the stick slope: a slip falls faster
+LEAST_RISE = 0.5  # of what a stick would rise: an interval with less contains sliding
+FADED = (0.85, 0.94)  # drop and steepness of the last swing against the first, where swings settle
+LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading from rest
+FROM_REST = 0.5  # of the level that it leads to: a first rise by less is no loading, the level wanders
+LONGEST_SPAN = 40  # samples of a rise that count for the level at its end
+LINE_BLOCKS = ((24, 3), (12, 2), (8, 2))  # samples, and degree of its line: a rise between fast slips is bent
+LONGER, MOST_LONGER = 1.015, 4.0  # times the noise in blocks twice as long: noise with a memory, and no noise any more
 
 
 @dataclass(frozen=True)
@@ -91,8 +95,8 @@ class Segmentation:
 
     cycles: DetectedCycles
     noise: float
-    spikes: NDArray[np.bool_]
-    phase: NDArray[np.int8]
+    spikes: Bools
+    phase: Phase
     begins_in_slip: bool
     ends_sliding: bool
     stick_slopes: Array
@@ -109,12 +113,12 @@ class Segmentation:
     @property
     def samples_per_slip(self) -> float:
         """Median number of samples from peak to valley; 0 without cycles."""
-        return self._median(self.cycles.arrest - self.cycles.onset) / self.sample_interval
+        return _median(self.cycles.arrest - self.cycles.onset) / self.sample_interval
 
     @property
     def samples_per_cycle(self) -> float:
         """Median number of samples from fall to fall; 0 with fewer than two cycles."""
-        return self._median(self.cycles.period) / self.sample_interval
+        return _median(self.cycles.period) / self.sample_interval
 
     @property
     def drop_mean_and_sd(self) -> tuple[float, float] | None:
@@ -135,7 +139,7 @@ class Segmentation:
         if slopes.size == 0:
             return None if self.loading_slope is None else (self.loading_slope, 0.0)
         middle = float(np.median(slopes))
-        return middle, float(1.4826 * np.median(np.abs(slopes - middle)) / abs(middle)) if middle else 0.0
+        return middle, 1.4826 * _median(np.abs(slopes - middle)) / abs(middle) if middle else 0.0
 
     @property
     def spike_count(self) -> int:
@@ -144,15 +148,15 @@ class Segmentation:
 
     def share(self, phase: int) -> float:
         """Share of the samples in a phase (STICK, SLIP or SLIDING), 0 to 1."""
-        return float(np.count_nonzero(self.phase == phase) / self.phase.size) if self.phase.size else 0.0
+        return float(np.mean(self.phase == phase)) if self.phase.size else 0.0
 
     def slides_on(self, slips: int) -> bool:
         """Whether the record slides after so many slips, which are few or a small part of it."""
         return self.ends_sliding and (slips < FEW_SLIPS or self.share(SLIDING) > MOSTLY)
 
-    @staticmethod
-    def _median(values: Array) -> float:
-        return float(np.median(values)) if values.size else 0.0
+
+def _median(values: Array) -> float:
+    return float(np.median(values)) if values.size else 0.0
 
 
 def _mean_and_sd(values: Array) -> tuple[float, float] | None:
@@ -166,13 +170,14 @@ def segment(
 ) -> Segmentation:
     """Finds the sticks and slips of a force record.
 
-    A slip is a fall of the smoothed force by more than the noise spans, with a rise before and after it.
-    What then only rises less steeply than a stick, and decays, is sliding and no cycle.
+    A slip is a fall of the averaged force by more than the noise spans, faster than the rises beside it, with a rise
+    before and after it. What then only rises less steeply than a stick, and decays, is sliding and no cycle. Whether
+    the falls of a whole record are slips is judged in `regime.classify`.
 
     Args:
         time: rising [s], shape (n,), about evenly spaced.
         force: friction force, positive in the direction of sliding [N], shape (n,); NaN where not measured.
-        half_period: pi sqrt(m/k) [s] where the rig is known: it bounds the smoothing.
+        half_period: pi sqrt(m/k) [s] where the rig is known: it bounds the average.
         noise: standard deviation of the force [N] where it is known, else estimated.
         slips: False where it is known that no fall of it is one: loading, then sliding.
 
@@ -183,8 +188,12 @@ def segment(
     if time.shape != force.shape or time.ndim != 1:
         raise ValueError(f"time {time.shape} and force {force.shape} are not two columns of one length")
     holes = ~np.isfinite(force)
+    none = np.empty(0)
     if time.size < 8 or holes.all():
-        return _nothing(time, holes, noise or 0.0)
+        interval = float(np.median(thinned_steps(time))) if time.size > 1 else 1.0
+        phase = np.full(time.size, SLIDING, dtype=np.int8)
+        cycles = DetectedCycles(none, none, none, none, none)
+        return Segmentation(cycles, noise or 0.0, holes, phase, False, True, none, None, interval)
     clean = bridged(force, holes)
     stamps = time if uneven(time) else None
     white = white_noise(clean, stamps)
@@ -194,101 +203,448 @@ def segment(
     clean = bridged(clean, masked)
     interval = float(np.median(thinned_steps(time)))
     sd = white if noise is None else noise
-    turns = find_falls(clean, sd, None if half_period is None else half_period / interval)
-    turns = turns if slips else turns.without_falls()
-    trace = ForceTrace(time, clean, turns.smoothed, sd, turns.hysteresis)
-    falls = judge(trace, turns)
-    phase, ends_sliding = label(trace, falls)
-    cycles = _cycles(trace, falls)
-    low_snr = _low_snr(cycles, sd, interval, half_period)
+    falls = _find_falls(clean, sd, None if half_period is None else half_period / interval, slips)
+    trace = _Trace(time, clean, falls.smoothed, sd, falls.threshold)
+    judged = _judge(trace, falls)
+    phase, ends_sliding = _label(trace, judged)
+    cycles = _cycles(trace, judged)
+    lasting = half_period or _median(cycles.arrest - cycles.onset)
+    low_snr = cycles.count > 0 and _median(cycles.drop) * sqrt(max(NARROW * lasting / interval, 1.0)) < CLEAR * sd
+    loading = judged.loading_slope
+    if not judged.slips.any():
+        knee = _loading_knee(trace)
+        loading = _slope(trace, 0, knee) if knee else None
+    if noise is None:
+        # What lies between slips lost in the noise holds others; never less than the rounding of the file.
+        edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), int(phase.size)]
+        rests = [(first, end) for first, end in pairwise(edges) if phase[first] != SLIP]
+        about_lines = None if low_snr else noise_on_lines(clean, rests, stamps)
+        noise = max(about_lines or white, quantum(kept(force, ~holes)) / sqrt(12.0))
     return Segmentation(
         cycles=cycles,
-        noise=_noise(kept(force, ~holes), clean, phase, white, low_snr, stamps) if noise is None else noise,
+        noise=noise,
         spikes=masked | holes,
         phase=phase,
-        begins_in_slip=falls.starts_falling and bool(falls.kept.any()),
+        begins_in_slip=falls.starts_falling and bool(judged.slips.any()),
         ends_sliding=ends_sliding,
-        stick_slopes=falls.stick_slopes,
-        loading_slope=_loading_slope(trace, falls),
+        stick_slopes=judged.slopes[judged.slips[:-1] & judged.slips[1:]],
+        loading_slope=loading,
         sample_interval=interval,
         low_snr=low_snr,
-        other_falls=int(np.count_nonzero(~falls.kept)),
+        other_falls=int(np.count_nonzero(~judged.slips)),
     )
 
 
-def _low_snr(cycles: DetectedCycles, white: float, interval: float, half_period: float | None) -> bool:
-    """Whether slips fall by less than what is surely seen of them."""
-    if cycles.count == 0:
-        return False
-    drop = float(np.median(cycles.onset_force - cycles.arrest_force))
-    lasting = half_period or float(np.median(cycles.arrest - cycles.onset))
-    return drop * sqrt(max(WIDTH_SHARE * lasting / interval, 1.0)) < CLEAR * white
+# Falls of an average that doubles until the noise is a fifth of the drop.
 
 
-def _noise(
-    finite: Array, clean: Array, phase: NDArray[np.int8], white: float, low_snr: bool, stamps: Array | None
-) -> float:
-    """Never less than the rounding of the file; what lies between slips lost in the noise holds others."""
-    on_lines = None if low_snr else noise_on_lines(clean, not_slipping(phase), stamps)
-    return max(on_lines or white, quantum(finite) / sqrt(12.0))
+@dataclass(frozen=True)
+class _Falls:
+    """Sample indices of peaks and valleys (c,) of the average `smoothed` (n,) over `width` samples; threshold: of their
+    prominence [N]; starts_falling: a fall began before the record."""
+
+    peaks: Indices
+    valleys: Indices
+    smoothed: Array
+    width: int
+    threshold: float
+    starts_falling: bool
+
+    @property
+    def drops(self) -> Array:
+        """By how much the average falls (c,) [N]."""
+        return np.asarray(self.smoothed[self.peaks] - self.smoothed[self.valleys])
 
 
-def _nothing(time: Array, holes: NDArray[np.bool_], noise: float) -> Segmentation:
-    none = np.empty(0)
-    phase = np.full(time.size, SLIDING, dtype=np.int8)
-    interval = float(np.median(thinned_steps(time))) if time.size > 1 else 1.0
-    return Segmentation(
-        DetectedCycles(none, none, none, none, none), noise, holes, phase, False, True, none, None, interval
-    )
+def _find_falls(force: Array, noise: float, half_period: float | None, slips: bool) -> _Falls:
+    """Falls of a force (n,) whose noise has a white part of this sd [N]; half_period in samples where it is known."""
+    widest = force.size / 20 if half_period is None else WIDE * half_period
+    width = 1 if half_period is None else max(1, int(NARROW * half_period)) | 1
+    best, quiet = None, 0.0
+    while best is None or width <= widest:
+        values = smooth(force, width)
+        left = _left_by_averaging(values, noise, width)
+        threshold = max((_span_of_noise(force.size / width) + 1.0) * left, 1e-9 * float(np.ptp(force)))
+        falls = _prominent(values, width, threshold, CONFIRMED_SD * left)
+        if best is None or falls.peaks.size >= best.peaks.size:
+            best, quiet = falls, left
+        if falls.peaks.size:
+            smallest = SMALLEST_SHARE * float(np.median(falls.drops[falls.drops >= np.median(falls.drops)]))
+            tenth = int(0.1 * float(np.median(falls.valleys - falls.peaks))) | 1
+            if threshold <= smallest and half_period is None and tenth > width:
+                width = tenth  # of a slip: its shape stays, and its noise goes
+                continue
+            if threshold <= smallest:
+                best = _prominent(values, width, smallest, min(smallest, CONFIRMED_SD * left))
+                break
+            if half_period is None:
+                widest = min(widest, 0.55 * float(np.median(falls.valleys - falls.peaks)))
+        width = 2 * width + 1
+    if slips:
+        return _second_look(best, quiet)
+    none = np.empty(0, dtype=np.int64)
+    return _Falls(none, none, best.smoothed, best.width, best.threshold, False)
 
 
-def _loading_slope(trace: ForceTrace, slips: JudgedFalls) -> float | None:
-    if slips.kept.any():
-        return slips.loading_slope
-    knee = loading_knee(trace)
-    return slope(trace.time, trace.force, 0, knee, trace.noise) if knee else None
+def _span_of_noise(averages: float) -> float:
+    """How many standard deviations white noise alone hardly ever spans in so many averages."""
+    return 2.0 * sqrt(2.0 * log(max(averages, 8.0)))
 
 
-def _cycles(trace: ForceTrace, slips: JudgedFalls) -> DetectedCycles:
+def _second_look(falls: _Falls, left: float) -> _Falls:
+    """Falls searched again, less strictly, where the interval between them is suspiciously long; left: sd of the noise
+    in the average [N]."""
+    if falls.peaks.size < FEW_SLIPS:
+        return falls
+    longest, values = LONG_INTERVAL * float(np.median(np.diff(falls.peaks))), falls.smoothed
+    lenient = max(_span_of_noise(longest / falls.width) * left, 2.0 * SMALLEST_SHARE * float(np.median(falls.drops)))
+    if lenient >= falls.threshold:
+        return falls
+    more = _prominent(values, falls.width, lenient, lenient).peaks
+    edges = np.concatenate([[0], falls.peaks, [values.size]])
+    peaks = np.union1d(falls.peaks, more[np.diff(edges)[np.searchsorted(edges, more, side="right") - 1] > longest])
+    valleys = [a + int(np.argmin(values[a:b])) for a, b in pairwise([*peaks.tolist(), values.size])]
+    return replace(falls, peaks=peaks, valleys=np.array(valleys), threshold=lenient)
+
+
+def _left_by_averaging(smoothed: Array, noise: float, width: int) -> float:
+    """Standard deviation that noise leaves in an average over so many samples (n,) [N].
+
+    Of white noise noise/sqrt(width); noise with a memory leaves more, which second differences of the means of
+    neighbouring stretches show. Most of them may hold a slip: the quietest tenth counts, below 0.01579 of the variance.
+    """
+    white = noise / sqrt(width)
+    means = smoothed[width // 2 :: width][: smoothed.size // width]
+    if width < 3 or means.size < 30:
+        return white
+    seen = sqrt(float(np.quantile(np.diff(means, 2) ** 2, 0.1)) / 0.01579 / 6.0)
+    return white if seen < COLOURED * white else min(seen, MOST_COLOURED * noise)
+
+
+def _prominent(values: Array, width: int, threshold: float, last_rise: float) -> _Falls:
+    """The falls whose peaks are as prominent, with a rise of more than `last_rise` after the last of them [N]."""
+    block = max(values.size // BLOCKS, width // 4)
+    corners = np.arange(values.size)
+    if block > 2:
+        table = values[: values.size // block * block].reshape(-1, block)
+        lows, highs = table.argmin(axis=1), table.argmax(axis=1)
+        within = np.sort(np.stack([lows, highs], axis=1), axis=1) + block * np.arange(table.shape[0])[:, None]
+        corners = np.unique(np.append(within.ravel(), values.size - 1))
+    reduced = values[corners]
+    peaks = scipy.signal.find_peaks(reduced, prominence=threshold)[0]
+    for _ in range(2):  # of peaks of one height without a fall between them the last one counts
+        edges = [*peaks.tolist(), reduced.size]
+        valleys = np.array([a + int(np.argmin(reduced[a:b])) for a, b in pairwise(edges)], dtype=np.int64)
+        peaks = peaks[reduced[peaks] - reduced[valleys] > threshold] if peaks.size else peaks
+    if peaks.size and float(np.max(reduced[valleys[-1] :]) - reduced[valleys[-1]]) <= last_rise:
+        peaks, valleys = peaks[:-1], valleys[:-1]
+    before = reduced[: peaks[0] + 1] if peaks.size else reduced
+    low = int(np.argmin(before))
+    falling = float(np.max(before[: low + 1])) - float(before[low]) > threshold
+    return _Falls(corners[peaks], corners[valleys], values, width, threshold, falling)
+
+
+# Which falls are slips.
+
+
+@dataclass(frozen=True)
+class _Trace:
+    """A force without spikes as it is looked at: time [s], force and average [N], each (n,); noise sd and the threshold
+    of the search [N]."""
+
+    time: Array
+    force: Array
+    coarse: Array
+    noise: float
+    threshold: float
+
+    def rise(self, start: int, stop: int) -> float:
+        """Highest average from start to stop above that at start [N]."""
+        return float(np.max(self.coarse[start : stop + 1]) - self.coarse[start])
+
+    def duration(self, start: int, stop: int) -> float:
+        """Time between two samples [s]."""
+        return float(self.time[stop] - self.time[start])
+
+    @property
+    def last(self) -> int:
+        """Index of the last sample."""
+        return int(self.time.size) - 1
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """The falls of a record, judged: sample indices of peaks and valleys, each (f,), and `slips` (f,): is one.
+
+    slopes: of the rises between them [N/s], shape (f - 1,); stick_slope: the slope others are compared with;
+    loading_slope: of the first rise where the record starts unloaded, else None; ends_sliding: swings that
+    settle, not slips, end the record; starts_falling: a fall that began before the record.
+    """
+
+    peaks: Indices
+    valleys: Indices
+    slips: Bools
+    slopes: Array
+    stick_slope: float
+    loading_slope: float | None
+    ends_sliding: bool
+    starts_falling: bool
+
+
+def _judge(trace: _Trace, falls: _Falls) -> _Judged:
+    """Sorts falls into slips and sliding: a slip falls faster than the sticks rise, and a stick follows it."""
+    peaks, valleys = _corners(trace, falls)
+    if peaks.size == 0:
+        return _Judged(peaks, valleys, np.ones(0, bool), np.empty(0), 0.0, None, False, falls.starts_falling)
+    rises = zip(valleys[:-1].tolist(), peaks[1:].tolist(), strict=True)
+    slopes, first = np.array([_slope(trace, a, b) for a, b in rises]), _slope(trace, 0, int(peaks[0]))
+    drops, durations = trace.coarse[peaks] - trace.coarse[valleys], trace.time[valleys] - trace.time[peaks]
+    loading = not falls.starts_falling and trace.rise(0, int(peaks[0])) > LOADING_RISE * float(np.median(drops))
+    usual = first
+    if slopes.size:
+        order = np.argsort(slopes)
+        total = np.cumsum(np.maximum(trace.coarse[peaks[1:]] - trace.coarse[valleys[:-1]], 0.0)[order])
+        usual = float(slopes[order][int(np.searchsorted(total, 0.6 * total[-1]))])  # large rises count more
+    reference = first if loading and slopes.size < FEW_SLIPS else usual
+    slips = drops > SLOWEST_FALL * reference * durations
+    slips[-1] &= _is_over(trace, int(valleys[-1]), float(durations[-1]), reference)
+    settling = _settling(trace, peaks, valleys, slopes, first if loading else usual)
+    slips[settling:] = False
+    loaded = first if loading else None
+    return _Judged(peaks, valleys, slips, slopes, reference, loaded, settling < peaks.size, falls.starts_falling)
+
+
+def _slope(trace: _Trace, start: int, stop: int) -> float:
+    """Slope of the straight middle of a rise from sample start to stop [N/s]; outliers are dropped once."""
+    first = start + int(STRAIGHT[0] * (stop - start))
+    last = max(start + int(np.ceil(STRAIGHT[1] * (stop - start))), first + 1)
+    return line_slope(trace.time[first : last + 1], trace.force[first : last + 1], trace.noise)
+
+
+def _corners(trace: _Trace, falls: _Falls) -> tuple[Indices, Indices]:
+    """Peaks and valleys again, averaged no more than the noise asks for."""
+    peaks, valleys, coarse = falls.peaks.copy(), falls.valleys.copy(), trace.coarse
+    if peaks.size == 0:
+        return peaks, valleys
+    width = min(int((trace.noise / (0.03 * float(np.median(falls.drops)))) ** 2) | 1, falls.width)
+    fine, within = smooth(trace.force, width), 3.0 * trace.noise / sqrt(width)
+    last, reach = 0, falls.width // 2 + 1
+    following = [*falls.peaks[1:].tolist(), trace.last]
+    for i, (peak, valley) in enumerate(zip(falls.peaks.tolist(), falls.valleys.tolist(), strict=True)):
+        fall = coarse[peak : valley + 1]
+        middle = peak + int(np.argmin(fall > 0.5 * (fall[0] + fall[-1])))
+        start, stop = max(peak - reach, last), min(valley + reach, following[i])
+        peaks[i] = middle - _corner(fine[start : middle + 1][::-1], within)
+        valleys[i] = last = middle + _corner(-fine[middle : stop + 1], within)
+    return peaks, valleys
+
+
+def _corner(climb: Array, within: float) -> int:
+    """Index of the top of a climb that starts at the middle of a fall.
+
+    On a slow stick the highest sample is any of the many that noise lifts: there the corner is the first one
+    that is as high as it within the noise. A round crest is its highest sample.
+    """
+    top = int(np.argmax(climb))
+    first = int(np.argmax(climb >= climb[top] - within))
+    return first if first < 1.2 * (top - first) else top
+
+
+def _is_over(trace: _Trace, valley: int, duration: float, reference: float) -> bool:
+    """Whether the last slip must have come to rest within the record (in fast logs it does so after the valley)."""
+    after = trace.duration(valley, trace.last)
+    if after >= 0.6 * duration or after < 0.3 * duration:
+        return after >= 0.6 * duration
+    late = slice(valley + (trace.last - valley) // 2, None)
+    steep = line_slope(trace.time[late], trace.force[late], trace.noise) >= ARRESTING * reference
+    return steep and trace.last - valley >= 8
+
+
+def _settling(trace: _Trace, peaks: Indices, valleys: Indices, slopes: Array, reference: float) -> int:
+    """First of the last falls after which the force never again rises like a stick; their number if there is none.
+
+    One or two are no slips where steady sliding follows; several where they also fade (a rig may load more
+    steeply at first than between slips).
+    """
+    count, last = peaks.size, int(valleys[-1])
+    if reference <= 0:
+        return count
+    steepness, drops = slopes / reference, trace.coarse[peaks] - trace.coarse[valleys]
+    usual = _median(np.diff(trace.time[peaks]))
+    tail, rise = trace.duration(last, trace.last), trace.rise(last, trace.last)
+    settled = tail > 1.5 * usual and rise < LEAST_RISE * reference * tail
+    if settled:
+        top = last + int(np.argmax(trace.coarse[last:] - trace.coarse[last] >= 0.9 * rise))
+        steepness = np.append(steepness, _slope(trace, last, top) / reference)
+    sticking = np.flatnonzero(steepness >= ARRESTING)
+    start = int(sticking[-1]) + 1 if sticking.size else 0
+    swings, dropping = steepness[start:], drops[max(start, 1) :]  # the first drop, after loading, is larger anyway
+    if swings.size < 3 or dropping.size < 2:
+        return start if swings.size and settled else count
+    fades = dropping[-1] < FADED[0] * dropping[0] and swings[-1] < FADED[1] * swings[0]
+    return start if fades else count
+
+
+def _label(trace: _Trace, judged: _Judged) -> tuple[Phase, bool]:
+    """Phase of every sample, int8 (n,), and whether sliding ends the record."""
+    phase = np.full(trace.time.size, SLIDING, dtype=np.int8)
+    if not judged.slips.any():
+        if knee := _loading_knee(trace):  # loading from rest, then sliding; all stick where the force only rises
+            phase[: knee + 1] = STICK
+        return phase, bool(phase[-1] == SLIDING)
+    start, resting = 0, True
+    if judged.starts_falling:
+        start = int(np.argmin(trace.coarse[: judged.peaks[0] + 1]))
+        phase[:start] = SLIP
+    for peak, valley, slips in zip(judged.peaks.tolist(), judged.valleys.tolist(), judged.slips.tolist(), strict=True):
+        if slips or resting:
+            _label_rise(trace, phase, start, peak, judged.stick_slope)
+        if slips:
+            phase[peak : valley + 1] = SLIP
+        start, resting = valley, slips
+    if not judged.slips[-1]:
+        return phase, judged.ends_sliding
+    sticks = _label_rise(trace, phase, int(judged.valleys[-1]), trace.last, judged.stick_slope)
+    return phase, judged.ends_sliding or not sticks
+
+
+def _label_rise(trace: _Trace, phase: Phase, start: int, stop: int, reference: float) -> bool:
+    """Stick, or stick up to a knee and sliding from there; whether it is all stick."""
+    expected = LEAST_RISE * reference * trace.duration(start, stop)
+    rise = trace.coarse[start : stop + 1] - trace.coarse[start]
+    if rise.max() >= expected or expected < 3.0 * trace.threshold:
+        phase[start : stop + 1] = STICK
+        return True
+    phase[start : start + int(np.argmax(rise >= 0.9 * rise.max())) + 1] = STICK
+    return False
+
+
+def _loading_knee(trace: _Trace) -> int:
+    """Sample at which the loading of a record without slips ends; 0 where nothing was loaded."""
+    width = max(3, trace.time.size // 200) | 1
+    wide = smooth(trace.force, width)
+    rise = wide - wide[0]
+    if rise.max() < max(trace.threshold, 10.0 * trace.noise / sqrt(width)):
+        return 0
+    knee = int(np.argmax(rise >= 0.9 * rise.max()))
+    if rise[knee] <= FROM_REST * abs(wide[knee]):
+        return 0
+    per_time = rise[knee] / max(trace.duration(0, knee), 1e-300)
+    only_rising = rise[-1] - rise[knee] > LEAST_RISE * per_time * trace.duration(knee, trace.last)
+    return trace.last if only_rising else knee
+
+
+# Forces at the ends of slips, times of falls, noise about the sticks.
+
+
+def _cycles(trace: _Trace, judged: _Judged) -> DetectedCycles:
     """The slips with forces from local fits and interpolated falls."""
     rows = []
-    for i in np.flatnonzero(slips.kept):
-        peak, valley = int(slips.peaks[i]), int(slips.valleys[i])
-        before = int(slips.valleys[i - 1]) if i else 0
-        after = int(slips.peaks[i + 1]) if i + 1 < slips.peaks.size else trace.last
+    for i in np.flatnonzero(judged.slips):
+        peak, valley = int(judged.peaks[i]), int(judged.valleys[i])
+        before = int(judged.valleys[i - 1]) if i else 0
+        after = int(judged.peaks[i + 1]) if i + 1 < judged.peaks.size else trace.last
         inward = int(0.08 * (valley - peak))
-        high = level(trace.force, peak - span(peak - before), peak + inward, peak)
-        low = level(trace.force, valley - inward, valley + span(after - valley), valley)
+        high = _level(trace.force, peak - _span(peak - before), peak + inward, peak)
+        low = _level(trace.force, valley - inward, valley + _span(after - valley), valley)
         fall = slice(peak, valley + 1)
-        middle = crossing(trace.time[fall], trace.force[fall], trace.coarse[fall], 0.5 * (high + low), high - low)
+        middle = _crossing(trace.time[fall], trace.force[fall], trace.coarse[fall], 0.5 * (high + low), high - low)
         rows.append((trace.time[peak], high, middle, trace.time[valley], low))
     return DetectedCycles(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
 
 
-# Whether a log without a slip ends while its first stick still loads: it was stopped too soon.
-
-END = 0.1  # share of the samples at the end whose slope is asked for
-FEWEST = 8  # of these samples, at least
-AS_STEEP = 0.5  # of the slope of a stick: near its first slip a contact creeps already, and a soft skin takes its share
-SURE = 3.0  # standard errors by which the slope at the end is more than that
-
-ENDS_LOADING = "the log ends while the first stick still loads"
-REMEDY = "record longer, or faster"
+def _span(rise: int) -> int:
+    """How many samples of a rise of so many samples count for the level at its end."""
+    return min(max(int(0.15 * rise), 4), LONGEST_SPAN, rise)
 
 
-def still_loading(time: Array, force: Array, found: Segmentation, expected_slope: float | None) -> bool:
-    """Whether the force still rises at the end as in a stick, in a log in which no slip was seen.
+def _level(force: Array, start: int, stop: int, at: int) -> float:
+    """Force at sample `at` from a parabola (a line where one side is short) through samples start to stop [N]."""
+    f = force[start : stop + 1]
+    return float(_level_weights(at - start, stop - at) @ f) if f.size >= 4 else float(force[at])
+
+
+@lru_cache(maxsize=4096)
+def _level_weights(left: int, right: int) -> Array:
+    x = np.arange(-left, right + 1) / (left + right + 1)
+    degree = 2 if min(left, right) >= 3 else 1
+    weights: Array = np.linalg.pinv(np.vander(x, degree + 1, increasing=True))[0]
+    return weights
+
+
+def _crossing(time: Array, force: Array, coarse: Array, middle: float, drop: float) -> float:
+    """Time at which a fall, given from its peak to its valley, crosses `middle` [s], to a fraction of a sample.
+
+    A line through the steep half of the fall; where that has too few samples, between two samples.
+    """
+    steep = np.flatnonzero(np.abs(coarse - middle) < 0.25 * drop)
+    if steep.size >= 4:
+        t, f = time[steep], force[steep]
+        steepness = float((t - t.mean()) @ (f - f.mean()) / np.sum((t - t.mean()) ** 2))
+        if steepness < 0:
+            return float(np.clip(t.mean() + (middle - f.mean()) / steepness, time[0], time[-1]))
+    below = force < middle
+    i = max(int(np.argmax(below)) if below.any() else force.size - 1, 1)
+    step = force[i - 1] - force[i]
+    share = (force[i - 1] - middle) / step if step > 0 else 0.5
+    return float(time[i - 1] + min(max(share, 0.0), 1.0) * (time[i] - time[i - 1]))
+
+
+def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]], time: Array | None = None) -> float | None:
+    """Sd of the force about gently curved lines through blocks of the sticks [N].
+
+    Blocks with much more than the median (an unseen spike or slip) are left out; the mean of the others is
+    nearly as precise as all the samples allow, which a test of chi^2 needs. Noise with a memory shows all of itself
+    only in long blocks: the longest are doubled as long as that makes it larger, up to what is no noise any more.
 
     Args:
-        time, force: (n,) [s], [N], sliding positive, NaN where nothing counts.
-        expected_slope: stiffness times drive speed [N/s]; None where not known: the first rise of the log counts.
+        force: shape (n,) [N].
+        sticks: first sample and end of each stick; an eighth is left out at either end.
+        time: shape (n,) [s] of uneven rows; None for even ones.
+
+    Returns: None where there are fewer than five blocks of eight samples.
     """
-    if found.count or found.begins_in_slip or not found.phase.size or found.phase[-1] != STICK:
-        return False
-    slope = expected_slope or found.loading_slope
-    good = np.isfinite(force) & ~found.spikes
-    last = max(round(END * np.count_nonzero(good)), FEWEST)
-    t, f = time[good][-last:], force[good][-last:]
-    if slope is None or t.size < FEWEST:
-        return False
-    return line_slope(t, f, found.noise) > AS_STEEP * slope + SURE * slope_error(t, found.noise)
+    inner = [(first + (last - first) // 8, last - (last - first) // 8) for first, last in sticks]
+
+    def about(length: int, degree: int, fewest: int) -> float | None:
+        index = np.concatenate([np.empty(0, np.int64), *(np.arange(a, b - length + 1, length) for a, b in inner)])
+        return _about_lines(force, index, length, degree, time) if index.size >= fewest else None
+
+    for length, degree in LINE_BLOCKS:
+        sd = about(length, degree, 5)
+        if sd is not None:
+            break
+    if sd is None or length < LINE_BLOCKS[0][0]:
+        return sd
+    first, rest = sd, 0.0
+    for doubling in (2, 4, 8, 16):
+        longer = about(doubling * length, degree, 10)
+        if longer is None or longer < LONGER * sd:
+            break
+        if longer > MOST_LONGER * first:
+            return first
+        rest, sd = longer - sd, longer  # what a block does not show of a memory halves as its length doubles
+    return sd + rest
+
+
+def _about_lines(force: Array, index: Indices, length: int, degree: int, time: Array | None) -> float | None:
+    """Sd of the force about curves of a degree through blocks of a length that begin at `index` (b,) [N].
+
+    time: (n,) [s], along which the curves run; None: along the rows.
+    """
+    index = index[:: max(1, index.size // 4000)]
+    blocks = sliding_window_view(force, length)[index]
+    if time is None:
+        basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, length), degree + 1))[0]
+        blocks -= (blocks @ basis) @ basis.T
+    else:
+        stamps = sliding_window_view(time, length)[index]
+        middle, half = stamps.mean(axis=1, keepdims=True), 0.5 * np.ptp(stamps, axis=1, keepdims=True)
+        basis = np.linalg.qr(((stamps - middle) / half)[..., None] ** np.arange(degree + 1))[0]
+        blocks -= np.einsum("bij,bkj,bk->bi", basis, basis, blocks, optimize=True)
+    squares = np.einsum("ij,ij->i", blocks, blocks)
+    free = length - degree - 1
+    usual = float(np.median(squares)) / (1.0 - 2.0 / (9.0 * free)) ** 3
+    # White noise exceeds the limit once in 5000 blocks, whatever their length.
+    sound = squares <= usual * chi_square(1.0 - 1.0 / 5000.0, free) / free
+    return sqrt(float(np.mean(squares[sound])) / free) if sound.any() else None

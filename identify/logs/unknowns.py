@@ -187,35 +187,35 @@ def from_scene(scene: Scene) -> Unknowns:
     Raises:
         SceneError: a rig quantity of zero that is to be estimated.
     """
-    model = scene.model
-    rig = stated_rig(scene)
-    n = len(model.parameters)
+    model, rig = scene.model, stated_rig(scene)
+    names, n = model.parameter_names, len(model.parameters)
     free, start = np.zeros(n, bool), np.zeros(n)
     lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
     mean, sd, told = np.zeros(n), np.full(n, np.inf), np.zeros(n, bool)
-    vanishing, walls = _vanishing(model), np.zeros((2, n), bool)
+    vanishing, walls, about = _vanishing(model), np.zeros((2, n), bool), np.full(n, -1)
+    ties, per = [], []
     for i, declared in enumerate(model.parameters):
-        name, spec = declared.name, scene.parameters.get(declared.name)
-        base = rig[name] if name in RIG_PARAMETERS else 1.0 if declared.scale == "log" else 0.0
-        tolerance = scene.rig.tolerances.get(name, 0.0)
-        if name in RIG_PARAMETERS and base == 0.0 and (spec is not None or tolerance > 0.0):
+        name, spec, logarithmic = declared.name, scene.parameters.get(declared.name), declared.scale == "log"
+        of_rig, neutral = name in RIG_PARAMETERS, 1.0 if logarithmic else 0.0
+        base, tolerance = rig[name] if of_rig else neutral, scene.rig.tolerances.get(name, 0.0)
+        per.append(spec.per if spec is not None else None)
+        if of_rig and base == 0.0 and (spec is not None or tolerance > 0.0):
             raise SceneError(f"{name} of [rig] is 0 and is to be estimated; give a positive value to start from")
-        if name in RIG_PARAMETERS and spec is None:
+        if spec is None and of_rig:
             if tolerance > 0.0:
                 free[i], sd[i], lower[i], upper[i] = True, tolerance, -RIG_REACH, RIG_REACH
             continue
         if spec is None:
             raise SceneError(f"the scene says nothing of {name}, which its effects need; add it to [parameters]")
 
-        def search(value: float, base: float = base, logarithmic: bool = declared.scale == "log") -> float:
+        def search(value: float, base: float = base, logarithmic: bool = logarithmic) -> float:
             if not logarithmic:
                 return value - base
             return float(np.log(value / base)) if value > 0.0 else -np.inf
 
         value = next((v for v in (spec.fixed, spec.start, spec.prior_mean) if v is not None), None)
-        fallback = base if name in RIG_PARAMETERS else declared.default
         told[i] = value is not None
-        start[i] = search(fallback if value is None else value)
+        start[i] = search(value if value is not None else base if of_rig else declared.default)
         free[i] = spec.fixed is None and spec.tie is None
         lower[i], upper[i] = search(spec.lower), search(spec.upper)
         walls[:, i] = spec.lower > declared.lower, spec.upper < declared.upper
@@ -223,23 +223,17 @@ def from_scene(scene: Scene) -> Unknowns:
             lower[i] = max(lower[i], float(np.log(RESOLVED * np.sqrt(rig["mass"] / rig["stiffness"]))))
         if spec.prior_mean is not None and spec.prior_sd is not None:
             mean[i] = search(spec.prior_mean)
-            sd[i] = spec.prior_sd / spec.prior_mean if declared.scale == "log" else spec.prior_sd
+            sd[i] = spec.prior_sd / spec.prior_mean if logarithmic else spec.prior_sd
         elif tolerance > 0.0:
             sd[i] = tolerance
-    names = model.parameter_names
-    tied = [(i, scene.parameters[n].tie) for i, n in enumerate(names) if n in scene.parameters]
-    ties = tuple(
-        (i, names.index(tie.to), tie.factor if model.parameters[i].scale == "log" else tie.offset)
-        for i, tie in tied
-        if tie is not None
-    )
-    per = tuple(scene.parameters[n].per if n in scene.parameters else None for n in names)
-    about = np.full(n, -1)
+        if spec.tie is not None:
+            ties.append((i, names.index(spec.tie.to), spec.tie.factor if logarithmic else spec.tie.offset))
     for name, ratio, share in (("damping", "zeta", 1.0), ("mass", "natural_frequency", 2.0)):
         spec, known = scene.parameters.get(name), scene.rig.ratio_tolerances.get(ratio, 0.0)
         if known and name in names and free[names.index(name)] and (spec is None or spec.prior_sd is None):
             about[names.index(name)], sd[names.index(name)] = names.index("stiffness"), share * known
-    return Unknowns(model, free, np.clip(start, lower, upper), lower, upper, mean, sd, told, walls, about, per, ties)
+    start = np.clip(start, lower, upper)
+    return Unknowns(model, free, start, lower, upper, mean, sd, told, walls, about, tuple(per), tuple(ties))
 
 
 def _vanishing(model: Model) -> set[str]:

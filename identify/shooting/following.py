@@ -21,7 +21,7 @@ from scipy.ndimage import uniform_filter1d
 
 from identify.base.errors import SimulationError
 from identify.logs.log_data import LogData
-from identify.logs.slips import line_slope, slope_error
+from identify.logs.noise import line_slope, slope_error
 from identify.model.model import SPEED, Model
 from identify.shooting import batch
 from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch

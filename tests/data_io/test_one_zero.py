@@ -9,7 +9,7 @@ import pytest
 from data_io import LogError, Record, Step, read_log, write_csv, write_hdf5
 from identify.base.errors import IdentifyError
 from identify.cli import main as cli
-from identify.logs.segmented import cut_and_correct, refuse_too_few
+from identify.logs.prepare import cut_and_correct, refuse_too_few
 from identify.scene.values import LogEntry
 
 CASES = Path(__file__).parents[1] / "cases"

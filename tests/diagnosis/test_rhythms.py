@@ -15,8 +15,8 @@ from identify.effects import MAIN
 from identify.estimation.starts import preview
 from identify.identification import find
 from identify.logs.prepare import prepare
-from identify.logs.rhythms import rhythms
 from identify.logs.unknowns import from_scene
+from identify.logs.vibration import rhythms
 from identify.model.model import assemble
 from identify.scene import Scene
 from identify.simulation.simulate import run

@@ -1,16 +1,18 @@
-"""The drive of a log from its own column, and a column that contradicts the drive of the scene."""
+"""The drive of a log: from its own column or head, in a draft, in inspect, in a fit; and against the stated one."""
 
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from data_io import Record
-from identify import Scene, identification
+from data_io import Record, read_log
+from data_io.record import Step
+from identify import Scene
 from identify.base.errors import FitError
-from identify.base.outcome import Status
-from identify.base.result import Result
-from identify.diagnosis.findings import Findings
+from identify.cli import main as cli
+from identify.logs.recorded_drive import drive_position, recorded_drive, speed_of
 from identify.logs.scene_records import with_drives, with_records
 from identify.studies.job import BatchError
 from identify.studies.planning import plan
@@ -18,91 +20,126 @@ from tests.support.batch_case import SCENE
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
 
-TIME = np.arange(6000) / 500.0
+CASES = Path(__file__).resolve().parents[1] / "cases"
+STIFFNESS, DROP, RATE = 1800.0, 0.2, 500.0
+TIME = np.arange(6000) / RATE
 STEPS = ((0.0, 1e-3), (4.0, 2e-3), (8.0, 1e-3))
 HOLD = ((0.0, 1e-3), (4.0, 0.0), (5.0, 1e-3))
 STROKES = ((0.0, 1e-3), (4.0, -1e-3), (8.0, 1e-3))
 WAITS = ((0.0, 0.0), (2.0, 1e-3))
-RIG = {"mass": 0.2, "stiffness": 1800.0, "damping": 100.0}
 
 
 def scene_of(drive_speed=None, **more):
-    said = {} if drive_speed is None else {"drive_speed": drive_speed}
-    log = {"path": "a.csv", **said, **more}
-    return Scene.from_document({"effects": ["inertia", "hysteresis_damping"], "rig": RIG, "logs": [log]})
+    rig = {"mass": 0.2, "stiffness": STIFFNESS, "damping": 100.0}
+    log = {"path": "a.csv", **({} if drive_speed is None else {"drive_speed": drive_speed}), **more}
+    return Scene.from_document({"effects": ["inertia", "hysteresis_damping"], "rig": rig, "logs": [log]})
 
 
-def speed_of(programme):
+def record_of(programme, column="drive_speed", unit="m/s", head=None):
+    """A record that loads at stiffness times speed, whose role, or whose channel, follows a programme."""
     starts, speeds = np.transpose(programme)
-    return speeds[np.searchsorted(starts, TIME, side="right") - 1]
-
-
-def record_of(programme, column="drive_speed"):
-    """A record whose role, or whose channel, follows a programme."""
-    force = 0.3 + 0.01 * np.random.default_rng(1).standard_normal(TIME.size)
-    record = Record(TIME, np.ones(TIME.size), force)
-    speed = speed_of(programme)
+    speed = speeds[np.searchsorted(starts, TIME, side="right") - 1]
+    way = np.concatenate([[0.0], np.cumsum(np.abs(speed[:-1]))]) / RATE
+    noise = 0.001 * np.random.default_rng(1).standard_normal(TIME.size)
+    force = np.where(speed < 0, -1.0, 1.0) * (0.3 + STIFFNESS * way % DROP) + noise
+    record = Record(TIME, np.ones(TIME.size), force, steps=(Step(1, 1, 0, TIME.size, head or {}),))
     if column == "drive_speed":
         return replace(record, drive_speed=speed)
-    if column == "Position":
-        speed = np.concatenate([[0.0], np.cumsum(speed[:-1])]) / 500.0
-    return replace(record, channels={column: speed}, channel_units={column: "m" if column == "Position" else "m/s"})
+    position = np.concatenate([[0.0], np.cumsum(speed[:-1])]) / RATE
+    return replace(record, channels={column: position if unit == "m" else speed}, channel_units={column: unit})
 
 
-@pytest.mark.parametrize("column", ["drive_speed", "Stage speed", "Position"])
+def with_channel(name, unit, values):
+    record = replace(record_of(STEPS), drive_speed=None)
+    return replace(record, channels={name: values}, channel_units={name: unit})
+
+
+COLUMNS = [("drive_speed", "m/s"), ("Stage speed", "m/s"), ("Velocity", "m/s"), ("Position", "m"), ("Weg", "m")]
+
+
+@pytest.mark.parametrize(("column", "unit"), COLUMNS)
 @pytest.mark.parametrize("programme", [STEPS, HOLD, STROKES])
-def test_a_drive_that_the_scene_leaves_out_is_taken_from_the_column(column, programme):
-    scene, said = with_drives(scene_of(), [record_of(programme, column)])
+def test_a_drive_that_the_scene_leaves_out_is_taken_from_the_column(column, unit, programme):
+    scene, said = with_drives(scene_of(), [record_of(programme, column, unit)])
     assert np.array(scene.logs[0].drive_speed) == pytest.approx(np.array(programme), abs=0.01, rel=1e-6)
     assert len(said) == 1 and said[0].startswith("a.csv: the drive speed was taken from ") and "1 mm/s" in said[0]
     assert with_drives(scene, None) == (scene, []), "what is stated is not read again"
-    told, (record,) = with_records(scene, [record_of(programme, column)])
-    assert told is scene and record.findings == ()
+    stated, (record,) = with_records(scene, [record_of(programme, column, unit)])
+    assert stated is scene and record.findings == ()
 
 
 def test_one_speed_of_a_column_is_one_speed():
-    scene, _ = with_drives(scene_of(), [record_of(((0.0, 1e-3),))])
-    assert scene.logs[0].drive_speed == pytest.approx(1e-3)
+    assert with_drives(scene_of(), [record_of(((0.0, 1e-3),))])[0].logs[0].drive_speed == pytest.approx(1e-3)
 
 
-def test_a_column_that_does_not_tell_it_is_refused_in_a_sentence():
-    bare = replace(record_of(STEPS), drive_speed=None)
-    with pytest.raises(FitError, match="no drive speed, and the log does not tell it; give drive_speed"):
-        with_drives(scene_of(), [bare])
-    with pytest.raises(FitError, match="goes gradually"):
-        with_drives(scene_of(), [replace(bare, drive_speed=1e-3 * (2 + np.sin(TIME)))])
-    creeping = replace(bare, channels={"Z": 1e-6 * TIME}, channel_units={"Z": "m"})
-    with pytest.raises(FitError, match="column Z is not taken for the drive: nothing in the log says"):
-        with_drives(scene_of(), [creeping])
-    crosshead = replace(bare, channels={"Extension": 1e-3 * TIME}, channel_units={"Extension": "m"})
-    with pytest.raises(FitError, match='if it is: --columns "position=Extension"'):
-        with_drives(scene_of(), [crosshead])
+WEAR = 1e-6 * TIME
 
 
-@pytest.mark.parametrize("programme", [STEPS, HOLD, STROKES])
+@pytest.mark.parametrize(
+    ("name", "unit", "values", "words"),
+    [
+        ("drive_speed", "", None, "no drive speed, and the log does not tell it; give drive_speed"),
+        ("Velocity", "m/s", 1e-3 * (2 + np.sin(TIME)), "column Velocity goes gradually"),
+        ("Position", "m", 1e-3 * np.sin(TIME), "column Position does not move evenly"),
+        ("Position", "m", np.full(TIME.size, -0.69e-3), "column Position stands still"),
+        ("Z", "m", WEAR, 'column Z is not taken for the drive.*--columns "position=Z"'),
+        ("V2", "m/s", 1e-3 + 0 * TIME, 'column V2 is not taken for the drive.*--columns "drive_speed=V2"'),
+        ("V", "V", 1e-3 + 0 * TIME, "column V is there and unused, because no unit of speed"),
+    ],
+)
+def test_a_column_that_is_no_drive_is_named_with_the_way_out(name, unit, values, words):
+    record = replace(record_of(STEPS), drive_speed=None) if values is None else with_channel(name, unit, values)
+    with pytest.raises(FitError, match=words):
+        with_drives(scene_of(), [record])
+    if name in ("Z", "V2", "V"):
+        assert speed_of(record) is None and with_records(scene_of(1e-3), [record])[1][0].findings == ()
+
+
+@pytest.mark.parametrize(("head", "speed", "drive"), [
+    ({"Velocity": "60"}, 1e-3, True),  # mm/min
+    ({"Velocity": "10", "Radius": "5"}, 2.0 * np.pi * 10.0 / 60.0 * 5e-3, True),  # rpm
+    ({"Velocity": "60"}, 1.3e-3, False),
+])  # fmt: skip
+def test_a_column_as_fast_as_the_head_says_is_the_drive(head, speed, drive):
+    assert (recorded_drive(record_of(((0.0, speed),), "V2", head=head)).speed is not None) == drive
+
+
+@pytest.mark.parametrize("walk", [False, True])
+def test_noise_whose_differences_are_as_fast_as_the_head_says_is_no_drive(walk):
+    noise = np.random.default_rng(4).standard_normal(2000)
+    noise = np.cumsum(noise) if walk else noise
+    speeds = np.abs(noise[4:] - noise[:-4]) / (4 / RATE)
+    noise *= 1e-3 / float(np.median(speeds[speeds > 0.05 * np.quantile(speeds, 0.9)]))
+    for column, moves in ((noise, False), (noise / 10.0 + 1e-3 * TIME[:2000], True)):
+        steps = (Step(1, 1, 0, 2000, {"Velocity": "60"}),)
+        record = Record(TIME[:2000], np.ones(2000), 0.5 + 0.01 * noise, steps=steps)
+        drive = recorded_drive(replace(record, channels={"Z": column}, channel_units={"Z": "m"}))
+        assert (drive.programme is not None) == moves
+        assert not moves or drive.programme[0][1] == pytest.approx(1e-3, rel=0.05)
+
+
+def test_the_radius_of_a_track_is_no_drive():
+    record = read_log(CASES / "rtec_rotary_y_is_the_radius.csv")
+    assert drive_position(record) is None
+    assert speed_of(record)[0] == pytest.approx(2.0 * np.pi * 119.84 / 60.0 * 9.33e-3, rel=1e-3)
+
+
+@pytest.mark.parametrize("programme", [STEPS, HOLD])
 def test_one_stated_speed_against_a_column_that_changes_is_doubted_and_taken(programme):
     for column, place in (("drive_speed", "the drive speed of the log"), ("Stage speed", "column Stage speed")):
         scene, (record,) = with_records(scene_of(1e-3), [record_of(programme, column)])
         assert scene.logs[0].drive_speed == 1e-3
         (finding,) = record.findings
-        assert finding.severity == "warning" and f"{place} changes" in finding.message
-
-
-@pytest.mark.parametrize("programme", [STEPS, HOLD, STROKES])
-def test_a_carriage_that_nothing_shows_to_be_the_drive_neither_tells_nor_doubts_it(programme):
-    record = record_of(programme, "V2")
-    with pytest.raises(FitError, match="column V2 is not taken for the drive"):
-        with_drives(scene_of(), [record])
-    assert with_records(scene_of(1e-3), [record])[1][0].findings == ()
+        assert finding.severity == "warning" and f"at 4 s, but {place} says" in finding.message
 
 
 def test_one_speed_goes_with_a_window_a_late_start_and_strokes_of_a_position():
-    window = {"window": ["0.5 s", "3.5 s"]}
     for scene, record in (
-        (scene_of(1e-3, **window), record_of(STEPS)),
+        (scene_of(1e-3, window=["0.5 s", "3.5 s"]), record_of(STEPS)),
         (scene_of(1e-3), record_of(WAITS)),
-        (scene_of(1e-3), record_of(STROKES, "Position")),
+        (scene_of(1e-3), record_of(STROKES, "Position", "m")),
         (scene_of(1.015e-3), record_of(((0.0, 1e-3),))),
+        (scene_of([[0, 1.005e-3], [4.1, 2e-3], [7.95, 1e-3]]), record_of(STEPS)),
     ):
         assert with_records(scene, [record])[1][0].findings == ()
 
@@ -122,21 +159,83 @@ def test_a_contradiction_is_a_warning_in_one_sentence(stated, words):
     assert with_records(scene, [record])[1][0].findings == (finding,), "it is said once"
 
 
-def test_steps_as_a_user_reads_them_agree():
-    said = [[0, 1.005e-3], [4.1, 2e-3], [7.95, 1e-3]]
-    assert with_records(scene_of(said), [record_of(STEPS)])[1][0].findings == ()
+def test_the_head_of_a_log_is_quoted_against_another_speed_and_in_a_draft(tmp_path):
+    scene = Scene.from_toml(CASES / "cetr_true_speed.toml")
+    assert not [f for f in with_records(scene, None)[1][0].findings if f.code == "drive_speed_disagrees"]
+    scene = replace(scene, logs=(replace(scene.logs[0], drive_speed=1e-3),))
+    stated, (record,) = with_records(scene, None)
+    (doubt,) = [f for f in record.findings if f.code == "drive_speed_disagrees"]
+    assert stated.logs[0].drive_speed == 1e-3 and "Velocity = 240" in doubt.message
+    out = tmp_path / "x.toml"
+    assert cli.main(["scene", str(CASES / "cetr_v1_is_the_vertical_carriage.csv"), "--out", str(out)]) == 0
+    assert tomllib.loads(out.read_text())["logs"][0]["drive_speed"] == "TODO mm/s"
+    assert "Velocity = 240 without a unit: 4 mm/s if in mm/min" in out.read_text()
 
 
-def test_a_fit_says_what_it_took_and_the_scene_of_its_result_holds_it(monkeypatch):
-    found = Findings(Status.NO_CYCLES, "", None)
-    monkeypatch.setattr(identification, "plain_or_uneven", lambda *_arguments: ([], found))
-    monkeypatch.setattr(identification, "_curves", lambda *_arguments: ())
-    monkeypatch.setattr(identification, "result_of", lambda *_: Result(notes=("another",)))
-    result = identification.fit(scene_of(), [record_of(STEPS)]).result
-    took = "a.csv: the drive speed was taken from the drive speed of the log: 1 mm/s, from 4 s 2 mm/s, from 8 s 1 mm/s."
-    assert result["notes"] == [took, "another"]
-    (entry,) = Scene.from_document(result["provenance"]["scene"]).logs
-    assert entry.drive_speed == STEPS, "verify and the calculators take the same"
+def csv(path, record, header="drive_speed [mm/s]"):
+    columns = {"Time [s]": record.time, "Friction force [N]": record.friction_force, "Normal force [N]": np.ones(6000)}
+    if record.drive_speed is not None:
+        columns[header] = 1e3 * record.drive_speed
+    np.savetxt(path, np.column_stack(list(columns.values())), "%.7g", ",", header=",".join(columns), comments="")
+    return str(path)
+
+
+def drafted(tmp_path, *paths):
+    out = tmp_path / "x.toml"
+    assert cli.main(["scene", *paths, "--out", str(out)]) == 0
+    return tomllib.loads(out.read_text()), out.read_text()
+
+
+@pytest.mark.parametrize("programme", [STEPS, STROKES])
+def test_a_draft_has_the_programme_and_the_stiffness_by_stick(tmp_path, programme):
+    scene, _ = drafted(tmp_path, csv(tmp_path / "a.csv", record_of(programme)))
+    pairs = scene["logs"][0]["drive_speed"]
+    assert pairs == [[start, f"{1e3 * speed:.4g} mm/s"] for start, speed in programme]
+    assert float(scene["rig"]["stiffness"]["value"].split()[0]) == pytest.approx(STIFFNESS, rel=0.01)
+
+
+def test_a_log_that_slides_stays_in_the_draft_and_a_rejected_one_is_named(tmp_path, capsys):
+    sticks = csv(tmp_path / "sticks.csv", record_of(((0.0, 1e-3),)))
+    noise = 0.003 * np.random.default_rng(2).standard_normal(TIME.size)
+    slides = replace(record_of(STEPS), drive_speed=None, friction_force=0.4 * (1 - np.exp(-TIME / 0.005)) + noise)
+    dead = replace(slides, friction_force=np.full(TIME.size, 0.3))
+    paths = [csv(tmp_path / "slides.csv", slides), csv(tmp_path / "dead.csv", dead)]
+    scene, text = drafted(tmp_path, sticks, *paths)
+    assert [entry["path"] for entry in scene["logs"]] == ["sticks.csv", "slides.csv"] and "# it slides: it" in text
+    assert "left out: dead.csv: rejected by the quality gate: " in capsys.readouterr().out
+
+
+def umt(path, velocity):
+    """A test as a UMT exports it: two seconds at rest with 12 mN in the sensor, then twelve sticks of 1300 N/m."""
+    names = "Fx,Fz,Y,V2,T,Ff,COF\nN,N,mm,mm/sec,sec,N,\n"
+    rest, time, speed = np.arange(400) / 200.0, np.arange(4000) / 200.0, 0.5
+    noise = 0.002 * np.random.default_rng(1).standard_normal((2, time.size))
+    steps = [
+        (1, velocity, rest, 0.012 + noise[0, :400], np.zeros(400)),
+        (2, 60.0 * speed, time, 0.1 + 1.3 * (speed * time % 0.8) + noise[1], np.full(4000, speed)),
+    ]
+    lines = ["Created by CETR UMT ver.1.136.257 12 May 2022 12:21:50", "", "Run # 1"]
+    for number, stated, t, force, moved in steps:
+        lines += [f"Step No. {number}", "", f"Velocity     = {stated:g}", f"Data Count   = {t.size}", "", names]
+        lines += [f"{f:.6f},-1,{v * s:.6f},{v:.6f},{s:.4f},{f:.6f},{f:.6f}" for s, f, v in zip(t, force, moved)]  # noqa: B905
+        lines += ["", ""]
+    path.write_text("\n".join(lines))
+    return str(path)
+
+
+def test_a_step_at_rest_is_left_out_and_its_force_offered_as_the_zero(tmp_path, capsys):
+    path = umt(tmp_path / "a.txt", 0.0)
+    scene, text = drafted(tmp_path, path)
+    assert [entry["step"] for entry in scene["logs"]] == [2]
+    (line,) = [line for line in text.splitlines() if line.startswith("# tare")]
+    assert float(line.split('"')[1].split()[0]) == pytest.approx(12.0, abs=0.5) and "step 1" in line
+    assert cli.main(["inspect", path]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "the drive stands: the head of the log says Velocity = 0; the friction force shows 1" in said
+    assert "step 2 stroke 1" in said and "step 1 stroke 1" not in said, "a rest is no column of the classical table"
+    (tmp_path / "x.toml").unlink()
+    scene, text = drafted(tmp_path, umt(tmp_path / "b.txt", 30.0))
+    assert [entry["step"] for entry in scene["logs"]] == [1, 2] and "# tare" not in text
 
 
 def test_a_batch_asks_for_the_speed_or_the_name_of_its_column(tmp_path):

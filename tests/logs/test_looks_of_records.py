@@ -10,12 +10,10 @@ import pytest
 
 from data_io import Record
 from identify.logs.classical import table_of
-from identify.logs.judgement import judge
-from identify.logs.log_regime import joined, look
-from identify.logs.regime import Regime
-from identify.logs.slip_quality import RecordPart
+from identify.logs.judgement import RecordPart, judge
+from identify.logs.regime import Regime, joined, look
 
-SIBLINGS = range(20)
+SIBLINGS = range(6)
 
 
 def seen(time, force, load):

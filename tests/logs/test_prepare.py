@@ -19,7 +19,6 @@ from identify.logs.loads import level, smooth
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.report.log_document import _looked_at
 from identify.scene import Scene
 from identify.simulation.simulate import run
 
@@ -100,14 +99,6 @@ def test_skipped_cycles_and_windows_leave_samples_and_falls_out():
     assert not holed.used[105:115].any() and holed.used[200:300].any()
 
 
-def test_the_classical_table_of_a_result_reads_what_the_scene_leaves():
-    shown = _looked_at(_prepared(_record(), window=[1.0, 3.0]))
-    assert shown.time.size == 2001 and shown.time[-1] == pytest.approx(2.0)
-    whole = _record()
-    assert np.array_equal(shown.friction_force, whole.friction_force[1000:3001])
-    assert _looked_at(_prepared(whole)).friction_force is _prepared(whole).record.friction_force
-
-
 @pytest.mark.parametrize(("clock", "forces", "times"), [(1e3, 1.0, "0.00"), (1.0, 1e3, "99")])
 def test_sticks_a_thousand_times_too_steep_or_flat_tell_of_a_wrong_unit(clock, forces, times):
     good = _record()
@@ -115,15 +106,6 @@ def test_sticks_a_thousand_times_too_steep_or_flat_tell_of_a_wrong_unit(clock, f
     said = wrong_unit([_prepared(good), _prepared(wrong)])
     assert f"rises {times}" in said and "check the units" in said
     assert wrong_unit([_prepared(good)]) == ""
-
-
-def test_one_stick_or_sticks_unlike_each_other_are_no_wrong_unit():
-    good = _record()
-    wrong = _prepared(Record(1e3 * good.time, good.normal_force, good.friction_force))
-    assert wrong_unit([wrong])
-    slopes = wrong.segmentation.stick_slopes
-    for misread in (slopes[:1], slopes * np.geomspace(0.1, 10.0, slopes.size)):
-        assert wrong_unit([replace(wrong, segmentation=replace(wrong.segmentation, stick_slopes=misread))]) == ""
 
 
 def test_what_cannot_be_fitted_is_refused_by_name():
@@ -230,16 +212,6 @@ def test_what_was_cut_and_corrected_stands_in_the_account_and_the_raw_record_is_
     assert _prepared(_record()).account.changes == ()
 
 
-def test_crosstalk_and_tilt_of_a_scene_in_percent_and_degrees():
-    scene = _scene(crosstalk="2 %", tilt="1.5 deg", normal_tare="5 mN")
-    (entry,) = scene.logs
-    assert (entry.crosstalk, entry.normal_tare) == (0.02, 5e-3) and entry.tilt == pytest.approx(np.radians(1.5))
-    assert Scene.from_document(scene.as_document()).logs[0] == replace(entry, path=entry.path.absolute())
-    for wrong in ({"crosstalk": 1.5}, {"tilt": "60 deg"}, {"tilt": "much"}):
-        with pytest.raises(SceneError, match=next(iter(wrong))):
-            _scene(**wrong)
-
-
 def test_a_rejected_log_is_left_out_with_its_reason_and_a_threshold_lets_it_in():
     record = _record()
     rippling = 1.0 + 0.4 * np.sqrt(2) * np.sin(2 * np.pi * 5 * record.time)
@@ -293,18 +265,6 @@ def test_why_a_log_is_left_out_decides_the_remedy():
     assert _prepared(record, skip_cycles=cycles - 1).left_out is None
 
 
-def test_a_fit_says_that_two_columns_look_swapped_before_what_comes_of_it():
-    record = _record()
-    told = _message(Record(record.time, record.friction_force, record.normal_force))
-    assert (
-        "a.csv: normal force and friction force look swapped; see" in told and 'columns = { normal_force = "…"' in told
-    )
-    assert "ripples" not in told and "slower" not in told
-    rippling = 1.0 + 0.4 * np.sqrt(2) * np.sin(2 * np.pi * 5 * record.time)
-    other = _message(Record(record.time, rippling, record.friction_force))
-    assert "ripples" in other and "swapped" not in other and "columns" not in other
-
-
 def test_the_gate_sees_the_slope_of_the_sticks_and_only_what_the_scene_leaves():
     assert _prepared(_record()).judgement.verdict == "accept"
     wrong = replace(_scene(), rig=replace(_scene().rig, drive_speed=1.2e-3))
@@ -316,11 +276,3 @@ def test_the_gate_sees_the_slope_of_the_sticks_and_only_what_the_scene_leaves():
     assert "unloaded_rows" in {f.code for f in _prepared(unloaded).judgement.findings}
     cut = _prepared(unloaded, exclude=[[0.6, 1.9]]).judgement.findings
     assert not {"unloaded_rows", "dropouts"} & {f.code for f in cut}
-
-
-def test_a_threshold_of_a_scene_that_is_none_is_refused_by_name():
-    for quality, words in (({"jiter": 0.1}, "did you mean 'jitter'"), ({"jitter": "much"}, "jitter")):
-        with pytest.raises(SceneError, match=words):
-            Scene.from_document({"effects": list(MAIN), "rig": dict(RIG) | {"drive_speed": 1e-3}, "quality": quality})
-    given = {"effects": list(MAIN), "rig": dict(RIG) | {"drive_speed": 1e-3}, "quality": {"spikes": "1 %"}}
-    assert Scene.from_document(given).thresholds["spikes"] == 0.01

@@ -9,8 +9,7 @@ import pytest
 from data_io import LogError, Record
 from data_io.thresholds import LIMITS, Thresholds
 from identify.logs.judgement import judge
-from identify.logs.slip_quality import harmonic_share, sharpness
-from tests.support.verdict_cases import CASES, RATE, N, made, saw, sensor_lag
+from tests.support.verdict_cases import CASES, RATE, N, made, saw
 
 LIMIT = {limit.name: limit for limit in LIMITS}
 
@@ -47,10 +46,6 @@ def test_a_threshold_that_is_moved_away_is_silent(name):
     make, beyond, _, code = CASES[name]
     never = math.inf if LIMIT[name].beyond == "above" else 0.0
     assert told(make(beyond), code, {name: never}) != LIMIT[name].severity
-
-
-def fixed(**columns):
-    return told(made(**columns), columns.pop("code"))
 
 
 def test_what_no_threshold_can_excuse():
@@ -91,22 +86,6 @@ def test_a_rejection_has_its_reason_in_front():
     assert judged.reason.startswith("the normal force is zero") and judged.findings[0].severity == "reject"
     told = judged.result()
     assert told.verdict == "reject" and told.findings[0].code == "no_load"
-
-
-@pytest.mark.parametrize("share", [0.1, 0.2, 0.4])
-def test_the_lag_of_a_sensor_is_measured(share):
-    _, (part,) = sensor_lag(share)
-    seen = sharpness(part.time, part.force, part.found)
-    assert seen.lag == pytest.approx(share * 0.04, rel=0.1) and seen.duration == pytest.approx(0.04, rel=0.1)
-
-
-def test_without_a_lag_hardly_any_is_found_and_a_saw_tooth_has_its_harmonic():
-    _, (part,) = made()
-    assert sharpness(part.time, part.force, part.found).share < 0.05
-    time = np.arange(4000) / 500.0
-    # a saw-tooth without width of its slips: 6 / pi^2 of the variance (Parseval)
-    _, (sharp,) = made(0.4 + 0.2 * ((time / 0.4) % 1.0), time=time)
-    assert harmonic_share(sharp.time, sharp.force, sharp.found) == pytest.approx(6 / math.pi**2, rel=0.02)
 
 
 @pytest.mark.parametrize(

@@ -55,13 +55,6 @@ def judged(make: Callable[[], tuple[Record, list[Any]]], rows: int | None = None
     return found
 
 
-def cut_off(at: float, scatter: float = 0.0) -> tuple[Record, list[Any]]:
-    """Sticks that end on a level, at this share of their height, with noise on top; the levels scatter [N]."""
-    time = np.arange(N) / RATE
-    levels = 0.2 * at + scatter * np.random.default_rng(5).standard_normal(N)
-    return made(0.4 + np.minimum(saw(time), levels[(time / 0.4).astype(int)]) + noise(1))
-
-
 def umt(*steps: str) -> str:
     """A log in steps."""
     return "Run # 1\n" + "".join(steps)
@@ -281,10 +274,6 @@ CASES: dict[str, list[tuple[Make, Make]]] = {
     "normal_force_not_measured": [(judged(lambda: set_load(0)), judged(lambda: set_load(1)))],
     "normal_clipped": [(judged(lambda: clipped_load(10)), judged(lambda: clipped_load(9)))],
     "friction_clipped": [(judged(lambda: clipped_run(10)), judged(lambda: clipped_run(9)))],
-    "level_tops": [
-        (judged(lambda: cut_off(0.84)), judged(lambda: cut_off(0.93))),
-        (judged(lambda: cut_off(0.84, 0.3e-3)), judged(lambda: cut_off(0.84, 3e-3))),
-    ],
     "forces_swapped": [(judged(lambda: swapped(3)), judged(lambda: swapped(2)))],
     "tare_not_quiet": [(tared(2.2), tared(1.9))],
     "drive_speed_disagrees": [(driven(1.06e-3), driven(1.04e-3))],

@@ -1,11 +1,10 @@
 """Records made so that one number of the quality gate has a value that is known: a bit beyond its threshold, or not."""
 
 import numpy as np
-from scipy.signal import lfilter
 
 from data_io import Record
+from identify.logs.judgement import RecordPart
 from identify.logs.segment import segment
-from identify.logs.slip_quality import RecordPart
 
 N = 4000
 RATE = 500.0
@@ -146,43 +145,9 @@ def samples_per_slip(count):
     return made(0.4 + saw(time, period, share=0.1) + noise(1), time=time)
 
 
-def samples_per_cycle(count):
-    time = np.arange(N) * 0.4 / count
-    return made(0.4 + saw(time, 0.4, share=0.3) + noise(1), time=time)
-
-
 def samples_per_swing(count):
     time = np.arange(N) / RATE
     return made(0.4 + 0.1 * np.sin(2 * np.pi * np.arange(N) / count + 0.3) + noise(1), time=time)
-
-
-def sensor_lag(x):
-    """Half cosines behind a first-order lag of x of their duration, integrated on a fine grid."""
-    fine, every = 20_000.0, 20
-    time = np.arange(int(8 * fine)) / fine
-    decay = np.exp(-1 / (fine * x * 0.04))
-    force = lfilter([1 - decay], [1, -decay], 0.4 + saw(time, 0.4, share=0.1))
-    return made((force[fine_start() :: every])[: 7 * 1000] + noise(1, 7000), time=np.arange(7000) / 1000.0)
-
-
-def fine_start():
-    return 8000  # one period of 0.4 s: what the lag starts with is gone
-
-
-def harmonic(share):
-    """First harmonic of that share of the variance: sin + b sin of twice the phase, share = 1 / (1 + b^2)."""
-    phase = 2 * np.pi * np.arange(N) / RATE / 0.4
-    b = np.sqrt(1 / share - 1)
-    return made(0.4 + 0.1 * (np.sin(phase) + b * np.sin(2 * phase)) + noise(1, sd=1e-4))
-
-
-def uneven_cycles(x):
-    """Slips that are by turns larger and smaller: their drop scatters by 1.4826 * 2 e / sqrt(2) of the mean."""
-    e = x / (1.4826 * 2 / np.sqrt(2))
-    time = np.arange(N) / RATE
-    turn = np.where((time / 0.4) % 2 < 1, 1 + e, 1 - e)
-    # valleys at one height, peaks at two
-    return made(0.4 + saw(time) * turn + noise(1))
 
 
 def stick_slope(x):
@@ -217,10 +182,6 @@ CASES = {
     "spikes_reject": (spikes, 0.023, 0.017, "spikes"),
     "cycles": (cycles, 2, 3, "few_cycles"),
     "samples_per_slip": (samples_per_slip, 9, 12, "samples_per_slip"),
-    "samples_per_cycle": (samples_per_cycle, 24, 26, "samples_per_cycle"),
     "samples_per_cycle_reject": (samples_per_swing, 3.9, 4.1, "sampled_too_slowly"),
-    "sensor_lag": (sensor_lag, 0.165, 0.135, "sensor_lag"),
-    "uneven_cycles": (uneven_cycles, 0.27, 0.23, "uneven_cycles"),
-    "harmonic": (harmonic, 0.985, 0.975, "near_harmonic"),
     "stick_slope": (stick_slope, 0.11, 0.09, "stick_slope"),
 }
