@@ -50,10 +50,9 @@ from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
 from identify.logs.scene_records import with_drives, with_records
 from identify.logs.unknowns import Unknowns, from_scene, stated_rig, user_start
-from identify.report.depth_document import FitSeconds, accuracy_result
 from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
-from identify.report.result import result_of
+from identify.report.result import FitSeconds, accuracy_result, result_of
 from identify.scene import Scene
 from identify.shooting.accuracy import DEFAULT_OPTIONS, FitOptions
 from identify.uneven.answer import UnevenEstimator

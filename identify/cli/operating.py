@@ -136,7 +136,7 @@ def _map(
             draw_line(made, plot, part)
         else:
             others = [(axis(p.site, names[0]).value, axis(p.site, names[1]).value) for p in points[1:]]
-            draw_map(made, plot, part, Marks(others, draws, tested, point.title))
+            draw_map(made, plot, part, Marks(others, tested, point.title))
         terminal.say(f"plot: {plot}")
     for file in [] if data is None else write_map(made, data):
         terminal.say(f"data: {file}")

@@ -294,7 +294,7 @@ def _phase_plane(axes: Axes, slip: SlipDetail, drive: float, moving: Sequence[in
     for index, marker, colour, label in zip(moving, "v^", (ONSET, ARREST), ("onset", "arrest"), strict=False):
         axes.plot(x[index], y[index], marker=marker, markersize=7, color=colour, linestyle="none", label=label)
     if moving:  # which way the loop is run through
-        middle = (moving[0] + moving[1]) // 2
+        middle = int(np.argmin(rate))
         arrow = {"arrowstyle": "-|>", "color": SLIDING, "linewidth": 1.2, "mutation_scale": 13}
         axes.annotate("", xy=(x[middle + 1], y[middle + 1]), xytext=(x[middle], y[middle]), arrowprops=arrow)
         axes.legend(loc="lower right", borderaxespad=0.2)

@@ -20,7 +20,7 @@ from identify.prediction.point_prediction import PointPrediction
 from identify.prediction.predict import predict
 from identify.prediction.sources import pair_of
 from identify.report.report_page import first_screen
-from identify.report.report_tables import classical_rows
+from identify.report.report_tables import classical_table
 from identify.report.stored_result import plain, read_document, scene_of
 from identify.report.summary import summary
 from identify.scene import Scene
@@ -107,11 +107,7 @@ class Fit:
     @property
     def classical(self) -> pd.DataFrame:
         """The classical table of all logs, as classical.csv holds it: SI, units in the column names."""
-        import pandas as pd
-
-        logs = self.typed.logs
-        rows = [{"log": number, "path": logs[number - 1].path, **row} for number, row in classical_rows(logs)]
-        return pd.DataFrame(rows)
+        return classical_table(self.typed.logs).to_frame().infer_objects()
 
     @property
     def cycles(self) -> pd.DataFrame:

@@ -18,7 +18,6 @@ from identify.base.result import LogResult, Number, QualityFigure, QualityResult
 from identify.diagnosis.findings import Findings
 from identify.logs.classical import classical_table
 from identify.logs.prepare import Prepared
-from identify.logs.unknowns import Unknowns
 from identify.prediction.draws import OperatingPoint
 from identify.prediction.point_prediction import NoAnswer
 from identify.prediction.predict import predictions
@@ -45,7 +44,12 @@ def outlooks_of(prepared: list[Prepared], found: Findings, added: Array | float 
         return [{} for _ in prepared]
     unknowns = found.unknowns
     free = np.flatnonzero(unknowns.free)
-    names, ties = [unknowns.names[i] for i in free], _ties(unknowns)
+    names = [unknowns.names[i] for i in free]
+    # of tied parameters, as far as their errors go: a factor, or none where they differ by an offset
+    ties = {
+        unknowns.names[i]: Tie(unknowns.names[to], factor=base if unknowns.logarithmic[i] else 1.0)
+        for i, to, base in unknowns.ties
+    }
     points: list[OperatingPoint | str] = []
     for number, log in enumerate(prepared):
         mine = of_log(number, log, found)
@@ -68,14 +72,6 @@ def outlooks_of(prepared: list[Prepared], found: Findings, added: Array | float 
         known = [point for point in points if not isinstance(point, str)]
         answers = predictions(unknowns.model, known, told, DRAWS)
     return [to_dict(answer) for answer in answers]
-
-
-def _ties(unknowns: Unknowns) -> dict[str, Tie]:
-    """The tied parameters by name, as far as their errors go: a factor, or none where they differ by an offset."""
-    return {
-        unknowns.names[i]: Tie(unknowns.names[to], factor=base if unknowns.logarithmic[i] else 1.0)
-        for i, to, base in unknowns.ties
-    }
 
 
 def of_log(number: int, log: Prepared, found: Findings) -> tuple[Array, Array] | str:
@@ -189,25 +185,13 @@ def load_varies(log: Prepared) -> str:
 
 
 def load_trembles(log: Prepared) -> str:
-    """What a tremor of the normal force does to the fit, and what would help."""
+    """How a normal force that jitters counts in the fit, and what would help."""
     size = 1e3 * (log.data.tremor_sd if log.data.calm else log.data.loose)
-    told, remedy = _untold_tremor(log)
     return (
-        f"the normal force trembles by {size:.2g} mN (standard deviation), {told} from slip to slip; "
-        f"for more certainty {remedy}, or let the hand rest"
+        f"the normal force trembles by {size:.2g} mN (standard deviation) from slip to slip: at the onset of a slip it "
+        "is counted as unknown; for narrower intervals drive faster, measure the normal force with less noise, or cut "
+        "the log to where the load is steadier (window)"
     )
-
-
-def _untold_tremor(log: Prepared) -> tuple[str, str]:
-    """Why a tremor counts as unknown, and what would help."""
-    if log.data.blurred:
-        return "seen too badly to be followed: it is counted as unknown", "measure the normal force with less noise"
-    if log.data.calm:
-        return (
-            "and no motion was found that follows it: it is counted as unknown",
-            "cut the log to where the load is calmer (window), drive faster",
-        )
-    return "faster than the drive pulls: at the onset of a slip it is counted as unknown", "drive faster"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -222,35 +206,31 @@ def creep_velocities(prepared: list[Prepared], found: Findings) -> dict[str, Num
     unknowns, names = found.unknowns, found.unknowns.names
     if found.attempt is None or found.covariance is None or not {"D", "t_cr"} <= set(names):
         return {}
-    both = [int(unknowns.source[names.index(name)]) for name in ("D", "t_cr")]
+    free, places = np.flatnonzero(unknowns.free), [names.index("D"), names.index("t_cr")]
+    sources = [int(unknowns.source[place]) for place in places]
     out: dict[str, Number] = {}
     seen = set()
     for number in found.attempt.log_numbers:
-        groups = prepared[number].data.groups
-        mine = [groups[i] or f"log {number + 1}" for i in both if unknowns.grouped[i]]
-        group = ", ".join(dict.fromkeys(mine))
-        if group not in seen:
-            out[f"v_cr ({group})" if out else "v_cr"] = _of(number, prepared[number], found, group)
-            seen.add(group)
+        log = prepared[number]
+        own = [log.data.groups[i] or f"log {number + 1}" for i in sources if unknowns.grouped[i]]
+        group = ", ".join(dict.fromkeys(own))
+        if group in seen:
+            continue
+        seen.add(group)
+        known = of_log(number, log, found)
+        assert not isinstance(known, str), "a log that took part has values"
+        theta, covariance = known
+        p = unknowns.values(theta, log.data.base)
+        value = float(p[places[0]] / p[places[1]])
+        slope = (free == sources[0]).astype(float) - (free == sources[1])
+        moved = slope != 0.0
+        variance = covariance[np.ix_(moved, moved)]
+        if np.all(np.isfinite(variance)):
+            half = NORMAL * math.sqrt(float(slope[moved] @ variance @ slope[moved]))
+            interval = (value * math.exp(-half), value * math.exp(half) if half < 700.0 else None)
+            result = Number(value, "m/s", interval, VALIDITY, group=group)
+        else:
+            reason = "interval open: these data do not determine D or t_cr"
+            result = Number(value, "m/s", (None, None), VALIDITY, reason, group=group)
+        out[f"v_cr ({group})" if out else "v_cr"] = result
     return out
-
-
-def _of(number: int, log: Prepared, found: Findings, group: str) -> Number:
-    unknowns, names = found.unknowns, found.unknowns.names
-    known = of_log(number, log, found)
-    assert not isinstance(known, str), "a log that took part has values"
-    theta, covariance = known
-    p = unknowns.values(theta, log.data.base)
-    value = float(p[names.index("D")] / p[names.index("t_cr")])
-    free = np.flatnonzero(unknowns.free)
-    d, t = (free == unknowns.source[names.index(name)] for name in ("D", "t_cr"))
-    variance = np.diag(covariance)
-    open_ = [name for name, at in (("D", d), ("t_cr", t)) if not np.all(np.isfinite(variance[at]))]
-    if open_:
-        reason = f"interval open: these data do not tell {' and '.join(open_)}"
-        return Number(value, "m/s", (None, None), VALIDITY, reason, group=group)
-    slope = d.astype(float) - t.astype(float)
-    moved = slope != 0.0
-    half = NORMAL * math.sqrt(float(slope[moved] @ covariance[np.ix_(moved, moved)] @ slope[moved]))
-    interval = value * math.exp(-half), value * math.exp(half) if half < 700.0 else None
-    return Number(value, "m/s", interval, VALIDITY, group=group)

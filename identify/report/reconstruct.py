@@ -36,62 +36,44 @@ def fitted_curves(
     forces = _event_forces(log, unknowns, p, trajectory)
     cycles = np.column_stack([trajectory.onset, trajectory.arrest, *forces, z[: trajectory.cycles]])
     slip = _typical_slip(log, unknowns, p, trajectory)
-    return LogCurves(
-        log.name,
-        log.record.time,
-        log.record.normal_force,
-        log.force,
-        np.where(log.used, fitted, np.nan),
-        log.used & np.isfinite(fitted),
-        log.data.noise,
-        log.data.drive_speed,
-        cycles,
-        _detected(log),
-        slip if slip is not None and as_fitted(slip, log.record.time, fitted) else None,
-        *_as_read(log),
+    return replace(
+        detected_curves(log),
+        fitted_force=np.where(log.used, fitted, np.nan),
+        used=log.used & np.isfinite(fitted),
+        noise=log.data.noise,
+        cycles=cycles,
+        slip=slip if slip is not None and as_fitted(slip, log.record.time, fitted) else None,
     )
 
 
 def refused_curves(log: Prepared, fitted: LogCurves) -> LogCurves:
     """Curves of a fit that was refused: cycles as they were measured, for how they scatter is what the reader is sent
     to; the misfit of each where there are as many as were fitted."""
-    found = _detected(log)
-    cycles = np.column_stack([found, np.full(len(found), np.nan)])
+    cycles = detected_curves(log).cycles
     if cycles.shape == fitted.cycles.shape:
         cycles[:, -1] = fitted.cycles[:, -1]
-    return replace(fitted, cycles=cycles, measured=found)
+    return replace(fitted, cycles=cycles)
 
 
 def detected_curves(log: Prepared) -> LogCurves:
     """Curves of a log that was not fitted: its detected cycles only."""
-    found = _detected(log)
+    c, raw = log.segmentation.cycles, log.account.raw.friction_force
+    measured = np.column_stack([c.onset, c.arrest, c.onset_force, c.arrest_force])
     return LogCurves(
-        log.name,
-        log.record.time,
-        log.record.normal_force,
-        log.force,
-        np.full(log.record.time.size, np.nan),
-        log.used,
-        float(log.segmentation.noise),
-        log.data.drive_speed,
-        np.column_stack([found, np.full(len(found), np.nan)]),
-        found,
-        None,
-        *_as_read(log),
+        name=log.name,
+        time=log.record.time,
+        normal_force=log.record.normal_force,
+        friction_force=log.force,
+        fitted_force=np.full(log.record.time.size, np.nan),
+        used=log.used,
+        noise=float(log.segmentation.noise),
+        drive_speed=log.data.drive_speed,
+        cycles=np.column_stack([measured, np.full(len(measured), np.nan)]),
+        measured=measured,
+        slip=None,
+        raw_force=None if raw is log.record.friction_force else log.sign * raw,
+        cuts=tuple((cut.kind, cut.start, cut.stop) for cut in log.account.cuts),
     )
-
-
-def _detected(log: Prepared) -> Array:
-    """Onset and arrest [s] of every cycle that was seen in the record, and the forces there [N], (k, 4)."""
-    c = log.segmentation.cycles
-    return np.column_stack([c.onset, c.arrest, c.onset_force, c.arrest_force])
-
-
-def _as_read(log: Prepared) -> tuple[Array | None, tuple[tuple[str, float, float], ...]]:
-    """The friction force before it was corrected (None where it was not), and what was cut."""
-    raw = log.account.raw.friction_force
-    cuts = tuple((cut.kind, cut.start, cut.stop) for cut in log.account.cuts)
-    return (None if raw is log.record.friction_force else log.sign * raw), cuts
 
 
 def _event_forces(log: Prepared, unknowns: Unknowns, p: Array, trajectory: ShootingTrajectory) -> tuple[Array, Array]:

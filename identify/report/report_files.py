@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from data_io.atomic import atomic_write
-from identify.report.report_figures import pictures
 from identify.report.report_tables import classical_table, parameter_table
 from identify.report.stored_result import as_json
 
@@ -31,6 +30,7 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
     """
     from identify.report.figures import measured_cycles
     from identify.report.hdf5 import write_result_h5
+    from identify.report.report_figures import pictures  # matplotlib is slow to import
     from identify.report.report_page import render_page
 
     drawn = list(pictures(fit))

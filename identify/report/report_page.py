@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from data_io.correct import Change
 from identify.base.document import Json, to_dict
 from identify.base.outcome import Status
 from identify.base.result import LogResult, Result
@@ -32,7 +32,6 @@ from identify.report.report_tables import (
     sentences,
     shown_error,
     spread_of,
-    without_groups_of,
 )
 from identify.report.report_wording import (
     DRAWN,
@@ -40,153 +39,25 @@ from identify.report.report_wording import (
     EFFECTS_CHOSEN,
     NOT_FOR,
     QUALITY,
-    QUALITY_CLASS,
     STATUS,
     TIMING_WORDS,
     distribution_lines,
+    headline,
     is_uneven,
     plain_symbol,
     solver_words,
     with_group,
 )
-from identify.report.report_wording import (
-    headline as headline_of,
-)
-from identify.report.style import Drawing, svg_element
 from identify.report.summary import accuracy_text, tolerances_text
 
 if TYPE_CHECKING:
     from identify.report.finished import Fit
+    from identify.report.style import Drawing
 
-# ----------------------------------------------------------------------------------------------------------------------
-# What the templates show, as plain values: banner, logs.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Tile:
-    """One figure of the gate with what it should be."""
-
-    label: str
-    value: str
-    meaning: str
-
-
-@dataclass(frozen=True)
-class Banner:
-    """Can it be trusted: badge, headline, sentence, and the figures behind the answer."""
-
-    kind: str
-    badge: str
-    headline: str
-    message: str
-    tiles: tuple[Tile, ...]
-
-
-@dataclass(frozen=True)
-class LogView:
-    """One log as its section shows it."""
-
-    number: int
-    name: str
-    path: str
-    sha256: str
-    facts: tuple[tuple[str, str], ...]
-    labels: tuple[tuple[str, str], ...]
-    quality: str
-    quality_class: str
-    findings: tuple[tuple[str, str], ...]
-    left_out: str
-    corrections: tuple[str, ...] = ()
-
-
-def banner(result: Result) -> Banner:
-    """The answer to "can it be trusted?" in plain words."""
-    words = STATUS[Status(result.status)]
-    if is_uneven(result):
-        rests_on = result.message.split("; ")[0]
-        message = f"{rests_on[0].upper()}{rests_on[1:]}. {NOT_FOR} {DRAWN}"
-        return Banner("fair", "described cycle by cycle", headline_of(result), message, _tiles(result))
-    kind, headline = ("good", words.headline) if result.converged else ("bad", words.headline)
-    doubtful = [name for name, entry in result.parameters.items() if entry.verdict in ("not identifiable", "at bound")]
-    if result.converged and doubtful:
-        kind = "fair"
-        headline += f" These logs do not tell {listed([plain_symbol(n) for n in doubtful])}."
-    return Banner(kind, words.badge, headline, result.message, _tiles(result))
-
-
-def log_views(result: Result) -> tuple[LogView, ...]:
-    """One view per log of the result."""
-    return tuple(_log(number_, log, result.converged) for number_, log in enumerate(result.logs, start=1))
-
-
-def _tiles(result: Result) -> tuple[Tile, ...]:
-    gate, fit = result.gate, result.fit
-    tiles = [
-        Tile(name, value, f"{spread} in nine of ten drawn cycles") for name, value, spread in distribution_lines(result)
-    ]
-    if gate is not None:
-        tiles.append(Tile("misfit", number(gate.chi2_per_sample, 4), "χ² per sample; 1 is pure noise"))
-        if gate.worst_cycle is not None:
-            worst = gate.worst_cycle
-            where = f"log {worst.log}, cycle {worst.cycle}; a few is usual, above 6 is refused"
-            tiles.append(Tile("worst cycle", f"z = {number(worst.z, 3)}", where))
-        if gate.solver is not None:
-            tiles.append(Tile("solver", solver_words(gate.solver), "how the optimiser ended"))
-        shift = number(gate.event_shift_samples, 2)
-        tiles.append(Tile("switch times", f"{shift} samples", "last movement; settled below 0.5"))
-    if fit is not None:
-        rms = quantity(fit.rms_N, "N", 3)
-        cycles = DASH if fit.cycles is None else fit.cycles
-        tiles.append(Tile("data", f"{cycles} cycles", f"{_thousands(fit.samples)} samples; residual {rms} (rms)"))
-    return tuple(tiles)
-
-
-def _thousands(count: int | None) -> str:
-    return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}") if count else DASH
-
-
-def _log(number_: int, log: LogResult, converged: bool) -> LogView:
-    verdict = log.quality.verdict
-    return LogView(
-        number=number_,
-        name=log.name or f"log {number_}",
-        path=log.path,
-        sha256=log.sha256 or "",
-        facts=_facts(log),
-        labels=tuple(log.labels.items()),
-        quality=QUALITY.get(verdict, verdict),
-        # green beside a fit that was refused would say the opposite of the banner
-        quality_class=QUALITY_CLASS.get(verdict, "plain") if converged or verdict != "accept" else "plain",
-        findings=tuple((finding.severity, finding.message) for finding in log.quality.findings),
-        left_out=log.reason_left_out or "",
-        corrections=tuple(_correction(change) for change in log.corrections),
-    )
-
-
-def _correction(change: Change) -> str:
-    error = change.standard_error
-    return f"{change.text} (standard error {quantity(error, change.unit, 2)})" if error else change.text
-
-
-def _facts(log: LogResult) -> tuple[tuple[str, str], ...]:
-    facts = [
-        ("drive speed", speed(log.drive_speed_m_per_s)),
-        ("normal force", quantity(log.normal_force_N, "N", 3)),
-        ("step", DASH if log.step is None else str(log.step)),
-        ("samples", _thousands(log.rows)),
-        ("slips", DASH if log.slip_count is None else str(log.slip_count)),
-        ("noise", quantity(log.noise_N, "N", 2)),
-    ]
-    if log.friction_sign == -1:
-        facts.append(("sign", "friction force turned over"))
-    return tuple(fact for fact in facts if fact[1] != DASH)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The first screen: in the page, and as a piece of HTML that a notebook shows.
-# ----------------------------------------------------------------------------------------------------------------------
-
+LARGEST = 3_000_000  # bytes of report.html
+FOR_FIGURES = 2_300_000  # of which figures may take
+LONGEST_SCENE = 60_000  # characters
+FONTS = "system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif"
 SCOPED = "stickslip"  # class of the element that the styles of the fragment are bound to
 
 
@@ -201,15 +72,25 @@ def templates(*packages: str) -> Environment:
     )
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# The first screen: in the page, and as a piece of HTML that a notebook shows.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def first_screen(result: Result) -> str:
+    """The fragment; it brings its styles, which hold for nothing outside it."""
+    environment = templates()
+    style = Markup(environment.get_template("style.css").render())
+    return environment.get_template("fragment.html.j2").render(style=style, scope=SCOPED, **first_screen_views(result))
+
+
 def first_screen_views(result: Result) -> dict[str, object]:
     """What the template of the first screen shows."""
-    levels = {entry.level for entry in result.parameters.values()} - {None}
     last = (result.last_iterate or {}).items()
     return {
         "banner": banner(result),
         "converged": result.converged,
         "parameters": parameter_table(result.parameters),
-        "level": f"{100 * (levels.pop() or 0.0):g} %" if len(levels) == 1 else "stated",
         "accuracy_line": accuracy_text(result.accuracy),
         "tolerances": tolerances_text(result.tolerances or {}),
         "notes": result.notes,
@@ -220,63 +101,75 @@ def first_screen_views(result: Result) -> dict[str, object]:
     }
 
 
-def first_screen(result: Result) -> str:
-    """The fragment; it brings its styles, which hold for nothing outside it."""
-    environment = templates()
-    style = Markup(environment.get_template("style.css").render())
-    template = environment.get_template("fragment.html.j2")
-    return str(template.render(style=style, scope=SCOPED, **first_screen_views(result)))
+def banner(result: Result) -> dict[str, object]:
+    """The answer to "can it be trusted?" in plain words: class, badge, headline, sentence, and the figures behind it,
+    each with its label and what it should be."""
+    badge, head = STATUS[Status(result.status)]
+    kind, message = "good" if result.converged else "bad", result.message
+    doubtful = [name for name, entry in result.parameters.items() if entry.verdict in ("not identifiable", "at bound")]
+    if is_uneven(result):
+        rests_on = message.split("; ")[0]
+        kind, badge, head = "fair", "described cycle by cycle", headline(result)
+        message = f"{rests_on[0].upper()}{rests_on[1:]}. {NOT_FOR} {DRAWN}"
+    elif result.converged and doubtful:
+        kind = "fair"
+        head += f" These logs do not tell {listed([plain_symbol(n) for n in doubtful])}."
+    tiles = [
+        (name, value, f"{spread} in nine of ten drawn cycles") for name, value, spread in distribution_lines(result)
+    ]
+    gate, fit = result.gate, result.fit
+    if gate is not None:
+        tiles.append(("misfit", number(gate.chi2_per_sample, 4), "χ² per sample; 1 is pure noise"))
+        if (worst := gate.worst_cycle) is not None:
+            where = f"log {worst.log}, cycle {worst.cycle}; a few is usual, above 6 is refused"
+            tiles.append(("worst cycle", f"z = {number(worst.z, 3)}", where))
+        if gate.solver is not None:
+            tiles.append(("solver", solver_words(gate.solver), "how the optimiser ended"))
+        shift = number(gate.event_shift_samples, 2)
+        tiles.append(("switch times", f"{shift} samples", "last movement; settled below 0.5"))
+    if fit is not None:
+        samples = f"{_thousands(fit.samples)} samples; residual {quantity(fit.rms_N, 'N', 3)} (rms)"
+        tiles.append(("data", f"{DASH if fit.cycles is None else fit.cycles} cycles", samples))
+    return {"kind": kind, "badge": badge, "headline": head, "message": message, "tiles": tiles}
+
+
+def _thousands(count: int | None) -> str:
+    return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}") if count else DASH
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The page.
 # ----------------------------------------------------------------------------------------------------------------------
 
-LARGEST = 3_000_000  # bytes of report.html
-FOR_FIGURES = 2_300_000  # of which figures may take
-
 
 def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
     """The text of report.html for the fit and its rendered figures; at most 3 MB."""
     environment = templates()
     result = fit.typed
-    logs = log_views(result)
+    logs = [_log(place, log, result.converged) for place, log in enumerate(result.logs, start=1)]
     heads = [
-        (", ".join(filter(None, (f"log {view.number}", dict(view.facts).get("drive speed")))), log)
-        for view, log in zip(logs, result.logs, strict=True)
+        (", ".join(filter(None, (f"log {place}", _facts(log).get("drive speed")))), log)
+        for place, log in enumerate(result.logs, start=1)
     ]
     figures = inlined(drawn)
-    told_of_pair = {
-        key: {**({"label": with_group(key, entry.group)} if entry.group else {}), **to_dict(entry)}
-        for key, entry in result.derived.items()
-    }
-    scene = result.scene
+    of_pair = {with_group(key, entry.group): to_dict(entry) for key, entry in result.derived.items()}
+    several = len(logs) > 1
     return environment.get_template("page.html.j2").render(
         style=Markup(environment.get_template("style.css").render()),
-        title=str(scene.get("name") or f"{len(logs)} log{'s' * (len(logs) != 1)}"),
+        title=str(result.scene.get("name") or f"{len(logs)} log{'s' * (len(logs) != 1)}"),
         **first_screen_views(result),
         logs=logs,
-        shared_labels=[label for label in logs[0].labels if all(label in log.labels for log in logs)] if logs else [],
-        figures_of={view.number: [f for f in figures if f.log == view.number] for view in logs},
+        shared_labels=[item for item in (result.logs[0].labels.items() if logs else ())
+                       if all(item in log.labels.items() for log in result.logs)],
+        figures_of={place: [f for f in figures if f.log == place] for place in range(1, len(logs) + 1)},
         overall_figures=[f for f in figures if f.log is None and f.name not in ("profile", "measured")],
         measured_figures=[f for f in figures if f.name == "measured"],
         depth_figures=[f for f in figures if f.name == "profile"],
         intervals=method_table(result),
         accuracy=accuracy_rows(result.accuracy_table or ()),
-        derived=[
-            table
-            for table in (
-                answer_table([("value", told_of_pair)], "friction pair"),
-                answer_table([(head, without_groups_of(log.derived, told_of_pair)) for head, log in heads], "each log"),
-            )
-            if table
-        ],
+        derived=answer_table([("value", of_pair)], "friction pair"),
         outlook=answer_table([(head, outlook_of(log.derived)) for head, log in heads]),
-        told=[
-            (view, lines)
-            for view, (_, log) in zip(logs, heads, strict=True)
-            if (lines := sentences(log.derived, several=len(logs) > 1))
-        ],
+        told=[(place, lines) for place, log in enumerate(result.logs, 1) if (lines := sentences(log.derived, several))],
         effects=effects_table(result.effects.reasons),
         chosen=_chosen(result),
         quality=answer_table([(head, of_record(log.quality.figures)) for head, log in heads]),
@@ -289,20 +182,74 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
             for key, seconds in result.timing_s.items()
         ],
         provenance=_provenance(result.provenance),
-        scene=_scene(result.provenance),
-    )
+        scene=_scene(result.provenance.get("scene")),
+    )  # fmt: skip
 
 
 def inlined(drawn: Sequence[Drawing]) -> list[Drawing]:
     """Every figure with its markup while there is room; the largest are left to the figures folder."""
-    markup = {picture.name: svg_element(picture.svg, picture.name) for picture in drawn}
+    markup = {drawing.name: svg_element(drawing.svg, drawing.name) for drawing in drawn}
     free = FOR_FIGURES - sum(len(text.encode()) for text in markup.values())
     for name in sorted(markup, key=lambda name: len(markup[name]), reverse=True):
         if free >= 0:
             break
         free += len(markup[name].encode())
         markup[name] = ""
-    return [replace(picture, markup=Markup(markup[picture.name])) for picture in drawn]
+    return [replace(drawing, markup=Markup(markup[drawing.name])) for drawing in drawn]
+
+
+def svg_element(text: str, prefix: str) -> str:
+    """The <svg> element of an SVG file of matplotlib's for use inside HTML.
+
+    Prolog, metadata and name-space addresses go (HTML implies them); `prefix` keeps the ids of several figures in one
+    page apart; coordinates are cut to a hundredth of a point; width and height become the page's business.
+    """
+    body = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
+    head, rest = body.split(">", 1)
+    (box,) = re.findall(r'viewBox="([^"]*)"', head)
+
+    def tidy(tag: re.Match[str]) -> str:
+        kept = re.sub(r"(-?\d+\.\d\d)\d+", r"\1", re.sub(r'(\bid="|href="#|url\(#)', rf"\1{prefix}-", tag[0]))
+        return re.sub(r"\s*\n\s*", " ", re.sub(r"'DejaVu Sans'(?:, *sans-serif)?", FONTS, kept))
+
+    rest = re.sub(r">\s*\n\s*<", ">\n<", re.sub(r"<[^>]*>", tidy, rest))
+    return f'<svg viewBox="{box}" aria-hidden="true" focusable="false">{rest.rstrip()}'
+
+
+def _log(place: int, log: LogResult, converged: bool) -> dict[str, object]:
+    """What the section of a log shows."""
+    verdict = log.quality.verdict
+    words, kind = QUALITY.get(verdict, (verdict, "plain"))
+    return {
+        "number": place,
+        "name": log.name or f"log {place}",
+        "path": log.path,
+        "sha256": log.sha256 or "",
+        "facts": list(_facts(log).items()),
+        "labels": list(log.labels.items()),
+        "quality": words,
+        # green beside a fit that was refused would contradict the banner
+        "quality_class": kind if converged or verdict != "accept" else "plain",
+        "findings": [(finding.severity, finding.message) for finding in log.quality.findings],
+        "left_out": log.reason_left_out or "",
+        "corrections": [
+            f"{c.text} (standard error {quantity(c.standard_error, c.unit, 2)})" if c.standard_error else c.text
+            for c in log.corrections
+        ],
+    }
+
+
+def _facts(log: LogResult) -> dict[str, str]:
+    facts = {
+        "drive speed": speed(log.drive_speed_m_per_s),
+        "normal force": quantity(log.normal_force_N, "N", 3),
+        "step": DASH if log.step is None else str(log.step),
+        "samples": _thousands(log.rows),
+        "slips": DASH if log.slip_count is None else str(log.slip_count),
+        "noise": quantity(log.noise_N, "N", 2),
+        "sign": "friction force turned over" if log.friction_sign == -1 else DASH,
+    }
+    return {name: text for name, text in facts.items() if text != DASH}
 
 
 def _chosen(result: Result) -> str:
@@ -330,9 +277,8 @@ def _provenance(provenance: Mapping[str, Json]) -> list[tuple[str, str]]:
         if key == "scene" or value is None or value == {}:
             continue
         if isinstance(value, Mapping):
-            pairs = list(value.items())
-            if key == "asked":  # of the fit beyond its values: "accuracy default, profile, bootstrap 200"
-                pairs = [(name.replace("_", " "), "" if item is True else item) for name, item in pairs if item]
+            # what was asked of the fit beyond its values: "accuracy default, profile, bootstrap 200"
+            pairs = [(n.replace("_", " "), "" if v is True else v) for n, v in value.items() if v or key != "asked"]
             value = ", ".join(f"{name} {item}".strip() for name, item in pairs)
         elif isinstance(value, list):
             value = " ".join(str(item) for item in value)
@@ -340,9 +286,6 @@ def _provenance(provenance: Mapping[str, Json]) -> list[tuple[str, str]]:
     return rows
 
 
-def _scene(provenance: Mapping[str, Json]) -> str:
-    scene = provenance.get("scene")
-    if not scene:
-        return ""
-    text = scene if isinstance(scene, str) else json.dumps(scene, ensure_ascii=False, indent=2)
-    return text if len(text) <= 60_000 else text[:60_000] + "\n… (whole in result.json)"
+def _scene(scene: Json) -> str:
+    text = scene if isinstance(scene, str) else json.dumps(scene, ensure_ascii=False, indent=2) if scene else ""
+    return text if len(text) <= LONGEST_SCENE else text[:LONGEST_SCENE] + "\n… (whole in result.json)"

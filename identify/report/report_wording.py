@@ -3,42 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from identify.base.outcome import Status
 from identify.base.result import DistributionResult, Result, UnevenResult
 from identify.base.wording import number, quantity
 from identify.effects import ALL
 
-
-@dataclass(frozen=True)
-class StatusWords:
-    """Headline of a status and the word of its badge."""
-
-    badge: str
-    headline: str
-
-
-STATUS: Mapping[Status, StatusWords] = {
-    Status.CONVERGED: StatusWords("fit accepted", "The model follows every fitted log within its noise."),
-    Status.SOLVER_FAILED: StatusWords(
-        "no result", "The solver did not reach an answer: there are no parameters to use."
+# Word of the badge and headline of a status.
+STATUS: Mapping[Status, tuple[str, str]] = {
+    Status.CONVERGED: ("fit accepted", "The model follows every fitted log within its noise."),
+    Status.SOLVER_FAILED: ("no result", "The solver did not reach an answer: there are no parameters to use."),
+    Status.WRONG_EVENT_COUNT: (
+        "no result",
+        "The number of slips does not fit the data: there are no parameters to use.",
     ),
-    Status.WRONG_EVENT_COUNT: StatusWords(
-        "no result", "The number of slips does not fit the data: there are no parameters to use."
+    Status.MODEL_MISFIT: (
+        "no result",
+        "The model as stated and these logs do not agree: there are no parameters to use.",
     ),
-    Status.MODEL_MISFIT: StatusWords(
-        "no result", "The model as stated and these logs do not agree: there are no parameters to use."
+    Status.BETTER_START_FOUND: (
+        "no result",
+        "A better answer exists than the one reached: there are no parameters to use yet.",
     ),
-    Status.BETTER_START_FOUND: StatusWords(
-        "no result", "A better answer exists than the one reached: there are no parameters to use yet."
-    ),
-    Status.NO_CYCLES: StatusWords("nothing to fit", "No complete stick-slip cycles were found to fit."),
-    Status.AT_BOUND: StatusWords(
-        "no result", "A parameter stopped at the edge of its range: there is no result to use."
-    ),
+    Status.NO_CYCLES: ("nothing to fit", "No complete stick-slip cycles were found to fit."),
+    Status.AT_BOUND: ("no result", "A parameter stopped at the edge of its range: there is no result to use."),
 }
-
 SOLVED: Mapping[str, str] = {
     "Solve_Succeeded": "solved",
     "Solved_To_Acceptable_Level": "solved (further steps gain nothing)",
@@ -46,26 +35,6 @@ SOLVED: Mapping[str, str] = {
 
 
 DECLARED = {p.name: p for effect in ALL for p in effect.parameters}
-# Symbol (base, subscript) and meaning; what is not said here is as the effects declare it.
-SYMBOLS: Mapping[str, tuple[str, str]] = {
-    **{name: (p.symbol.partition("_")[0], p.symbol.partition("_")[2]) for name, p in DECLARED.items()},
-    "mu_s": ("μ", "s"),
-    "mu_k0": ("μ", "k0"),
-    "delta_mu_k": ("Δμ", "k"),
-    "stiffness": ("k", ""),
-    "strength": ("S", ""),
-    "strength_scatter": ("s", "S"),
-    "weakening_length": ("L", "w"),
-    "level_wander": ("s", "L"),
-    "level_roughness": ("s", "f"),
-    "drive_speed": ("v", "0"),
-    "normal_force": ("F", "n"),
-    "v_cr": ("v", "cr"),
-    "zeta": ("ζ", ""),
-    "omega_n": ("ω", "n"),
-    "alpha": ("α", ""),
-    "tau_cr": ("τ", "cr"),
-}
 MEANINGS: Mapping[str, str] = {
     **{name: p.meaning for name, p in DECLARED.items()},
     "mu_s": "static coefficient",
@@ -83,65 +52,18 @@ MEANINGS: Mapping[str, str] = {
     "stiffness": "stiffness of the rig",
     "damping": "hysteresis damping of the rig",
 }
-VERDICT_CLASS: Mapping[str, str] = {
+VERDICT_CLASS = {
+    **dict.fromkeys(("weak", "bounded"), "fair"),
+    **dict.fromkeys(("not identifiable", "at bound"), "bad"),
     "identified": "good",
-    "weak": "fair",
-    "bounded": "fair",
-    "not identifiable": "bad",
-    "at bound": "bad",
-    "fixed": "plain",
-}
-VERDICT_MARK: Mapping[str, str] = {
-    "identified": "✓",
-    "weak": "≈",
-    "bounded": "<",
-    "not identifiable": "?",
-    "at bound": "|",
-    "fixed": "=",
-}
-QUALITY_CLASS: Mapping[str, str] = {"accept": "good", "accept with warnings": "fair", "reject": "bad"}
-# Parts of the derived quantities in the order in which they are read, and plain words for their keys.
-ANSWER_ORDER = ("operating_point", "stability", "amplitude", "closed_forms", "groups")
+}  # of all others: plain
+VERDICT_MARK = dict(
+    zip(("identified", "weak", "bounded", "not identifiable", "at bound", "fixed"), "✓≈<?|=", strict=True)
+)
 ANSWER_WORDS: Mapping[str, str] = {
-    "operating_point": "Operating point",
-    "stability": "Stability",
-    "sliding": "steady sliding",
-    "amplitude": "Amplitude of stick-slip",
-    "closed_forms": "The closed forms of the paper, for comparison",
-    "groups": "Dimensionless groups",
-    "steady": "steady as it is",
-    "outcome": "what it does here",
-    "critical_speed": "stick-slip ends above",
-    "stable": "stable",
-    "growth_rate": "growth rate of a disturbance",
-    "worn": "contact ageing worn off",
-    "sliding_unstable_between": "steady sliding is unstable at",
-    "windows": "over all drive speeds",
-    "multiplier": "what is left of a disturbance after one cycle",
-    "peak_to_valley": "fall of the force (peak to valley)",
     "drop": "drop of the force (onset to rest)",
-    "stick_duration": "duration of stick",
-    "slip_duration": "duration of slip",
-    "peak_speed": "highest sliding speed",
-    "a_V_max": "a · V_max",
-    "slip": "kind of linear slip",
-    "omega_n": "ωₙ",
-    "zeta": "ζ",
-    "tau_cr": "τ_cr",
-    "gamma_0": "γ₀",
-    "alpha": "α",
-    "xi_o": "ξₒ",
-    "xi_p": "ξₚ",
-    "xi_p_printed": "ξₚ as printed",
-    "overshoot": "A",
-    "loading": "Φ",
-    "Pi": "Π",
-    "Pi_fc": "Π_fc",
-    "Pi_fc_printed": "Π_fc as printed",
-    "Omega_c": "Ω_c",
+    "critical_speed": "stick-slip ends above",
     "v_cr": "v_cr",
-    "v_acr": "v_acr",
-    "v_a": "v_a",
 }
 # What a record alone tells has another measure than the model's answer of the same name: peak and valley of the force
 # lie beyond the forces at which the mass begins to slip and rests again.
@@ -156,16 +78,11 @@ OUTCOMES: Mapping[str, str] = {
     "sticks irregularly": "irregular stick-slip",
     "undecided": "neither was found",
 }
-SLIPS: Mapping[str, str] = {
-    "restick": "sticks again",
-    "steady": "slides on",
-    "no_slip": "none",
-    "runaway": "runs away",
-}
-QUALITY: Mapping[str, str] = {
-    "accept": "data: good",
-    "accept with warnings": "data: usable, with warnings",
-    "reject": "data: not usable",
+# Words for the verdict on the data of a log, and the class of their chip.
+QUALITY: Mapping[str, tuple[str, str]] = {
+    "accept": ("data: good", "good"),
+    "accept with warnings": ("data: usable, with warnings", "fair"),
+    "reject": ("data: not usable", "bad"),
 }
 EFFECTS_CHOSEN: Mapping[str, str] = {
     "auto": "Chosen from the numbers of the scene and from the data.",

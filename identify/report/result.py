@@ -5,8 +5,8 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -17,12 +17,22 @@ from identify.base.document import finite
 from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, NORMAL
 from identify.base.result import (
+    AccuracyLevel,
+    AccuracyResult,
+    BootstrapInterval,
+    BootstrapResult,
     Correlation,
     EffectsResult,
     FitFigures,
     GateResult,
+    Interval,
     LastValue,
+    LevelCost,
+    NoiseResult,
+    OptimumResult,
     ParameterResult,
+    ProfileCurve,
+    ProfileResult,
     Result,
     SearchTrial,
     Shift,
@@ -33,72 +43,118 @@ from identify.diagnosis.effect_choice import Choice, as_listed, effects_result
 from identify.diagnosis.findings import Findings, held_results
 from identify.diagnosis.quantities import DIFFERENCE, load_gain, parameter
 from identify.diagnosis.score_test import Column, marginal_covariance
+from identify.estimation.certainty import Certainty
 from identify.estimation.covariance import (
     FARTHEST,
     TOLERANCE_WORDS,
     Estimate,
     added_by_tolerances,
+    parameter_value,
     sizes,
     standard_deviations,
     verdict_of,
 )
 from identify.estimation.goodness_of_fit import stick_scatter
 from identify.estimation.influence import largest_inflation
+from identify.estimation.profile import CRITICAL
+from identify.estimation.strategies import Strategy
 from identify.logs.parting import parts_of
 from identify.logs.prepare import Prepared
 from identify.logs.recorded_drive import DISAGREES
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
 from identify.prediction.wording import listed
-from identify.report.depth_document import noise_note, profile_ends, ridge_note, with_depth
 from identify.report.log_document import creep_velocities, load_varies, log_result, outlooks_of
 from identify.scene import Scene
 from identify.scene.values import USUAL_TOLERANCES
+from identify.shooting.accuracy import FEWEST_STEPS, Accuracy, accuracy_costs, effect_shares
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The notes of a result: what was assumed, what was left out, what the search changed, each in a sentence.
-# ----------------------------------------------------------------------------------------------------------------------
+Array = NDArray[np.float64]
 
-UNFOLLOWED = 0.02  # of a course: an end that is left out and worth a note
+DISTRIBUTION = "stick-slip-workbench"
+STAGES = ("read", "detect", "start", "place", "build", "solve", "intervals")
+PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py", "matplotlib")
+RIG = (*RIG_PARAMETERS, "drive_speed")
+MOST_NAMED = 3  # records that a sentence names where all of each is meant
+SAME_SPEED = 1.05  # ratio below which two drive speeds are one
+ALL = "all"  # of the covariances by errors, the one of all together
+RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
+UNFOLLOWED = 0.02  # of a record: an end that is left out and worth a note
+NOTABLE = 1.05  # by which factor correlated noise must widen an interval to be worth a note
 
 
-def notes_of(scene: Scene, prepared: list[Prepared], found: Findings) -> list[str]:
-    """All notes on how the result came about, in the order a reader needs them."""
-    notes = []
-    guessed = [log.name for log in prepared if log.noise_estimated]
-    if guessed:
-        notes.append("The noise was estimated from straight lines through the stick phases, not given.")
-    if found.sure is not None and found.status is Status.CONVERGED:
-        said = (noise_note(found.sure), ridge_note(found.sure, found.unknowns))
-        notes += [sentence for sentence in said if sentence]
-    rig = (*RIG_PARAMETERS, "drive_speed")
-    told = {e.name for e in found.estimates} if found.estimated is not None else set()
-    exact = [name for name in rig if name not in {*scene.parameters, *scene.rig.tolerances, *told}]
-    if exact and found.status is Status.CONVERGED:
-        named = ", ".join(name.replace("_", " ") for name in exact)
-        shown = "; the table of rig errors shows what 1 % would do" if found.estimated is None else ""
-        notes.append(f"Taken as exact: {named}{shown}.")
-    if found.status is Status.CONVERGED and "force_sensor" not in scene.effects:
-        held = "" if found.sure is None else "; the intervals hold both"
-        notes.append(
-            "Zero and gain of both force sensors are taken as they are: what is off there moves the coefficients by as "
-            f"much (1 % of the force by 1 %), which a fit hardly sees{held}. Check them with a known weight, or let "
-            "the effect force_sensor estimate zero and gain of the friction force within priors."
-        )
-    if found.status is Status.CONVERGED and each_speed_alone(found):
-        notes.append(
-            "Each drive speed stands in one log: a difference between specimens, days or loads would count as one of "
-            "speed, and the intervals hold a usual one. Repeat one speed, or state specimen = 0 under [tolerances] "
-            "where all logs are of one specimen."
-        )
-    doubts = [(log.entry.path.name, f.message) for log in prepared for f in log.record.findings if f.code == DISAGREES]
-    notes += [f"{name}: {message}." for name, message in dict.fromkeys(doubts)]
-    notes += [f"{log.name}: {load_varies(log)}." for log in prepared if log.hidden_swing]
-    notes += _events(prepared, found)
-    notes += [] if found.estimated is None else found.estimated.notes
-    for index, reason in sorted(found.left_out.items()):
-        notes.append(f"Log {index + 1} took no part in the fit: {reason}.")
-    return notes
+def result_of(
+    scene: Scene,
+    prepared: list[Prepared],
+    found: Findings,
+    seconds: Mapping[str, float],
+    seed: int,
+    choice: Choice | None = None,
+) -> Result:
+    """What a fit found, in SI.
+
+    Args:
+        seconds: of each stage, and in all ("total"). choice: how the effects were chosen, None where the scene lists
+            them.
+    """
+    converged, estimated = found.status is Status.CONVERGED, found.estimated
+    parts = parts_of(scene, [log.entry for log in prepared])
+    tolerances = _tolerances(scene, found) if converged and found.attempt is not None else {}
+    shares = {name: each.relative for name, each in tolerances.items()}
+    errors = _by_errors(found, shares) if shares and found.covariance is not None else {}
+    outlooks = outlooks_of(prepared, found, errors.get(ALL, 0.0))
+    if estimated is not None and converged:
+        found_by: Sequence[str] = (f"{found.estimator} estimator",)
+    else:
+        found_by = () if found.attempt is None else found.attempt.found_by
+    result = Result(
+        status=found.status.value,
+        message=_message(prepared, found),
+        parameters=_parameters(found, converged),
+        effects=_effects(prepared, found, choice),
+        estimator=found.estimator,
+        correlation=_correlation(found, errors.get(ALL, 0.0)) if converged else None,
+        gate=_gate(found),
+        fit=_fit(found),
+        derived=creep_velocities(prepared, found) if converged else {},
+        logs=tuple(
+            log_result(i, log, found, answer, part)
+            for i, (log, answer, part) in enumerate(zip(prepared, outlooks, parts, strict=True))
+        ),
+        notes=tuple(_notes(scene, prepared, found)),
+        search=tuple(
+            SearchTrial(t.strategy, t.logs, t.status, t.cost, round(t.seconds, 4)) for t in found.trace.trials
+        ),
+        found_by=tuple(found_by),
+        not_tried=tuple(found.trace.not_tried),
+        more={} if estimated is None else estimated.more,
+        rig_against_data=held_results(found.held) or None,
+        causes=found.causes,
+        timing_s={stage: seconds.get(stage, 0.0) for stage in (*STAGES, "total")},
+        provenance={
+            "version": _version(DISTRIBUTION),
+            "scene": scene.as_document(),
+            "seed": seed,
+            "packages": {name: _version(name) for name in PACKAGES},
+            "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        },
+    )
+    base = found.unknowns.base(stated_rig(scene))  # (n_p,) of the rig the parameters are given for
+    if converged and found.attempt is not None:
+        result = replace(result, rig_sensitivity=_rig_sensitivity(scene, found), tolerances=tolerances)
+        result = replace(result, parameters=_published(result.parameters, found, shares, errors))
+        return _with_depth(result, found.sure, found.unknowns, base) if found.sure else result
+    if converged:
+        return result
+    ends = _profile_ends(found.sure, found.unknowns, base)  # of a parameter at its bound, one end is that bound
+    iterate = {e.name: LastValue(e.value, e.unit, ends.get(e.name)) for e in found.estimates}
+    nothing = {name: LastValue(None, entry.unit) for name, entry in result.parameters.items()}
+    return replace(result, last_iterate=iterate or nothing)
+
+
+@lru_cache
+def _version(name: str) -> str:
+    return importlib.metadata.version(name)
 
 
 def _message(prepared: list[Prepared], found: Findings) -> str:
@@ -116,121 +172,6 @@ def _message(prepared: list[Prepared], found: Findings) -> str:
     return f"from {listed([*parts, *whole])}: {found.message}"
 
 
-def _found_by(found: Findings) -> tuple[str, ...]:
-    """The strategies that led to the answer, or the estimator that is another one."""
-    if found.estimated is not None and found.status is Status.CONVERGED:
-        return (f"{found.estimator} estimator",)
-    return () if found.attempt is None else tuple(found.attempt.found_by)
-
-
-def _events(prepared: list[Prepared], found: Findings) -> list[str]:
-    """Slips that the search put in or took out, and courses it could not follow to their end."""
-    notes = []
-    for number, log in zip(found.attempt.log_numbers, found.attempt.fitted_logs, strict=True) if found.attempt else ():
-        before, after = prepared[number].falls, log.falls
-        put = [f"{t:.4g} s" for t in after.tolist() if t not in before]
-        out = [f"{t:.4g} s" for t in before.tolist() if t not in after]
-        for word, times in (("that was missed put in", put), ("that is none taken out", out)):
-            if times:
-                notes.append(f"{log.name}: a slip {word} at {', '.join(times)}.")
-        left = prepared[number].data.end - log.data.end
-        if log.fit_mode.name == "continuous" and left > UNFOLLOWED * (log.data.end - log.data.begin):
-            notes.append(
-                f"{log.name}: fitted up to {log.data.end:.4g} s; from there on the motion of the answer is none that a "
-                "fit follows (a swing that never fades, or a mass that is pulled back)."
-            )
-        if log.fit_mode.name == "sliding" and prepared[number].fit_mode.name == "continuous":
-            notes.append(
-                f"{log.name}: only what slides steadily is fitted, from {log.data.begin:.4g} s on: the way there is "
-                "not described."
-            )
-    return notes
-
-
-Array = NDArray[np.float64]
-
-DISTRIBUTION = "stick-slip-workbench"
-STAGES = ("read", "detect", "start", "place", "build", "solve", "intervals")
-PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py", "matplotlib")
-MOST_NAMED = 3  # records that a sentence names where all of each is meant
-SAME_SPEED = 1.05  # ratio below which two drive speeds are one
-ALL = "all"  # of the covariances by errors, the one of all together
-RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
-
-
-def result_of(
-    scene: Scene,
-    prepared: list[Prepared],
-    found: Findings,
-    seconds: Mapping[str, float],
-    seed: int,
-    choice: Choice | None = None,
-) -> Result:
-    """What a fit found, in SI, but for what is looked at when it is known.
-
-    Args:
-        seconds: of each stage, and in all ("total"). choice: how the effects were chosen, None where the scene lists
-            them.
-    """
-    converged = found.status is Status.CONVERGED
-    parts = parts_of(scene, [log.entry for log in prepared])
-    tolerances = _tolerances(scene, found) if converged and found.attempt is not None else {}
-    shares = {name: each.relative for name, each in tolerances.items()}
-    errors = _by_errors(found, shares) if shares and found.covariance is not None else {}
-    outlooks = outlooks_of(prepared, found, errors.get(ALL, 0.0))
-    logs = enumerate(zip(prepared, outlooks, parts, strict=True))
-    result = Result(
-        status=found.status.value,
-        message=_message(prepared, found),
-        parameters=_parameters(found, converged) or _untold(found.unknowns),
-        effects=_effects(prepared, found, choice),
-        estimator=found.estimator,
-        correlation=_correlation(found) if converged else None,
-        gate=_gate(found),
-        fit=_fit(found),
-        derived=creep_velocities(prepared, found) if converged else {},
-        logs=tuple(log_result(i, log, found, answer, part) for i, (log, answer, part) in logs),
-        notes=tuple(notes_of(scene, prepared, found)),
-        search=tuple(
-            SearchTrial(t.strategy, t.logs, t.status, t.cost, round(t.seconds, 4)) for t in found.trace.trials
-        ),
-        found_by=_found_by(found),
-        not_tried=tuple(found.trace.not_tried),
-        more={} if found.estimated is None else found.estimated.more,
-        rig_against_data=held_results(found.held) or None,
-        causes=found.causes,
-        timing_s={stage: seconds.get(stage, 0.0) for stage in (*STAGES, "total")},
-        provenance={
-            "version": _version(DISTRIBUTION),
-            "scene": scene.as_document(),
-            "seed": seed,
-            "packages": {name: _version(name) for name in PACKAGES},
-            "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        },
-    )
-    base = found.unknowns.base(stated_rig(scene))  # (n_p,) of the rig the parameters are given for
-    if converged and found.attempt is not None:
-        result = replace(
-            result,
-            rig_sensitivity=_rig_sensitivity(scene, found),
-            tolerances=tolerances,
-        )
-        result = _published(result, found, shares, errors)
-        return with_depth(result, found.sure, found.unknowns, base) if found.sure else result
-    if converged:
-        return result
-    ends = profile_ends(found.sure, found.unknowns, base)  # of a parameter at its bound, one end is that bound
-    iterate = {e.name: LastValue(e.value, e.unit, ends.get(e.name)) for e in found.estimates}
-    untold = {name: LastValue(None, entry.unit) for name, entry in result.parameters.items()}
-    return replace(result, last_iterate=iterate or untold)
-
-
-@lru_cache
-def _version(name: str) -> str:
-    """Read once: what is imported does not change while it runs."""
-    return importlib.metadata.version(name)
-
-
 def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -> EffectsResult:
     """Which effects and why; of those that are listed, what they amount to at the first log, if there is an answer."""
     if choice is not None:
@@ -244,38 +185,99 @@ def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -
     return effects_result(as_listed(model.effects, values, log.mean_normal_force, log.drive_speed), auto=False)
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# The notes of a result: what was assumed, what was left out, what the search changed, each in a sentence.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> Iterator[str]:
+    """All notes on how the result came about, in the order a reader needs them."""
+    sure = found.sure
+    if any(log.noise_estimated for log in prepared):
+        yield "The noise was estimated from straight lines through the stick phases, not given."
+    if found.status is Status.CONVERGED:
+        widest = float(np.sqrt(np.max(sure.inflation, initial=1.0))) if sure is not None else 1.0
+        if sure is not None and not all(c.white for c in sure.noise) and widest >= NOTABLE:
+            yield (
+                f"Neighbouring residuals are alike (one sample in {max(c.inflation for c in sure.noise):.2g} is new): "
+                f"the standard errors allow for it, and are up to {widest:.2g} times those of white noise."
+            )
+        given = {e.name for e in found.estimates} if found.estimated is not None else set()
+        exact = [name for name in RIG if name not in {*scene.parameters, *scene.rig.tolerances, *given}]
+        if exact:
+            shown = "; the table of rig errors shows what 1 % would do" if found.estimated is None else ""
+            yield f"Taken as exact: {', '.join(name.replace('_', ' ') for name in exact)}{shown}."
+        if "force_sensor" not in scene.effects:
+            held = "" if sure is None else "; the intervals hold both"
+            yield (
+                "Zero and gain of both force sensors are taken as they are: what is off there moves the coefficients "
+                f"by as much (1 % of the force by 1 %), which a fit hardly sees{held}. Check them with a known "
+                "weight, or let the effect force_sensor estimate zero and gain of the friction force within priors."
+            )
+        if each_speed_alone(found):
+            yield (
+                "Each drive speed stands in one log: a difference between specimens, days or loads would count as one "
+                "of speed, and the intervals hold a usual one. Repeat one speed, or state specimen = 0 under "
+                "[tolerances] where all logs are of one specimen."
+            )
+    doubts = [(log.entry.path.name, f.message) for log in prepared for f in log.record.findings if f.code == DISAGREES]
+    yield from (f"{name}: {message}." for name, message in dict.fromkeys(doubts))
+    yield from (f"{log.name}: {load_varies(log)}." for log in prepared if log.hidden_swing)
+    yield from _events(prepared, found)
+    yield from () if found.estimated is None else found.estimated.notes
+    for index, reason in sorted(found.left_out.items()):
+        yield f"Log {index + 1} took no part in the fit: {reason}."
+
+
+def _events(prepared: list[Prepared], found: Findings) -> Iterator[str]:
+    """Slips that the search put in or took out, and records it could not follow to their end."""
+    for number, log in zip(found.attempt.log_numbers, found.attempt.fitted_logs, strict=True) if found.attempt else ():
+        before, after, mode = prepared[number].falls, log.falls, log.fit_mode.name
+        put = [f"{t:.4g} s" for t in after.tolist() if t not in before]
+        out = [f"{t:.4g} s" for t in before.tolist() if t not in after]
+        for words, times in (("that was missed put in", put), ("that is none taken out", out)):
+            if times:
+                yield f"{log.name}: a slip {words} at {', '.join(times)}."
+        left = prepared[number].data.end - log.data.end
+        if mode == "continuous" and left > UNFOLLOWED * (log.data.end - log.data.begin):
+            yield (
+                f"{log.name}: fitted up to {log.data.end:.4g} s; from there on the motion of the answer is none that a "
+                "fit follows (a swing that never fades, or a mass that is pulled back)."
+            )
+        if mode == "sliding" and prepared[number].fit_mode.name == "continuous":
+            yield (
+                f"{log.name}: only what slides steadily is fitted, from {log.data.begin:.4g} s on: the way there is "
+                "not described."
+            )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Parameters, their correlation, and how well the fit follows.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
 def _parameters(found: Findings, converged: bool) -> dict[str, ParameterResult]:
     """Every parameter by name; of those that differ between groups the first group's stands under the bare name."""
-    out = {e.name: _parameter(e, converged) for e in _told(found)}
+    names, per = found.unknowns.names, found.unknowns.per
+    free = set(np.array(names)[found.unknowns.free])
+    kept = [e for e in found.estimates if found.estimated is not None or e.name not in RIG_PARAMETERS or e.name in free]
+    if not kept:
+        nothing = (None, None, None, None, "not identifiable", "nothing was fitted; see the message")
+        model = found.unknowns.model.parameters
+        return {
+            q.name: _parameter(Estimate(q.name, q.unit, *nothing), False) for q in model if q.name not in RIG_PARAMETERS
+        }
+    out = {e.name: _parameter(e, converged) for e in kept}
     if found.sure is None or not found.sure.shares:
         return out
-    names, per = found.unknowns.names, found.unknowns.per
     for share in found.sure.shares:
         if share.place < 0:
             name = names[share.index]
             out[name] = replace(out[name], group=share.group, per=per[share.source] or "")
     for share, estimate in found.sure.of_groups:
-        told = _parameter(estimate, converged)
-        out[estimate.name] = replace(told, group=share.group, per=per[share.source] or "", parameter=names[share.index])
+        own = _parameter(estimate, converged)
+        out[estimate.name] = replace(own, group=share.group, per=per[share.source] or "", parameter=names[share.index])
     return out
-
-
-def _told(found: Findings) -> Sequence[Estimate]:
-    """The friction parameters, and of the rig what was estimated."""
-    free = set(np.array(found.unknowns.names)[found.unknowns.free])
-    if found.estimated is not None:
-        return found.estimates
-    return [e for e in found.estimates if e.name not in RIG_PARAMETERS or e.name in free]
-
-
-def _untold(unknowns: Unknowns) -> dict[str, ParameterResult]:
-    """Where nothing was estimated: every parameter by name, without numbers."""
-    reason = "nothing was fitted; see the message"
-    return {
-        q.name: _parameter(Estimate(q.name, q.unit, None, None, None, None, "not identifiable", reason), False)
-        for q in unknowns.model.parameters
-        if q.name not in RIG_PARAMETERS
-    }
 
 
 def _parameter(estimate: Estimate, converged: bool) -> ParameterResult:
@@ -291,9 +293,9 @@ def _parameter(estimate: Estimate, converged: bool) -> ParameterResult:
     )
 
 
-def _correlation(found: Findings, added: Array | float = 0.0) -> Correlation | None:
+def _correlation(found: Findings, added: Array | float) -> Correlation | None:
     """Correlation of all estimates and the standard errors [SI] that go with it, also of those that have none because
-    the data do not tell them.
+    the data do not determine them.
 
     Args:
         added: (f, f) to the covariance of the free theta by errors of rig and sensors.
@@ -302,42 +304,36 @@ def _correlation(found: Findings, added: Array | float = 0.0) -> Correlation | N
         return _correlation_of(found.estimated.names, found.estimated.covariance)
     if found.covariance is None:
         return None
-    free = np.flatnonzero(found.unknowns.free).tolist()
-    by_name = {e.name: e for e in found.estimates}
-    told = [by_name[found.unknowns.names[i]] for i in free]
-    covariance, index = found.covariance, free
+    index = np.flatnonzero(found.unknowns.free).tolist()
+    by_name, covariance, free = {e.name: e for e in found.estimates}, found.covariance, len(index)
+    estimates = [by_name[found.unknowns.names[i]] for i in index]
     if found.sure is not None and found.sure.of_groups:
         beyond = [(share, e) for share, e in found.sure.of_groups if not share.tied]
-        order = [*range(len(free)), *(len(free) + share.place for share, _ in beyond)]
-        told, index = told + [e for _, e in beyond], free + [share.index for share, _ in beyond]
+        order = [*range(free), *(free + share.place for share, _ in beyond)]
+        estimates, index = estimates + [e for _, e in beyond], index + [share.index for share, _ in beyond]
         covariance = found.sure.joint[np.ix_(order, order)]
     covariance = covariance.copy()
-    covariance[: len(free), : len(free)] += added
-    size = np.where(found.unknowns.logarithmic[index], np.array([e.value for e in told], dtype=float), 1.0)
-    return _correlation_of([e.name for e in told], covariance, size)
+    covariance[:free, :free] += added
+    size = np.where(found.unknowns.logarithmic[index], np.array([e.value for e in estimates], dtype=float), 1.0)
+    return _correlation_of([e.name for e in estimates], covariance, size)
 
 
 def _correlation_of(names: Sequence[str], covariance: Array, size: ArrayLike = 1.0) -> Correlation:
     """Of estimates (f,) whose covariance (f, f) is in SI, or in parts of a size [SI]."""
     sd = np.sqrt(np.diag(covariance))
     matrix = (covariance / np.outer(sd, sd)).tolist()
-    errors = tuple(finite(error) for error in (np.asarray(size) * sd).tolist())
-    return Correlation(tuple(names), tuple(tuple(row) for row in matrix), errors)
+    return Correlation(tuple(names), tuple(map(tuple, matrix)), tuple(map(finite, (np.asarray(size) * sd).tolist())))
 
 
 def _gate(found: Findings) -> GateResult | None:
     if found.attempt is None:
         return None
-    gate = found.attempt.gate
-    worst = gate.worst
-    log = found.attempt.log_numbers[int(gate.log[worst]) - 1] + 1 if worst >= 0 else None
-    return GateResult(
-        finite(float(gate.chi2_per_sample)),
-        WorstCycle(log, int(gate.cycle[worst]), finite(float(gate.z[worst]))) if log else None,
-        gate.solver,
-        finite(float(gate.event_shift)),
-        stick_scatter(found.attempt.solved),
-    )
+    gate, worst = found.attempt.gate, None
+    if (at := gate.worst) >= 0:
+        log = found.attempt.log_numbers[int(gate.log[at]) - 1] + 1
+        worst = WorstCycle(log, int(gate.cycle[at]), finite(float(gate.z[at])))
+    shift, scatter = finite(float(gate.event_shift)), stick_scatter(found.attempt.solved)
+    return GateResult(finite(float(gate.chi2_per_sample)), worst, gate.solver, shift, scatter)
 
 
 def _fit(found: Findings) -> FitFigures | None:
@@ -345,50 +341,60 @@ def _fit(found: Findings) -> FitFigures | None:
         return None
     solved = found.attempt.solved
     # One weight holds for all samples of a log that count, so the compressed squares give the residual in newtons.
-    squares, count = 0.0, solved.problem.samples
     variance = np.array([1.0 / np.max(log.data.weight) for log in found.attempt.fitted_logs])
-    for family, cost in zip(solved.problem.layout.families, solved.problem.block_costs(solved.solution.z), strict=True):
-        squares += float(variance[family.log] @ cost)
+    costs = solved.problem.block_costs(solved.solution.z)
+    families = zip(solved.problem.layout.families, costs, strict=True)
+    squares = sum(float(variance[family.log] @ cost) for family, cost in families)
     return FitFigures(
-        samples=count,
+        samples=solved.problem.samples,
         cycles=int(sum(trajectory.arrests for trajectory in solved.trajectories)),
         iterations=solved.iterations,
         passes=solved.passes,
         unknowns=solved.problem.layout.size,
-        rms_N=math.sqrt(squares / max(count, 1)),
+        rms_N=math.sqrt(squares / max(solved.problem.samples, 1)),
         steps=solved.grid.steps,
         discretisation={} if found.sure is None else dict(found.sure.discretisation),
     )
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# What errors of rig and sensors do: to single parameters, and to the intervals to publish.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
 def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, dict[str, Shift]]:
     """What an error of 1 % in a rig quantity taken as exact would do to every parameter."""
     assert found.information is not None and found.attempt is not None and found.covariance is not None
-    exact = [n for n in (*RIG_PARAMETERS, "drive_speed") if n not in scene.parameters and n not in scene.rig.tolerances]
-    out = {}
-    for quantity in exact:
+    unknowns, estimates = found.unknowns, {e.name: e for e in found.estimates}
+    out: dict[str, dict[str, Shift]] = {}
+    for quantity in RIG:
+        if quantity in scene.parameters or quantity in scene.rig.tolerances:
+            continue
         if quantity == "drive_speed":
-            values = found.unknowns.values(found.attempt.solved.theta, found.attempt.fitted_logs[0].data.base)
+            values = unknowns.values(found.attempt.solved.theta, found.attempt.fitted_logs[0].data.base)
             move = found.information.drive_speed_shift(values)
-        elif quantity in found.unknowns.names and getattr(scene.rig, quantity) > 0.0:
-            move = found.information.shift(found.unknowns.names.index(quantity))
+        elif quantity in unknowns.names and getattr(scene.rig, quantity) > 0.0:
+            move = found.information.shift(unknowns.names.index(quantity))
         else:
             continue
-        out[quantity] = _shifts(found, RIG_ERROR * move)
+        out[quantity] = {}
+        for index, by in zip(np.flatnonzero(unknowns.free).tolist(), (RIG_ERROR * move).tolist(), strict=True):
+            e = estimates[unknowns.names[index]]
+            shift = by * (e.value if unknowns.logarithmic[index] and e.value is not None else 1.0)
+            out[quantity][e.name] = Shift(shift, e.unit, shift / e.standard_error if e.standard_error else None)
     return out
 
 
 def _tolerances(scene: Scene, found: Findings) -> dict[str, ToleranceResult]:
     """What the published intervals allow for beyond the fit, one standard deviation each."""
     settled = {*scene.parameters, *scene.rig.tolerances}  # the intervals of the fit hold these
-    if "force_sensor" in scene.effects:
-        settled.add("friction_force")
+    settled |= {"friction_force"} if "force_sensor" in scene.effects else set()
+    settled |= {"damping"} if "damping" not in found.unknowns.names else set()
+    settled |= {"specimen"} if not each_speed_alone(found) else set()
     return {
         name: ToleranceResult(share, "scene" if name in scene.tolerances else "usual")
         for name, share in {**USUAL_TOLERANCES, **scene.tolerances}.items()
         if name not in settled
-        and not (name == "damping" and "damping" not in found.unknowns.names)
-        and not (name == "specimen" and not each_speed_alone(found))
     }
 
 
@@ -398,21 +404,6 @@ def each_speed_alone(found: Findings) -> bool:
     speeds = sorted(log.drive_speed for log in logs)
     several = len(logs) > 1 and not any(log.programme is not None for log in logs)
     return several and all(fast > SAME_SPEED * slow for slow, fast in pairwise(speeds))
-
-
-def _by_specimens(found: Findings, scatter: float, inflation: float) -> Array:
-    """Covariance (f, f) of the free theta that a relative scatter from log to log of all friction, and of its static
-    part by itself, adds."""
-    assert found.attempt is not None
-    unknowns, solved = found.unknowns, found.attempt.solved
-    free, static = int(np.count_nonzero(unknowns.free)), unknowns.names.index("mu_s")
-    columns = [Column("load_gain", load_gain, DIFFERENCE, "single")]
-    columns.append(Column("mu_s", parameter(static, logarithmic=False), DIFFERENCE, "single"))
-    sizes_of = {"load_gain": scatter, "mu_s": scatter * abs(float(solved.theta[static]))}
-    try:
-        return marginal_covariance(solved, columns, sizes_of, inflation)[:free, :free]
-    except np.linalg.LinAlgError:  # directions that no log determines: their verdicts say so
-        return np.zeros((free, free))
 
 
 def _by_errors(found: Findings, tolerances: Mapping[str, float]) -> dict[str, Array]:
@@ -431,35 +422,53 @@ def _by_errors(found: Findings, tolerances: Mapping[str, float]) -> dict[str, Ar
     return out
 
 
-def _published(result: Result, found: Findings, tolerances: Mapping[str, float], errors: Mapping[str, Array]) -> Result:
-    """The result with the interval, standard error, verdict and correlation to publish: errors of rig and sensors
-    widen those of the fit, which stand beside as `interval_rig_exact`."""
+def _by_specimens(found: Findings, scatter: float, inflation: float) -> Array:
+    """Covariance (f, f) of the free theta that a relative scatter from log to log of all friction, and of its static
+    part by itself, adds."""
+    assert found.attempt is not None
+    unknowns, solved = found.unknowns, found.attempt.solved
+    free, static = int(np.count_nonzero(unknowns.free)), unknowns.names.index("mu_s")
+    columns = [Column("load_gain", load_gain, DIFFERENCE, "single")]
+    columns.append(Column("mu_s", parameter(static, logarithmic=False), DIFFERENCE, "single"))
+    sizes_of = {"load_gain": scatter, "mu_s": scatter * abs(float(solved.theta[static]))}
+    try:
+        return marginal_covariance(solved, columns, sizes_of, inflation)[:free, :free]
+    except np.linalg.LinAlgError:  # directions that no log determines: their verdicts say so
+        return np.zeros((free, free))
+
+
+def _published(
+    parameters: Mapping[str, ParameterResult],
+    found: Findings,
+    tolerances: Mapping[str, float],
+    errors: Mapping[str, Array],
+) -> dict[str, ParameterResult]:
+    """The parameters with the interval, standard error and verdict to publish: errors of rig and sensors widen those of
+    the fit, which stand beside as `interval_rig_exact`."""
     assert found.attempt is not None
     unknowns = found.unknowns
     values = unknowns.values(found.attempt.solved.theta, found.attempt.fitted_logs[0].data.base)
     size_of = dict(zip(unknowns.names, sizes(unknowns, values).tolist(), strict=True))
     free = np.flatnonzero(unknowns.free).tolist()
-
-    def added(covariance: Array) -> dict[str, float]:
+    added = {}  # standard deviation of theta by error and parameter; a tied parameter follows another one
+    for source, covariance in errors.items():
         sd = dict(zip(free, standard_deviations(covariance).tolist(), strict=True))
-        sources = zip(unknowns.names, unknowns.source.tolist(), strict=True)  # a tied parameter follows another one
-        return {name: sd[source] for name, source in sources if source in sd}
-
-    of_each = {name: added(covariance) for name, covariance in errors.items()}
-    of_all = of_each.pop(ALL, {})
-    out = dict(result.parameters)
-    for name, entry in result.parameters.items():
+        sources = zip(unknowns.names, unknowns.source.tolist(), strict=True)
+        added[source] = {name: sd[at] for name, at in sources if at in sd}
+    of_all = added.pop(ALL, {})
+    out = dict(parameters)
+    for name, entry in parameters.items():
         base = entry.parameter or name
         if entry.verdict == "fixed" or base not in of_all or entry.value is None:
             continue
-        scale = bool(unknowns.logarithmic[unknowns.names.index(base)])
-        low, high = (_farther(entry.value, end, NORMAL * of_all[base], scale) for end in entry.ends)
-        error = entry.standard_error
-        error = None if error is None else math.hypot(error, of_all[base] * (entry.value if scale else 1.0))
+        logarithmic, by = bool(unknowns.logarithmic[unknowns.names.index(base)]), of_all[base]
+        low, high = (_farther(entry.value, end, NORMAL * by, logarithmic) for end in entry.ends)
+        error_si = by * (entry.value if logarithmic else 1.0)
+        error = None if entry.standard_error is None else math.hypot(entry.standard_error, error_si)
         wider = replace(entry, interval=(low, high), interval_rig_exact=entry.interval, standard_error=error)
-        judged = verdict_of(entry.value, low, high, size_of[base], scale)
+        judged = verdict_of(entry.value, low, high, size_of[base], logarithmic)
         if entry.verdict in ("identified", "weak") and judged != entry.verdict:
-            worst = max(of_each, key=lambda each: of_each[each][base])
+            worst = max(added, key=lambda each: added[each][base])
             reason = (
                 f"{TOLERANCE_WORDS[worst]} counts as known to {100.0 * tolerances[worst]:g} %, which leaves it this "
                 "wide: measure it, and state it under [tolerances]"
@@ -467,10 +476,7 @@ def _published(result: Result, found: Findings, tolerances: Mapping[str, float],
             wider = replace(wider, verdict=judged, reason="; ".join(filter(None, (entry.reason, reason))))
             wider = wider if judged == "weak" else replace(wider, standard_error=None)
         out[name] = wider
-    correlation = result.correlation
-    if correlation is not None and found.covariance is not None:
-        correlation = _correlation(found, errors.get(ALL, 0.0))
-    return replace(result, parameters=out, correlation=correlation)
+    return out
 
 
 def _farther(value: float, end: float | None, by: float, logarithmic: bool) -> float | None:
@@ -484,13 +490,124 @@ def _farther(value: float, end: float | None, by: float, logarithmic: bool) -> f
     return value + math.copysign(math.hypot(end - value, by), end - value)
 
 
-def _shifts(found: Findings, move: Array) -> dict[str, Shift]:
-    """A move of the free theta (f,) as shifts of the parameters, in SI and in standard errors."""
-    unknowns, estimates = found.unknowns, {e.name: e for e in found.estimates}
+# ----------------------------------------------------------------------------------------------------------------------
+# How sure it is: profile, bootstrap, table of accuracies, and what the accuracy of the fit cost.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array) -> Result:
+    """The result with noise, and with profile, bootstrap and table of accuracies where they were run.
+
+    Args:
+        base: (n_p,) of the rig the values are given for.
+    """
+    names = _names(unknowns)
+
+    def by_name(values: Array | None) -> dict[str, float | None] | None:
+        return None if values is None else dict(zip(names.values(), map(finite, values.tolist()), strict=True))
+
+    optima = []
+    for optimum in sure.optima or ():
+        values = unknowns.values(optimum.attempt.solved.theta, base).tolist()
+        at = {name: values[i] for i, name in names.items()}
+        optima.append(OptimumResult(2.0 * optimum.cost, optimum.starts, at))
+    inflation = tuple(finite(float(c.inflation)) for c in sure.noise)
+    return replace(
+        result,
+        noise=NoiseResult(inflation, by_name(np.sqrt(sure.inflation)) or {}),
+        profile=_profile(sure, unknowns, base),
+        optima=tuple(optima) or None,
+        bootstrap=_bootstrap(sure, unknowns, base),
+        accuracy_table=None
+        if sure.accuracy_table is None
+        else tuple(
+            AccuracyLevel(row.level.name, row.seconds, row.iterations, row.steps, by_name(row.shift), by_name(row.left))
+            for row in sure.accuracy_table
+        ),
+    )
+
+
+def _names(unknowns: Unknowns) -> dict[int, str]:
+    """The free parameters: their names by index."""
+    return {i: unknowns.names[i] for i in np.flatnonzero(unknowns.free).tolist()}
+
+
+def _profile_ends(sure: Certainty | None, unknowns: Unknowns, base: Array) -> dict[str, Interval]:
+    """The ends of every profile by name, SI: of a parameter at its bound, one is that bound. Empty without profiles."""
     out = {}
-    for i, index in enumerate(np.flatnonzero(unknowns.free).tolist()):
-        estimate = estimates[unknowns.names[index]]
-        size = estimate.value if unknowns.logarithmic[index] and estimate.value is not None else 1.0
-        shift, error = float(move[i] * size), estimate.standard_error
-        out[estimate.name] = Shift(shift, estimate.unit, shift / error if error else None)
+    for i, name in _names(unknowns).items() if sure is not None and sure.profiles is not None else ():
+        if (sides := sure.profiles.ends.get(name)) is not None:  # type: ignore[union-attr]
+            low, high = (None if s.end is None else parameter_value(unknowns, i, s.end, base[i]) for s in sides)
+            out[name] = low, high
     return out
+
+
+def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> ProfileResult | None:
+    if sure.profiles is None:
+        return None
+    ends, out = _profile_ends(sure, unknowns, base), {}
+    for k, (i, name) in enumerate(_names(unknowns).items()):
+        curve = sure.profiles.curves.get(name)
+        if curve is not None and name in ends:
+            sides = sure.profiles.ends[name]
+            out[name] = ProfileCurve(
+                values=tuple(parameter_value(unknowns, i, float(t), base[i]) for t in curve.theta),
+                loss=tuple(curve.loss.tolist()),
+                interval=ends[name],
+                failed=tuple(side.failed for side in sides),
+                at_bound=tuple(side.walled for side in sides),
+                standard_error=math.sqrt(float(sure.inflation[k] * sure.white[k, k])),
+                logarithmic=bool(unknowns.logarithmic[i]),
+            )
+    return ProfileResult(LEVEL, CRITICAL, out)
+
+
+def _bootstrap(sure: Certainty, unknowns: Unknowns, base: Array) -> BootstrapResult | None:
+    if (made := sure.bootstrap) is None:
+        return None
+    out = {}
+    for k, (i, name) in enumerate(_names(unknowns).items()):
+        low, high = (
+            parameter_value(unknowns, i, float(end), base[i]) if math.isfinite(end) else None
+            for end in made.interval[k]
+        )
+        spread = float(np.std(made.replicates[:, k])) if made.replicates.shape[0] > 1 else math.nan
+        size = math.sqrt(float(sure.inflation[k] * sure.white[k, k]))
+        out[name] = BootstrapInterval((low, high), finite(spread / size))
+    return BootstrapResult(LEVEL, int(made.settled.size), int(np.count_nonzero(~made.settled)), out)
+
+
+@dataclass(frozen=True)
+class FitSeconds:
+    """processor: seconds of it that a fit took; equations: share of them in functions of the model; solve: processor
+    seconds of one of its solves."""
+
+    processor: float
+    equations: float
+    solve: float
+
+
+def accuracy_result(found: Findings, taken: Accuracy, seconds: FitSeconds) -> AccuracyResult | None:
+    """What the accuracy of a fit cost and gives, what the other levels would, and what each effect took of the seconds
+    (processor time, which no other program lengthens); None without an answer.
+
+    Args:
+        taken: the level of the fit; seconds: that it took.
+    """
+    if found.attempt is None or found.sure is None or not np.any(found.unknowns.free):
+        return None
+    size, tabled = np.sqrt(np.diag(found.sure.covariance)), found.sure.accuracy_table
+    own = seconds.processor - max((row.seconds for row in tabled or ()), default=0.0)  # of the fit alone
+    halvings = sum(trial.strategy == Strategy.FINER_STEPS.value for trial in found.trace.trials)
+    steps = found.attempt.solved.grid.steps
+    first = FEWEST_STEPS if steps < FEWEST_STEPS else max(steps // 2**halvings, FEWEST_STEPS)
+    equations = seconds.equations * own
+    return AccuracyResult(
+        taken.name,
+        equations,
+        {name: share * equations for name, share in effect_shares(found.unknowns.model).items()},
+        tuple(
+            LevelCost(c.level, c.steps, max(own + c.seconds, 0.0), finite(c.error), c.level != taken.name)
+            for c in accuracy_costs(found.attempt.solved, size, taken, first)
+        ),
+    )

@@ -1,10 +1,8 @@
-"""One look for all figures: colours that colour-blind readers can tell apart, quiet axes, no pyplot; and figures as SVG
-that stands inside a page."""
+"""One look for all figures: colours that colour-blind readers can tell apart, quiet axes, no pyplot."""
 
 from __future__ import annotations
 
 import io
-import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -42,7 +40,6 @@ STYLE: Any = {  # matplotlib's types spell out every key there is
     "path.simplify": True, "path.simplify_threshold": 0.2, "svg.fonttype": "none", "svg.hashsalt": "stickslip",
     "text.parse_math": False, "figure.facecolor": "white", "savefig.facecolor": "white",
 }  # fmt: skip
-FONTS = "system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif"
 
 
 @dataclass(frozen=True)
@@ -135,21 +132,3 @@ def svg_text(figure: Figure) -> str:
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
     return out.getvalue()
-
-
-def svg_element(text: str, prefix: str) -> str:
-    """The <svg> element of an SVG file of matplotlib's for use inside HTML.
-
-    Prolog, metadata and name-space addresses go (HTML implies them); `prefix` keeps the ids of several figures in one
-    page apart; coordinates are cut to a hundredth of a point; width and height become the page's business.
-    """
-    body = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
-    head, rest = body.split(">", 1)
-    (box,) = re.findall(r'viewBox="([^"]*)"', head)
-
-    def tidy(tag: re.Match[str]) -> str:
-        kept = re.sub(r"(-?\d+\.\d\d)\d+", r"\1", re.sub(r'(\bid="|href="#|url\(#)', rf"\1{prefix}-", tag[0]))
-        return re.sub(r"\s*\n\s*", " ", re.sub(r"'DejaVu Sans'(?:, *sans-serif)?", FONTS, kept))
-
-    rest = re.sub(r">\s*\n\s*<", ">\n<", re.sub(r"<[^>]*>", tidy, rest))
-    return f'<svg viewBox="{box}" aria-hidden="true" focusable="false">{rest.rstrip()}'

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
-from identify.base.result import AccuracyResult, LevelCost, Result, ToleranceResult
+from identify.base.result import AccuracyResult, Result, ToleranceResult
 from identify.base.wording import columns, wrapped
 from identify.estimation.covariance import TOLERANCE_WORDS
 from identify.report.report_tables import parameter_table
@@ -13,40 +13,36 @@ from identify.report.report_wording import NOT_FOR, distribution_lines, is_uneve
 
 def summary(result: Result) -> str:
     """Status, parameters with intervals and verdicts, and the reasons of what is not identified."""
-    return "\n".join(_lines(result))
-
-
-def _lines(result: Result) -> Iterator[str]:
-    yield wrapped(f"{result.status.replace('_', ' ')}: {result.message}")
+    head = wrapped(f"{result.status.replace('_', ' ')}: {result.message}")
     if not result.converged:
-        return
-    for number, log in enumerate(result.logs, 1):
-        if log.reason_left_out:
-            yield wrapped(f"log {number} took no part: {log.reason_left_out}", "  ")
-    yield ""
+        return head
+    left_out = [
+        f"log {place} took no part: {log.reason_left_out}"
+        for place, log in enumerate(result.logs, 1)
+        if log.reason_left_out
+    ]
     table = parameter_table(result.parameters, errors=not any(e.interval_rig_exact for e in result.parameters.values()))
-    yield table.to_text()
-    if meaning := tolerances_text(result.tolerances or {}):
-        yield wrapped(meaning, "  ")
-    yield ""
+    uneven, effects = [], []
     if is_uneven(result):
-        if spreads := [list(line) for line in distribution_lines(result)]:
-            yield columns([["", "median (95 % interval)", "nine of ten drawn cycles"], *spreads])
-            yield ""
-        yield wrapped(NOT_FOR, "  ")
-        yield ""
+        lines = [list(line) for line in distribution_lines(result)]
+        uneven = [columns([["", "median (95 % interval)", "nine of ten drawn cycles"], *lines]), ""] if lines else []
+        uneven += [wrapped(NOT_FOR, "  "), ""]
     if result.effects.chosen == "auto":
-        yield wrapped(f"effects chosen: {', '.join(result.effects.names)}", "  ")
         gone = [reason.effect for reason in result.effects.reasons if not reason.kept]
-        yield wrapped(f"left out: {', '.join(gone) or 'none'}; why: see the report", "  ")
-        yield ""
-    if cost := accuracy_text(result.accuracy):
-        yield wrapped(cost, "  ")
-    if result.accuracy_table:
-        yield wrapped("what accuracy costs: see the report", "  ")
-    for name, *_, verdict in table.cells:
-        if verdict.value not in ("identified", "fixed") and verdict.note:
-            yield wrapped(f"{name.value}: {verdict.note}", "  ")
+        effects = [
+            wrapped(f"effects chosen: {', '.join(result.effects.names)}", "  "),
+            wrapped(f"left out: {', '.join(gone) or 'none'}; why: see the report", "  "),
+            "",
+        ]
+    last = [accuracy_text(result.accuracy), "what accuracy costs: see the report" if result.accuracy_table else ""]
+    last += [
+        f"{name.value}: {verdict.note}" if verdict.value not in ("identified", "fixed") and verdict.note else ""
+        for name, *_, verdict in table.cells
+    ]
+    before = [wrapped(line, "  ") for line in left_out]
+    meaning = [wrapped(line, "  ") for line in [tolerances_text(result.tolerances or {})] if line]
+    after = [wrapped(line, "  ") for line in last if line]
+    return "\n".join([head, *before, "", table.to_text(), *meaning, "", *uneven, *effects, *after])
 
 
 def accuracy_text(accuracy: AccuracyResult | None) -> str:
@@ -54,19 +50,18 @@ def accuracy_text(accuracy: AccuracyResult | None) -> str:
     where that is not known."""
     if accuracy is None:
         return ""
-    levels = {level.accuracy: level for level in accuracy.levels}
-
-    def said(level: LevelCost, about: str) -> str:
+    texts = {}
+    for level in accuracy.levels:
         error = level.error_in_standard_errors
         left = "an unknown error" if error is None else f"{error:.2g} standard errors"
-        return f"{about}{level.seconds:.2g} s{'' if about else ' of processor time'}, steps leave {left}"
-
-    taken = levels.pop(accuracy.taken)
-    others = "; ".join(f"{name}: {said(level, 'about ')}" for name, level in levels.items())
+        about, unit = ("", " of processor time") if level.accuracy == accuracy.taken else ("about ", "")
+        texts[level.accuracy] = f"{about}{level.seconds:.2g} s{unit}, steps leave {left}"
+    taken = texts.pop(accuracy.taken)
+    others = "; ".join(f"{name}: {text}" for name, text in texts.items())
     dearest = sorted(accuracy.effects_s.items(), key=lambda item: -item[1])
-    effects = f": {', '.join(f'{name} {seconds:.2g} s' for name, seconds in dearest)}" if dearest else ""
-    equations = f". The equations of the model took {accuracy.equations_s:.2g} s of it{effects}" if dearest else ""
-    return f"accuracy {accuracy.taken}: {said(taken, '')}. Estimated, {others}{equations}"
+    effects = ", ".join(f"{name} {seconds:.2g} s" for name, seconds in dearest)
+    equations = f". The equations of the model took {accuracy.equations_s:.2g} s of it: {effects}" if dearest else ""
+    return f"accuracy {accuracy.taken}: {taken}. Estimated, {others}{equations}"
 
 
 def tolerances_text(tolerances: Mapping[str, ToleranceResult]) -> str:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import h5py
 import matplotlib
 import numpy as np
 from markupsafe import Markup
@@ -20,33 +18,19 @@ from matplotlib.figure import Figure
 
 from data_io.atomic import atomic_write
 from identify.base.table import Cell, OutputTable, visible, workbook
-from identify.base.wording import quantity
-from identify.report.report_page import templates
+from identify.report.report_page import svg_element, templates
 from identify.report.report_wording import VERDICT_MARK, plain_symbol
 from identify.report.stored_result import as_json
-from identify.report.style import STYLE, extremes, printable, svg_element, svg_text
+from identify.report.style import STYLE, printable, svg_text
 from identify.studies.compare import CompareError, Comparison, ComparisonQuestion, PooledQuantity, compare, usual
 from identify.studies.comparison_tables import comparison_tables, fits_table, sentences, together, unit_of
 from identify.studies.fits import PAGE, FitEntry, count, read_fits
 from identify.studies.operating_points import Answers, answered
 from identify.studies.reporting import reporting
 
-MOST_PICTURES = 400
 MOST_LABELS, MOST_PARAMETERS = 6, 8  # columns of the table of fits on the page
 DOCUMENT = "comparison.json"
 IN_LATEX = ("parameters", "differences", "scatter", "reporting")
-
-
-@dataclass(frozen=True)
-class Thumbnail:
-    """One fit in small: name, link to its page, status with its kind, drawing (empty without curves), words."""
-
-    name: str
-    link: str
-    status: str
-    kind: str
-    drawing: Markup
-    words: str
 
 
 def write_batch_report(directory: str | Path) -> Path:
@@ -153,11 +137,6 @@ def render(
         counts=_counts(entries, comparison),
         fits=_page_fits(entries, links, comparison, odd),
         marks=", ".join(f"{mark} {verdict}" for verdict, mark in VERDICT_MARK.items() if verdict != "identified"),
-        pictures=[
-            _picture(entry, link, odd, f"fit-{place}")
-            for place, (entry, link) in enumerate(zip(entries[:MOST_PICTURES], links, strict=False))
-        ],
-        more_pictures=max(len(entries) - MOST_PICTURES, 0),
         without_result=OutputTable("", ("fit", "status", "reason"), tuple(failed), "without-result"),
         rejected=OutputTable("", ("log", "fit", "reason"), tuple(rejected), "rejected-logs"),
         reporting=reporting(entries),
@@ -249,14 +228,13 @@ def _page_fits(
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The drawings: means of parameters by group, a small picture of every fit.
+# The drawings: means of parameters by group.
 # ----------------------------------------------------------------------------------------------------------------------
 
 # Okabe and Ito's colours, black and yellow left out.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#3f4750")
 NAME = 24  # characters of a group in a drawing
 FAR = 2.5  # times what means and fits span: an interval is drawn no further
-CYCLES, STRETCHES, MOST_SAMPLES = 3, 75, 200_000  # of a thumbnail
 
 
 def forest(comparison: Comparison, entry: PooledQuantity) -> Markup:
@@ -292,39 +270,3 @@ def _drawing(figure: Figure, name: str, label: str) -> Markup:
     return Markup('<div class="drawing" role="img" aria-label="{}">{}</div>').format(
         visible(label, 300), Markup(svg_element(svg_text(figure), name))
     )
-
-
-def _picture(entry: FitEntry, link: str, odd: frozenset[str], name: str) -> Thumbnail:
-    status = "outlier?" if entry.name in odd else "" if entry.converged else entry.status.replace("_", " ")
-    kind = "good" if entry.converged and not status else "fair" if entry.converged else "bad"
-    drawing, words = _thumbnail(entry.folder / "result.h5", name)
-    return Thumbnail(entry.name, link, status, kind, drawing, words)
-
-
-def _thumbnail(path: Path, name: str) -> tuple[Markup, str]:
-    """About three cycles of the log of middle speed, the measured force grey, the fitted one over it; empty where
-    there are no curves."""
-    try:
-        with h5py.File(path, "r") as file:
-            logs = sorted(file["curves"].values(), key=lambda log: abs(log.attrs.get("drive_speed_m_per_s", 0.0)))
-            log = logs[len(logs) // 2]
-            time = np.asarray(log["time"][:MOST_SAMPLES], float)
-            onsets = np.asarray(log["cycles/onset"][:], float) if "cycles/onset" in log else np.zeros(0)
-            onsets = np.sort(onsets[np.isfinite(onsets)])
-            begin, end = time[0] + np.ptp(time) / 3, time[0] + 2 * np.ptp(time) / 3
-            if len(onsets) > 1:
-                middle, half = max((len(onsets) - CYCLES) // 2, 0), 0.5 * float(np.median(np.diff(onsets)))
-                begin, end = onsets[middle] - half, onsets[min(middle + CYCLES, len(onsets)) - 1] + half
-            first, last = np.searchsorted(time, [begin, end]).tolist()
-            measured, fitted = (np.asarray(log[n][first:last], float) for n in ("friction_force", "fitted_force"))
-            time, speed = time[first:last], abs(float(log.attrs.get("drive_speed_m_per_s", math.nan)))
-            words = f"{quantity(speed, 'm/s', 3)}, {quantity(float(np.ptp(time)), 's', 2)}"
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError, IndexError):  # a damaged file spoils its own
-        return Markup(""), ""
-    figure = Figure(figsize=(1.9, 0.78))
-    axes = figure.add_axes((0.0, 0.02, 1.0, 0.96))
-    axes.set_axis_off()
-    kept = extremes(measured, STRETCHES)
-    axes.plot(time[kept], measured[kept], color="#a3aeb8", linewidth=1.3)
-    axes.plot(time[kept], fitted[kept], color="#D55E00", linewidth=0.8)
-    return _drawing(figure, name, f"measured and fitted force, {words}"), words

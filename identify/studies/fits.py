@@ -128,6 +128,8 @@ def _group(folder: Path, group: Mapping[str, object]) -> FitEntry:
         return _read(place, name, labels)
     job = _document(place / JOB)
     status = str(job.get("status") or group.get("status") or UNREADABLE)
+    if status == CONVERGED:  # its result was taken away
+        return FitEntry(name, place, UNREADABLE, f"{RESULT} is missing", labels)
     message = str(job.get("message") or ("the batch has not come to it" if status == "waiting" else "no result"))
     return FitEntry(name, place, status, message, labels)
 

@@ -77,14 +77,9 @@ class Likelihood:
         self.chain, self.chain_back = chain_functions(self.width)
         self.order = np.argsort(-sticks.samples, kind="stable")
         self.back = np.argsort(self.order)
-        time, force, samples = (a[self.order] for a in (sticks.time, sticks.force, sticks.samples))
-        # For every sample after the first: how many rows are still sliding, and of each the time since the sample
-        # before, and the force.
-        self.steps: list[tuple[int, Array]] = []
-        for i in range(1, int(samples.max(initial=1))):
-            still = int(np.count_nonzero(samples > i))
-            rows = np.column_stack([time[:still, i] - time[:still, i - 1], force[:still, i]])
-            self.steps.append((still * self.width, np.repeat(rows, self.width, axis=0)))
+        self.time, self.force, samples = (a[self.order] for a in (sticks.time, sticks.force, sticks.samples))
+        # Numbers of the samples after the first, and how many cycles are still sliding then.
+        self.steps = [(i, int(np.count_nonzero(samples > i))) for i in range(1, int(samples.max(initial=1)))]
         self.rig = np.array(sticks.rig.over_load(sticks.noise))
         known = np.isfinite(sticks.rest)
         rest = np.where(known, sticks.rest, np.median(sticks.rest[known]) if known.any() else sticks.usual_rest)
@@ -120,9 +115,10 @@ class Likelihood:
         begun = f.begin([all_theta, self._rows(onset), all_rig, self.place])[0]
         state, kept = begun[:, : f.state_size].copy(), begun[:, f.state_size :]
         states = []
-        for size, sample in self.steps:
+        for i, cycles in self.steps:
+            size = cycles * self.width
             states.append(state[:size].copy())
-            state[:size] = f.step([state[:size], kept[:size], all_rig[:size], sample])[0]
+            state[:size] = f.step([state[:size], kept[:size], all_rig[:size], self._sample(i, cycles)])[0]
         slips = self._cycles(f.arrest([state, kept, all_rig, self.end])[0]).transpose(0, 2, 1).reshape(count, -1)
         level, before = np.empty(2), np.empty((count, 2))
         chained = np.empty((count, 3 + len(CYCLE)))
@@ -134,6 +130,11 @@ class Likelihood:
         columns = dict(zip(CYCLE, chained[:, 3:].T, strict=True))
         found = Cycles(log_likelihood=chained[:, 0], level_after=chained[:, 1], **columns)
         return _Forward(found, onset, begun, states, state, slips, before)
+
+    def _sample(self, i: int, cycles: int) -> Array:
+        """Time since the sample before, and force, for every batch row (r, 2)."""
+        rows = np.column_stack([self.time[:cycles, i] - self.time[:cycles, i - 1], self.force[:cycles, i]])
+        return np.repeat(rows, self.width, axis=0)
 
     def _given(self, j: int, before: Array, onset: Array, slips: Array, theta: Array) -> list[Array]:
         eta, sticks = self.nodes[j], self.sticks
@@ -154,8 +155,11 @@ class Likelihood:
         seed = by_slips.reshape(count, 3, self.width).transpose(0, 2, 1)[self.order].reshape(rows, 3)
         kept = forward.begun[:, f.state_size :]
         by_state, by_kept = f.arrest_back([forward.state, kept, rig, self.end, seed])
-        for (size, sample), state in zip(reversed(self.steps), reversed(forward.states), strict=True):
-            by_state[:size], more = f.step_back([state, kept[:size], rig[:size], sample, by_state[:size]])
+        for (i, cycles), state in zip(reversed(self.steps), reversed(forward.states), strict=True):
+            size = cycles * self.width
+            by_state[:size], more = f.step_back(
+                [state, kept[:size], rig[:size], self._sample(i, cycles), by_state[:size]]
+            )
             by_kept[:size] += more
         by_begun = np.hstack([by_state, by_kept])
         by_theta, more = f.begin_back([all_theta, self._rows(forward.onset), rig, self.place, by_begun])

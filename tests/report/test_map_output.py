@@ -11,10 +11,9 @@ import pytest
 
 from identify.base.errors import SimulationError
 from identify.cli.main import main
-from identify.prediction import sources as tested
-from identify.prediction.draws import Draws
 from identify.prediction.maps import chart, line_map, write_map
-from identify.report.draw_map import Marks, draw_map
+from identify.prediction.sources import Tested
+from identify.report.draw_map import Marks, draw_map, map_figure
 from tests.support.maps_case import SITE, SPANS
 
 
@@ -46,20 +45,15 @@ def test_a_map_is_stored_whole(tmp_path, speed_and_stiffness):
 def test_a_picture_is_one_journal_column_wide(tmp_path, speed_and_stiffness, part):
     import matplotlib.image
 
-    values = dict(SITE.values) | {"drive_speed": 5e-3, "normal_force": 1.0}
-    known = Draws.of(SITE.model, values, ("mu_s", "stiffness"), np.diag([1e-5, 900.0]), 50)
-    marks = Marks(
-        [(1e-3, 1470.0), (5e-3, 1470.0)], known, tested.Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1e3, 2e3)})
-    )
+    tested = Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1e3, 2e3)})
+    marks = Marks([(1e-3, 1470.0), (5e-3, 1470.0)], tested)
     draw_map(speed_and_stiffness, tmp_path / "map.png", part, marks)
     shape = matplotlib.image.imread(tmp_path / "map.png").shape
     assert shape[1] == pytest.approx(90 / 25.4 * 300, rel=0.01)
 
 
 def test_contours_are_labelled_and_the_star_says_whose_it_is(speed_and_stiffness):
-    from identify.report.draw_map import map_figure
-
-    seen = tested.Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1470.0, 1470.0)})
+    seen = Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1470.0, 1470.0)})
     made = speed_and_stiffness
     steep = np.geomspace(1e-3, 9.0, made.growth.size).reshape(made.growth.shape)
     crowded = replace(made, figures={**made.figures, "period": np.where(np.isnan(made.multiplier), np.nan, steep)})
@@ -152,17 +146,12 @@ def test_scripts_map_a_scene_by_names(tmp_path):
 
 
 @pytest.mark.parametrize("speed", [1.0, 100.0])
-def test_an_operating_point_beyond_the_map_is_said_to_be(speed_and_stiffness, speed):
-    from matplotlib.figure import Figure
-
-    from identify.report.draw_map import MapView, _points
-
+def test_an_operating_point_beyond_the_map_is_named_as_such(speed_and_stiffness, speed):
     made = speed_and_stiffness
     at = made.plane.x.value * speed
-    moved = replace(made, plane=replace(made.plane, x=replace(made.plane.x, value=at)))
-    axes = Figure().add_subplot()
-    legend = _points(axes, moved, MapView(moved.plane.x, moved.plane.y), Marks())
+    figure = map_figure(replace(made, plane=replace(made.plane, x=replace(made.plane.x, value=at))))
+    words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     within = bool(made.plane.x_values[0] <= at <= made.plane.x_values[-1])
     assert within is (speed == 1.0)
-    assert legend[0].get_label() == ("operating point" if within else "operating point: beyond this map")
-    assert any(line.get_marker() == "*" for line in axes.lines) is within
+    assert ("operating point" if within else "operating point: beyond this map") in words
+    assert any(line.get_marker() == "*" for line in figure.axes[0].lines) is within

@@ -18,7 +18,6 @@ from identify.report.report_tables import (
     sentences,
     shown_error,
     spread_of,
-    without_groups_of,
 )
 from identify.report.report_wording import plain_symbol
 from identify.report.summary import summary
@@ -67,28 +66,13 @@ def test_ends_of_an_interval_differ_and_hold_the_value(drop, spread):
     assert (high - low) / (2 * drop * spread) == pytest.approx(1.0, abs=0.5)
 
 
-def test_what_all_entries_state_of_their_validity_stands_once_and_tiny_numbers_are_named():
-    why = "not valid here: the linear law runs away (alpha = -1.02, at or below -1)"
-    forms = {name: entry(None, "N", validity=why) for name in ("drop", "period")}
-    stability = {
-        "outcome": "always sticks",
-        "multiplier": entry(1.9e-295, ""),
-        "sliding_unstable_between": [[1e-9, 0.01]],
-        "windows": [
-            {"from": 1e-6, "to": 0.02112, "outcome": "bistable"},
-            {"from": 0, "to": 1, "outcome": "never sticks"},
-        ],
-    }
-    table = answer_table([("log 1", {"closed_forms": forms, "stability": stability})])
-    assert [row[0].note for row in table.rows if len(row) == 1] == ["", why]
-    cells = {row[0].shown: row[1] for row in table.rows if len(row) > 1}
-    shown = {name: cell.shown.replace("\N{NO-BREAK SPACE}", " ") for name, cell in cells.items()}
-    assert shown["what it does here"] == "stick-slip, from any start"
-    assert shown["what is left of a disturbance after one cycle"] == "below 10⁻⁹"
-    assert shown["steady sliding is unstable at"].endswith("to 10 mm/s")
-    windows = "stick-slip or steady sliding up to 21.12 mm/s; steady sliding above"
-    assert shown["over all drive speeds"] == windows
-    assert (cells["period"].shown, cells["period"].note, cells["period"].kind) == ("–", "", "doubt")
+def test_a_value_stands_with_its_interval_and_its_validity():
+    entries = {"drop": entry(0.5, "N", [0.49, 0.51]), "period": entry(None, "s", validity="not valid here: too fast")}
+    rows = answer_table([("log 1", entries), ("log 2", {"drop": entry(2.0, "N", [1.9, None])})]).cells
+    assert [row[0].shown for row in rows] == ["drop of the force (onset to rest)", "period"]
+    assert (rows[0][1].shown, rows[0][1].note) == ("0.5\N{NO-BREAK SPACE}N", "0.490 to 0.510")
+    assert rows[0][2].note.startswith("above 1.9") and rows[1][2].shown == "–"
+    assert (rows[1][1].shown, rows[1][1].note, rows[1][1].kind) == ("–", "not valid here: too fast", "doubt")
 
 
 def test_the_fall_of_a_record_is_not_called_the_drop_of_the_model():
@@ -118,10 +102,7 @@ def test_the_report_names_the_group_of_every_parameter():
     assert plain_symbol("mu_s (B)") == "μₛ (B)" and plain_symbol("v (B)") == "v (B)"
 
 
-def test_what_stands_elsewhere_is_not_repeated():
-    groups = {name: entry(1.0, "") for name in ("Pi", "v_cr", "zeta")}
-    entries = {"groups": groups, "closed_forms": {"Pi": entry(1.0, "")}}
-    assert list(without_groups_of(entries, {"v_cr": entry(1.0, "m/s")})["groups"]) == ["zeta"]
+def test_of_several_logs_the_stability_is_a_table():
     texts = {"stability": {"text": "It sticks."}, "amplitude": {"text": "It falls."}}
     assert sentences(texts) == ("It sticks.", "It falls.") and sentences(texts, several=True) == ("It falls.",)
 

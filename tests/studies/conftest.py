@@ -11,7 +11,7 @@ from identify.studies import operating_points
 @pytest.fixture(scope="session", autouse=True)
 def few_draws():
     with pytest.MonkeyPatch.context() as patch:
-        real = partial(predictions, draws=48)
+        real = partial(predictions, draws=16)
         patch.setattr(operating_points, "predictions", lambda *points: real(*points[:3]))
         yield
 

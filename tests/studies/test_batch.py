@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from data_io.values import LogError
-from experiments.run_batch_faults import Tally
 from experiments.stub_fits import numbers
 from identify.studies.batch_store import complete, locked
 from identify.studies.job import CRASHED, DEFECT, FAILED, OUTDATED, TIMED_OUT, TRY_AGAIN, BatchError, Job
@@ -66,12 +65,12 @@ def test_every_group_gets_its_folder_and_its_own_numbers(tmp_path):
 
 
 def test_the_number_of_workers_and_the_order_change_nothing(tmp_path):
-    case = write_case(tmp_path / "in", [f"G{i}" for i in range(6)])
+    case = write_case(tmp_path / "in", [f"G{i}" for i in range(4)])
     run(case, tmp_path / "one", jobs=1)
-    lines = case[0].read_text().splitlines()
-    case[0].write_text("\n".join([lines[0], *reversed(lines[1:])]) + "\n")
+    head, *lines = case[0].read_text().splitlines()
+    case[0].write_text("\n".join([head, *reversed(lines)]) + "\n")
     run(case, tmp_path / "three", jobs=3)
-    assert results(tmp_path / "one") == results(tmp_path / "three") and len(results(tmp_path / "one")) == 6
+    assert results(tmp_path / "one") == results(tmp_path / "three") and len(results(tmp_path / "one")) == 4
 
 
 def test_what_goes_wrong_is_recorded_with_its_reason_and_stops_nothing(tmp_path):
@@ -103,12 +102,8 @@ def test_a_resumed_batch_redoes_what_is_missing_changed_or_was_not_decided(tmp_p
     (tmp_path / "in" / "log_1_0.csv").write_text("T,Fz,Fx\ns,N,N\n0,1,0.9\n1,1,0.4\n2,1,0.5\n")
     before = {group: (out / group).stat().st_ino for group in groups if (out / group).exists()}
     summary, heard = run(case, out, resume=True)
-    assert {h[0].split()[1].rstrip(":") for h in heard[1:]} == {
-        "crash",
-        "changed",
-        "damaged",
-        "gone",
-    } and summary.kept == 2
+    redone = {h[0].split()[1].rstrip(":") for h in heard[1:]}
+    assert redone == {"crash", "changed", "damaged", "gone"} and summary.kept == 2
     assert (out / "kept").stat().st_ino == before["kept"] and (out / "refuse").stat().st_ino == before["refuse"]
     fresh, _ = run(case, tmp_path / "fresh")
     assert fresh.status == "failures" and results(out) == results(tmp_path / "fresh")
@@ -185,22 +180,6 @@ def test_a_folder_is_not_shared_and_not_overwritten(tmp_path):
     (tmp_path / "photos" / "cat.png").write_text("")
     with pytest.raises(BatchError, match="holds no batch of ours"):
         run(case, tmp_path / "photos", resume=True)
-
-
-def test_the_trials_of_faults_would_see_what_is_lost_wrong_or_half(tmp_path):
-    case, out = write_case(tmp_path / "in", ["G1", "G2", "G3", "G4"]), tmp_path / "out"
-    for folder in (out, tmp_path / "reference"):
-        run(case, folder)
-    before, tally = put(out), Tally("control")
-    assert tally.look(out, tmp_path / "reference", before, frozenset()) == before
-    assert (tally.lost, tally.wrong, tally.half) == (0, 0, 0)
-    text = (out / "G1" / "result.json").read_text()
-    (out / "G1" / "result.json").write_text(text.replace("0.01", "0.02"))
-    (out / "G2" / "result.h5").unlink()
-    shutil.rmtree(out / "G3")
-    (out / "G4" / "figures" / "extra.svg").write_text("")
-    tally.look(out, tmp_path / "reference", before, frozenset())
-    assert (tally.lost, tally.wrong, tally.half) == (1, 1, 2)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals")

@@ -58,6 +58,7 @@ def results(out):
     return {p.parent.name: p.read_text().split('"machine"')[0] for p in out.glob("*/result.json")}
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_results_of_one_machine_also_where_worker_and_scheduler_are_killed(tmp_path, monkeypatch):
     case, out = write_case(tmp_path / "in", [*GROUPS, "crash", "hang"]), tmp_path / "out"
     with cluster(tmp_path, seconds=0.2) as (address, processes):

@@ -61,7 +61,7 @@ def one_of(material="M1", place=0, seed=0, **labels):
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
-    return folder, write_study(folder, SMALL, curves=True)
+    return folder, write_study(folder, SMALL)
 
 
 def test_materials_differ_and_the_truth_is_covered(study):

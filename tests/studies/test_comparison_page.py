@@ -17,7 +17,7 @@ EVIL = "<img src='http://127.0.0.1:9/x' onerror='alert(1)'>" + "w" * 500
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     folder = tmp_path_factory.mktemp("batch")
-    write_study(folder, Plan("page", volunteers=3, runs=2, gap=4.0), curves=True)
+    write_study(folder, Plan("page", volunteers=3, runs=2, gap=4.0))
     for path in list(folder.glob("M3_*/result.json")):
         path.write_text(path.read_text(encoding="utf-8").replace('"M3"', f'"{EVIL}"'), encoding="utf-8")
     return write_batch_report(folder)

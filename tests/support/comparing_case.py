@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from experiments.pooling_draws import Plan, draw
@@ -66,25 +65,18 @@ def document(values: np.ndarray, covariance: np.ndarray, labels: Mapping[str, st
     }
 
 
-def write_fit(folder: Path, told: Mapping[str, Any], curves: bool = False) -> None:
-    """One fit's folder; with curves, a result.h5 of three triangular cycles."""
+def write_fit(folder: Path, told: Mapping[str, Any]) -> None:
+    """One fit's folder."""
     folder.mkdir(parents=True)
     (folder / "result.json").write_text(json.dumps(told), encoding="utf-8")
     (folder / "report.html").write_text("<!doctype html><title>fit</title>", encoding="utf-8")
-    if curves:
-        time = np.linspace(0.0, 3.0, 600)
-        with h5py.File(folder / "result.h5", "w") as file:
-            log = file.create_group("curves/log_1")
-            log.attrs["drive_speed_m_per_s"] = 1e-3
-            log["time"], log["friction_force"], log["fitted_force"] = time, time % 1.0, time % 1.0
-            log["cycles/onset"] = np.array([0.99, 1.99, 2.99])
 
 
-def write_study(folder: Path, plan: Plan, seed: int = 1, curves: bool = False) -> np.ndarray:
+def write_study(folder: Path, plan: Plan, seed: int = 1) -> np.ndarray:
     """A whole study below `folder`, one fit per folder; returns the true means (materials, 6)."""
     study = draw(plan, np.random.default_rng(seed))
     assert study.setting.subject is not None
     for i, (group, who) in enumerate(zip(study.setting.group, study.setting.subject, strict=True)):
         labels = {"material": group, "volunteer": who}
-        write_fit(folder / f"{group}_{who}_{i}", document(study.y[i], study.noise[i], labels), curves)
+        write_fit(folder / f"{group}_{who}_{i}", document(study.y[i], study.noise[i], labels))
     return study.truth
