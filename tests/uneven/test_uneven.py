@@ -1,8 +1,5 @@
 """Uneven records: what the estimator says of simulated tracks whose truth is known, and of the measured ones."""
 
-import signal
-import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -305,7 +302,7 @@ def test_records_without_resolved_slips_or_with_too_few_are_refused(tracks, rate
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Time limits and stop signals.
+# Time limits.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
@@ -323,28 +320,3 @@ def test_a_search_that_was_cut_is_no_answer(maxima):
         cut = maximise([sticks])
     assert whole.in_time and not cut.in_time and not cut.converged and cut.evaluations < whole.evaluations
     assert not np.any(np.isfinite(cut.covariance))  # nor is time spent on its uncertainty
-
-
-def test_a_stop_signal_ends_the_estimate():
-    """As a command has it: once in twenty the interrupt itself is lost in compiled code."""
-    code = """
-from identify.cli.interrupt import interruptible
-from experiments.uneven_records import STIFF, prepared, simulated
-from identify.uneven.estimator import maximise
-from identify.uneven.events import sticks_of
-many = [sticks_of(prepared(STIFF, track.record)) for track in simulated(STIFF, 12, [1, 2])]
-with interruptible(lambda: None):
-    print("begun", flush=True)
-    while True:
-        maximise(many * 4)
-"""
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
-        assert process.stdout is not None and process.stdout.readline() == b"begun\n"
-        time.sleep(0.5)
-        began = time.perf_counter()
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(timeout=10.0)
-        finally:
-            process.kill()
-        assert time.perf_counter() - began < 2.0

@@ -125,7 +125,7 @@ async function result(host, path, second, session) {
 export async function fitView(host, asked, session) {
   const place = element("div", {}), list = element("div", {});
   const scene = session.scene, stem = scene.split("/").pop()?.replace(/\.toml$/, "") ?? "";
-  const of = session.folder.fits.find((fit) => fit.path === asked.path || fit.path === `stickslip-${stem}`);
+  const of = session.folder.fits.find((fit) => fit.path === asked.path) ?? session.folder.fits.find((fit) => fit.path === `stickslip-${stem}`);
   const text = scene ? await get("scene", { path: scene }) : null;
   const out = element("input", { value: `stickslip-${text?.form?.name || stem}`, size: 22, "aria-label": "folder of the result" });
   let accuracy = choice(accuracies(), "default", () => {}, { "aria-label": "accuracy" });
