@@ -24,7 +24,7 @@ from identify.bench.records import Measured
 Array = NDArray[np.float64]
 
 DISAGREE = 0.01  # probability below which figures that agree would scatter so much
-UNTOLD = 1.0  # standard deviation of a logarithm: beyond it a quantity is not told
+UNKNOWN = 1.0  # standard deviation of a logarithm: beyond it a quantity is not known
 LIKELY = {"mass": 0.2, "stiffness": 1470.0, "skin_stiffness": 4400.0}  # where the search starts, SI
 
 
@@ -55,7 +55,7 @@ class Agreement:
 @dataclass(frozen=True)
 class RigCalibration:
     """mass [kg], stiffness [N/m], damping ratio zeta; skin_stiffness [N/m]; natural_frequency sqrt(k/m) [rad/s]; None:
-    nothing tells it; agreement of the records among each other."""
+    not determined; agreement of the records among each other."""
 
     mass: RigValue | None
     stiffness: RigValue | None
@@ -67,14 +67,14 @@ class RigCalibration:
     @property
     def tied(self) -> float:
         """Tolerance of sqrt(k/m) where mass and stiffness are known together better than apart; 0 where they are not:
-        a tap tells their ratio to a thousandth, so that what one is off by the other is off by too."""
+        a tap measures their ratio to a thousandth, so that what one is off by the other is off by too."""
         if self.mass is None or self.natural_frequency is None:
             return 0.0
         return self.natural_frequency.tolerance if 2.0 * self.natural_frequency.tolerance < self.mass.tolerance else 0.0
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """What a scene needs and nothing tells."""
+        """What a scene needs and no record determines."""
         names = ("mass", "stiffness", "zeta")
         return tuple(name for name in names if getattr(self, name) is None)
 
@@ -90,7 +90,7 @@ def calibrated(measured: Sequence[Measured], speed_tolerance: float, added_toler
         IdentifyError: added masses that did not lower the frequency.
     """
     if not measured:
-        raise IdentifyError("no record tells anything of the rig; give a tap, or a stick on a rigid block")
+        raise IdentifyError("no record determines anything of the rig; give a tap, or a stick on a rigid block")
     _check_added(measured)
     oscillator = [m for m in measured if m.kind != "zeta"]
     names = ["mass", "stiffness", *(["skin_stiffness"] if any(m.kind == "series" for m in measured) else [])]
@@ -107,12 +107,12 @@ def calibrated(measured: Sequence[Measured], speed_tolerance: float, added_toler
     _, seen, rows = np.linalg.svd(best.jac)
     singular = np.zeros(begin.size)
     singular[: seen.size] = seen
-    # What nothing tells has a singular value of zero, or of the rounding of differences: its deviation is huge.
+    # What is not determined has a singular value of zero, or of the rounding of differences: its deviation is huge.
     inverse = (rows.T / np.maximum(singular, 1e-9 * seen[0]) ** 2) @ rows
     agreed = _agreement(best.fun, int(np.count_nonzero(singular > 1e-6 * seen[0])), oscillator)
     deviations = np.sqrt(np.diag(inverse)) * agreed.widening
     found = {
-        name: RigValue(math.exp(best.x[i]), float(deviations[i])) if deviations[i] < UNTOLD else None
+        name: RigValue(math.exp(best.x[i]), float(deviations[i])) if deviations[i] < UNKNOWN else None
         for i, name in enumerate(names)
     }
     ratio = np.array([-0.5, 0.5] + [0.0] * (begin.size - 2))
@@ -154,9 +154,9 @@ def _agreement(residuals: Array, unknowns: int, measured: Sequence[Measured]) ->
 
 
 def _zeta(measured: Sequence[Measured]) -> tuple[RigValue | None, Agreement]:
-    """The damping ratio of the rig as it is used; with an added mass on it where no other record tells it."""
-    told = [m for m in measured if m.kind == "zeta"]
-    used = [m for m in told if m.added == 0.0] or told
+    """The damping ratio of the rig as it is used; with an added mass on it where no other record determines it."""
+    zetas = [m for m in measured if m.kind == "zeta"]
+    used = [m for m in zetas if m.added == 0.0] or zetas
     if not used:
         return None, Agreement(1.0, 1.0, "")
     weights = np.array([1.0 / m.error**2 for m in used])
@@ -165,7 +165,7 @@ def _zeta(measured: Sequence[Measured]) -> tuple[RigValue | None, Agreement]:
     off = np.sqrt(weights) * (values - mean)
     agreed = _agreement(off, 1, used)
     deviation = float(weights.sum() ** -0.5) * agreed.widening
-    return (RigValue(math.exp(mean), deviation) if deviation < UNTOLD else None), agreed
+    return (RigValue(math.exp(mean), deviation) if deviation < UNKNOWN else None), agreed
 
 
 def _check_added(measured: Sequence[Measured]) -> None:

@@ -1,4 +1,4 @@
-"""Experiment design: what a log is expected to tell before it is recorded, and the few logs that tell most.
+"""Experiment design: what a log is expected to identify before it is recorded, and the few logs that identify most.
 
 The expected information of a log is the Fisher information of white noise: the integral over time of the outer product
 of the sensitivities of its force, times samples per second, over the variance of a sample. What a fit does not know
@@ -35,7 +35,7 @@ from identify.simulation.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 CYCLES = 4  # that are simulated of a steady drive; later ones repeat the last
-REPEATED = 40  # of the later cycles, one by one: of more, each tells as much as these do on average, at least
+REPEATED = 40  # of the later cycles, one by one: of more, each informs as much as these do on average, at least
 DOUBLINGS = 6  # of the simulated duration until it has its cycles
 SETTLED, STEADY = 60.0, 15.0  # times sqrt(m/k): a slide so long goes on; the end of it in which it is steady
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)  # of a phase, at which sensitivities are taken,

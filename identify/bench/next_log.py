@@ -1,4 +1,4 @@
-"""The logs that would tell what a converged fit leaves open, beside its verdicts and in its result."""
+"""The logs that would identify what a converged fit leaves open, beside its verdicts and in its result."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Advice:
     """The logs to add, one after the other; the parameters that no log of one speed, of up to `longest` [s], is
-    expected to tell."""
+    expected to identify."""
 
     logs: tuple[NextLogResult, ...]
     open: tuple[str, ...]
@@ -34,7 +34,7 @@ class Advice:
 
 
 def next_logs(found: Findings) -> Advice | None:
-    """The logs that would tell what a converged fit calls weak or not identifiable; None where nothing is left to tell,
+    """The logs that would identify what a converged fit calls weak or not identifiable; None where nothing is left,
     fewer than two sticks end in a slip, or the time is up before they are chosen."""
     knowledge = _knowledge(found)
     if knowledge is None:
@@ -67,7 +67,7 @@ def _knowledge(found: Findings) -> Knowledge | None:
     own = unknowns.own[free] & ~unknowns.grouped[free] | rhythmic(unknowns)[free]
     kept = np.flatnonzero(~own & np.array([each != "at bound" for each in verdict]))
     targets = tuple(unknowns.names[free[i]] for i in kept.tolist() if verdict[i] in ("weak", "not identifiable"))
-    # A single peak tells so little that no motion can be simulated.
+    # A single peak informs so little that no motion can be simulated.
     if onsets(attempt.solved.trajectories) < 2 or not targets or not np.all(np.isfinite(sure.covariance)):
         return None
     pairs = list(zip(attempt.fitted_logs, attempt.solved.trajectories, strict=True))
@@ -107,10 +107,10 @@ def advised(found: Findings, advice: Advice) -> Findings:
         remedy, hint = remedy_for(name, advice), shown.get(name)
         if remedy and hint is not None and str(hint) in reason:
             return replace(estimate, reason=reason.replace(str(hint), f"{hint.shown}: {remedy}"))
-        if not advice.logs and name in advice.open:  # beside a log that tells others it is too soon to say so
+        if not advice.logs and name in advice.open:  # beside a log that identifies others it is too soon to say so
             none = (
-                f"as far as these logs tell, none of up to {three_figures(advice.longest)} s at one speed, this load "
-                f"and on this rig would tell it to {100.0 * IDENTIFIED:.0f} %"
+                f"as far as these logs show, none of up to {three_figures(advice.longest)} s at one speed, this load "
+                f"and on this rig would identify it to {100.0 * IDENTIFIED:.0f} %"
             )
         return replace(estimate, reason="; ".join(filter(None, (reason, remedy, none))))
 
@@ -125,5 +125,5 @@ def remedy_for(name: str, advice: Advice) -> str:
                 f"a log of {log.duration:.6g} s at {speed_text(log.drive_speed, 3)} and "
                 f"{three_figures(log.normal_force)} N, sampled at {log.sampling_rate:.0f} Hz"
             )
-            return f"add {words}, which is expected to tell it to {math.ceil(100.0 * log.expected[name])} %"
+            return f"add {words}, which is expected to identify it to {math.ceil(100.0 * log.expected[name])} %"
     return ""

@@ -77,7 +77,7 @@ def plan_text(plan: RecordingPlan, source: str = "") -> str:
     elif all(then[i] <= IDENTIFIED for i in known.targeted):
         summary = "nothing to add: every target is identified already"
     else:
-        summary = "no log among those that were tried, and within the budget, is expected to tell more; see below"
+        summary = "no log among those that were tried, and within the budget, is expected to identify more; see below"
     rows = [["", "now", *(f"with {number}" for number in range(1, len(plan.logs) + 1)), "the fit will call it"]]
     for i, name in enumerate(known.names):
         cells = [shown_half(halves[:, i]) for halves in (plan.now, *(log.halves for log in plan.logs))]
@@ -93,7 +93,7 @@ def plan_text(plan: RecordingPlan, source: str = "") -> str:
         lines.append(
             wrapped(
                 f"{listed(open_)}: no set of logs within the budget, at the speeds, loads and springs that were tried, "
-                f"tells more; allow a longer --budget, or another --load or --stiffness"
+                f"identifies more; allow a longer --budget, or another --load or --stiffness"
             )
         )
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""What one record tells of a rig: a ring-down, or the stiffness of its sticks."""
+"""What one record measures of a rig: a ring-down, or the stiffness of its sticks."""
 
 from __future__ import annotations
 
@@ -62,28 +62,28 @@ def _of_tap(tap: RingDown, name: str, added: float) -> list[Measured]:
     shown = f"{name}: rings at {three_figures(tap.frequency / (2 * np.pi))} Hz for {tap.swings:.0f} swings"
     if tap.dry:
         shown += f", which die along a straight line: a guide rubs with {three_figures(tap.dry)} N"
-    told = [Measured("frequency", tap.frequency, tap.frequency_error, shown, added)]
+    measured = [Measured("frequency", tap.frequency, tap.frequency_error, shown, added)]
     if tap.zeta_error < 1.0:
-        told.append(Measured("zeta", tap.zeta, tap.zeta_error, shown, added))
-    return told
+        measured.append(Measured("zeta", tap.zeta, tap.zeta_error, shown, added))
+    return measured
 
 
 def sticks(record: Record, path: Path, speed: float | None, on_skin: bool = False) -> list[Measured]:
-    """The stiffness that the sticks of a record, or one slow pull, tell.
+    """The stiffness that the sticks of a record, or one slow pull, show.
 
     Args:
-        speed: of the drive [m/s]; None: as the record tells it.
+        speed: of the drive [m/s]; None: as the record has it.
 
     Raises:
         IdentifyError: no drive speed, or no straight rise.
     """
     seen = look(DraftLog(path, None, record)).seen
-    told = recorded_drive(record)
-    drive = told.speed if speed is None else speed
+    recorded = recorded_drive(record)
+    drive = recorded.speed if speed is None else speed
     if not drive:
-        why = "" if told.trouble == UNTOLD else f" ({told.trouble})"
+        why = "" if recorded.trouble == UNTOLD else f" ({recorded.trouble})"
         raise IdentifyError(
-            f"{path.name}: no tap rings down in it, and it does not tell its drive speed{why}, which turns the slope "
+            f"{path.name}: no tap rings down in it, and it does not hold its drive speed{why}, which turns the slope "
             f'of a stick into a stiffness; for a pull give --drive-speed "{path.name}=0.1 mm/s"; a tap needs '
             f"{FEWEST_SWINGS:.0f} swings above the noise with {FEWEST_SAMPLES:.0f} samples each: sample faster"
         )

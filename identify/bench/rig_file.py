@@ -25,16 +25,16 @@ def shown(name: str, found: RigValue) -> str:
 
 
 def rig_toml(rig: RigCalibration, measured: Sequence[Measured]) -> str:
-    """The text of RIG.toml; what nothing tells is marked TODO."""
+    """The text of RIG.toml; what is not determined is marked TODO."""
     lines = [
-        "# The rig as its records tell it, written by: stickslip rig",
+        "# The rig as its records have it, written by: stickslip rig",
         '# In a scene: rig = "RIG.toml". The tolerances (one standard deviation) are the priors of every fit.',
         "# A drive_speed or normal_force that all logs share may stand here as well.",
     ]
     for name in ("mass", "stiffness", "zeta"):
         found: RigValue | None = getattr(rig, name)
         if found is None:
-            lines.append(f'{name} = "{f"TODO {UNITS[name]}".strip()}"   # not told; give {REMEDIES[name]}')
+            lines.append(f'{name} = "{f"TODO {UNITS[name]}".strip()}"   # not determined; give {REMEDIES[name]}')
         else:
             value = f"{found.value:.6g}" if not UNITS[name] else f'"{found.value:.6g} {UNITS[name]}"'
             interval = " to ".join(f"{end:.4g}" for end in found.interval)

@@ -125,7 +125,7 @@ def _fitted(time: Array, force: Array, period: float) -> RingDown | None:
         fit = _least_squares(time[mine], force[mine], period)
         if fit is None:
             return None
-        # What has died out tells no more, and drifts; what has not settled yet does not fit like the rest.
+        # What has died out informs no more, and drifts; what has not settled yet does not fit like the rest.
         dies = fit.time[0] + _dies(fit) / (fit.zeta * fit.frequency)
         residual, early = fit.force - fit.fitted, fit.time < begin + period
         squares = [float(np.mean(residual[part] ** 2)) for part in (early, ~early) if part.any()]
@@ -205,8 +205,8 @@ def _least_squares(time: Array, force: Array, period: float) -> RingDown | None:
     rubbed = _projected(force / size, rubbing, starts, bounds, [*scale, 0.1])
     dry = float(np.linalg.lstsq(rubbing(rubbed.x), force, rcond=None)[0][1])
     variance = _variance(t, rubbed, period, 7)
-    asked = dry > 0.0 and 2.0 * (viscous.cost - rubbed.cost) > RUBS * variance
-    best, basis, unknowns = (rubbed, rubbing, 7) if asked else (viscous, plain, 6)
+    rubs = dry > 0.0 and 2.0 * (viscous.cost - rubbed.cost) > RUBS * variance
+    best, basis, unknowns = (rubbed, rubbing, 7) if rubs else (viscous, plain, 6)
     frequency, zeta = 2.0 * np.pi / period * float(np.exp(best.x[0])), float(np.exp(best.x[1]))
     freedom = time.size - unknowns
     # Variable projection: its Jacobian is that of all parameters with the linear ones eliminated (Golub, Pereyra).
@@ -218,7 +218,7 @@ def _least_squares(time: Array, force: Array, period: float) -> RingDown | None:
     variance = _variance(t, best, period, unknowns)
     errors = np.sqrt(variance * np.diag(inverse)) * float(student(0.975, freedom)) / NORMAL
     fitted = basis(best.x) @ np.linalg.lstsq(basis(best.x), force, rcond=None)[0]
-    return RingDown(frequency, zeta, float(errors[0]), float(errors[1]), dry if asked else 0.0, time, force, fitted)
+    return RingDown(frequency, zeta, float(errors[0]), float(errors[1]), dry if rubs else 0.0, time, force, fitted)
 
 
 def _projected(

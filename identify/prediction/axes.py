@@ -45,7 +45,7 @@ class Site:
 @dataclass(frozen=True)
 class Axis:
     """A quantity: name, words for a picture, unit, its value at the operating point, the values it may take, and
-    whether it is told in powers (or evenly)."""
+    whether it is drawn in powers (or evenly)."""
 
     name: str
     label: str
@@ -68,7 +68,7 @@ class Axis:
         return abs(self.value) or 0.1
 
 
-# name: words, unit, lower, upper, told in powers
+# name: words, unit, lower, upper, drawn in powers
 OWN: Mapping[str, tuple[str, str, float, float, bool]] = {
     "drive_speed": ("drive speed", "m/s", 1e-12, 1e3, True),
     "normal_force": ("normal force", "N", 1e-9, 1e9, True),

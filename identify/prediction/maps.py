@@ -26,7 +26,7 @@ Bools = NDArray[np.bool_]
 Range = tuple[float, float]
 
 REACH = {"drive_speed": 30.0}  # factor either way of the default range; others:
-FACTOR, SPAN = 10.0, (0.3, 1.7)  # of what is told in powers, of what is told evenly
+FACTOR, SPAN = 10.0, (0.3, 1.7)  # of what is drawn in powers, of what is drawn evenly
 FEWEST, MOST = 2, 1000  # nodes along an axis
 NOT_ADMITTED = "not possible"  # outcome where the model takes no such pair
 NO_ANSWER = "no answer"  # outcome where a motion cannot be integrated

@@ -95,7 +95,7 @@ def _settled(batch: CycleBatch, speed: float, windows: Windows) -> Motions:
 
 @dataclass(frozen=True, eq=False)
 class DrawAnswers:
-    """What the rows of `Draws` do around an answer at a site; each is worked out when it is first asked for."""
+    """What the rows of `Draws` do around an answer at a site; each is computed when it is first needed."""
 
     draws: Draws
     site: Site
@@ -325,9 +325,9 @@ def _amplitude(
         return {name: number(None, unit, why) for name, unit in QUANTITIES.items()}, number(None, "", needs)
     figures = cycle_figures(model, answer.orbit.cycle)[None]
     now = {name: float(row[0]) for name, row in _jumps(figures, np.array([values.get("a", 0.0)])).items()}
-    told = {name: drawn.draws.interval(drawn.jumps[name], now[name]) if drawn else None for name in now}
-    out = {name: number(now[name], unit, MODEL, told[name]) for name, unit in SHOWN.items()}
-    return out, number(now["a_V_max"], "", needs, told["a_V_max"] if now["a_V_max"] > 0.0 else None)
+    intervals = {name: drawn.draws.interval(drawn.jumps[name], now[name]) if drawn else None for name in now}
+    out = {name: number(now[name], unit, MODEL, intervals[name]) for name, unit in SHOWN.items()}
+    return out, number(now["a_V_max"], "", needs, intervals["a_V_max"] if now["a_V_max"] > 0.0 else None)
 
 
 def _of_form(drawn: DrawAnswers | None, name: str, value: float) -> AnswerInterval | None:

@@ -24,7 +24,7 @@ At = Callable[[Rows, Array], Array]  # settings (k, n_w) of rows (k,) at their p
 Holds = Callable[[Rows, Array], Bools]  # whether something holds there (k,)
 
 QUANTILES = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)  # of draws: the ends of an interval
-CLOSER = 6  # halvings of a bracket by motions: to a hundredth of it
+CLOSER = 5  # halvings of a bracket by motions: to a sixtieth of it
 CLOSEST = 40  # by growth rates, which cost next to nothing
 FIRST, DOUBLINGS = 0.02, 8  # of the coordinate: first step from where an end is expected, and how often it is doubled
 

@@ -53,8 +53,8 @@ def assumed(scene: Scene, values: Mapping[str, float], given: Iterable[str] = ()
     out = {}
     for p in scene.declared:
         spec = scene.parameters.get(p.name)
-        told = p.kind == "rig" or p.name in given or (spec is not None and (spec.states_value or spec.tie is not None))
-        if not told and p.name in values:
+        fixed = p.kind == "rig" or p.name in given or (spec is not None and (spec.states_value or spec.tie is not None))
+        if not fixed and p.name in values:
             out[p.name] = p.spread * (abs(values[p.name]) if p.scale == "log" else 1.0)
     return out
 
@@ -101,7 +101,7 @@ class Pair:
 
     groups: (label, value) of all that parameters differ by, (EACH_LOG, "log 2") of what every log has for itself;
     values [SI] by parameter; covariance (f, f) [SI] of `names`, tied parameters among them, variances infinite
-    where these logs do not tell; untold: why there are no values, empty where there are.
+    where something is not identifiable; untold: why there are no values, empty where there are.
     """
 
     groups: Groups = ()
@@ -121,8 +121,8 @@ def pair_of(result: Result, scene: Scene, log: int) -> Pair:
     keys = {own[key]: key for key, entry in entries.items() if not entry.per or entry.group == mine[entry.per]}
     missing = [name for name in dict.fromkeys(own.values()) if name not in keys]
     if missing:
-        told = [entry for key, entry in entries.items() if own[key] == missing[0]]
-        return Pair(groups, untold=_sentence(told, groups, missing[0]))
+        known = [entry for key, entry in entries.items() if own[key] == missing[0]]
+        return Pair(groups, untold=_sentence(known, groups, missing[0]))
     values = {name: value for name, key in keys.items() if (value := entries[key].value) is not None}
     ties = ties_of(scene)
     values |= {name: tie.factor * values[tie.to] + tie.offset for name, tie in ties.items() if tie.to in values}
@@ -134,12 +134,12 @@ def pair_of(result: Result, scene: Scene, log: int) -> Pair:
 
 def _uneven(result: Result) -> str:
     """What is known of a pair whose cycles differ: how they are spread where they were seen, and nothing elsewhere."""
-    told = []
+    spreads = []
     for name, entry in UnevenResult.of(result).distributions.items():
         low, middle, high = (three_figures(entry.quantiles[q].value or 0.0) for q in ("5", "50", "95"))
         unit = f" {entry.unit}" if entry.unit else " of the load"
-        told.append(f"{name.replace('_', ' ')} {middle}{unit} ({low} to {high} in nine of ten drawn cycles)")
-    seen = f"at the drive speed, stiffness and load of the record: {', '.join(told)}; " if told else ""
+        spreads.append(f"{name.replace('_', ' ')} {middle}{unit} ({low} to {high} in nine of ten drawn cycles)")
+    seen = f"at the drive speed, stiffness and load of the record: {', '.join(spreads)}; " if spreads else ""
     return (
         f"the cycles of this pair differ, and no one friction pair describes them; {seen}anywhere else: extrapolated, "
         "not supported by these records"
@@ -172,12 +172,12 @@ def with_tied(names: Sequence[str], covariance: Array, ties: Mapping[str, Tie]) 
     return (*names, *follow), np.outer(scale, scale) * covariance[np.ix_(source, source)]
 
 
-def _sentence(told: Sequence[ParameterResult], groups: Groups, name: str) -> str:
+def _sentence(others: Sequence[ParameterResult], groups: Groups, name: str) -> str:
     """Why a log has no values."""
-    known = ", ".join(entry.group for entry in told)
-    per, mine = next(((p, v) for p, v in groups if p == told[0].per), ("", ""))
+    known = ", ".join(entry.group for entry in others)
+    per, mine = next(((p, v) for p, v in groups if p == others[0].per), ("", ""))
     whose = f"{mine} has none" if per == EACH_LOG else f"this log is of {per} {mine}" if mine else f"it has no {per}"
-    return f"this fit tells {name} of {known} only, and {whose}; fit it again with a log of this group that takes part"
+    return f"this fit has {name} of {known} only, and {whose}; fit it again with a log of this group that takes part"
 
 
 def _covariance(result: Result, keys: Mapping[str, str]) -> tuple[tuple[str, ...], Array | None]:
@@ -232,12 +232,12 @@ class Tested:
         for number, log in zip(result.numbers, result.logs, strict=True):
             if log.reason_left_out:
                 continue
-            said = {
+            point = {
                 "drive_speed": log.drive_speed_m_per_s,
                 "normal_force": log.normal_force_N,
                 "stiffness": _stated(entries[number] if number < len(entries) else None) or _stated(rig),
             }
-            points.append({name: value for name, value in said.items() if value})
+            points.append({name: value for name, value in point.items() if value})
         return Tested.of(points)
 
     def beyond(self, values: Mapping[str, float]) -> str:

@@ -98,7 +98,7 @@ def stabilising_changes(
     speed, load = abs(float(point.drive_speed)), float(point.normal_force)
     if not (0.0 < speed < np.inf and 0.0 < load < np.inf and 0.0 < margin < np.inf):
         raise SimulationError(
-            f"advice was asked at {speed:g} m/s and {load:g} N with a margin of {margin:g}; expected positive numbers"
+            f"advice is for {speed:g} m/s and {load:g} N with a margin of {margin:g}; expected positive numbers"
         )
     site = Site(model, {name: float(point.values[name]) for name in model.parameter_names}, speed, load)
     if not admissible(model, site.setting):
@@ -111,8 +111,8 @@ def stabilising_changes(
         values = {**site.values, "drive_speed": speed, "normal_force": load}
         drawn = Draws.of(model, values, names, point.covariance, draws)
     known = (*model.parameter_names, *POINT, *(["stiffness_at_zeta"] if "damping" in model.parameter_names else []))
-    asked = [axis(site, name) for name in CHANGED if name in known]
-    changes = tuple(_change(site, q, drawn, tested, margin) for q in asked if q.value > 0.0)
+    moved_ = [axis(site, name) for name in CHANGED if name in known]
+    changes = tuple(_change(site, q, drawn, tested, margin) for q in moved_ if q.value > 0.0)
     steady = _steady(CycleBatch(model, site.setting[None]))
     return StabilisingAdvice(
         steady, margin, changes, advice_text(f"{said(speed, 'm/s')} and {said(load, 'N')}", steady, margin, changes)

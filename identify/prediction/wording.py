@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 OPEN = "interval open: "  # how a reason begins
 MOST_PLACES = 8
 LEAST = 0.0999  # of a unit, from which on it is taken
-WHOLE = ("s/m", "1/s", "1/m")  # units that are told as they are
-KILO = ("N", "N/m", "Pa")  # units that are told in thousands
+WHOLE = ("s/m", "1/s", "1/m")  # units that are written as they are
+KILO = ("N", "N/m", "Pa")  # units that are written in thousands
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
@@ -141,12 +141,12 @@ def amplitude_text(prediction: PointPrediction) -> str:
     if part["drop"].value is None:
         return f"Amplitude at {_where(prediction)}: none; {part['drop'].validity}."
     plain = {name: said(entry.value, entry.unit) for name, entry in part.items()}
-    told = {name: with_interval(part[name]) for name in SHOWN}
+    ends = {name: with_interval(part[name]) for name in SHOWN}
     return (
-        f"At {_where(prediction)} the force falls by {told['peak_to_valley']} from peak to valley, every "
-        f"{told['period']}: {plain['stick_duration']} of stick, {plain['slip_duration']} of slip over "
-        f"{plain['slip_distance']}, at up to {told['peak_speed']}; the mass begins to slip at {plain['onset_force']}, "
-        f"before the peak, and rests again at {plain['arrest_force']}, after the valley: a drop of {told['drop']} from "
+        f"At {_where(prediction)} the force falls by {ends['peak_to_valley']} from peak to valley, every "
+        f"{ends['period']}: {plain['stick_duration']} of stick, {plain['slip_duration']} of slip over "
+        f"{plain['slip_distance']}, at up to {ends['peak_speed']}; the mass begins to slip at {plain['onset_force']}, "
+        f"before the peak, and rests again at {plain['arrest_force']}, after the valley: a drop of {ends['drop']} from "
         f"onset to rest.{_why_open(part[name] for name in SHOWN)}"
     )
 

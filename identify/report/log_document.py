@@ -31,7 +31,7 @@ from identify.scene.values import Tie
 Array = NDArray[np.float64]
 
 
-DRAWS = 100  # of the parameters: ends of intervals are good to a tenth of their half width; the calculators take 400
+DRAWS = 100  # of the parameters: ends of intervals are good to a tenth of their half width; the calculators take 200
 
 
 def outlooks_of(prepared: list[Prepared], found: Findings, added: Array | float = 0.0) -> list[dict[str, Json]]:

@@ -99,19 +99,23 @@ def test_reasons_name_the_log(unseen):
     advice = next_logs(unseen)
     reason = estimate(advised(unseen, advice), "a").reason
     assert reason.startswith("slips hold at most 7 samples, so their shape is not seen: add a log of ")
-    assert "and 1 N, sampled at 1000 Hz, which is expected to tell it to " in reason
+    assert "and 1 N, sampled at 1000 Hz, which is expected to identify it to " in reason
     (entry,) = map(asdict, advice.logs)
     assert set(entry) == {"drive_speed", "normal_force", "duration", "sampling_rate", "slips", "expected"}
 
 
 def test_what_no_log_would_tell_is_said_and_nothing_is_asked_where_all_is_identified(unseen):
     said = advised(unseen, Advice((), ("a",), 60.0))
-    words_of_a = "; as far as these logs tell, none of up to 60 s at one speed, this load and on this rig would tell it"
+    words_of_a = (
+        "; as far as these logs show, none of up to 60 s at one speed, this load and on this rig would identify it"
+    )
     assert words_of_a in estimate(said, "a").reason
     assert not any("none of up to" in e.reason for e in said.estimates if e.name != "a")
     # Beside a log that tells another parameter it is too soon to say so.
     other = NextLogResult(0.02, 1.0, 60.0, 500.0, 3, {"D": 0.004})
     assert estimate(advised(unseen, Advice((other,), ("a",), 60.0)), "a") == estimate(unseen, "a")
-    assert "which is expected to tell it to 1 %" in estimate(advised(unseen, Advice((other,), (), 60.0)), "D").reason
+    assert (
+        "which is expected to identify it to 1 %" in estimate(advised(unseen, Advice((other,), (), 60.0)), "D").reason
+    )
     identified = [replace(e, verdict="identified" if e.name in UNSEEN[0] else e.verdict) for e in unseen.estimates]
     assert next_logs(replace(unseen, sure=replace(unseen.sure, estimates=identified))) is None

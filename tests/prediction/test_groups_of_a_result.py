@@ -144,7 +144,7 @@ def test_a_log_whose_group_has_no_values_is_not_answered_by_another():
     told = document()
     told["logs"][1]["labels"] = {"volunteer": "C"}
     assert not pair(told, 0).untold
-    assert "tells mu_s of A, B only, and this log is of volunteer C" in pair(told, 1).untold
+    assert "has mu_s of A, B only, and this log is of volunteer C" in pair(told, 1).untold
 
 
 def test_a_parameter_of_every_log_goes_by_the_number_of_the_log():
