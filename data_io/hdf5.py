@@ -338,7 +338,7 @@ def _read_values(dataset: h5py.Dataset, rows: slice) -> FloatArray:
 # What a file holds, and the part of it that was asked for.
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Table:
     """The columns of one step, not yet read: its run and number, header, datasets by index, attributes as text, and
     what is known of its run."""
@@ -354,39 +354,40 @@ class _Table:
 def read(source: Source, request: Request) -> Contents:
     """Read a step or a whole run of the project's layout, or the datasets in `columns`. Raises `LogError`."""
     with opened(source) as file:
-        if any("/" in path for path in request.columns.values()):
-            parts, skipped = _parts(source, request, [_named(source, request, file)])
-            return Contents(parts, skipped=skipped)
         runs = _groups(file, "run")
-        ours = _text(file.attrs.get("format")) == FORMAT
-        if ours or runs:
-            return _read_layout(source, request, file, runs, ours=ours)
-        parts, skipped = _parts(source, request, _tests(source, request, file))
-        return Contents(parts, skipped=skipped)
+        by_path = any("/" in path for path in request.columns.values())
+        ours = not by_path and _text(file.attrs.get("format")) == FORMAT
+        layout = not by_path and (ours or bool(runs))
+        if by_path:
+            tables = [_named(source, request, file)]
+        elif layout:
+            tables = _of_layout(source, request, file, runs)
+        else:
+            tables = _tests(source, request, file)
+        run = _the_run(source, request, tables)
+        account, speed = Account({}), None
+        if layout:
+            of_run = dict(runs).get(run or 0)  # of an archive every run has an account of its own
+            place = file if of_run is None or ABOUT not in of_run else of_run
+            account, speed = _account(source, place), _drive_speed(source, place)
+        picked = [table for table in tables if table.run == run and request.step in (None, table.step)]
+        request, span = _by_file_clock(request, picked)
+        parts = []
+        for table in tables:
+            # of what nobody asked for the names and lengths only
+            unread = {i: np.broadcast_to(np.float64(np.nan), int(d.size or 0)) for i, d in table.datasets.items()}
+            columns = _columns(source, request, table) if table in picked else unread
+            parts.append(
+                Part(table.run, table.step, table.header, columns, table.parameters, run_items=table.run_items)
+            )
+        skipped = _skipped(source, request, parts, span)
+        return Contents(parts, account.metadata, account.findings, ours, speed, skipped)
 
 
-def _parts(source: Source, request: Request, tables: Sequence[_Table]) -> tuple[list[Part], float]:
-    """Read the steps that were asked for; of the others the names only. How long the log had run before [s]."""
-    run = _the_run(source, request, tables)
-    picked = {i for i, t in enumerate(tables) if t.run == run and request.step in (None, t.step)}
-    request, span = _by_file_clock(request, [tables[i] for i in sorted(picked)])
-    parts = [
-        Part(
-            table.run,
-            table.step,
-            table.header,
-            _columns(source, request, table) if i in picked else _unread(table),
-            table.parameters,
-            run_items=table.run_items,
-        )
-        for i, table in enumerate(tables)
-    ]
-    return parts, _skipped(source, request, parts, span)
-
-
-def _read_layout(
-    source: Source, request: Request, file: h5py.File, runs: Sequence[tuple[int, h5py.Group]], *, ours: bool
-) -> Contents:
+def _of_layout(
+    source: Source, request: Request, file: h5py.File, runs: Sequence[tuple[int, h5py.Group]]
+) -> list[_Table]:
+    """Return the steps of the project's layout."""
     version = file.attrs.get("format_version", FORMAT_VERSION)
     if version != FORMAT_VERSION:
         raise source.error(f"layout version {version} was found; {FORMAT_VERSION} was expected; update this tool")
@@ -401,11 +402,7 @@ def _read_layout(
             tables.append(_Table(run, step, header, dict(enumerate(item for _, item in found)), parameters))
     if not tables:
         raise source.error("no group /run_1/step_1 was found; the layout's groups were expected; convert the log again")
-    of_run = dict(runs).get(_the_run(source, request, tables) or 0)
-    place = file if of_run is None or ABOUT not in of_run else of_run
-    account = _account(source, place)
-    parts, skipped = _parts(source, request, tables)
-    return Contents(parts, account.metadata, account.findings, ours, _drive_speed(source, place), skipped)
+    return tables
 
 
 def _tests(source: Source, request: Request, file: h5py.File) -> list[_Table]:
@@ -516,12 +513,6 @@ def _the_run(source: Source, request: Request, tables: Sequence[_Table]) -> int 
         held = ", ".join(str(step) for step in sorted({table.step for table in tables})[:_SHOWN])
         raise source.error(f"step {request.step} was asked for; the log holds step {held}; choose one of them")
     return runs.pop() if len(runs) == 1 else None
-
-
-def _unread(table: _Table) -> dict[int, FloatArray]:
-    """Columns as long as they are, without their numbers: nobody asked for them."""
-    unread = np.float64(np.nan)
-    return {index: np.broadcast_to(unread, int(item.size or 0)) for index, item in table.datasets.items()}
 
 
 def _columns(source: Source, request: Request, table: _Table) -> dict[int, FloatArray]:

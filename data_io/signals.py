@@ -195,10 +195,8 @@ def _ripple(time: FloatArray, normal: FloatArray, level: float) -> float:
     loaded = normal > _LOADED * level
     if np.count_nonzero(loaded) < 3:
         return 0.0
-    t, force = time[loaded], normal[loaded]
-    centred = (t - t.mean()) / (t[-1] - t[0])
-    slope = float(centred @ (force - force.mean()) / (centred @ centred))
-    return float(np.std(force - force.mean() - slope * centred)) / level
+    t, force = time[loaded] - time[loaded][0], normal[loaded]
+    return float(np.std(force - np.polyval(np.polyfit(t, force, 1), t))) / level
 
 
 # Where a log shows the drive at rest: before it starts and after it has stopped, and what the sensor shows there.

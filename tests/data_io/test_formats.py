@@ -53,7 +53,7 @@ def test_every_reader_says_what_it_reads():
 def test_broken_variants(tmp_path, name, mutation):
     kind = ALL[name]
     made = kind.make(SMALL)
-    for seed in range(2):
+    for seed in range(1):
         data = TEXT[mutation].change(made.data, random.Random(seed))
         path = put(tmp_path, kind, data)
         outcome = run_reader_fuzz.judge(path, kind, made, [TEXT[mutation]], data)
@@ -61,9 +61,9 @@ def test_broken_variants(tmp_path, name, mutation):
 
 
 def test_broken_and_drawn_logs_hold_no_defect(capsys):
-    outcomes = run_reader_fuzz.main(count=250, first=10**6, draws=100)
+    outcomes = run_reader_fuzz.main(count=150, first=10**6, draws=60)
     assert outcomes["WRONG"] == 0, capsys.readouterr().out
-    assert min(outcomes[o] for o in ("read as written", "read with a warning", "refused")) > 25
+    assert min(outcomes[o] for o in ("read as written", "read with a warning", "refused")) > 15
 
 
 def test_the_judge_of_the_broken_logs_sees_a_wrong_number(tmp_path):
@@ -89,7 +89,7 @@ def test_chosen_channels_are_those_of_the_whole_log(tmp_path, name):
 
 def test_gigabytes_of_zeros_are_refused_before_memory_goes(tmp_path):
     path = tmp_path / "bomb.txt.gz"
-    path.write_bytes(gzip.compress(bytes(1 << 24), 6) * 128)  # 2 GiB
+    path.write_bytes(gzip.compress(bytes(1 << 24), 6) * 40)  # 640 MiB
     before, begun = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
     with pytest.raises(LogError, match="100 times"):
         read_log(path)

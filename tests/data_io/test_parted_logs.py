@@ -74,6 +74,7 @@ def fitted(tmp_path, monkeypatch):
     return tmp_path / "part", make(job, tmp_path / "part")
 
 
+@pytest.mark.slow
 def test_a_log_of_two_strokes_is_answered_by_batch_verify_and_the_calculators(fitted, folder, capsys):
     part, end = fitted
     assert (end.status, end.message) == ("converged", "as it is"), end.detail

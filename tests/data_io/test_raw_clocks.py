@@ -10,7 +10,7 @@ import pytest
 from data_io import LogError, read_log
 from tests.data_io.test_tables_as_people_keep_them import check, drawn
 
-SIBLINGS = range(20)
+SIBLINGS = range(10)
 
 
 def write(path: Path, unit: str, stamps: list[str], force: np.ndarray, load: np.ndarray) -> None:
