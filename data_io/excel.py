@@ -11,7 +11,7 @@ import numpy as np
 
 from data_io.contents import Contents, Part
 from data_io.source import LEAST_SUSPECT, MOST_TIMES, Request, Source
-from data_io.table import Table, read_tables
+from data_io.table import read_tables
 from data_io.values import LogError
 
 _ZIP: Final = b"PK\x03\x04"
@@ -52,20 +52,16 @@ def read(source: Source, request: Request) -> Contents:
             failed.append(error)
             continue
         findings += [remark for table in tables for remark in table.remarks]
-        if empty := [name for table in tables if table.rows for name in _without_numbers(table)]:
-            _refuse_formulas(source, title, empty[0])
+        for table in tables:
+            empty = [i for i in table.header.roles.values() if not np.isfinite(table.columns.get(i, np.empty(0))).any()]
+            if empty and table.rows:
+                _refuse_formulas(source, title, table.header.names[empty[0]].raw)
         parts += [
             Part(number, i, table.header, table.columns, {"sheet": title}) for i, table in enumerate(tables, start=1)
         ]
     if not parts:
         raise failed[0] if failed else source.error("the workbook holds no sheet with cells; a log was expected")
     return Contents(parts, {}, findings)
-
-
-def _without_numbers(table: Table) -> list[str]:
-    """Return the names of columns with a role that hold no number."""
-    empty = [i for i in table.header.roles.values() if not np.isfinite(table.columns.get(i, np.empty(0))).any()]
-    return [table.header.names[i].raw for i in empty]
 
 
 def _refuse_formulas(source: Source, title: str, name: str) -> None:
@@ -124,13 +120,13 @@ def _as_text(source: Source, sheet: Any, most: int) -> str:
     widths = np.sort([len(row) for row in rows])
     fitting = widths * widths.size <= max(_CELLS, _SPARSE * int(widths.sum()))
     width = int(widths[fitting][-1]) if fitting.any() else 0
-    for column in _percent_columns(sheet):
-        rows = [(*r[:column], _hundredfold(r[column]), *r[column + 1 :]) if column < len(r) else r for r in rows]
-    lines = ("\t".join([*map(_cell, row), *[""] * (width - len(row))]) for row in rows)
+    hundredfold = _percent_columns(sheet)
+    cell_rows = ([_cell(value, 100.0 if i in hundredfold else 1.0) for i, value in enumerate(row)] for row in rows)
+    lines = ("\t".join([*row, *[""] * (width - len(row))]) for row in cell_rows)
     return "".join(line + "\n" for line in lines)
 
 
-def _percent_columns(sheet: Any) -> list[int]:
+def _percent_columns(sheet: Any) -> set[int]:
     """Return the columns whose name says % and whose cells are shown in percent: they hold a hundredth of that."""
     named, shown_so = set[int](), set[int]()
     for row in sheet.iter_rows(max_row=_TOP):
@@ -139,16 +135,14 @@ def _percent_columns(sheet: Any) -> list[int]:
                 named.add(column)
             elif isinstance(cell.value, float | int) and "%" in str(cell.number_format):
                 shown_so.add(column)
-    return sorted(named & shown_so)
+    return named & shown_so
 
 
-def _hundredfold(value: Any) -> Any:
-    return 100.0 * value if isinstance(value, float | int) else value
-
-
-def _cell(value: Any) -> str:
+def _cell(value: Any, scale: float) -> str:
     if value is None:
         return ""
+    if scale != 1.0 and isinstance(value, float | int):
+        value = scale * value
     if isinstance(value, timedelta):
         return repr(value.total_seconds())
     if isinstance(value, float):

@@ -1,14 +1,14 @@
 """What CETR UMT and Bruker TriboLab exports share: runs and steps, each step with parameters, header and clock."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
 from data_io.clock import read_date
 from data_io.contents import Contents, Part
 from data_io.source import Request, Source
-from data_io.table import Table, read_tables
+from data_io.table import read_tables
 from data_io.text import looks_like_text
 from data_io.values import Finding, FloatArray, free_name
 
@@ -61,90 +61,56 @@ def read_steps(source: Source, request: Request) -> Contents:
     tables, footer = read_tables(source, request, breaks=_BREAK)
     parts: list[Part] = []
     findings: list[Finding] = []
-    items: dict[str, str] = {}
+    items: dict[str, str] = {}  # of the file; those of a run and of a step stand below their headers
     runs: dict[int, dict[str, str]] = {}
     run = 1
     for table in tables:
-        found, run = _parts(table, run, len(parts) + 1, items, runs)
-        findings += [finding for part in found[:-1] for finding in _about_rows(part)]
-        step = f"step {found[-1].number}"
-        findings += [replace(remark, message=f"{step}: {remark.message}") for remark in table.remarks]
-        findings += _about_rows(found[-1])
-        parts += found
+        number, named = len(parts) + 1, False
+        parameters: dict[str, str] = {}
+        target = runs.get(run, items)
+        steps: list[tuple[int, int, dict[str, str], Mapping[int, FloatArray]]] = []
+        for line in table.preamble:
+            new_run, new_step = _RUN.match(line), _STEP.match(line)
+            if named and (new_run or new_step):  # the step named before has no rows
+                steps.append((run, number, parameters, {}))
+                named = False
+            if new_run:
+                run = int(new_run[1])
+                target = runs.setdefault(run, {})
+            elif new_step:
+                number, parameters, named = int(new_step[1]), {}, True
+                target = parameters
+            elif len(target) < _MOST_ITEMS:
+                key, value = _item(line)
+                target[free_name(key, target)] = value
+        steps.append((run, number, parameters, table.columns))
+        findings += [replace(remark, message=f"step {number}: {remark.message}") for remark in table.remarks]
+        for own_run, number, about, columns in steps:
+            started = read_date(about.get("Started at", ""))
+            part = Part(own_run, number, table.header, columns, about, started, runs.get(own_run, {}))
+            parts.append(part)
+            count = about.get("Data Count", "")
+            if count.isdecimal() and int(count) != part.rows:
+                text = f"step {number} says it has {count} rows (Data Count) and holds {part.rows}; was the file cut?"
+                findings.append(Finding("data_count", "warning", text))
+            if part.rows == 0:
+                findings.append(Finding("empty_step", "info", f"step {number} holds no rows; it was left out"))
     if empty := [line for line in footer if _STEP.match(line)]:
         text = f"the log ends with {len(empty)} step header(s) without rows of numbers ({empty[0]})"
         findings.append(Finding("empty_step", "warning", text))
-    return Contents(_renumbered(parts, findings), items, findings)
-
-
-def _parts(
-    table: Table, run: int, number: int, items: dict[str, str], runs: dict[int, dict[str, str]]
-) -> tuple[list[Part], int]:
-    """Return the step of a table, behind the steps without rows that stand above it, and its run.
-
-    Lines above the table go to the file's `items`, its run's, or the step's own.
-    """
-    empty: list[Part] = []
-    parameters: dict[str, str] = {}
-    target, named = runs.get(run, items), False
-    for line in table.preamble:
-        if named and (_RUN.match(line) or _STEP.match(line)):  # the step named before has no rows
-            empty.append(_part(table, {}, run, number, parameters, runs))
-            named = False
-        if match := _RUN.match(line):
-            run = int(match[1])
-            target = runs.setdefault(run, {})
-        elif match := _STEP.match(line):
-            number, parameters, named = int(match[1]), {}, True
-            target = parameters
-        else:
-            key, value = _item(line)
-            if len(target) < _MOST_ITEMS:
-                target[free_name(key, target)] = value
-    return [*empty, _part(table, table.columns, run, number, parameters, runs)], run
-
-
-def _part(
-    table: Table,
-    columns: Mapping[int, FloatArray],
-    run: int,
-    number: int,
-    parameters: dict[str, str],
-    runs: dict[int, dict[str, str]],
-) -> Part:
-    started = read_date(parameters.get("Started at", ""))
-    return Part(run, number, table.header, columns, parameters, started, runs.get(run, {}))
+    labels = [(part.run, part.number) for part in parts]
+    if len(set(labels)) < len(labels):  # a looping script repeats its step numbers within a run
+        text = "the log repeats step numbers; the steps were numbered one after the other within each run"
+        findings.append(Finding("steps_renumbered", "warning", text))
+        counts: dict[int, int] = {}
+        for i, part in enumerate(parts):
+            counts[part.run] = counts.get(part.run, 0) + 1
+            about = {**part.parameters, "Step No.": str(part.number)}
+            parts[i] = replace(part, number=counts[part.run], parameters=about)
+    return Contents(parts, items, findings)
 
 
 def _item(line: str) -> tuple[str, str]:
     line = " ".join("".join(letter for letter in line[:_LONGEST_ITEM] if letter.isprintable()).split())
     match = _PHRASE.fullmatch(line) or (None if re.match(r"[A-Za-z]:\\", line) else _ITEM.fullmatch(line))
     return (match[1].strip(), match[2].strip()) if match else ("note", line)
-
-
-def _about_rows(part: Part) -> list[Finding]:
-    """Say where a step holds other rows than it says, or none."""
-    findings = []
-    count = part.parameters.get("Data Count", "")
-    if count.isdecimal() and int(count) != part.rows:
-        text = f"step {part.number} says it has {count} rows (Data Count) and holds {part.rows}; was the file cut?"
-        findings.append(Finding("data_count", "warning", text))
-    if part.rows == 0:
-        findings.append(Finding("empty_step", "info", f"step {part.number} holds no rows; it was left out"))
-    return findings
-
-
-def _renumbered(parts: Sequence[Part], findings: list[Finding]) -> list[Part]:
-    """Number the steps one after the other where a looping script repeats its step numbers within a run."""
-    labels = [(part.run, part.number) for part in parts]
-    if len(set(labels)) == len(labels):
-        return list(parts)
-    text = "the log repeats step numbers; the steps were numbered one after the other within each run"
-    findings.append(Finding("steps_renumbered", "warning", text))
-    counts: dict[int, int] = {}
-    renumbered = []
-    for part in parts:
-        counts[part.run] = counts.get(part.run, 0) + 1
-        parameters = {**part.parameters, "Step No.": str(part.number)}
-        renumbered.append(replace(part, number=counts[part.run], parameters=parameters))
-    return renumbered
