@@ -50,7 +50,8 @@ def anonymous(record: Record) -> Anonymous:
     Of findings their code stays. The columns themselves are not touched.
     """
     name = f"log-{secrets.token_hex(4)}"
-    kept = {key: value for key, value in record.metadata.items() if _harmless(key, value)}
+    secret = (*KEPT, "path", "sha256", "file_time_start")  # a clock that counts from 1970 tells the day
+    kept = {k: v for k, v in record.metadata.items() if k not in secret and is_plain_setting(k, v)}
     sources = {key: _plain_source(str(record.metadata[key])) for key in KEPT if key in record.metadata}
     steps = [{k: v for k, v in step.parameters.items() if is_plain_setting(k, v)} for step in record.steps]
     channels = _channel_names(record)
@@ -90,11 +91,6 @@ def is_usual(name: str) -> bool:
         return True
     words = _TOKEN.findall(name)
     return bool(words) and name.isascii() and all(word.lower() in WORDS for word in words)
-
-
-def _harmless(key: str, value: Scalar) -> bool:
-    # a clock that counts from 1970 tells the day
-    return key not in KEPT and key not in ("path", "sha256", "file_time_start") and is_plain_setting(key, value)
 
 
 def _plain_source(text: str) -> str:

@@ -19,7 +19,6 @@ from data_io.columns import (
     parse_name,
     shown,
     with_unit,
-    words,
 )
 from data_io.layout import COMMENT, DIGIT, LOOKED_AT, Head, head_at, is_row, line_at, lines_from, numbered_head
 from data_io.rows import Above, Numbers, read_block, read_numbers
@@ -454,30 +453,29 @@ def _why_no_table(text: str, request: Request) -> str:
         rows = (split(line, d) for d in DELIMITERS) if DIGIT.search(line) else ()
         width = max((len(row) for row in rows if is_row(row)), default=0)
         if width > 1:
-            return _why_no_header(above, width, request)
+            break
         above = [*above[-4:], line]
-    return "no rows of numbers were found; a header row with a time and a force, then numbers, were expected; check it"
-
-
-def _why_no_header(above: list[str], width: int, request: Request) -> str:
-    for line in above:
-        for delimiter in DELIMITERS:
-            fields = split(COMMENT.sub("", line, count=1), delimiter)
-            if len(fields) == width:
-                there = shown((parse_name(name).name for name in fields), most=12)
-                if request.columns:
-                    asked = ", ".join(f"{name!r}" for name in request.columns.values())
-                    return f"the columns {there} were found, none of {asked}; give the names as the file has them"
-                return (
-                    f"no time column and no force column were recognised among {there}; names such as "
-                    f"{EXAMPLES['time']} and {EXAMPLES['friction_force']} were expected; say which is which with "
-                    "--columns time=<name>,friction_force=<name>,normal_force=<name>, and give the units that no name "
-                    "says, as in --units time=s,friction_force=N,normal_force=N; a constant load is given with "
-                    '--normal-force "3 N"'
-                )
-    load, load_unit = (",normal_force=3", ",normal_force=N") if width > 2 else ("", "")
+    else:
+        return (
+            "no rows of numbers were found; a header row with a time and a force, then numbers, were expected; check it"
+        )
+    readings = [split(COMMENT.sub("", line, count=1), delimiter) for line in above for delimiter in DELIMITERS]
+    names = next((fields for fields in readings if len(fields) == width), None)
+    load = '; a constant load is given with --normal-force "3 N"'
+    if names is None:
+        more, unit = (",normal_force=3", ",normal_force=N") if width > 2 else ("", "")
+        return (
+            f"rows of {width} numbers were found, but no header row that names them; a time and a force column were "
+            f"expected; number them, as in --columns time=1,friction_force=2{more} --units time=s,friction_force=N"
+            f"{unit}{load}"
+        )
+    there = shown((parse_name(name).name for name in names), most=12)
+    if request.columns:
+        asked = ", ".join(f"{name!r}" for name in request.columns.values())
+        return f"the columns {there} were found, none of {asked}; give the names as the file has them"
     return (
-        f"rows of {width} numbers were found, but no header row that names them; a {words('time')} and a force column "
-        f"were expected; number them, as in --columns time=1,friction_force=2{load} --units "
-        f'time=s,friction_force=N{load_unit}; a constant load is given with --normal-force "3 N"'
+        f"no time column and no force column were recognised among {there}; names such as {EXAMPLES['time']} and "
+        f"{EXAMPLES['friction_force']} were expected; say which is which with --columns time=<name>,"
+        "friction_force=<name>,normal_force=<name>, and give the units that no name says, as in --units time=s,"
+        "friction_force=N,normal_force=N" + load
     )

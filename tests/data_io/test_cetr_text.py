@@ -101,12 +101,6 @@ def test_several_runs_must_be_chosen(tmp_path):
         read_log(path, run=1, step=7)
 
 
-def test_an_unloaded_offset_does_not_turn_the_sign(tmp_path):
-    rows = [f"{i / 100},0.1,{-0.02 if i < 60 else 3.0}" for i in range(100)]
-    record = read_log(log(tmp_path, "Step No. 1\nT,Fx,Fz\nsec,N,N\n" + "\n".join(rows)))
-    assert record.normal_force[-1] == 3.0
-
-
 def test_a_step_without_rows_between_others_is_told_and_kept_apart(tmp_path):
     path = log(tmp_path, run_text(1, step_text(1, 20), step_text(2, 0, count=9)), run_text(2, step_text(1, 10)))
     first, second = read_log(path, run=1), read_log(path, run=2)

@@ -85,15 +85,6 @@ def test_the_layout_written_by_others(tmp_path):
     assert read_log(path, step=10).metadata["file_time_start"] == 200.0
 
 
-@pytest.mark.parametrize("size", [9, 100, 1000, 2000])
-def test_a_cut_file_is_named_damaged(tmp_path, size):
-    whole = foreign(tmp_path).read_bytes()
-    path = tmp_path / "cut.h5"
-    path.write_bytes(whole[:size])
-    with pytest.raises(LogError, match="damaged"):
-        read_log(path, columns=COLUMNS)
-
-
 N = 4 * BLOCK + 1000  # columns are looked at block by block
 
 

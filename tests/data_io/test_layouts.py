@@ -288,13 +288,6 @@ def test_exports_of_instruments(tmp_path, name):
     assert by_number.normal_force[0] == 3.0
 
 
-def test_a_table_without_a_force_is_named(tmp_path):
-    head, row, more, _ = EXPORTS["Dewesoft"]
-    record = read_log(table(tmp_path, head, lambda i, force: row(str(i / 10), force)), **more)
-    (finding,) = (f for f in record.findings if f.code == "tables_without_force")
-    assert "'Event Type'" in finding.message
-
-
 STAMP = datetime(2024, 3, 5, 23, 59, 55)
 
 
@@ -342,14 +335,6 @@ def test_milliseconds_beside_a_clock_of_whole_seconds(tmp_path):
     right(read_log(path, columns=named, channels=()))
     numbers = {"friction_force": "4", "normal_force": "5"}  # settings in pairs and words in rows are no harm
     right(read_log(path, columns=numbers, units=dict.fromkeys(numbers, "N"), rate="10 Hz"))
-
-
-def test_what_is_called_milliseconds_and_does_not_go_on_from_the_seconds_is_left_alone(tmp_path):
-    head = "Date/Time;ms;Fz [N];Fx [N]"
-    path = table(tmp_path, head, lambda i, f: f"{STAMP + timedelta(seconds=i)};{1000 * i};3.0;{f}")
-    record = read_log(path)
-    right(record, interval=1.0)
-    assert "clock_with_milliseconds" not in codes(record)
 
 
 @pytest.mark.parametrize("part", [1, 10**3, 10**6, 10**9])

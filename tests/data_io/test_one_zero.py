@@ -7,10 +7,6 @@ import numpy as np
 import pytest
 
 from data_io import LogError, Record, Step, read_log, write_csv, write_hdf5
-from identify.base.errors import IdentifyError
-from identify.cli import main as cli
-from identify.logs.prepare import cut_and_correct, refuse_too_few
-from identify.scene.values import LogEntry
 
 CASES = Path(__file__).parents[1] / "cases"
 LATE = CASES / "starts_at_5.csv"
@@ -38,18 +34,6 @@ def test_a_window_is_the_same_rows_in_every_format(tmp_path, start):
         assert part.time[0] == 0.0 and part.metadata["window_start"] == pytest.approx(1.0, abs=1e-6), name
 
 
-def test_inspect_and_scene_take_the_same_rows(capsys):
-    """The case of the scene `window = ["5 s", "7.9 s"]` on a file whose clock begins at 5 s."""
-    whole = read_log(LATE)
-    part = read_log(LATE, window=(5.0, 7.9))
-    rows = (whole.time >= 5.0) & (whole.time <= 7.9)
-    np.testing.assert_array_equal(part.friction_force, whole.friction_force[rows])
-    used = cut_and_correct(LogEntry(LATE, window=(5.0, 7.9)), whole).used
-    np.testing.assert_array_equal(whole.friction_force[used], part.friction_force)
-    assert cli.main(["inspect", str(LATE), "--window", "5 s,7.9 s"]) == 0
-    assert "window: 5 to 7.9 s of the log" in capsys.readouterr().out
-
-
 def test_a_window_outside_says_where_times_count_from(tmp_path):
     for name in late(tmp_path):
         with pytest.raises(LogError, match=r"runs from 0 to 3.99 s, counted from its first row, .* shows 5 s; move"):
@@ -69,13 +53,6 @@ def test_a_run_of_steps_has_one_zero(tmp_path):
     np.testing.assert_allclose(alone.friction_force, np.arange(200, 251) * 1e-3)
 
 
-def test_a_part_that_was_written_is_a_log_of_its_own(tmp_path):
-    late(tmp_path)
-    write_csv(read_log(tmp_path / "text.csv", window=(1.0, 3.0)), tmp_path / "part.csv")
-    again = read_log(tmp_path / "part.csv", window=(1.0, 1.5))
-    np.testing.assert_allclose(again.friction_force, np.arange(200, 251) * 1e-3)
-
-
 def test_steps_whose_clocks_restart_are_cut_on_the_joined_clock(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         for number in (1, 2):
@@ -85,13 +62,3 @@ def test_steps_whose_clocks_restart_are_cut_on_the_joined_clock(tmp_path):
                 group.create_dataset(name, data=values).attrs["units"] = unit
     part = read_log(tmp_path / "a.h5", window=(9.5, 10.4))
     assert part.friction_force.tolist() == [195, 196, 197, 198, 199, 200, 201, 202, 203, 204]
-
-
-def test_a_scene_says_its_zero_too(tmp_path):
-    late(tmp_path)
-    record = read_log(tmp_path / "text.csv")
-    entry = LogEntry(tmp_path / "text.csv", window=(5.0, 7.0), tare=(5.0, 6.0))
-    with pytest.raises(IdentifyError, match="counted from its first row, where the clock of the file shows 5 s"):
-        cut_and_correct(entry, record)
-    with pytest.raises(IdentifyError, match="counted from its first row, where the clock of the file shows 5 s"):
-        refuse_too_few(entry, record, record.time > 9.0, "text.csv")

@@ -2,9 +2,7 @@
 
 from pathlib import Path
 
-import h5py
 import numpy as np
-import openpyxl
 import pytest
 
 from data_io import LogError, read_log
@@ -36,25 +34,6 @@ def test_the_force_of_six_axes_is_asked_for():
     record = read_log(CASES / "six_axis_off.csv", columns={"friction_force": "Fy"})
     assert np.mean(record.friction_force / record.normal_force) == pytest.approx(0.475, abs=2e-3)
     assert len(read_log(CASES / "six_axis_off.csv", columns={"friction_force": "Fx"})) == 800
-
-
-def test_other_formats_ask_too(tmp_path):
-    columns = {"Time [s]": TIME, "Friction force [mN]": 1e3 * still(0.02), "Fz [N]": still(1.0)}
-    with pytest.raises(LogError, match=r"'Lateral force \[N\]' moves"):
-        read_log(text(tmp_path, ";", **columns, **{"Lateral force [N]": saw()}))
-    book = openpyxl.Workbook()
-    book.active.append(["Zeit [s]", "Reibkraft [N]", "Normalkraft [N]", "Kraft Y [N]"])
-    for row in zip(TIME, np.zeros(N), still(3.0), -saw(), strict=True):
-        book.active.append([float(value) for value in row])
-    book.save(tmp_path / "b.xlsx")
-    with pytest.raises(LogError, match=r"'Kraft Y \[N\]' moves"):
-        read_log(tmp_path / "b.xlsx")
-    with h5py.File(tmp_path / "c.h5", "w") as file:
-        for name, values in (("t_s", TIME), ("Fx_N", still(0.01)), ("Fz_N", still(1.0)), ("Fy", saw())):
-            file[name] = values
-        file["Fy"].attrs["units"] = "N"
-    with pytest.raises(LogError, match=r"'Fy' moves"):
-        read_log(tmp_path / "c.h5")
 
 
 def test_swapped_forces_are_asked_for(tmp_path):

@@ -179,14 +179,3 @@ def test_an_atomic_write_replaces_and_keeps_the_suffix(tmp_path):
         temporary.write_text("new")
         assert target.read_text() == "old"
     assert target.read_text() == "new" and list(tmp_path.iterdir()) == [target]
-
-
-@pytest.mark.parametrize(("write", "name"), WRITERS)
-def test_an_interrupted_log_leaves_nothing(tmp_path, monkeypatch, write, name):
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("json.dumps", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        write(sample(), tmp_path / name)
-    assert list(tmp_path.iterdir()) == []
