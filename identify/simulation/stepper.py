@@ -183,7 +183,6 @@ GROWTH, SHRINKING, SAFETY = 10.0, 0.2, 0.9  # of the step length from one trial 
 WRONG = 1e30  # an error as large as this, or none at all, shrinks the step as far as it goes
 LAST = 1e-15  # moves of Newton's method, of a step: nothing follows
 NEAR = 0.1  # the same, of the root of the tolerance: one more is as exact as the step itself
-ROUGHLY, STRAIGHT = 0.5, 0.01  # where the motion of a step is smooth: one more is; a straight line from its end is
 BEYOND = 2.0  # times the time in which an event function would fall to zero as it falls: no step is longer
 CLOSE = 0.25  # of the event function before it: a minimum as low as this within a step is looked at
 DIPS = 3  # times in a row that a dip is sought more closely
@@ -246,8 +245,7 @@ def paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.Fu
     row = trial(model, method, mode)(ca.vertcat(x, t, h), c, tolerances)
     after, after_ends = row[: at.n], row[at.n + 1 :]
     if locating:
-        (moved, *control_after, stop), more = _locating(control, h, after_ends, exits, tolerances[0], method.smooth)
-        after, h = after + more * rate(model, mode)(after, c, t + h), h + more
+        moved, *control_after, stop = _locating(control, h, after_ends, exits, tolerances[0])
     else:
         moved, *control_after, stop = _walking(at, z, h, row[at.n :], exits, bounds, method)
     new = ca.vertcat(
@@ -344,10 +342,9 @@ def _dip(h: Expression, before: Expression, ends: Expression, i: int) -> Express
 
 
 def _locating(
-    control: Expression, h: Expression, ends: Expression, exits: list[int], rtol: Expression, smooth: bool
-) -> tuple[tuple[Expression, ...], Expression]:
-    """Whether a trial of length h ends at the switch looked for, and the control after it: Newton within a bracket; and
-    how much longer than the trial it is to the switch [s], along a straight line."""
+    control: Expression, h: Expression, ends: Expression, exits: list[int], rtol: Expression
+) -> tuple[Expression, ...]:
+    """Whether a trial of length h ends at the switch looked for, and the control after it: Newton within a bracket."""
     newton, hit, fallen = ca.inf, 0.0, 0.0
     for i in exits:
         value, slope = ends[i], ends[N_GUARDS + i]
@@ -358,12 +355,8 @@ def _locating(
     following = ca.if_else(inside, newton, 0.5 * (low + high))
     move, length = ca.fabs(newton - h), ca.sqrt(rtol) * control[4]
     done = ca.logic_or(ca.logic_or(hit, control[5] > 0.5), ca.logic_or(move <= LAST * h, high - low <= LAST * high))
-    near = ca.logic_and(inside, move <= (ROUGHLY if smooth else NEAR) * length)
-    more: Expression = 0.0
-    if smooth:
-        straight = ca.logic_and(ca.logic_and(inside, move <= STRAIGHT * length), ca.logic_not(hit))
-        more, done = ca.if_else(straight, newton - h, 0.0), ca.logic_or(done, straight)
-    return (done, following, control[1], control[2], low, high, near, 0, Stop.LOCATED * done), more
+    near = ca.logic_and(inside, move <= NEAR * length)
+    return done, following, control[1], control[2], low, high, near, 0, Stop.LOCATED * done
 
 
 # ----------------------------------------------------------------------------------------------------------------------
