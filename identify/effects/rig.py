@@ -16,7 +16,7 @@ class Inertia(Effect):
     """The mass resists acceleration (eq. 1). Off means quasi-static sliding."""
 
     name = "inertia"
-    says = "the mass resists acceleration; off: force balance"
+    says = "the mass resists acceleration; no motion is simulated without it"
     source = "eq. (1), m_s x''"
     parameters = (
         Parameter(

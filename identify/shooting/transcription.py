@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from itertools import pairwise
 from types import MappingProxyType
@@ -18,7 +18,6 @@ from identify.model.model import ELONGATION, SPEED, Model
 from identify.shooting.blocks import (
     REST_CELLS,
     AgeingBlock,
-    Block,
     BlockKind,
     RestBlock,
     SlideBlock,
@@ -65,20 +64,6 @@ NONE: Mapping[str, float | int] = MappingProxyType(
 CONSTANT = _Slots(np.array([KNOWN]), np.zeros(1))  # an event time or a load that is known
 
 
-@dataclass(frozen=True)
-class _Entry:
-    """Blocks of one kind and part of a log: their slots but for the parameters, constants (B, n_c), edges
-    (B, cells, 2); the number of the first row; theta (n_p,): the slots of the parameters."""
-
-    slots: _Slots
-    constants: Array
-    edges: Array
-    first_row: int
-    log: int
-    part: int
-    theta: Indices
-
-
 class NlpBuilder:
     """Gathers unknowns, rows and blocks while a layout is built; thrown away afterwards."""
 
@@ -104,8 +89,7 @@ class NlpBuilder:
         self.add(unknowns.start[free], unknowns.spread[free], **bounds, mean=mean[free], sd=sd[free], about=about[free])
         self.source = unknowns.source
         self.groups: dict[tuple[int, str], int] = {}  # of logs: which unknown each shares
-        self.blocks: dict[BlockKind, Block] = {}
-        self.entries: dict[BlockKind, list[_Entry]] = {}
+        self.parts: dict[BlockKind, list[Family]] = {}
 
     def add(self, start: Array, scale: Array, **more: float | NDArray[Any]) -> Indices:
         """New unknowns; more: bounds lower, upper; mean, sd of a prior, and about: the unknown that is added to the
@@ -136,33 +120,23 @@ class NlpBuilder:
     ) -> None:
         """Blocks of one kind in a part of a log (`at`): their slots are the given ones and the parameters, of which
         this log has some for itself."""
-        if kind not in self.blocks:
-            self.blocks[kind] = block(self.model, kind)
+        of, n = block(self.model, kind), slots.index.shape[0]
         theta = np.where(own >= 0, own, self.theta)[self.source]
-        n = slots.index.shape[0]
-        entry = _Entry(slots, constants.reshape(n, -1), edges.reshape(n, -1, 2), self.rows, *at, theta)
-        self.rows += n * self.blocks[kind].n_rows
-        self.entries.setdefault(kind, []).append(entry)
+        index = np.concatenate([slots.index, np.broadcast_to(theta, (n, theta.size))], axis=1)
+        start = np.broadcast_to(self.unknowns.start[self.source], (n, theta.size))
+        value = np.concatenate([slots.value, start], axis=1)
+        rows = self.rows + np.arange(n * of.n_rows).reshape(n, of.n_rows)
+        self.rows += n * of.n_rows
+        log, part = np.full(n, at[0]), np.full(n, at[1])
+        family = Family(of, index, value, constants.reshape(n, -1), rows, log, part, edges.reshape(n, -1, 2))
+        self.parts.setdefault(kind, []).append(family)
 
     def families(self) -> tuple[Family, ...]:
         """All blocks so far, one family per kind."""
-        return tuple(self._family(self.blocks[kind], entries) for kind, entries in self.entries.items())
-
-    def _family(self, of: Block, entries: list[_Entry]) -> Family:
-        counts = np.array([e.constants.shape[0] for e in entries])
-        theta = np.repeat(np.stack([e.theta for e in entries]), counts, axis=0)
-        start = np.broadcast_to(self.unknowns.start[self.source], theta.shape)
-        within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        first = np.repeat([e.first_row for e in entries], counts) + of.n_rows * within
-        return Family(
-            of,
-            np.concatenate([np.concatenate([e.slots.index for e in entries]), theta], axis=1),
-            np.concatenate([np.concatenate([e.slots.value for e in entries]), start], axis=1),
-            np.concatenate([e.constants for e in entries]),
-            first[:, None] + np.arange(of.n_rows),
-            np.repeat([e.log for e in entries], counts),
-            np.repeat([e.part for e in entries], counts),
-            np.concatenate([e.edges for e in entries]),
+        names = [f.name for f in fields(Family) if f.name != "block"]
+        return tuple(
+            Family(parts[0].block, *(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+            for parts in self.parts.values()
         )
 
 
