@@ -194,7 +194,7 @@ def _prepared(
         FitError, SceneError, LogError: what cannot be fitted, one sentence.
     """
     keep_freed_memory()
-    if scene.model.balance is not None:
+    if not scene.model.inertial:
         raise FitError(
             "the effect inertia is off: a fit follows slips, which have no duration without a mass; "
             "add inertia to effects and give the mass under [rig]"

@@ -99,7 +99,7 @@ class Composition:
         )
 
     def speed(self, x: ca.SX) -> ca.SX:
-        """Sliding speed, signed [m/s]: a state, or without inertia what the balance of forces gives."""
+        """Sliding speed, signed [m/s]: a state, or without inertia an argument of its own."""
         return x[SPEED] if self.inertial else self.direction * self.speed_along
 
     def ports(self, s: Situation) -> list[Terms]:
@@ -157,11 +157,6 @@ class Composition:
             inertia = sum(term.inertia for term in terms)
             rates["sliding_speed"] = (load - self.direction * self.friction(terms, 0.0)) / inertia
         return ca.vertcat(*(rates.get(name, 0.0) for name in self.names))
-
-    def balance(self, load: Expression) -> Expression:
-        """Load minus friction along the direction of slip [N]."""
-        terms = self.ports(self.situation(self.x, at_rest=False))
-        return self.direction * load - self.friction(terms, 0.0)
 
     def shown(self, x: ca.SX, load: Expression) -> Expression:
         """What the load cell shows of a load [N]."""

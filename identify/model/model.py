@@ -52,7 +52,7 @@ class Model:
     direction of sliding (+1 or -1), time since the start of the record [s].
 
     Without the effect inertia there is no state sliding_speed: slip, worn, load and load_cell take the speed
-    along the direction of slip [m/s] as one more, last argument, and `balance` is zero while the contact slides.
+    along the direction of slip [m/s] as one more, last argument.
     """
 
     effects: tuple[str, ...]
@@ -80,7 +80,7 @@ class Model:
     quiet: tuple[tuple[str, float], ...]  # parameters of what is explicit in time, absent at a value, and that value;
     # NaN: it then says nothing
     follows_load: bool  # whether the course of the normal force counts, or only its mean
-    balance: ca.Function | None = None  # (x, p, u, v) -> load minus friction along the slip [N]; None with inertia
+    inertial: bool  # whether the mass resists acceleration; without it nothing is simulated or fitted
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -185,5 +185,5 @@ def assemble(names: tuple[str, ...]) -> Model:
         series_state="" if m.series is None else m.series.state,
         jumps=any(type(e).at_stick is not Effect.at_stick for e in effects),
         follows_load=any(e.follows_load for e in effects),
-        balance=None if m.inertial else function("balance", moving, m.balance(moved)),
+        inertial=m.inertial,
     )

@@ -34,7 +34,7 @@ def check_calculable(model: Model) -> None:
     Raises:
         SimulationError: the effects that are to blame, and what to do.
     """
-    if model.balance is not None:
+    if not model.inertial:
         raise SimulationError(
             "the effect inertia is off: stability and amplitude of stick-slip are those of a moving mass; "
             "add inertia to effects and give the mass under [rig]"

@@ -161,7 +161,7 @@ def effect_shares(model: Model) -> dict[str, float]:
     for name in model.effects:
         with suppress(SceneError):
             less = assemble(tuple(other for other in model.effects if other != name))
-            if less.balance is None:
+            if less.inertial:
                 shares[name] = max(1.0 - _instructions(less) / whole, 0.0)
     return shares
 

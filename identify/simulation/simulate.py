@@ -73,7 +73,7 @@ def run(
     Raises:
         SimulationError: what the model refuses, by name.
     """
-    if model.balance is not None:
+    if not model.inertial:
         raise SimulationError(
             "the effect inertia is off: without a mass nothing says how long a slip takes; add inertia to effects and "
             "give the mass under [rig]"
