@@ -8,15 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.optimize import least_squares
 
 from data_io import Record
 from data_io.arrays import kept, thinned
 from data_io.signals import mean_and_drift, presses
-from identify.base.quantiles import NORMAL, student
 from identify.base.result import ClassicalDirection, ClassicalTable
 from identify.logs.noise import bridged, smooth
-from identify.logs.regime import Known, LogRegime, Regime, Verdict, look
+from identify.logs.regime import Known, LogRegime, Verdict, look
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 from identify.logs.strokes import DriveCourse, Stroke
 
@@ -26,10 +24,6 @@ Figures = dict[str, tuple[Value, str]]  # by its name a figure, and why there is
 
 FEWEST_ROWS = 20
 RUBS = 5.0  # times its noise: a smaller force is that of a drive at rest, and has no trend
-FEWEST_SLIPS, MOST_SLIPS = 6, 60  # of which the natural frequency is read, each of so many samples:
-RESOLVED = 16.0
-INERTIAL = 0.1  # of the way of a slip, that the drive moves on in it: slower, friction gives way too gradually
-CONSTANT = 0.015  # relative error of the frequency in simulated pairs, as friction is not constant within a slip
 
 DEFINITIONS: Mapping[str, str] = {
     "mean_coefficient": "friction force over normal force, mean over time from the first breakaway on",
@@ -46,13 +40,6 @@ DEFINITIONS: Mapping[str, str] = {
     "drop_N": "mean over slips of force peak minus following valley, the first breakaway apart where others follow",
     "stick_slope_N_per_s": "median over sticks of the slope of the straight middle of the force rise",
     "stick_stiffness_N_per_m": "stick slope over drive speed: machine, holder and contact in series",
-    "ringing_Hz": "natural frequency with which the force swings while the mass slips, once a log, in the stroke "
-    "with most slips",
-    "ringing_mass_kg": "moving mass: stiffness over the square of that angular frequency, for a contact much stiffer "
-    "than the rig",
-    "ringing_mass_from_kg": "lower end of its 95 % interval, from how slips differ, the stiffness taken as exact",
-    "ringing_mass_to_kg": "upper end",
-    "ringing_stiffness_N_per_m": "stiffness that this mass takes: the stated one, else that of the sticks",
     "frequency_Hz": "one over the mean time from slip to slip",
     "stick_slip_percent": "share of the time in sticks and slips",
     "sliding_percent": "share of the time in sliding without stick-slip",
@@ -106,16 +93,9 @@ def classical_table(
 def table_of(record: Record, seen: LogRegime, *, stiffness: float | None = None, tare: float = 0.0) -> ClassicalTable:
     """The classical table of a log whose regime is known; see `classical_table`."""
     parts = [_part(record, s, v, tare) for s, v in zip(seen.strokes, seen.verdicts, strict=True)]
-    frequency, ringing = None, -1
-    for i in np.argsort([-part.found.count for part in parts], kind="stable").tolist():
-        slope = parts[i].found.stick_slope
-        if slope and (frequency := slip_frequency(parts[i].time, parts[i].force, parts[i].found, slope[0])):
-            ringing = i
-            break
     rows, reasons = [], []
-    for i, (part, stroke, verdict) in enumerate(zip(parts, seen.strokes, seen.verdicts, strict=True)):
-        swing = frequency if i == ringing else None
-        figures = _row(part, stroke, verdict, stiffness) | _ringing(swing, stroke, verdict, stiffness)
+    for part, stroke, verdict in zip(parts, seen.strokes, seen.verdicts, strict=True):
+        figures = _row(part, stroke, verdict, stiffness)
         finite = {k: v if not isinstance(v, float) or np.isfinite(v) else None for k, (v, _) in figures.items()}
         few = f"{np.count_nonzero(part.good)} sound samples are too few; {FEWEST_ROWS} are needed"
         enough = np.count_nonzero(part.good) >= FEWEST_ROWS
@@ -265,76 +245,3 @@ def _slides(part: _Part, verdict: Verdict) -> Figures:
         "rhythm_Hz": (rhythm.frequency if rhythm else None, none),
         "rhythm_N": (rhythm.range if rhythm else None, none),
     }
-
-
-# The free oscillation within slips: the natural frequency, and the moving mass, from a fast stick-slip record.
-
-
-def _ringing(
-    frequency: tuple[float, float] | None, stroke: Stroke, verdict: Verdict, stiffness: float | None
-) -> Figures:
-    """The moving mass by the natural frequency within slips, and why there is none."""
-    names = ("ringing_mass_kg", "ringing_mass_from_kg", "ringing_mass_to_kg", "ringing_stiffness_N_per_m")
-    if frequency is None:
-        none = "not the stroke that is looked at, or fewer than six slips are resolved, or they are too slow"
-        return dict.fromkeys(("ringing_Hz", *names), (None, none))
-    omega, error = frequency
-    slope = verdict.found.stick_slope
-    # a mass that hardly rests has no sticks to tell a stiffness
-    sticks = slope[0] / stroke.speed if slope and stroke.speed and verdict.regime is not Regime.NEAR_HARMONIC else None
-    taken = stiffness or sticks or np.nan
-    masses = taken / (omega * np.exp(np.array([0.0, 1.0, -1.0]) * NORMAL * error)) ** 2
-    none = "neither the stiffness of the rig nor the drive speed is known, or the mass hardly rests"
-    values = zip(names, [*masses.tolist(), taken], strict=True)
-    return {"ringing_Hz": (omega / (2.0 * np.pi), "")} | {name: (value, none) for name, value in values}
-
-
-def slip_frequency(time: Array, force: Array, found: Segmentation, slope: float) -> tuple[float, float] | None:
-    """Natural frequency [rad/s] and its relative standard error, what varying friction does to it included; None where
-    fewer than six slips are resolved, or they are not inertial.
-
-    While the mass slides, friction changes little beside what the spring gives back: the force is a level and a swing
-    of the natural frequency, whose damping holds the weakening of friction as well and says nothing of the rig. All
-    slips share frequency and damping, each has its own level and phase; the error is the sandwich over the slips.
-
-    Args:
-        time (n,) [s]; force (n,) [N], its sign that of sliding forward; found: sticks and slips in it; slope: of the
-            sticks [N/s].
-    """
-    cycles = found.cycles
-    if cycles.count < FEWEST_SLIPS or found.samples_per_slip < RESOLVED:
-        return None
-    lasts = cycles.arrest - cycles.onset
-    typical = float(np.median(lasts))
-    if slope * typical < INERTIAL * float(np.median(cycles.drop)):
-        return None
-    usual = np.flatnonzero(np.abs(lasts / typical - 1.0) < 0.5)
-    slips = []
-    for i in usual[np.unique(np.linspace(0, usual.size - 1, min(usual.size, MOST_SLIPS)).round().astype(int))]:
-        # At either end the contact ages, and onsets are rounded.
-        begin, end = cycles.onset[i] + 0.08 * lasts[i], cycles.arrest[i] - 0.08 * lasts[i]
-        rows = slice(*np.searchsorted(time, [begin, end]).tolist())
-        good = np.isfinite(force[rows]) & ~found.spikes[rows]
-        if np.count_nonzero(good) >= 0.5 * RESOLVED:
-            slips.append((time[rows][good] - cycles.onset[i], force[rows][good]))
-    if len(slips) < FEWEST_SLIPS:
-        return None
-    scale = np.pi / typical
-
-    def residuals(x: Array) -> Array:
-        """Of all slips about the best level, size and phase of each, at frequency and decay x (2,) in the scale."""
-        out = []
-        for t, f in slips:
-            decay, phase = np.exp(-x[1] * scale * t), x[0] * scale * t
-            basis = np.column_stack([decay * np.cos(phase), decay * np.sin(phase), np.ones_like(t)])
-            out.append(f - basis @ np.linalg.lstsq(basis, f, rcond=None)[0])
-        return np.concatenate(out)
-
-    best = least_squares(residuals, [1.0, 0.0], bounds=([0.4, -1.0], [2.5, 1.0]))
-    ends = np.cumsum([t.size for t, _ in slips])[:-1]
-    pieces = zip(np.split(best.jac, ends), np.split(best.fun, ends), strict=True)
-    scores = np.array([slopes.T @ misfit for slopes, misfit in pieces])
-    bread = np.linalg.inv(best.jac.T @ best.jac)
-    spread = float(np.sqrt((bread @ scores.T @ scores @ bread)[0, 0])) / best.x[0]
-    widened = float(student(0.975, len(slips) - 1)) / NORMAL
-    return float(scale * np.hypot(*best.x)), float(np.hypot(spread * widened, CONSTANT))

@@ -5,10 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from data_io import Record, read_log
+from data_io import Record
 from data_io.record import Step
 from identify.base.document import to_document
-from identify.examples import FOLDER, TRUTH
 from identify.logs.classical import DEFINITIONS, classical_table
 from identify.logs.segment import segment
 from identify.logs.strokes import strokes
@@ -148,18 +147,3 @@ def test_gaps_and_drift_of_the_load():
     assert row["static_peak_coefficient"] == pytest.approx(0.6, abs=0.005)
     assert row["normal_force_drift_percent"] == pytest.approx(100 * -0.9 * 0.2 / 1.9, abs=0.05)
     assert row["samples"] >= record.time.size - 8
-
-
-@pytest.mark.parametrize("slower", [1.0, 2.0])
-def test_the_mass_of_a_log_that_rings(slower):
-    """A record played at half the speed rings at half the frequency: its mass is fourfold."""
-    mass = json.loads(TRUTH.read_text())["rig"]["mass"] * slower**2
-    record = read_log(FOLDER / "5_mm_per_s.txt.gz")
-    record = Record(record.time * slower, record.normal_force, record.friction_force)
-    row = only_row(classical_table(record, drive_speed=5e-3 / slower, stiffness=1470.0))
-    assert row["ringing_mass_from_kg"] < mass < row["ringing_mass_to_kg"]
-    assert row["ringing_mass_kg"] == pytest.approx(mass, rel=0.05)
-    unknown = classical_table(record, drive_speed=None)
-    assert unknown.rows[0]["ringing_Hz"] == row["ringing_Hz"] and unknown.rows[0]["ringing_mass_kg"] is None
-    slow = classical_table(read_log(FOLDER / "0.1_mm_per_s.txt.gz"), drive_speed=1e-4, stiffness=1470.0)
-    assert slow.rows[0]["ringing_mass_kg"] is None and "too slow" in slow.reasons[0]["ringing_mass_kg"]
