@@ -162,7 +162,7 @@ def ranges_text(prediction: PointPrediction, part: str) -> str:
         end = prediction.stability.critical_speed
         why = f"; {end.validity}" if end.value is None else ""
         text = f"Over the ranges of what is assumed stick-slip ends above a drive speed: {ranged(end)}{why}."
-        return " ".join(filter(None, [text, _probability_text(prediction)]))
+        return " ".join(filter(None, [text, _probability_text(prediction, ())]))
     numbers = prediction.amplitude.numbers
     names = {"peak_to_valley": "the force falls by", "period": "period", "peak_speed": "highest speed"}
     shown = ", ".join(f"{words} {ranged(numbers[name])}" for name, words in names.items())
@@ -186,11 +186,11 @@ def closed_form_text(prediction: PointPrediction) -> str:
     return f"{head} They give: {'; '.join(words)}."
 
 
-def _probability_text(prediction: PointPrediction) -> str:
-    """How likely stick-slip is here, where that is not certain; "" where it is, or nothing is uncertain."""
+def _probability_text(prediction: PointPrediction, silent: tuple[float, ...] = (0.0, 1.0)) -> str:
+    """How likely stick-slip is here; "" where nothing is uncertain, or it is one of these values."""
     chance = prediction.stability.probability
     low, high = chance.ends
-    if chance.value is None or low is None or high is None or chance.value in (0.0, 1.0):
+    if chance.value is None or low is None or high is None or chance.value in silent:
         return ""
     return (
         f"Probability of stick-slip here: {100 * chance.value:.3g} % "
