@@ -127,8 +127,10 @@ def _first_in(function: Function, t: Array, v: Array) -> float | None:
 
 def _in_dip(function: Function, low: float, high: float) -> float | None:
     """The first zero around a minimum between low and high, None if the minimum is positive."""
-    lowest = minimize_scalar(lambda t: float(function(np.array([t]))[0]), bounds=(low, high), options={"xatol": 0.0})
-    return _refined(function, low, float(lowest.x)) if lowest.fun <= 0.0 else None
+    # From its start on: scipy's tolerance is relative to the time, which after an hour is many periods of a vibration.
+    value = lambda part: float(function(np.array([low + part]))[0])  # noqa: E731
+    lowest = minimize_scalar(value, bounds=(0.0, high - low), options={"xatol": 0.0})
+    return _refined(function, low, low + float(lowest.x)) if lowest.fun <= 0.0 else None
 
 
 def _refined(function: Function, low: float, high: float) -> float:
