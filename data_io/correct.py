@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from data_io.quality import noise_of
 from data_io.record import Record, zero_of_times
-from data_io.signals import noise_of
 from data_io.values import Finding, FloatArray
 
 

@@ -11,7 +11,7 @@ from scipy.ndimage import uniform_filter1d
 
 from data_io import Record
 from data_io.arrays import kept, thinned
-from data_io.signals import mean_and_drift, presses
+from data_io.quality import mean_and_drift, presses
 from identify.base.result import ClassicalDirection, ClassicalTable
 from identify.logs.noise import bridged, smooth
 from identify.logs.regime import Known, LogRegime, Verdict, look

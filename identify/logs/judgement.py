@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.arrays import kept, thinned
-from data_io.quality import Quality, Verdict, assess, verdict_of
-from data_io.signals import presses
+from data_io.quality import Quality, Verdict, assess, presses, verdict_of
 from data_io.thresholds import DEFAULTS, Thresholds, percent
 from data_io.values import Finding
 from identify.base.result import QualityFigure, QualityResult

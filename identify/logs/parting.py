@@ -10,7 +10,7 @@ import numpy as np
 
 from data_io import Record
 from data_io.arrays import thinned_steps
-from data_io.motion import motion_of
+from data_io.drive import motion_of
 from data_io.quality import MOST_PAUSES
 from identify.logs.recorded_drive import drive_position
 from identify.scene import Scene

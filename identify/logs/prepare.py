@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from data_io import LogError, Record
 from data_io.arrays import kept, shown, thinned
 from data_io.correct import Change, Corrected, Corrections, Cut, correct
+from data_io.quality import mean_and_drift
 from data_io.record import zero_of_times
-from data_io.signals import mean_and_drift
 from identify.base.errors import FitError
 from identify.logs.fit_mode import FitMode, ForceRecord, continuous_window, cycles_window, fit_mode_of, moving_pieces
 from identify.logs.judgement import ENDS_LOADING, RECORD_LONGER, Judgement, RecordPart, judge

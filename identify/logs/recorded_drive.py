@@ -14,9 +14,8 @@ from data_io import Record
 from data_io.arrays import true_runs
 from data_io.columns import DISTANCES
 from data_io.derived_columns import StatedVelocity, stated_velocity
-from data_io.motion import Motion, motion_of
+from data_io.drive import MOST, SAME, Motion, Programme, SpeedSteps, evened, motion_of, steps_of
 from data_io.record import WINDOW_START, within
-from data_io.speed_steps import MOST, SAME, Programme, SpeedSteps, evened, steps_of
 from data_io.values import Finding
 from identify.base.wording import speed_text
 from identify.logs.strokes import DriveCourse

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.arrays import thinned
-from data_io.signals import presses
+from data_io.quality import presses
 from identify.base.wording import three_figures
 from identify.logs.segment import SLIDING, DetectedCycles, Segmentation, segment
 from identify.logs.strokes import DriveCourse, Stroke, changes_speed, one_speed, strokes

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from data_io import LogError, LogTooLargeError, Record, read_log
 from data_io.arrays import kept, thinned, thinned_steps
 from data_io.correct import Corrections, correct
-from data_io.motion import check_drive
+from data_io.drive import check_drive
 from data_io.record import WINDOW_START
 from data_io.values import Finding
 from identify.base.errors import FitError

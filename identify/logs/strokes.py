@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.arrays import thinned
+from data_io.drive import SAME
 from data_io.quality import pauses
-from data_io.speed_steps import SAME
 from identify.logs.noise import bridged, smooth, white_noise
 
 Array = NDArray[np.float64]

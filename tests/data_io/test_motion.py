@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data_io import LogError, Record
-from data_io.motion import check_drive, motion_of
+from data_io.drive import check_drive, motion_of
 
 RATE = 200.0
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from data_io.speed_steps import evened, steps_of
+from data_io.drive import evened, steps_of
 
 TIME = np.arange(8000) / 500.0
 PROGRAMMES = {

@@ -12,7 +12,7 @@ import numpy as np
 
 from data_io import Finding, Record, read_log
 from data_io.correct import Corrections, correct
-from data_io.motion import check_drive
+from data_io.drive import check_drive
 from identify.logs.judgement import judge
 from tests.support.verdict_cases import RATE, N, clipped_run, made, noise, saw
 
