@@ -100,8 +100,8 @@ RNG = np.random.default_rng(20)
 
 
 def srv_strokes() -> Record:
-    """An oscillating rig at 50 Hz, 1 kHz for 10 s: a sine-like friction of both signs, with an offset of 15 %."""
-    time = np.arange(10_000) / 1000.0
+    """An oscillating rig at 50 Hz, 1 kHz for 2 s: a sine-like friction of both signs, with an offset of 15 %."""
+    time = np.arange(2000) / 1000.0
     force = 30.0 * np.tanh(4.0 * np.sin(2.0 * np.pi * 50.0 * time)) + 4.5 + 0.5 * RNG.standard_normal(time.size)
     return Record(time, np.full(time.size, 200.0), force)
 
