@@ -1,14 +1,15 @@
-"""effects = "auto" with logs: stepwise by the Schwarz criterion (BIC; Schwarz, Ann. Statist. 6, 461, 1978).
+"""effects = "auto" with logs: forward by score, backward by the Schwarz criterion (BIC; Ann. Statist. 6, 461, 1978).
 
-What the logs plainly call for is fitted first. Then the effect that pays most for its parameters is taken in, or the
-one that pays least left out, as long as the criterion falls; where the model misfits effects are taken in first. All
-models are parts of one: an absent effect is held at its null values, so that functions are built once and sums compare
-exactly.
+What the logs plainly call for is fitted first. Of what is absent the effect of the highest score is fitted, and stays
+if it pays for its parameters; then the one that pays least is left out, as long as the criterion falls. All models are
+parts of one: an absent effect is held at its null values, so that functions are built once, sums compare exactly, and
+the score test has a column for each.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,9 +21,10 @@ from identify.base.progress import Notice, Progress, to_nobody
 from identify.base.result import EffectReason
 from identify.base.wording import three_figures
 from identify.diagnosis.effect_choice import Choice, price
-from identify.diagnosis.fitted import Fitted, fit_beside, fit_model, values_of
+from identify.diagnosis.fitted import Fitted, fit_beside, fit_model
+from identify.diagnosis.quantities import EFFECTS, held_quantities
+from identify.diagnosis.score_test import score_table
 from identify.effects import ALL
-from identify.estimation.attempt import place_on
 from identify.estimation.fit_wording import prefit_warnings, wrong_unit
 from identify.estimation.search import alike
 from identify.logs.loads import swing
@@ -30,8 +32,6 @@ from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
 from identify.logs.vibration import SpectralLine, rhythms
 from identify.scene import Scene
-from identify.shooting.shooting import shooting_problem
-from identify.shooting.solve import solve
 
 Array = NDArray[np.float64]
 
@@ -40,8 +40,6 @@ ALWAYS = ("inertia",)
 HELD = ("velocity_weakening", "direct_effect", "load_dependence", "occlusion", "excitation", "finger_motion")
 BY_NAME = {effect.name: effect for effect in ALL}
 LOOKED_AT = (*ALWAYS, "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
-GLANCE = 8  # iterations that show whether an effect is worth a fit
-CLOSED = 1e-2  # largest row of a trajectory that hangs together well enough for that
 NO_TIME = "the time limit ended the comparison before it was asked whether the data need it: a longer --time-limit"
 NOT_COMPARED = "not compared: cycles differ so among themselves, or from the rig, that no sum of squares tells which"
 UNASKED = {
@@ -204,39 +202,66 @@ class _Comparison:
         """Whether the time sufficed."""
         self._report("fitting all that plainly matters", 0.1)
         self.best = fit_model(self._with(self.kept), self._records)
-        self._fits[frozenset(self.kept)] = self.best
         while not time_is_up():
-            misfits = not self.best.fits
-            if not (self._step(adding=misfits) or self._step(adding=not misfits)):
+            if not (self._add() or self._leave_out()):
                 return not time_is_up()
         return False
 
-    def _step(self, *, adding: bool) -> bool:
-        """Take in the effect that pays most for its parameters, or leave out the one that pays least; whether there is
-        one."""
-        steps = list[tuple[float, list[str], Fitted]]()
-        for effect in [e for e in self.tried if e not in self.kept] if adding else self.kept:
+    def _add(self) -> bool:
+        """Take in an effect that pays for its parameters, the one of the highest score first; whether there is one."""
+        least = float(np.log(max(self.best.samples, 2)))
+        for effect, score in sorted(self._scores().items(), key=lambda pair: -pair[1]):
+            self.gains[effect] = score, least
+            if score > least and not time_is_up() and self._step([*self.kept, effect], effect):
+                return True
+        return False
+
+    def _scores(self) -> dict[str, float]:
+        """By how much chi^2 would fall with each effect that is absent, to first order."""
+        scores = {effect: 0.0 for effect in self.tried if effect not in self.kept}
+        attempt = self.best.attempt
+        if attempt is None or not scores:
+            return scores
+        owner = {q.name: effect for effect in HELD for q in BY_NAME[effect].parameters}
+        owner |= {name: effect for name, (effect, _) in EFFECTS.items()} | {"stiffness": "skin_compliance"}
+        columns = [column for column in held_quantities(attempt, self.best.unknowns) if column.name in owner]
+        with suppress(np.linalg.LinAlgError):  # the optimality conditions are singular there
+            for one in score_table(attempt.solved, columns).scores:
+                effect, softer = owner[one.column.name], one.column.name != "stiffness" or one.step < 0.0
+                if one.log is None and softer and effect in scores:
+                    scores[effect] = max(scores[effect], one.score)
+        return scores
+
+    def _leave_out(self) -> bool:
+        """Leave out the effect that pays least for its parameters; whether there is one."""
+        steps = list[tuple[float, str]]()
+        for effect in self.kept:
             if time_is_up():
                 return False
-            effects = [*self.kept, effect] if adding else [e for e in self.kept if e != effect]
-            scene, key = self._with(effects), frozenset(effects)
-            if adding and key not in self._fits and self.best.fits:
-                least = float(np.log(max(self.best.samples, 2)))
-                if not (promise := _promise(self.best, scene, self._records)) > least:
-                    self.gains[effect] = max(promise, 0.0), least
-                    continue
-            self._report(f"{'with' if adding else 'without'} {effect}", 0.3 if adding else 0.6)
-            if key not in self._fits:
-                self._fits[key] = fit_beside(self.best, scene, self._records)
-            other = self._fits[key]
-            larger, smaller = (other, self.best) if adding else (self.best, other)
-            self.gains[effect] = _fall(larger, smaller), _penalty(larger, smaller)
-            steps.append((_bic(other, self.best), effects, other))
-        criterion, effects, other = min(steps, key=lambda step: step[0], default=(0.0, self.kept, self.best))
-        if not criterion < 0.0:
+            others = [e for e in self.kept if e != effect]
+            smaller = self._fitted(others, effect)
+            self.gains[effect] = _fall(self.best, smaller), _penalty(self.best, smaller)
+            steps.append((_bic(smaller, self.best), effect))
+        criterion, effect = min(steps, default=(0.0, ""))
+        return criterion < 0.0 and self._step([e for e in self.kept if e != effect], effect)
+
+    def _step(self, effects: list[str], effect: str) -> bool:
+        """Take these effects, if they make the better model."""
+        other, more = self._fitted(effects, effect), len(effects) > len(self.kept)
+        larger, smaller = (other, self.best) if more else (self.best, other)
+        self.gains[effect] = _fall(larger, smaller), _penalty(larger, smaller)
+        if not _bic(other, self.best) < 0.0:
             return False
         self.kept, self.best = effects, other
         return True
+
+    def _fitted(self, effects: list[str], effect: str) -> Fitted:
+        """The model of these effects, fitted beside the best one, once."""
+        key = frozenset(effects)
+        if key not in self._fits:
+            self._report(f"{'with' if effect in effects else 'without'} {effect}", 0.5)
+            self._fits[key] = fit_beside(self.best, self._with(effects), self._records)
+        return self._fits[key]
 
     def _with(self, effects: Iterable[str]) -> Scene:
         """The scene of a subset of effects: the others that can be are held at their null values."""
@@ -252,20 +277,6 @@ class _Comparison:
                     absent = replace(parameters[q.name], start=None, prior_mean=None, prior_sd=None)
                     parameters[q.name] = replace(absent, fixed=effect.null.get(q.name, q.default))
         return replace(made, parameters=parameters)
-
-
-def _promise(smaller: Fitted, scene: Scene, records: Sequence[Record]) -> float:
-    """About how much chi^2 would fall with one more effect: a few iterations, on the solution's grid."""
-    if smaller.attempt is None:
-        return np.inf
-    made, solved = prepare_scene(scene, records), smaller.attempt.solved
-    at = replace(made.unknowns, start=values_of(smaller, made.unknowns)).with_weak_priors()
-    placed = place_on(made.logs, list(smaller.logs), at)
-    if len(placed) < len(smaller.logs):
-        return np.inf
-    logs, motion = [log.data for _, log, _ in placed], [trajectory for _, _, trajectory in placed]
-    tried = solve(shooting_problem(logs, motion, at, solved.grid), tolerance=1e-3, mu_init=1e-6, iterations=GLANCE)
-    return 2.0 * (solved.solution.cost - tried.cost) if tried.constraint_violation < CLOSED else np.inf
 
 
 def _fall(larger: Fitted, smaller: Fitted) -> float:
