@@ -120,28 +120,22 @@ def candidates_of(prepared: Sequence[Prepared], lines: Sequence[SpectralLine]) -
     def swings(found: Sequence[SpectralLine], nothing: str) -> str:
         return f"the sticks swing at {', '.join(f'{line.frequency:.4g} Hz' for line in found)}" if found else nothing
 
-    def plain(effect: str, tried: bool, sentence: str, **starts: float) -> Candidate:
-        return Candidate(effect, tried, tried, sentence, starts)
-
-    return (
-        plain("hysteresis_damping", damped, f"the rig {'has a' if damped else 'states no'} damping"),
-        plain("contact_ageing", True, "the paper's model has it"),
-        plain("velocity_weakening", True, "the paper's model has it"),
-        Candidate("direct_effect", resolved, False, slips),
-        plain(
-            "load_dependence",
-            varies >= SPAN,
-            f"the normal force varies by ± {100 * varies:.2g} %",
-            reference_force=middle,
-            load_exponent=0.0,
-        ),
-        plain("varying_normal_force", within >= LOAD_VARIES, f"within a log the load varies by ± {100 * within:.2g} %"),
-        Candidate("occlusion", True, False, "the friction level may drift along the logs", {"occlusion_level": 0.0}),
-        plain("finger_motion", bool(finger), swings(finger, "no rhythm of a finger in the sticks")),
-        plain("excitation", bool(vibration), swings(vibration, "no vibration in the sticks")),
-        _skin(prepared),
-        Candidate("sensor_lag", resolved, False, slips, {"lag_time": 0.1 * natural}),
+    paper, ages = "the paper's model has it", "the friction level may drift along the logs"
+    exponent = {"reference_force": middle, "load_exponent": 0.0}
+    rows: tuple[tuple[str, bool, bool, str, dict[str, float]], ...] = (
+        ("hysteresis_damping", damped, True, f"the rig {'has a' if damped else 'states no'} damping", {}),
+        ("contact_ageing", True, True, paper, {}),
+        ("velocity_weakening", True, True, paper, {}),
+        ("direct_effect", resolved, False, slips, {}),
+        ("load_dependence", varies >= SPAN, True, f"the normal force varies by ± {100 * varies:.2g} %", exponent),
+        ("varying_normal_force", within >= LOAD_VARIES, True, f"within a log it varies by ± {100 * within:.2g} %", {}),
+        ("occlusion", True, False, ages, {"occlusion_level": 0.0}),
+        ("finger_motion", bool(finger), True, swings(finger, "no rhythm of a finger in the sticks"), {}),
+        ("excitation", bool(vibration), True, swings(vibration, "no vibration in the sticks"), {}),
+        ("sensor_lag", resolved, False, slips, {"lag_time": 0.1 * natural}),
     )
+    found = [Candidate(name, tried, tried and first, words, starts) for name, tried, first, words, starts in rows]
+    return (*found, _skin(prepared))
 
 
 def _skin(prepared: Sequence[Prepared]) -> Candidate:
