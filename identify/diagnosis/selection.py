@@ -222,8 +222,10 @@ class _Comparison:
         with suppress(np.linalg.LinAlgError):  # the optimality conditions are singular there
             for one in score_table(attempt.solved, columns).scores:
                 effect, softer = owner[one.column.name], one.column.name != "stiffness" or one.step < 0.0
-                if one.log is None and softer and effect in scores:
-                    scores[effect] = max(scores[effect], one.score)
+                if one.log is None and softer and effect in scores and one.score > scores[effect]:
+                    scores[effect] = one.score
+                    if one.column.name in EFFECTS:
+                        self._starts[EFFECTS[one.column.name][1]] = one.step
         return scores
 
     def _leave_out(self) -> bool:
