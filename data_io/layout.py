@@ -8,7 +8,7 @@ from typing import Final
 
 from data_io.columns import KIND, Header, Name, match_header, shown
 from data_io.source import Request, Source
-from data_io.text import BLANKS, DELIMITERS, is_clock_time, is_date, is_number, is_number_like, split
+from data_io.text import BLANKS, DELIMITERS, is_clock_time, is_date, is_number, is_number_like, split, to_number
 from data_io.units import kind_of, split_cell, unit_word
 from data_io.values import Finding
 
@@ -192,7 +192,7 @@ def _has_row_names(text: str, start: int, delimiter: str, header: Header) -> boo
     rows = [split(line, own) for _, line in itertools.islice(lines_from(text, start), _ROW_NAMES)]
     if place == 0 or len(rows) < 2 or any(len(r) != len(header.names) + 1 or not is_number(r[place]) for r in rows):
         return False
-    times = [float(row[place]) for row in rows]
+    times = [to_number(row[place], ".") or 0.0 for row in rows]  # thousands may be grouped
     return [row[0].strip('"') for row in rows] == [str(i + 1) for i in range(len(rows))] and sorted(set(times)) == times
 
 

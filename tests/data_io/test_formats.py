@@ -66,6 +66,11 @@ def test_broken_and_drawn_logs_hold_no_defect(capsys):
     assert min(outcomes[o] for o in ("read as written", "read with a warning", "refused")) > 15
 
 
+def test_grouped_thousands_below_too_few_names_are_no_crash(tmp_path):
+    """A lost field in a log of grouped thousands, seed 1172 of the search, ended in a traceback."""
+    assert not run_reader_fuzz.one(1172, tmp_path)[1].startswith("WRONG")
+
+
 def test_the_judge_of_the_broken_logs_sees_a_wrong_number(tmp_path):
     kind = ALL["nano"]
     made = kind.make(SMALL)
