@@ -6,6 +6,7 @@ import pytest
 
 from identify.prediction.predict import predictions
 from identify.studies import operating_points
+from identify.studies.operating_points import NOTHING, GroupAnswer
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -20,3 +21,9 @@ def few_draws():
 def no_answers(monkeypatch):
     """The groups are not asked what they do at common points: that is tests/studies/test_compare.py's."""
     monkeypatch.setattr(operating_points, "group_answers", lambda _comparison, _ground: ())
+
+
+@pytest.fixture
+def reasons_only(monkeypatch):
+    """Of the groups only why they have no answer."""
+    monkeypatch.setattr(operating_points, "_answer", lambda _c, _g, group, _n: GroupAnswer(group, NOTHING, ()))

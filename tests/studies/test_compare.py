@@ -125,14 +125,16 @@ def test_a_batch_gives_labels_and_reasons(tmp_path):
         {"group": "a\n", "folder": "a", "status": "converged", "labels": {"material": "=steel\n", "run": "1; 2"}},
         {"group": "b", "folder": "b", "status": "waiting"},
         {"group": "c", "folder": "c", "status": "waiting"},
+        {"group": "d", "folder": "d", "status": "converged"},
     ]
     (tmp_path / "batch.json").write_text(json.dumps({"groups": groups}))
-    first, second, third = read_fits([tmp_path])
+    first, second, third, gone = read_fits([tmp_path])
     assert first.name == "a\n" and first.labels == {"material": "=steel\n"} and first.converged
     assert first.mixed == ("run",), "labels that differ between the logs of a fit are none of the fit"
     assert (second.status, second.message) == ("timed_out", "took longer than 60 s")
     assert third.message == "the batch has not come to it" and usual((first, second)) is None
-    assert len(read_fits([tmp_path, tmp_path / "a"])) == 3
+    assert not gone.converged and gone.message == "result.json is missing"
+    assert len(read_fits([tmp_path, tmp_path / "a"])) == 4
 
 
 def test_the_nonlinear_model_answers_at_common_points(study):
@@ -156,6 +158,7 @@ def test_the_probability_of_stick_slip_is_students():
     assert probability(1.0, None, None, 9.0) is None
 
 
+@pytest.mark.usefixtures("reasons_only")
 @pytest.mark.parametrize("few", [True, False])
 def test_why_there_is_no_answer_for_a_group(tmp_path, few):
     """Too few fits to pool; or enough of them, of which those of M1 do not determine D."""
@@ -172,6 +175,7 @@ def test_why_there_is_no_answer_for_a_group(tmp_path, few):
     assert reasons == ({"M1": nothing, "M2": nothing} if few else expected)
 
 
+@pytest.mark.usefixtures("reasons_only")
 def test_what_measurements_of_the_rig_gave_is_no_difference_of_materials(tmp_path):
     """A stiffness with a tolerance is searched in each fit; a mass that is searched without one is a finding."""
     for i, (group, mu_s) in enumerate((("glass", 0.5), ("glass", 0.51), ("steel", 0.7), ("steel", 0.71))):
@@ -275,6 +279,7 @@ def test_hostile_labels_do_no_harm_in_excel_and_latex(hostile):
     assert bare.count("{") == bare.count("}") and bare.count("$") % 2 == 0 and "#" not in bare
 
 
+@pytest.mark.usefixtures("no_answers")
 def test_the_command(study, tmp_path, capsys):
     out = tmp_path / "cmp"
     arguments = ["compare", str(study[0]), "--by", "material", "--out", str(out), "--speeds", "1 mm/s", "--json"]

@@ -75,6 +75,7 @@ def test_values_of_each_person_are_pooled_over_people(tmp_path, per, raised, ver
     assert found.selected.setting.subject.count("V08") == (4 if per == "volunteer" else 8)
 
 
+@pytest.mark.usefixtures("reasons_only")
 def test_what_all_logs_share_counts_once(tmp_path):
     found = compare(study(tmp_path), ComparisonQuestion("material"))
     assert [m.fits for m in found.answered["t_cr"].means] == [2, 2]
@@ -86,6 +87,7 @@ def test_what_all_logs_share_counts_once(tmp_path):
     assert all(answer.reason == "" for answer in group_answers(found, common(found)))
 
 
+@pytest.mark.usefixtures("reasons_only")
 def test_people_of_joint_fits_are_compared(tmp_path):
     found = compare(study(tmp_path), ComparisonQuestion("volunteer"))
     assert found.groups == ("V07", "V08", "V09")
