@@ -43,7 +43,7 @@ from experiments.study_problem import (
     recovery_case,
     scene_of,
 )
-from experiments.treated_logs import copied, oscillating, specimens, treated
+from experiments.treated_logs import copied, oscillating, specimens, toleranced, treated
 from experiments.two_materials import scene_of_both, two_materials
 from experiments.uneven_records import CASES as UNEVEN
 from experiments.uneven_records import scene_of as uneven_scene
@@ -397,6 +397,9 @@ SAMPLES: Mapping[str, Sample] = {
     "oscillating": Sample(lambda number: fitted(*oscillating(number), required=())[0], 20, 5, coverage=(0.93, 1.0)),
     "specimens": Sample(
         lambda number: fitted(*specimens(number), required=(), published=True)[0], 40, 6, coverage=(0.9, 1.0)
+    ),
+    "tolerances": Sample(
+        lambda number: fitted(*toleranced(number), required=(), published=True)[0], 100, 8, coverage=(0.93, 1.0)
     ),
     "regimes": Sample(regime, 400, 60, 396 / 400),
     "uneven": Sample(uneven, 60, 6),

@@ -122,6 +122,27 @@ def oscillating(number: int) -> Treated:
     return _scene(case, [speed for speed, *_ in SPEEDS[1:]], effects), records, case.truth
 
 
+# What a scene allows for unless it says otherwise (relative; zeros in shares of the load).
+USUAL_ERRORS = {"mass": 0.02, "stiffness": 0.02, "damping": 0.2, "speed": 0.01, "gain": 0.01, "zero": 0.005}
+
+
+def toleranced(number: int) -> Treated:
+    """Rig, drive speed, gains and zeros of both sensors off by what a scene allows for; one specimen."""
+    case, random = _case(4, number)
+    off = {name: sd * random.standard_normal(2) for name, sd in USUAL_ERRORS.items()}
+    rig = {name: value * float(np.exp(off[name][0])) for name, value in case.rig.items()}
+    records = []
+    for record in case.records[1:]:
+        force, load = (
+            signal * (1.0 + off["gain"][i]) + off["zero"][i]
+            for i, signal in enumerate((record.friction_force, record.normal_force))
+        )
+        records.append(Record(record.time, load, force))
+    scene = _scene(replace(case, rig=rig), [speed * (1.0 + float(off["speed"][0])) for speed, *_ in SPEEDS[1:]])
+    document = scene.as_document() | {"tolerances": {"specimen": 0}}
+    return Scene.from_document(document, Path()), records, case.truth
+
+
 NAMES = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 SPECIMENS = (1e-4, 3e-4, 1e-3, 3e-3)  # m/s
 SPECIMEN_NOISE = 3e-3  # N
