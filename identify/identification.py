@@ -24,9 +24,11 @@ from identify.base.linear import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
 from identify.base.result import NextLogResult
+from identify.base.wording import told_apart
 from identify.bench.next_log import advised, next_logs
 from identify.diagnosis.explain import explain
 from identify.diagnosis.findings import Findings, against_data
+from identify.diagnosis.fitted import Fitted, fit_beside
 from identify.diagnosis.selection import choose_from_data
 from identify.effects import ALL
 from identify.estimation.attempt import Attempt
@@ -50,10 +52,12 @@ from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
 from identify.logs.scene_records import with_drives, with_records
 from identify.logs.unknowns import Unknowns, from_scene, stated_rig, user_start
+from identify.model.model import RIG_PARAMETERS
 from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.report.result import FitSeconds, accuracy_result, result_of
 from identify.scene import Scene
+from identify.scene.values import USUAL_TOLERANCES
 from identify.shooting.accuracy import DEFAULT_OPTIONS, FitOptions
 from identify.uneven.answer import UnevenEstimator
 
@@ -145,7 +149,7 @@ def fit(
             findings, proposed = _with_next_logs(findings, trace, report)
         findings = _with_trace(findings, trace, used.time_limit)
     report(LAST_STAGE, 0.95)
-    curves = _curves(logs, findings)
+    used, curves = findings.scene or used, _curves(logs, findings)
     seconds["total"] = taken = time.perf_counter() - began
     processor, in_functions = time.process_time() - worked, Mapped.total - in_functions
     result = result_of(used, logs, findings, seconds, seed, choice)
@@ -280,7 +284,56 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
         if better is not None:  # another optimum of the same model
             left_out = {i: why for i, why in left_out.items() if i not in better.log_numbers}
             findings = _quantified(task, prepared, replace(better, found_by=(Strategy.CAUSES.value,)), left_out)
+        if _within_usual_errors(task.scene, findings):
+            return _with_rig_estimated(task, prepared, findings)
     return prepared, findings
+
+
+LIKELY = 3.0  # standard deviations of the usual error of a rig or a sensor
+ERRORS = {name: name for name in ("mass", "stiffness", "damping", "drive_speed")}
+ERRORS |= {"force_gain": "friction_force", "load_gain": "normal_force"}
+
+
+def _within_usual_errors(scene: Scene, findings: Findings) -> bool:
+    """Whether the cause that the data name is an error of rig or sensor which the tolerances of the scene allow, and
+    nothing else looks like it."""
+    shares = {**USUAL_TOLERANCES, **scene.tolerances}
+    named = [cause for cause in findings.causes if cause.number == 1]
+    if not all(cause.quantity in ERRORS for cause in named):
+        return False
+    off = [(shares[ERRORS[cause.quantity]], cause.suggested / cause.stated - 1.0) for cause in named if cause.stated]
+    return any(abs(error) < LIKELY * share for share, error in off)
+
+
+def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings) -> tuple[list[Prepared], Findings]:
+    """The answer with what [rig] states without a tolerance known to its usual error, and estimated; the findings as
+    they were where that describes the data no better."""
+    scene, usual = task.scene, {**USUAL_TOLERANCES, **task.scene.tolerances}
+    stated = stated_rig(scene)
+    bare = [n for n in RIG_PARAMETERS if n not in scene.parameters and n not in scene.rig.tolerances]
+    shares = {name: usual[name] for name in bare if usual[name] * stated[name] > 0.0}
+    eased = replace(scene, rig=replace(scene.rig, tolerances={**scene.rig.tolerances, **shares}))
+    ended_at = Fitted(scene, findings.unknowns, tuple(prepared), findings.attempt)
+    found = fit_beside(ended_at, eased, task.records)
+    if found.attempt is None or not found.fits or set(found.logs) < set(ended_at.logs):
+        return prepared, findings
+    values = found.unknowns.values(found.attempt.solved.theta, found.unknowns.base(stated))
+    rig = {name: float(values[found.unknowns.names.index(name)]) for name in shares}
+    if any(abs(np.log(rig[name] / stated[name])) > LIKELY * share for name, share in shares.items()):
+        return prepared, findings
+    at = replace(task, scene=eased, prepared=list(found.prepared), unknowns=found.unknowns)
+    again = _quantified(at, at.prepared, found.attempt, dict(findings.left_out))
+    if again.status is not Status.CONVERGED:
+        return prepared, findings
+    units = {parameter.name: parameter.unit for parameter in found.unknowns.model.parameters}
+    words = ", ".join(
+        "{} {} {unit} instead of {} {unit} (usual error {:g} %)".format(
+            name, *told_apart(rig[name], stated[name]), 100.0 * share, unit=units[name]
+        )
+        for name, share in shares.items()
+    )
+    message = f"the rig is not exactly as stated; estimated within its usual errors it is: {words}; {again.message}"
+    return at.prepared, replace(again, message=message, causes=findings.causes, scene=eased)
 
 
 def _quantified(task: Task, prepared: list[Prepared], attempt: Attempt | None, left_out: dict[int, str]) -> Findings:

@@ -19,6 +19,7 @@ from identify.estimation.estimator import Estimated
 from identify.estimation.strategies import Trace
 from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS
+from identify.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -76,7 +77,7 @@ class Findings:
     """What a fit found: status and sentence, the attempt that was accepted or came closest (None without one), why logs
     took no part, what is known of its parameters (None where nothing is); held: the rig as it was stated, against the
     data; causes: the scores of what a misfit may come of; trace: what was tried; estimator: its name; estimated: what
-    an estimator found that is not the plain one."""
+    an estimator found that is not the plain one; scene: that of the answer where it is not the one that was given."""
 
     status: Status
     message: str
@@ -89,6 +90,7 @@ class Findings:
     trace: Trace = field(default_factory=Trace)
     estimator: str = "plain"
     estimated: Estimated | None = None
+    scene: Scene | None = None
 
     @property
     def estimates(self) -> Sequence[Estimate]:
