@@ -309,22 +309,25 @@ def answer_table(columns: Sequence[tuple[str, Entry]], title: str = "") -> Outpu
     """A table with one column per (heading, entries) and one row per quantity; entries: {"value", "unit", "interval",
     "validity", "reason"} by key. Below a value stand its interval and how far it may be trusted."""
     keys = list(dict.fromkeys(key for _, entries in columns for key in entries))
+    found = [entry for _, entries in columns for entry in entries.values() if isinstance(entry, Mapping)]
+    validities = {str(entry.get("validity") or "") for entry in found}
+    shared = validities.pop() if len(validities) == 1 and len(keys) > 1 else ""  # what all state is not repeated
     rows: list[Row] = []
     for key in keys:
         name, bracket, group = key.partition(" (")
         words = f"{ANSWER_WORDS.get(name) or split_key(name)[0]}{bracket}{group}"
-        rows.append((words, *(_answer(entries.get(key)) for _, entries in columns)))
+        rows.append((words, *(_answer(entries.get(key), shared) for _, entries in columns)))
     return OutputTable(title, (title, *(head for head, _ in columns)), tuple(rows))
 
 
-def _answer(entry: Json) -> Cell:
+def _answer(entry: Json, shared: str) -> Cell:
     if not isinstance(entry, Mapping):
         return Cell()
     shown, ends, unit = finite(entry.get("value")), entry.get("interval"), str(entry.get("unit") or "")
     interval, validity = "", str(entry.get("validity") or "")
     if shown is not None and isinstance(ends, Sequence) and any(end is not None for end in ends):
         interval = interval_text((finite(ends[0]), finite(ends[1])), scale_for(shown, unit))
-    notes = filter(None, (interval, validity, str(entry.get("reason") or "")))
+    notes = filter(None, (interval, "" if validity == shared else validity, str(entry.get("reason") or "")))
     text = quantity(shown, unit) if shown is not None else _cell(entry.get("value")).shown
     return Cell(text, note=" · ".join(notes), kind="doubt" if "not valid" in validity.lower() else "")
 
