@@ -79,7 +79,7 @@ def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted
     at = replace(made.unknowns, start=values_of(other, made.unknowns))
     attempt = solve_from(made.logs, usable(made.logs), at, known.solved.solution.cost + COST_CUTOFF)
     best = Fitted(scene, made.unknowns, tuple(made.logs), attempt)
-    if best.logs == other.logs and (best.fits or other.fits):
+    if best.logs == other.logs and (best.fits or (other.fits and np.isfinite(best.excess))):
         return best
     searched = fit_model(scene, records, thorough=False)
     return min(best, searched, key=lambda each: (each.logs != other.logs, each.excess))
