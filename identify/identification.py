@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.base.budget import now, seconds_left, stage, time_is_up, time_limit, timing_stages
+from identify.base.budget import now, seconds_left, stage, time_is_up, timing_stages
+from identify.base.budget import time_limit as within
 from identify.base.compiled import Mapped
 from identify.base.errors import FitError
 from identify.base.linear import keep_freed_memory
@@ -57,6 +58,7 @@ from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.report.result import FitSeconds, accuracy_result, result_of
 from identify.scene import Scene
+from identify.scene.tables import quantity
 from identify.scene.values import USUAL_TOLERANCES
 from identify.shooting.accuracy import DEFAULT_OPTIONS, FitOptions
 from identify.uneven.answer import UnevenEstimator
@@ -105,6 +107,7 @@ def fit(
     seed: int = 0,
     asked: FitOptions = DEFAULT_OPTIONS,
     estimator: Estimator | None = None,
+    time_limit: float | str | None = None,
 ) -> Fit:
     """Identify the parameters of a scene from all its logs together.
 
@@ -119,6 +122,7 @@ def fit(
         asked: how finely, and which further looks at how sure the answer is.
         estimator: another one than that of this package: multiple shooting, and where that fails since cycles differ,
             or where the effect friction_heterogeneity asks for it, the one of uneven records.
+        time_limit: [s] or text with a unit, in place of that of the scene.
 
     Raises:
         FitError, SceneError, LogError: what cannot be set up, one sentence. A fit that does not succeed is no error:
@@ -126,7 +130,10 @@ def fit(
     """
     began, worked, in_functions = time.perf_counter(), time.process_time(), Mapped.total
     report = noticed_once(progress or to_nobody)
-    stated, drives = with_drives(Scene.of(scene), records)
+    given = Scene.of(scene)
+    if time_limit is not None:
+        given = replace(given, time_limit=quantity(time_limit, "s", "time_limit"))
+    stated, drives = with_drives(given, records)
     used, choice, left = stated, None, (1.0 - REPORT_SHARE) * stated.time_limit  # [s]
     with timing_stages() as seconds:
         if estimator is None and asks_for_uneven(used):
@@ -134,12 +141,12 @@ def fit(
         if used.effects == "auto":
             used, records = with_records(used, records)
             before = now()
-            with time_limit(CHOICE_SHARE * left), stage("choose"):
+            with within(CHOICE_SHARE * left), stage("choose"):
                 choice = choose_from_data(used, records, report)
             left -= now() - before
             used = used.with_effects(choice.effects)
         task = _prepared(used, records, asked, starts, seed, report)
-        with time_limit(left), tracing() as trace:
+        with within(left), tracing() as trace:
             if choice is not None and choice.unfinished:
                 trace.not_tried.append("comparison of effects")
             if estimator is None:
@@ -179,7 +186,7 @@ def find(
 ) -> tuple[list[Prepared], Findings]:
     """The estimation of `fit` by multiple shooting, without its report; arguments and errors as there."""
     task = _prepared(scene, records, asked, starts, seed, progress)
-    with time_limit((1.0 - REPORT_SHARE) * task.scene.time_limit), tracing() as trace:
+    with within((1.0 - REPORT_SHARE) * task.scene.time_limit), tracing() as trace:
         logs, findings = _estimated(task)
     return logs, _with_trace(findings, trace, task.scene.time_limit)
 
@@ -233,7 +240,7 @@ def plain_or_uneven(task: Task) -> tuple[list[Prepared], Findings]:
     """What multiple shooting finds, and where it fails since cycles differ among themselves, the estimator of uneven
     records; where that fails too, what multiple shooting found."""
     differ = not alike([log for log in task.prepared if log.left_out is None])
-    with time_limit((PLAIN_SHARE if differ else 1.0) * seconds_left()):
+    with within((PLAIN_SHARE if differ else 1.0) * seconds_left()):
         prepared, findings = _estimated(task)
     if findings.status is Status.CONVERGED or alike([log for log in prepared if log.left_out is None]):
         return prepared, findings
@@ -273,7 +280,7 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
     prepared, unknowns = task.prepared, task.unknowns
     if refused := wrong_unit(prepared):
         return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns)
-    with time_limit(SEARCH_SHARE * seconds_left()):
+    with within(SEARCH_SHARE * seconds_left()):
         attempt, left_out = search(SearchProblem(prepared, unknowns, task.starts, task.seed, progress=task.progress))
     if attempt is not None:
         prepared = with_strengths(prepared, attempt.fitted_logs[0].data.strength_sd)

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identify.base.document import Json, to_dict
 from identify.base.errors import FitError
@@ -31,6 +33,7 @@ from identify.simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 CYCLE_COLUMNS = ("onset_s", "arrest_s", "onset_force_N", "arrest_force_N", "misfit_z")
@@ -56,6 +59,18 @@ class Fit:
             FitError: no such file, or no result of a fit.
         """
         return Fit(read_document(Path(path)))
+
+    @staticmethod
+    def load(folder: str | Path) -> Fit:
+        """The fit that a folder of `stickslip fit`, or of `save`, holds: result.json, and the curves of result.h5.
+
+        Raises:
+            FitError: no result of a fit there.
+        """
+        from identify.report.hdf5 import read_curves
+
+        document, curves = Path(folder) / "result.json", Path(folder) / "result.h5"
+        return Fit(read_document(document), read_curves(curves) if curves.exists() else ())
 
     @property
     def status(self) -> Status:
@@ -141,6 +156,59 @@ class Fit:
         with drawing_style():
             figure: Figure = draw_force(self.logs[log - 1], log, self.converged).figure
         return figure
+
+    @property
+    def correlation(self) -> pd.DataFrame:
+        """Correlation of the estimates (f, f), by name."""
+        import pandas as pd
+
+        known = self.typed.correlation
+        if known is None:
+            raise FitError(f"this fit has no correlation: {self.typed.message}")
+        return pd.DataFrame(known.matrix, index=known.names, columns=known.names, dtype=float)
+
+    def residuals(self, log: int = 1) -> NDArray[np.float64]:
+        """Measured less fitted force (n,) of a log (from 1) [N]; NaN where nothing was fitted."""
+        self._check_curves()
+        self._check_log(log)
+        curves = self.logs[log - 1]
+        return np.asarray(np.where(curves.used, curves.friction_force - curves.fitted_force, np.nan))
+
+    def plot_forces(self, log: int = 1, axes: Axes | None = None) -> Axes:
+        """Measured and fitted force of a log (from 1) over time, on new axes or these."""
+        return self._of_log("forces", log, axes)
+
+    def plot_residuals(self, log: int = 1, axes: Axes | None = None) -> Axes:
+        """Residuals of a log (from 1) in standard deviations of its noise."""
+        return self._of_log("residuals", log, axes)
+
+    def plot_parameters(self, axes: Axes | None = None) -> Axes:
+        """Forest plot of all 95 % intervals, as deviations from the values in per cent."""
+        return paper_figures().parameters(self, axes)
+
+    def plot_correlation(self, axes: Axes | None = None) -> Axes:
+        """Correlation matrix of the estimates."""
+        return paper_figures().correlation(self, axes)
+
+    def plot_profile(self, parameter: str, axes: Axes | None = None) -> Axes:
+        """Profile likelihood of a parameter, where the fit was asked for it or ran it."""
+        return paper_figures().profile(self, parameter, axes)
+
+    def plot_friction(self, log: int = 1, axes: Axes | None = None) -> Axes:
+        """Kinetic coefficient over sliding speed with its 95 % band; shaded: the drive speeds of the logs."""
+        self._check_log(log)
+        return paper_figures().friction(self, log, axes)
+
+    def plot_ageing(self, log: int = 1, axes: Axes | None = None) -> Axes:
+        """Static coefficient over the time at rest with its 95 % band."""
+        self._check_log(log)
+        return paper_figures().ageing(self, log, axes)
+
+    def _of_log(self, name: str, log: int, axes: Axes | None) -> Axes:
+        self._check_curves()
+        self._check_log(log)
+        figures = paper_figures()
+        return (figures.forces if name == "forces" else figures.residuals)(self, log, axes)
 
     def predict(
         self, *, drive_speed: Quantity | None = None, normal_force: Quantity | None = None, log: int = 1
@@ -229,6 +297,13 @@ class Prediction:
 
         rows = {name: (n.value, *n.ends, n.unit) for name, n in self.answer.amplitude.numbers.items()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "lower", "upper", "unit"])
+
+
+def paper_figures() -> ModuleType:
+    """The module that draws, which brings matplotlib (half a second)."""
+    import identify.report.paper_figures
+
+    return identify.report.paper_figures
 
 
 def fitted_scene(result: Result, log: int) -> Scene:

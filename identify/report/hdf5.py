@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from data_io.atomic import atomic_hdf5
 from identify.base.document import Json
-from identify.base.outcome import LogCurves
+from identify.base.errors import FitError
+from identify.base.outcome import LogCurves, SlipDetail
 from identify.report.stored_result import as_json, plain
 
 if TYPE_CHECKING:
@@ -63,12 +64,44 @@ def _put_curves(group: h5py.Group, curves: LogCurves) -> None:
         _array(group, "raw_friction_force", curves.raw_force, "N")
     for column, (name, unit) in enumerate(CYCLE_UNITS.items()):
         _array(group, f"cycles/{name}", curves.cycles[:, column], unit)
+        if column < curves.measured.shape[1]:
+            _array(group, f"measured_cycles/{name}", curves.measured[:, column], unit)
     if curves.slip is not None:
         inner = group.create_group("slip")
         inner.attrs["cycle"] = curves.slip.cycle
         for name, unit in SLIP_UNITS.items():
             _array(inner, name, getattr(curves.slip, name), unit)
         _array(inner, "samples", curves.slip.samples, "1")
+
+
+def read_curves(path: Path) -> tuple[LogCurves, ...]:
+    """The curves of a result.h5, one per log; none where the file holds none.
+
+    Raises:
+        FitError: the file is no result.h5, or damaged.
+    """
+    try:
+        with h5py.File(path) as file:
+            groups = file.get("curves", {})
+            return tuple(_curves(groups[f"log_{i}"]) for i in range(1, len(groups) + 1))
+    except (OSError, KeyError, ValueError) as error:
+        raise FitError(f"{path} holds no curves of a fit ({error}); fit again, or delete it to do without") from None
+
+
+def _curves(group: h5py.Group) -> LogCurves:
+    data = {name: group[name][()] for name in CURVE_UNITS}
+    cycles = np.stack([group[f"cycles/{name}"][()] for name in CYCLE_UNITS], axis=1)
+    measured = np.stack([group[f"measured_cycles/{name}"][()] for name in list(CYCLE_UNITS)[:4]], axis=1)
+    slip = None
+    if "slip" in group:
+        inner = group["slip"]
+        arrays = {name: inner[name][()] for name in (*SLIP_UNITS, "samples")}
+        slip = SlipDetail(cycle=int(inner.attrs["cycle"]), **arrays)
+    raw = group["raw_friction_force"][()] if "raw_friction_force" in group else None
+    noise, speed = (float(group.attrs[name]) for name in ("noise_N", "drive_speed_m_per_s"))
+    name = str(group.attrs["name"])
+    time, load, force, fitted, used = data.values()  # in the order of CURVE_UNITS
+    return LogCurves(name, time, load, force, fitted, used, noise, speed, cycles, measured, slip, raw)
 
 
 def _array(group: h5py.Group, name: str, values: NDArray[np.generic], unit: str) -> None:

@@ -48,6 +48,33 @@ def test_tables_hold_the_numbers_of_the_document(fit):
     assert np.allclose(cycles["drop_N"], cycles["onset_force_N"] - cycles["arrest_force_N"])
 
 
+def test_a_folder_of_a_fit_is_loaded_with_its_curves_and_drawn(fit, tmp_path):
+    fit.save(tmp_path)
+    again = Fit.load(tmp_path)
+    assert again.cycles.equals(fit.cycles) and np.array_equal(again.residuals(2), fit.residuals(2), equal_nan=True)
+    left = again.plot_residuals(2).lines[0].get_ydata()
+    assert np.nanstd(left) == pytest.approx(np.nanstd(fit.residuals(2)) / fit.logs[1].noise)
+    forces = again.plot_forces(2)
+    assert np.array_equal(forces.lines[1].get_ydata(), fit.logs[1].fitted_force, equal_nan=True)
+    assert again.plot_correlation(forces) is forces
+    assert next(label.get_text() for label in again.plot_parameters().get_yticklabels()) == "μₛ"
+
+
+def test_the_laws_are_drawn_with_their_values_and_band(fit):
+    """Eq. (6) at both ends of the speeds, eqs. (3) and (5) after a long rest; the band holds the curve."""
+    p = {name: entry["value"] for name, entry in fit.result["parameters"].items()}
+    friction, ageing = fit.plot_friction(), fit.plot_ageing()
+    curve = friction.lines[0].get_ydata()
+    assert curve[0] == pytest.approx(p["mu_k0"], rel=1e-2) and curve[-1] == pytest.approx(
+        p["mu_k0"] + p["delta_mu_k"], rel=1e-3
+    )
+    assert ageing.lines[0].get_ydata()[-1] == pytest.approx(p["mu_s"], rel=1e-3)
+    band = friction.collections[0].get_paths()[0].vertices[:, 1]
+    assert band.min() < curve.min() and band.max() > curve.max()
+    with pytest.raises(FitError, match="no profile of a"):
+        fit.plot_profile("a")
+
+
 def test_a_stored_fit_predicts_and_has_no_curves(fit, tmp_path):
     (tmp_path / "result.json").write_text(as_json(fit.result), encoding="utf-8")
     again = Fit.from_json(tmp_path / "result.json")
