@@ -22,7 +22,7 @@ def test_cited_sections_of_the_equations_are_there():
     there = set(re.findall(r"^## (\d+)\. ", EQUATIONS, flags=re.MULTILINE))
     cited = {path: {n for found in SECTIONS.findall(text) for n in found if n} for path, text in TEXTS.items()}
     assert {n for numbers in cited.values() for n in numbers} == there, "each is cited, and none that is not there"
-    assert sum(bool(numbers) for numbers in cited.values()) > 15
+    assert sum(bool(numbers) for numbers in cited.values()) > 10
     for path, text in TEXTS.items():
         assert text.count("docs/equations.md,") == len(SECTIONS.findall(text)), f"{path}: a citation without a section"
 

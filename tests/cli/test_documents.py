@@ -51,8 +51,8 @@ def test_the_python_page_runs(tmp_path, monkeypatch, no_further_logs):
         else:
             exec(line, space)
     found = space["found"]
-    assert found.result["status"] == "converged" and "mu_s" in repr(found) and "mu_s" in found._repr_html_()
-    assert len(shown) == 11 and all(value is not None for value in shown)
+    assert found.result["status"] == "converged" and "mu_s" in repr(found) and "parameters" in found._repr_html_()
+    assert len(shown) == 15 and all(value is not None for value in shown)
     assert [len(value) > 0 for value in shown if isinstance(value, pd.DataFrame)] == [True] * 4
 
 

@@ -53,7 +53,7 @@ def test_the_look_before_any_model_is_what_the_page_says(capsys):
     assert f"drop {drop.replace(' ±', ' mN ±')} mN" in said
     told = re.search(r"frequency (\S+) Hz ± (\S+) Hz", said)
     assert [f"{float(told[1]):.2f}", f"{float(told[2]):.2f}"] == rate.split(" ± ")
-    assert "64 samples in each fall" in PAGE and "64 samples in each fall" in said
+    assert "68 samples in each fall" in PAGE and "68 samples in each fall" in said
     for words in ("1227", "by 22 % from the first to the last third", "scatters by 60 %", "exactly 0.301167 N"):
         assert words in PAGE.replace("**", "") and words in said, words
 
