@@ -5,7 +5,7 @@ import pytest
 from experiments.treated_logs import toleranced
 from identify import Scene, fit
 
-NUMBER = 1  # stiffness 2.8 % off, of which the data know to a fraction of a per cent
+NUMBER = 5  # stiffness 1.7 % off, of which the data know to a fraction of a per cent
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +16,7 @@ def pair():
 def test_a_rig_within_its_usual_errors_is_estimated(pair):
     scene, records, truth = pair
     found = fit(scene, records).typed
-    assert found.converged and "stiffness 1900 N/m instead of 1850 N/m" in found.message
+    assert found.converged and "stiffness 1350 N/m instead of 1330 N/m" in found.message
     outside = {
         name: (entry.ends, value)
         for name, value in truth.items()
@@ -30,4 +30,4 @@ def test_a_rig_that_is_said_to_be_exact_is_not(pair):
     scene, records, _ = pair
     exact = {"specimen": 0, "mass": 0, "stiffness": 0, "damping": 0}
     found = fit(Scene.from_document(scene.as_document() | {"tolerances": exact}), records).typed
-    assert not found.converged and "a stiffness of 1900 N/m instead of 1850 N/m" in found.message
+    assert not found.converged and "a stiffness of 1350 N/m instead of 1330 N/m" in found.message

@@ -54,6 +54,7 @@ def pair():
     return truth, replace(unknowns, start=start), logs
 
 
+@pytest.mark.slow
 def test_a_course_is_met_by_way_of_its_beginning(pair):
     truth, unknowns, logs = pair
     assert [log.fit_mode.name for log in logs] == ["cycles", "continuous"]
