@@ -308,8 +308,9 @@ def _within_usual_errors(scene: Scene, findings: Findings) -> bool:
     named = [cause for cause in findings.causes if cause.number == 1]
     if not all(cause.quantity in ERRORS for cause in named):
         return False
-    off = [(shares[ERRORS[cause.quantity]], cause.suggested / cause.stated - 1.0) for cause in named if cause.stated]
-    return any(abs(error) < LIKELY * share for share, error in off)
+    # Errors that the data do not tell apart add up.
+    share = float(np.linalg.norm([shares[name] for name in {ERRORS[cause.quantity] for cause in named}]))
+    return any(cause.stated and abs(cause.suggested / cause.stated - 1.0) < LIKELY * share for cause in named)
 
 
 def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings) -> tuple[list[Prepared], Findings]:
