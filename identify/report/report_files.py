@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pandas as pd
-
 from data_io.atomic import atomic_write
 from identify.report.report_tables import classical_table, parameter_table
 from identify.report.stored_result import as_json
@@ -70,4 +68,6 @@ def _remove_stale(folder: Path, written: Sequence[Path]) -> None:
 
 def figure_csv(columns: Columns) -> str:
     """Columns of equal length as CSV, numbers so that they read back exactly; NaN is an empty cell."""
+    import pandas as pd  # half a second that `import identify` can spare
+
     return str(pd.DataFrame(columns).to_csv(index=False, lineterminator="\n"))
