@@ -270,7 +270,7 @@ def copied_log(number: int) -> Line:
     """One log exported again, or a genuine repeat; right: the copy refused by name, the repeat fitted."""
     (scene, records, truth), kind = copied(number)
     line, _ = fitted(scene, records, truth, required=())
-    named = "same measurement" in line["message"]
+    named = "would count twice" in line["message"]
     return line | {"kind": kind, "named": named, "right": named == (kind != "repeat") and not line["false"]}
 
 

@@ -87,9 +87,9 @@ COPIES: Mapping[str, Callable[[Record], Record]] = {
 
 
 def copied(number: int) -> tuple[Treated, str]:
-    """A pair of which one log was exported again, by the copies in turn; every second case a genuine repeat instead."""
-    kind = tuple(COPIES)[number // 2 % len(COPIES)] if number % 2 == 0 else "repeat"
-    case, random = _case(1, number // 2)
+    """A pair of which one log was exported again, by the copies in turn; every third case a genuine repeat instead."""
+    kind = "repeat" if number % 3 == 0 else tuple(COPIES)[number % len(COPIES)]
+    case, random = _case(1, number)
     which = int(random.integers(2, len(case.records)))
     speed, *_ = SPEEDS[which]
     noise = NOISE * random.standard_normal(case.records[which].time.size)

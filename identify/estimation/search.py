@@ -254,6 +254,8 @@ def _pooled_theta(attempts: list[Attempt], unknowns: Unknowns) -> list[Array]:
     """Theta (n_p,) of each group, with one value of what is shared: the mean by each group's information on it."""
     free = np.flatnonzero(unknowns.free)
     shared = np.flatnonzero(~unknowns.own[free])
+    if not shared.size:
+        return [attempt.solved.theta for attempt in attempts]
     total, right = np.zeros((shared.size, shared.size)), np.zeros(shared.size)
     for attempt in attempts:
         matrix = information_at(attempt.solved, replace(unknowns, per=())).total[np.ix_(free, free)]
