@@ -35,24 +35,6 @@ def test_cited_printed_errors_are_there(path):
     assert set(re.findall(r"\bE[1-9]\d?\b", TEXTS[path])) <= there
 
 
-def test_nothing_outside_the_repository_is_cited():
-    """As notes of those who wrote it are."""
-    outside = re.compile(r"\b(?:EQUATIONS|[A-Z]+_NOTES|LOG_FORMATS)\b")
-    assert [str(path) for path, text in TEXTS.items() if re.search(outside, text)] == []
-
-
 @pytest.mark.parametrize("path", [p for p in TEXTS if p.suffix == ".md"], ids=lambda p: p.name)
 def test_links_of_a_page_lead_somewhere(path):
     assert [to for to in LINKS.findall(TEXTS[path]) if not (path.parent / to).exists()] == []
-
-
-def test_pages_for_users_are_no_diary():
-    """What commit a study ran at stands where a script printed its machine, or in experiments/results."""
-    commit = re.compile(r"\b(?=[0-9a-f]*[a-f])(?=[0-9a-f]*[0-9])[0-9a-f]{7}\b")
-    pages = {
-        path: text for path, text in TEXTS.items() if path.suffix == ".md" and path.parent.name in ("docs", ROOT.name)
-    }
-    assert len(pages) > 20
-    lines = [line for text in pages.values() for line in text.splitlines() if commit.search(line)]
-    assert [line for line in lines if "; commit " not in line] == []
-    assert commit.search("as 2c15fb0 has it")

@@ -29,9 +29,3 @@ def packed(path: Path, patterns: dict[str, list[str]]) -> bool:
 @pytest.mark.parametrize("path", SHIPPED, ids=str)
 def test_the_package_data_hold_every_file_that_is_no_module(path: Path) -> None:
     assert packed(path, PATTERNS)
-
-
-def test_a_kind_of_file_that_no_pattern_names_is_noticed() -> None:
-    script = next(path for path in SHIPPED if path.suffix == ".js" and "static" not in path.parts)
-    without = {package: [p for p in names if p != "*.js"] for package, names in PATTERNS.items()}
-    assert not packed(script, without)

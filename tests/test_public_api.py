@@ -33,18 +33,5 @@ def test_a_public_name_has_a_docstring_with_shapes_and_units(name, public, aroun
     assert lacking(name, public, around) == []
 
 
-def test_what_lacks_them_is_seen():
-    def bare(force: float) -> float:
-        return force
-
-    def told(force: FloatArray) -> FloatArray:  # noqa: F821
-        """The larger one."""
-        return force
-
-    assert lacking("bare", bare, "") == ["a docstring", "units"]
-    assert lacking("told", told, "") == ["units", "shapes"]
-    assert len(PUBLIC) > 60
-
-
 def test_the_reference_page_is_what_the_docstrings_say():
     assert PAGE.read_text(encoding="utf-8") == page(), "run experiments/make_python_reference.py"

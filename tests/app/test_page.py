@@ -8,9 +8,6 @@ import tomllib
 import numpy as np
 import pytest
 
-from identify.report.draw_map import REGIONS
-from identify.report.style import FITTED, MEASURED
-
 HELD = {"delta_mu_k": "-0.13", "a": "300 s/m", "D": "37.4 um", "t_cr": "0.5 s"}  # the truth: a quick fit
 
 
@@ -244,51 +241,3 @@ def test_a_rig_is_measured_in_the_page_and_scenes_take_it(root, page):
     page.wait(f"{text}.includes('[rig]')")
     page.type(place, "rig.toml")
     page.wait(f"{text}.includes('rig = \"rig.toml\"') && !{text}.includes('180 g')")
-
-
-def test_nothing_is_wider_than_the_screen_by_day_and_by_night(root, page, serving):
-    for view in ("logs", "log?path=1_mm_per_s.csv", "scene?scene=pair.toml", "try", "fit", "study", "rig", "plan"):
-        page.visit(f"{serving.address}#{view}")
-        for width, dark in ((1280, True), (400, False)):
-            page.size(width, 800, dark)
-            assert page.ask("document.documentElement.scrollWidth") <= width, view
-    page.call("Input.dispatchKeyEvent", type="keyDown", key="3", modifiers=1)
-    page.wait("location.hash.startsWith('#scene')")
-
-
-def test_the_steps_lead_from_an_incomplete_scene_to_a_fit_and_colours_are_those_of_the_report(root, page):
-    page.wait("document.querySelector('#next').textContent === 'Next: start the fit'")
-    (root / "pair.toml").write_text((root / "pair.toml").read_text().replace('"0.2 kg"', '"TODO kg"'))
-    page.wait("document.querySelector('#next').textContent === 'Next: complete the scene'")
-    assert page.ask("[...document.querySelectorAll('.step')].map((step) => step.dataset.done)") == [
-        "yes",
-        "no",
-        "no",
-        "no",
-    ]
-    style = "getComputedStyle(document.documentElement).getPropertyValue"
-    names = dict(zip(("--slides", "--sticks", "--either", "--irregular"), REGIONS.values(), strict=False))
-    for name, (colour, _) in names.items():
-        assert page.ask(f"{style}('{name}')").strip() == colour
-    assert page.ask(f"{style}('--model')").strip().upper() == FITTED.upper()
-    assert page.ask(f"{style}('--force')").strip().upper() == MEASURED.upper()
-
-
-def test_a_log_is_seen_before_its_scene_is_filled_in(root, page):
-    text = (root / "pair.toml").read_text()
-    (root / "pair.toml").write_text(text.replace('"0.2 kg"', '"TODO kg"'))
-    go(page, "log?path=1_mm_per_s.csv")
-    page.wait("document.querySelector('#view').dataset.seen === 'yes'")
-    drawn(page)
-    assert "rig.mass" in page.ask("document.querySelector('p.warning').textContent")
-    page.press("complete it")
-    page.wait("document.querySelector('[data-place=\"rig.mass\"]').getAttribute('aria-invalid') === 'true'")
-    page.type("[data-place='rig.mass']", "180 g")
-    page.press("[data-guess=mass]")
-    page.wait("document.querySelector('textarea').value.includes('mass = {lower = \"36 g\", upper = \"900 g\"}')")
-
-
-def test_the_page_complains_to_the_browser_about_nothing_and_a_broken_script_is_seen(page):
-    page.ask("new Promise((done) => setTimeout(() => { setTimeout(done); throw new Error('seen'); }))")
-    assert any("seen" in complaint for complaint in page.errors)
-    page.errors.clear()

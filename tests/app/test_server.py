@@ -18,7 +18,6 @@ from identify.app.commands import words_of
 from identify.app.curves import extremes
 from identify.app.folder import Folder, PageError
 from identify.app.jobs import same_code
-from identify.app.looks import Looks
 from identify.app.scenes import edited
 from identify.cli import main as cli
 
@@ -84,20 +83,6 @@ def test_no_path_leads_out_of_the_folder(unchanged, path):
     assert client.ask(f"files/{path}" if path else "files/%2e%2e/secret.txt")[0] == 404
     assert client.ask(f"api/add?name={path or '../x'}", b"1 2\n", method="POST")[0] == 400
     assert not (root.parent / "x").exists() and not list(root.parent.glob("*.toml"))
-
-
-def test_a_map_of_a_scene_names_what_only_a_fit_knows(unchanged):
-    status, answer = unchanged.post("point", scene="pair.toml", number=0, changes={})
-    assert status == 400
-    assert "states no drive speed and normal force" in str(answer) and 'normal_force = "1 N"' in str(answer)
-
-
-def test_the_file_of_a_rig_is_not_listed_as_a_scene(tmp_path):
-    (tmp_path / "rig.toml").write_text('mass = "0.2 kg"\nstiffness = "1470 N/m"\nzeta = 0.05\n')
-    (tmp_path / "broken.toml").write_text("mass = [")
-    (tmp_path / "pair.toml").write_text('rig = "rig.toml"\neffects = ["inertia"]\n')
-    found = Folder.at(tmp_path).found()
-    assert (found["scenes"], found["rigs"]) == (["broken.toml", "pair.toml"], ["rig.toml"])
 
 
 def test_a_log_may_be_called_anything(client, root):
@@ -221,20 +206,6 @@ def test_fits_killed_at_random_instants_leave_nothing_half_written(client, servi
         assert [item.name for item in root.iterdir() if item.name.startswith(".one")] == []
         for result in root.glob("one/result.json"):
             assert client.get("fit", path="one")[0] == 200, result
-
-
-def test_a_look_that_is_cut_short_is_no_verdict_on_the_log(root):
-    (root / "1_mm_per_s.csv").touch()
-    known = set((root / ".stickslip-app").glob("looks/*.json"))
-    looks, name = Looks(Folder.at(root)), "1_mm_per_s.csv"
-    assert looks.of(name) is None
-    deadline = time.monotonic() + 30
-    while looks._process is None and time.monotonic() < deadline:
-        time.sleep(0.01)
-    looks.close()
-    looks._process.wait(5)
-    time.sleep(0.2)
-    assert set((root / ".stickslip-app").glob("looks/*.json")) == known and looks.of(name) is None
 
 
 def test_a_server_that_starts_again_finds_what_ran(client, serving, root):

@@ -34,14 +34,6 @@ def test_bordered_factors_solve_badly_scaled_systems(right_sides):
     np.testing.assert_allclose((found.T * scale).T, (x.T * scale).T, rtol=1e-6, atol=1e-8)
 
 
-def test_a_matrix_is_scaled_until_all_its_columns_are_as_large():
-    random = np.random.default_rng(3)
-    factors = Factors(sp.csc_matrix(_bordered(random, 200, 0)))
-    largest = abs(factors._scaled).max(axis=0).toarray().ravel()
-    np.testing.assert_allclose(largest, 1.0, atol=0.05)
-    np.testing.assert_allclose((factors._scaled - factors._scaled.T).toarray(), 0.0, atol=1e-12)
-
-
 def test_factors_whose_inner_matrix_is_nearly_singular_are_not_trusted():
     """Of a slide-hold-slide record: standard errors came out a million times as large, and profiles found no way."""
     random, size = np.random.default_rng(2), 300

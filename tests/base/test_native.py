@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from identify.base import compile_worker, compiled, native
+from identify.base import native
 from identify.base.compiled import Mapped
 from identify.effects import MAIN
 from identify.model.model import assemble
@@ -116,15 +116,6 @@ def test_shooting_blocks_agree_to_ten_digits(machine_code, kind):
         np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-10 * np.max(np.abs(a)))
 
 
-@pytest.mark.parametrize("rows", [1, 3, 31, 32, 33, 70])
-def test_rows_beyond_the_last_full_call_are_not_filled_up(rows):
-    run, x = Mapped(function()), np.linspace(0.1, 2.0, 2 * rows).reshape(rows, 2)
-    run._few = 2
-    np.testing.assert_array_equal(run([x, np.zeros(rows)])[0], 2 * x)
-    known = run._local.buffers
-    assert set(known) == {size for size, count in ((32, rows - rows % 32), (2, rows % 32)) if count}
-
-
 HEAVY = """
 import sys
 from identify.base import native
@@ -199,25 +190,6 @@ def used_much(run: Mapped, times: int = 4) -> None:
         native.wait()
 
 
-def test_what_has_cost_as_much_as_compiling_it_is_compiled_while_it_runs(machine_code):
-    run = Mapped(function(), 4)
-    run(ROWS)
-    assert not native.busy() and not run.native, "it has not cost much yet"
-    used_much(run)
-    assert run.native and run.settled
-
-
-def test_what_was_used_is_compiled_for_later_processes(machine_code):
-    run = Mapped(function(9.0), 4)
-    run(ROWS)
-    run.spent += 0.5 * run.cost
-    compiled.keep()
-    native.wait()
-    again = Mapped(function(9.0), 4)
-    again(ROWS)
-    assert again.native and not run.native
-
-
 def test_thirty_damaged_libraries_are_thrown_away_and_made_again(machine_code):
     """Cut to a fraction, or with flipped bits: none is ever loaded."""
     made(function())
@@ -236,17 +208,6 @@ def test_thirty_damaged_libraries_are_thrown_away_and_made_again(machine_code):
         assert not run.native and not library.exists() and not native.failed(run.key)
     used_much(run)
     assert run.native and library.read_bytes() == sound
-
-
-def test_a_library_appears_at_once_and_whole(machine_code, tmp_path):
-    """The worker makes it elsewhere and renames it; the name holds the checksum of its bytes."""
-    build = tmp_path / f"build-{'plain-' + 40 * 'a'}"
-    build.mkdir()
-    (build / "function.c").write_text("int one(void) { return 1; }", encoding="ascii")
-    compile_worker.compile_in(build, [native.compiler(), "-shared", "-fPIC"], tmp_path)
-    (library,) = tmp_path.glob("*.so")
-    assert library.name == compile_worker.library_name("plain-" + 40 * "a", library.read_bytes())
-    assert not build.exists()
 
 
 @pytest.fixture
@@ -273,60 +234,6 @@ def test_a_compiler_that_fails_is_not_asked_again_for_a_day(failing, machine_cod
     os.utime(mark, (time.time() - native.AGAIN - 1.0,) * 2)
     used_much(Mapped(function(), 4))
     assert failing.read_text(encoding="ascii") == "once\nonce\n"
-
-
-def test_what_cannot_be_written_gives_up_its_own_claim_only(machine_code, monkeypatch):
-    jobs = [(f, native.key(f, simd=True)) for f in (function(2.0), function(3.0), function(4.0))]
-    really = native.simd_code
-
-    def full(f, rows):
-        if f is jobs[1][0]:
-            raise OSError("the disk is full")
-        return really(f, rows)
-
-    monkeypatch.setattr(native, "simd_code", full)
-    native.start(jobs)
-    native.wait()
-    assert [native.find(key, "sample") is not None for _, key in jobs] == [True, False, True]
-    assert native.failed(jobs[1][1]) and not list(machine_code.glob("build-*"))
-
-
-def test_what_dead_processes_left_is_removed_and_what_others_are_at_is_not(machine_code):
-    f, base = function(), native.folder()
-    identity = native.key(f, simd=True)
-    other = base / f"build-{identity}"
-    other.mkdir()
-    made(f)
-    assert not list(base.glob("*.so")) and other.exists(), "another process is at it"
-    os.utime(other, (time.time() - native.STALE - 1.0,) * 2)
-    made(f)
-    assert list(base.glob("*.so")) and not other.exists()
-
-
-def test_code_that_cannot_be_loaded_is_not_made_again_and_again(machine_code, monkeypatch):
-    """A cache on a disk from which nothing may be run."""
-
-    def refused(*_):
-        raise RuntimeError("failed to map segment")
-
-    monkeypatch.setattr(native.ca, "external", refused)
-    run = Mapped(function(), 4)
-    used_much(run)
-    assert not run.native and run.settled and not list(machine_code.glob("*.so"))
-
-
-def test_compiling_is_ended_on_demand_and_leaves_nothing(machine_code):
-    """It has a process group of its own, which an interrupt from the keyboard does not reach, in the same session."""
-    f = large(5000)
-    native.start([(f, native.key(f))])
-    (compiling,) = native._running
-    assert os.getsid(compiling.pid) == os.getsid(0)
-    assert os.getpgid(compiling.pid) != os.getpgid(0)
-    time.sleep(0.5)  # it is at work
-    native.stop()
-    compiling.wait(20.0)
-    assert group_is_gone(compiling.pid, 20.0)
-    assert list(machine_code.iterdir()) == []
 
 
 def test_a_folder_that_others_can_write_to_is_not_trusted(machine_code):

@@ -82,16 +82,6 @@ def test_html_shows_texts_and_sorts_by_values(sortable):
     assert (str(37.4e-6) in page.keys) == sortable
 
 
-def test_a_terminal_gets_names_and_what_people_read():
-    lines = OutputTable("", ("name", "length [m]"), ((Cell("D", "the length"), Cell(4e-5, "40 µm")),)).to_text()
-    assert lines.split() == ["name", "length", "[m]", "D", "40", "µm"]
-
-
-def test_columns_are_chosen_by_name():
-    chosen = TABLE.select("remark", "name", "not there")
-    assert chosen.columns == ("remark", "name") and len(chosen.rows[0]) == 1 and chosen.cells[1][0].value == HOSTILE[0]
-
-
 def test_texts_are_one_line_that_no_spreadsheet_reads_as_a_formula():
     assert harmless("=1+1") == "'=1+1" and harmless(" \t@x") == "'@x"
     assert harmless(-0.5) == -0.5 and harmless(math.nan) is None and harmless(True) == "yes"

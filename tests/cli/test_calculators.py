@@ -5,10 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from data_io import read_log
 from identify import examples
-from identify.effects import ALL, MAIN, NAMES
-from identify.scene import Scene
+from identify.effects import MAIN
 from tests.support.command import refused, stickslip
 
 pytestmark = pytest.mark.usefixtures("no_cost")
@@ -40,15 +38,6 @@ D = { start = "37.4 um" }
 """
 
 
-SIMULATE = ["--duration", "1", "--rate", "50", "--out", "a.csv"]
-
-
-def beside_the_others(name):
-    effect = next(e for e in ALL if e.name == name)
-    rivals = [e.name for e in ALL if e.role and e.role == effect.role]
-    return [n for n in NAMES if n == name or (n in (*MAIN, *effect.needs) and n not in rivals)]
-
-
 @pytest.fixture
 def scene_file(folder):
     def write(effects, more="", top=""):
@@ -59,19 +48,6 @@ def scene_file(folder):
     return write
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if n != "inertia"])
-def test_every_effect_is_simulated_and_says_so_in_the_log(name, scene_file, capsys):
-    path = scene_file(beside_the_others(name))
-    code, _, err = stickslip(capsys, "simulate", "--scene", path, "--duration", "1", "--rate", "200", "--out", "a.csv")
-    assert code == 0, err
-    told = read_log("a.csv").metadata
-    assert name in told["effects"].split(", ")
-    values = json.loads(told["parameters_SI"])
-    again = Scene.from_document(json.loads(told["scene_SI"]))
-    assert again.values() == values == Scene.from_toml(path).values()
-    assert told["rate_Hz"] == 200.0 and told["duration_s"] == 1.0 and told["version"]
-
-
 def test_calculators_refuse_what_never_repeats(scene_file, capsys):
     path = scene_file([*MAIN, "excitation", "friction_heterogeneity", "skin_compliance"])
     sentence = refused(capsys, "stability", "--scene", path)
@@ -79,27 +55,6 @@ def test_calculators_refuse_what_never_repeats(scene_file, capsys):
     sentence = refused(capsys, "amplitude", "--scene", path, "--without", "excitation")
     assert "friction_heterogeneity deals every stick its own friction" in sentence
     assert "not among the effects" in refused(capsys, "amplitude", "--scene", path, "--without", "occlusion")
-
-
-def test_effects_left_open_are_chosen_by_the_numbers(scene_file, capsys):
-    path = scene_file("auto", "[parameters]\nskin_stiffness = { start = '4 kN/m' }\nlag_time = { start = '1 us' }")
-    code, out, _ = stickslip(capsys, "simulate", "--scene", path, *SIMULATE, "--json")
-    effects = json.loads(out)["effects"]
-    assert code == 0 and effects["chosen"] == "auto"
-    assert {"skin_compliance", "sensor_lag"} <= set(effects["names"]) and "occlusion" not in effects["names"]
-
-
-@pytest.mark.slow
-def test_parameters_of_any_effect_set_the_operating_point(scene_file, capsys):
-    path = scene_file([*MAIN, "skin_compliance"])
-    drops = []
-    for stiffness in ("4400 N/m", "1 kN/m"):
-        asked = ["amplitude", "--scene", path, "--at", f"skin_stiffness={stiffness}", "--json"]
-        code, out, err = stickslip(capsys, *asked)
-        assert code == 0, err
-        drops.append(json.loads(out)["points"][0]["amplitude"]["period"]["value"])
-    assert drops[1] > 1.2 * drops[0], "softer skin, longer sticks"
-    assert "did you mean 'skin_stiffness'" in refused(capsys, "amplitude", "--scene", path, "--at", "skin_stifness=1")
 
 
 @pytest.mark.slow

@@ -1,8 +1,6 @@
 """The command line: exit codes, one sentence per error, JSON on standard output, help for whoever mistypes."""
 
-import io
 import json
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +8,7 @@ import pytest
 
 from identify import examples
 from identify.cli import fit as fit_group
-from identify.cli.common import Answer, Progress
+from identify.cli.common import Answer
 from tests.support.command import refused, stickslip
 
 LOG = examples.FOLDER / "5_mm_per_s.txt.gz"
@@ -126,17 +124,6 @@ def test_version_and_help_are_documents_too(folder, capsys):
     assert code == 0 and "first steps" in out
 
 
-def test_warnings_of_libraries_are_shown_to_developers_only(folder, capsys, work):
-    def warning(arguments, terminal):
-        warnings.warn("overflow in square", RuntimeWarning, stacklevel=1)
-        return Answer()
-
-    work(warning)
-    assert stickslip(capsys, "fit", "--scene", "x") == (0, "", "")
-    with pytest.warns(RuntimeWarning, match="overflow"):
-        stickslip(capsys, "fit", "--scene", "x", "--debug")
-
-
 def test_a_defect_is_exit_code_1_without_traceback(folder, capsys, work):
     def broken(arguments, terminal):
         raise ZeroDivisionError("by zero")
@@ -173,12 +160,3 @@ def test_quiet_says_the_answer_alone_and_verbose_the_seconds(work, capsys):
     line = json.loads(ends[3][2])
     assert set(line) == {"stage", "share", "seconds"} and line["stage"] == "reading"
     assert "--scene" in stickslip(capsys, "fit", "--quiet")[2], "an error is said all the same"
-
-
-def test_a_bar_says_how_long_it_will_take(monkeypatch):
-    stream = io.StringIO()
-    stream.isatty = lambda: True
-    monkeypatch.setenv("TERM", "xterm")
-    with Progress(stream, "shown") as progress:
-        progress("solving", 0.5)
-    assert "left about" in stream.getvalue() and " 50%" in stream.getvalue()

@@ -96,36 +96,6 @@ def test_a_command_that_has_to_put_things_in_order_may_take_its_time(tmp_path):
     assert code == 130 and took > interrupt.GRACE and list(tmp_path.iterdir()) == []
 
 
-def test_what_a_solver_says_of_an_interrupt_is_not_shown(tmp_path):
-    """A callback that raises is a failed evaluation to CasADi, which says so in words of its own."""
-    solver = (
-        "import casadi as ca\n"
-        "        class Slow(ca.Callback):\n"
-        "            def __init__(self):\n"
-        "                ca.Callback.__init__(self); self.construct('slow', dict(enable_fd=True))\n"
-        "            def eval(self, given):\n"
-        "                print('working', file=sys.__stderr__, flush=True); time.sleep(5)\n"
-        "                return given\n"
-        "        x, slow = ca.MX.sym('x'), Slow()\n"
-        "        options = {'ipopt.print_level': 0, 'ipopt.hessian_approximation': 'limited-memory'}\n"
-        "        try:\n"
-        "            ca.nlpsol('s', 'ipopt', {'x': x, 'f': slow(x)**2}, options)(x0=1.0)\n"
-        "        except Exception: pass"
-    )
-    code, _, words, _ = stopped(tmp_path, signal.SIGINT, before=solver, seconds=0.0)
-    assert code == 130 and "CasADi" not in words and "Traceback" not in words
-    assert words.splitlines()[-1] == "stickslip: interrupted; no half-written result is left behind"
-
-
-def test_interruption_is_exit_code_130(folder, capsys, work):
-    def interrupted(arguments, terminal):
-        raise KeyboardInterrupt
-
-    work(interrupted)
-    code, out, _ = stickslip(capsys, "fit", "--scene", "x", "--json")
-    assert code == 130 and json.loads(out)["status"] == "error"
-
-
 def test_an_interruption_that_a_solver_swallows_still_ends_the_command(folder, capsys, work):
     def swallowing(arguments, terminal):
         with terminal.bar() as progress, result_folder(folder / "out") as fresh:
@@ -142,19 +112,6 @@ def test_an_interruption_that_a_solver_swallows_still_ends_the_command(folder, c
         assert code == 130 and "next stage" not in words and not list(folder.iterdir())
     work(lambda arguments, terminal: Answer())
     assert stickslip(capsys, "fit", "--scene", "x")[0] == 0, "it is forgotten with the next command"
-
-
-def test_an_interruption_that_a_library_makes_an_error_of_is_still_one(folder, capsys, work):
-    def converting(arguments, terminal):
-        try:
-            os.kill(os.getpid(), signal.SIGTERM)
-        except KeyboardInterrupt:
-            raise SystemError("returned a result with an exception set") from None
-        return Answer()
-
-    work(converting)
-    code, out, _ = stickslip(capsys, "fit", "--scene", "x", "--json")
-    assert code == 130 and "interrupted" in json.loads(out)["message"]
 
 
 @pytest.mark.parametrize("work", ["{}", "exec({!r})"])
@@ -223,11 +180,3 @@ def test_what_is_not_ours_is_not_replaced(folder):
         check_replaceable(noted / "notes.txt")
     with pytest.raises(CommandLineError, match="runs in"):
         check_replaceable(Path())
-
-
-def test_new_and_empty_folders_are_fine(folder):
-    (folder / "empty").mkdir()
-    for out in (folder / "empty", folder / "a" / "b ü"):
-        with result_folder(out) as fresh:
-            (fresh / "result.json").write_text("{}")
-        assert (out / "result.json").exists()

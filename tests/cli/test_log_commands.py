@@ -1,28 +1,19 @@
 """`inspect`, `scene`, `convert` and `simulate`: the verdict a person agrees with, drafts, and logs that read back."""
 
-import gzip
 import json
-import re
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from data_io import Record, read_log, write_csv, write_hdf5
-from data_io.anonymise import anonymous, is_plain_setting, is_usual
 from identify import examples
-from identify.cli.inspection import draw, inspection
 from identify.effects import MAIN
 from identify.scene import Scene
 from tests.support.command import refused, stickslip
-from tests.support.verdict_cases import noise, saw
 
 RIG = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N"]
-LOG = "T,Fz,Fx\ns,N,N\n" + "".join(f"{0.01 * i:.2f},1.0,{0.3 + 0.001 * (i % 7)}\n" for i in range(200))
 LOGS = [examples.FOLDER / name for name in ("1_mm_per_s.txt.gz", "5_mm_per_s.txt.gz")]
 MEASURED = Path(__file__).resolve().parents[3] / "shared" / "data" / "paper_on_paper"
 
@@ -83,43 +74,6 @@ def test_the_verdict_on_measured_records_is_that_of_a_person(name, capsys):
     assert {f["code"] for f in quality["findings"] if f["severity"] != "info"} == SEEN[name]
 
 
-def log_with_everything():
-    """Rest with an offset, stick-slip with three spikes and a gap, a stop; the drive's own column tells of it."""
-    time = np.delete(np.arange(6000) / 500.0, slice(2500, 2505))
-    moving = (time >= 1.0) & (time < 11.0)
-    force = np.where(moving, 0.4 + saw(time - 1.0), np.where(time < 1.0, 0.05, 0.33)) + noise(1, time.size)
-    rows = np.searchsorted(time, [3.1, 6.7, 8.3])
-    force[rows] += 0.3
-    track = 1e-3 * np.clip(time - 1.0, 0.0, 10.0)
-    return Record(
-        time, 1.0 + noise(2, time.size), force, channels={"Position": track}, channel_units={"Position": "m"}
-    ), time[rows]
-
-
-def drawn(monkeypatch, seen, path):
-    figures = []
-    monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: figures.append(self) or path.touch())
-    monkeypatch.setattr("data_io.atomic.atomic_path", nullcontext)
-    draw(seen, path)
-    return figures[0].subfigs
-
-
-def test_the_plot_shows_phases_and_spikes_as_found(monkeypatch, tmp_path):
-    record, times = log_with_everything()
-    seen = inspection("a.csv", record)
-    codes = {f.code for f in seen.judgement.findings}
-    assert codes == {"residual_force", "stopped", "dropouts", "spikes"}
-    (part,) = drawn(monkeypatch, [seen], tmp_path / "a.png")
-    whole, close = part.axes[:2]
-    handles = dict(zip(*reversed(whole.get_legend_handles_labels()), strict=True))
-    assert {"slip", "spike"} <= set(handles) and close.get_title().endswith(" s")
-    spikes = next(line for line in whole.lines if line.get_label() == "spike")
-    np.testing.assert_array_equal(spikes.get_xdata(), times)
-    assert part.get_suptitle().startswith("a.csv · accept with warnings: ")
-    low, high = whole.get_ylim()
-    assert low < record.friction_force.min() and high > record.friction_force.max()
-
-
 def test_inspect_tells_what_is_in_the_logs(folder, capsys):
     slow, stepped = examples.FOLDER / "0.1_mm_per_s.txt.gz", examples.FOLDER / "1_mm_per_s.txt.gz"
     code, words, _ = stickslip(capsys, "inspect", slow, stepped)
@@ -148,27 +102,6 @@ def test_several_logs_end_in_a_table_of_all_and_a_picture(folder, capsys):
     assert code == 2 and "1 of 2 logs cannot be read" in document["message"]
     assert [log["quality"]["verdict"] for log in document["logs"]] == ["reject", "accept"]
     assert "falls from" in document["logs"][0]["quality"]["findings"][0]["message"]
-
-
-def test_rig_and_window_of_the_command_line(folder, capsys):
-    record, _ = log_with_everything()
-    write_hdf5(record, folder / "a.h5")
-
-    def codes(*more):
-        code, out, _ = stickslip(capsys, "inspect", "a.h5", "--json", *more)
-        (log,) = json.loads(out)["logs"]
-        assert code == 0
-        return {f["code"] for f in log["quality"]["findings"] if f["severity"] != "info"}, log
-
-    assert codes()[0] == {"residual_force", "stopped", "dropouts"}
-    found, log = codes("--window", "1.2 s,4 s", "--channels", "none")
-    assert found == set() and log["columns"].keys() == {"time", "normal_force", "friction_force"}
-    # the sticks rise by 0.2 N in 0.36 s
-    assert "stick_slope" not in codes("--stiffness", "555 N/m", "--drive-speed", "1 mm/s")[0]
-    assert "stick_slope" in codes("--stiffness", "640 N/m", "--drive-speed", "1 mm/s")[0]
-    for wrong in (["--window", "3"], ["--stiffness", "2 kg"]):
-        refused(capsys, "inspect", "a.h5", *wrong)
-    assert "reading" not in stickslip(capsys, "inspect", "a.h5")[2], "a short log shows no progress"
 
 
 def test_a_first_scene_is_drafted_from_the_logs(folder, capsys):
@@ -206,39 +139,6 @@ def test_a_first_scene_takes_a_rig_that_was_measured(folder, capsys):
     assert not Path("scenes.toml").exists()
 
 
-def test_what_a_log_does_not_tell_is_left_to_fill_in(folder, capsys):
-    rise = (0.4 * (i % 50) / 50 for i in range(500))
-    rows = "".join(f"{0.01 * i:.2f},{force:.5f}\n" for i, force in enumerate(rise))
-    write("bare.csv", "T,Fx\ns,N\n" + rows)
-    code, out, _ = stickslip(capsys, "scene", "bare.csv", "--normal-force", "2 N", "--out", "pair.toml", "--json")
-    assert code == 0
-    assert json.loads(out)["to_fill_in"] == ["rig.mass", "rig.stiffness", "rig.zeta", "logs.1.drive_speed"]
-    assert 'normal_force = "2 N"' in Path("pair.toml").read_text()
-    assert "exists" in refused(capsys, "scene", "bare.csv", "--normal-force", "2 N", "--out", "pair.toml")
-
-
-def test_steps_too_short_to_stand_alone_are_no_logs(folder, capsys):
-    step = "T,Fz,Fx\ns,N,N\n"
-    rise = "".join(f"{0.01 * i:.2f},2,{0.4 * (i % 50) / 50:.5f}\n" for i in range(500))
-    write("steps.csv", f"{step}0,2,0.1\n{step}{rise}")
-    assert stickslip(capsys, "scene", "steps.csv", "--out", "pair.toml")[0] == 0
-    text = Path("pair.toml").read_text()
-    assert text.count("[[logs]]") == 1 and "step = 2" in text
-
-
-def test_one_run_of_several_is_chosen(folder, capsys):
-    text = gzip.decompress((examples.FOLDER / "1_mm_per_s.txt.gz").read_bytes()).decode()
-    begin = text.index("Run # 1")
-    write("runs.txt", text + text[begin:].replace("Run # 1", "Run # 2"))
-    assert "--run" in refused(capsys, "inspect", "runs.txt")
-    code, out, _ = stickslip(capsys, "inspect", "runs.txt", "--run", "2", "--json")
-    assert code == 0 and [step["run"] for step in json.loads(out)["logs"][0]["steps"]] == [2, 2]
-    assert stickslip(capsys, "scene", "runs.txt", "--run", "2", "--out", "pair.toml")[0] == 0
-    text = Path("pair.toml").read_text().replace("TODO kg", "0.2 kg").replace('zeta = "TODO"', 'damping = "147 N/m"')
-    (entry,) = Scene.from_toml(write("pair.toml", text)).logs
-    assert (entry.run, entry.step) == (2, 2)
-
-
 def test_simulated_logs_are_read_back(folder, capsys):
     words = simulated(capsys, "log.csv", "--noise", "5 mN", "--seed", "3")
     assert "1001 samples" in words
@@ -270,18 +170,6 @@ def test_only_a_simulated_log_is_written_over(folder, capsys, name):
         assert "may hold a measured log" in refused(capsys, *command) and Path(name).read_bytes() == before
 
 
-def test_a_scene_without_friction_says_which_default_it_takes(folder, capsys):
-    rig = 'mass = "0.2 kg"\nstiffness = "1470 N/m"\nzeta = 0.05\nnormal_force = "1 N"\ndrive_speed = "1 mm/s"\n'
-    scene = f"effects = {json.dumps(list(MAIN))}\n[rig]\n{rig}[parameters]\nmu_s = {{ start = 0.7 }}\n"
-    Path("scene.toml").write_text(scene)
-    more = ["--duration", "2 s", "--rate", "1 kHz", "--out", "log.csv"]
-    code, out, _ = stickslip(capsys, "simulate", "--scene", "scene.toml", *more)
-    said = " ".join(out.split())
-    assert code == 0
-    assert "documented defaults are taken: mu_k0 0.45, D 40 µm, t_cr 0.5 s, delta_mu_k −0.1, a 300 s/m" in said
-    assert "mu_s 0.6" not in said
-
-
 def cetr(folder, name="Anna Meier.txt", rows=60):
     path = folder / name
     random = np.random.default_rng(3)
@@ -293,21 +181,6 @@ def cetr(folder, name="Anna Meier.txt", rows=60):
 def same_numbers(record, other):
     for name, values in record.columns().items():
         assert values.tobytes() == other.columns()[name].tobytes(), name
-
-
-def test_metadata_checksum_and_provenance_are_complete(tmp_path):
-    source = cetr(tmp_path)
-    record = read_log(source)
-    write_hdf5(record, tmp_path / "log.h5")
-    with h5py.File(tmp_path / "log.h5") as file:
-        attrs, step = dict(file.attrs), file["run_1/step_1"]
-        assert attrs["source_file"] == "Anna Meier.txt" and attrs["source_sha256"] == record.metadata["sha256"]
-        assert re.fullmatch(r"stick-slip-workbench \d.*", attrs["created_by"])
-        assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", attrs["created"])
-        assert step["time"].compression == "gzip" and step["time"].fletcher32 and step["time"].shuffle
-        about = json.loads(file["about"][()])["metadata"]
-    assert about["Operator"] == "Anna Meier" and about["friction_force_source"] == "column Fx in g"
-    assert about["source_format"] == record.metadata["format"]
 
 
 def test_anonymous_files_name_nobody_and_the_key_tells_all(tmp_path, capsys):
@@ -333,31 +206,3 @@ def test_anonymous_files_name_nobody_and_the_key_tells_all(tmp_path, capsys):
     out.unlink()
     assert "may hold the key of other logs" in refused(capsys, "convert", source, "--out", out, "--anonymise")
     assert json.loads((tmp_path / "log.key.json").read_text()) == key
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "plain"),
-    [
-        ("Set Force", "-200", True),
-        ("Velocity", "0.1 mm/s", True),
-        ("Set Force", "200 please", False),
-        ("Serial number", "12345", False),
-        ("Operator", "7", False),
-        ("Duration", "about 3", False),
-        ("Größe", "3", False),
-        ("Started at", "12:21:58", False),
-        ("Laps", 12, True),
-        ("Annas Zahl", 12, False),
-    ],
-)
-def test_settings_that_stay_are_numbers_under_usual_names(name, value, plain):
-    assert is_plain_setting(name, value) == plain
-
-
-def test_usual_names_of_columns_stay():
-    assert all(
-        map(is_usual, ["Fx", "V1", "COF", "Z", "XYZ", "Friction force", "Temperature", "Laps", "Rotary.Velocity"])
-    )
-    assert not any(map(is_usual, ["Anna", "Kraft von Meier", "Probe 7", "", "12"]))
-    safe = anonymous(Record(np.arange(3.0), np.ones(3), np.ones(3), channels={"Anna": np.ones(3)}))
-    assert list(safe.record.channels) == ["channel 1"]

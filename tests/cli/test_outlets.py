@@ -3,7 +3,6 @@
 import io
 import json
 import os
-import pty
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from data_io import read_log
-from data_io.thresholds import percent
 from identify.cli import main as cli
 
 ROOT = Path(__file__).parents[2]
@@ -65,40 +63,6 @@ def test_file_that_is_read_does_not_take_the_place_of_a_closed_output(tmp_path):
     out = tmp_path / "log.h5"
     assert command("convert", str(PLAIN), "--out", str(out), shell="<&- >&- 2>&-").returncode == 0
     assert read_log(out).time.size == read_log(PLAIN).time.size
-
-
-@pytest.mark.parametrize(("kind", "drawn"), [("xterm", True), ("dumb", False)])
-def test_dumb_terminal_gets_plain_lines(kind, drawn):
-    code = (
-        "import sys; from identify.cli.common import Progress\n"
-        "with Progress(sys.stderr, 'shown') as told:\n    told('reading', 0.5)\n"
-    )
-    child, terminal = pty.fork()
-    if child == 0:
-        os.environ["TERM"] = kind
-        os.chdir(ROOT)
-        os.execv(sys.executable, [sys.executable, "-c", code])
-    shown = b""
-    while True:
-        try:
-            block = os.read(terminal, 4096)
-        except OSError:  # Linux: the other end is closed
-            break
-        if not block:
-            break
-        shown += block
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-    assert (b"\x1b" in shown) == drawn
-    assert b"reading" in shown
-
-
-@pytest.mark.parametrize(
-    ("share", "words"),
-    [(0.123, "12 %"), (-1e-9, "0 %"), (-0.004, "0 %"), (-0.4, "-40 %"), (20.0, "20 times"), (6e13, "many times"),
-     (float("inf"), "many times")],
-)  # fmt: skip
-def test_shares_are_said_as_what_they_mean(share, words):
-    assert percent(share) == words
 
 
 def test_help_is_quick_and_brings_no_casadi():

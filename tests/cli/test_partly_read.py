@@ -52,19 +52,3 @@ def test_the_window_gives_the_fit_of_the_whole(scene, monkeypatch):
     for name, estimate in of_whole["parameters"].items():
         other = of_part["parameters"][name]
         assert abs(other["value"] - estimate["value"]) <= 0.05 * (estimate["standard_error"] or np.inf), name
-
-
-def test_times_of_the_entry_are_moved(scene, monkeypatch):
-    from identify.logs.scene_records import with_records
-
-    drive = ((0.0, 1e-3), (0.4, 2e-3), (2.0, 1e-3))
-    entry = replace(scene.logs[0], drive_speed=drive, tare=(0.85, 0.95))
-    tight(monkeypatch, 24 * len(read_log(entry.path)))
-    moved, (record,) = with_records(replace(scene, logs=(entry,)), None)
-    (later,) = moved.logs
-    begin = record.metadata["file_time_start"] - BEGINS
-    assert record.time[0] == 0.0 and 0.85 <= begin < 0.852
-    assert later.window == pytest.approx((0.9 - begin, 3.6 - begin))
-    assert later.tare == pytest.approx((0.85 - begin, 0.95 - begin))
-    assert later.exclude == (pytest.approx((2.0 - begin, 2.05 - begin)),)
-    assert np.array(later.drive_speed) == pytest.approx(np.array([(0.0, 2e-3), (2.0 - begin, 1e-3)]))

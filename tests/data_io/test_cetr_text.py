@@ -64,13 +64,6 @@ def test_one_step_in_si(tmp_path, end, short):
     assert record.steps[0].parameters["Velocity"] == "240" and record.steps[0].parameters["Set Force"] == "-200"
 
 
-def test_the_preamble_is_kept(tmp_path):
-    metadata = read_log(log(tmp_path, run_text(1, step_text(1, 9)))).metadata
-    assert metadata["Total number of runs"] == "1" and metadata["Indenter tip ID"] == "0"
-    assert metadata["Run date"] == "1 May 2022 12:21:50" and metadata["note"] == "C:\\rig\\pair.tst"
-    assert len(metadata["sha256"]) == 64
-
-
 def test_steps_are_joined_by_their_starting_times(tmp_path):
     path = log(tmp_path, run_text(1, step_text(1, 50), step_text(2, 30, started="12:22:08.529 12 May 2022")))
     record = read_log(path)
@@ -108,11 +101,3 @@ def test_a_step_without_rows_between_others_is_told_and_kept_apart(tmp_path):
     assert [step.number for step in second.steps] == [1] and second.steps[0].parameters["Data Count"] == "10"
     with pytest.raises(LogError, match="step 2 holds no rows"):
         read_log(path, run=1, step=2)
-
-
-def test_a_step_without_a_force_names_the_way_out(tmp_path):
-    move = "Step No. 2\nT,X,Z\nsec,mm,mm\n0,1,1\n1,1,1\n"
-    path = log(tmp_path, run_text(1, step_text(1, 20), move))
-    with pytest.raises(LogError, match=r"no normal force column.*step 2.*--step"):
-        read_log(path)
-    assert len(read_log(path, step=1)) == 20

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data_io import LogError, Record
-from data_io.correct import Corrections, correct, levelled
+from data_io.correct import Corrections, correct
 
 RATE = 200.0
 
@@ -33,12 +33,6 @@ def test_crosstalk_and_tilt_are_taken_off(share, degrees):
     back = correct(record, given).record
     np.testing.assert_allclose(back.friction_force, friction, atol=0.012)
     np.testing.assert_allclose(back.normal_force, normal, atol=0.012)
-
-
-def test_turning_back_and_forth_changes_nothing():
-    friction, normal = np.array([0.3, -0.2]), np.array([1.0, 2.0])
-    there = levelled(friction, normal, 0.1)
-    np.testing.assert_allclose(levelled(*there, -0.1), [friction, normal], rtol=1e-14)
 
 
 def test_a_zero_is_taken_without_what_crosstalk_makes_of_the_load():
@@ -77,13 +71,6 @@ def test_windows_and_exclusions_are_told_and_counted():
     assert [change.kind for change in corrected.changes] == ["window", "exclude", "exclude"]
     spans = {(cut.kind, cut.start, round(cut.stop, 6)) for cut in corrected.cuts}
     assert {("window", 0.0, 1.0), ("exclude", 2.0, 3.0), ("exclude", 5.0, 5.5)} <= spans
-
-
-def test_a_tare_interval_in_which_something_moves_is_doubted():
-    record, *_ = to_and_fro(wait=4.0)
-    codes = [f.code for f in correct(record, Corrections(tare=(0.0, 4.4))).record.findings]
-    assert codes == ["tare_not_quiet"]
-    assert correct(record, Corrections(tare=(0.0, 3.9))).record.findings == ()
 
 
 def test_a_tare_interval_outside_is_refused():

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from data_io import LogError, read_log
-from data_io.source import Request, load
-from data_io.table import read_tables
 
 N = 12
 TIME = np.arange(N) / 100
@@ -62,6 +60,11 @@ VARIANTS = {
     "real minus sign": UNITS_ROW + rows().replace("3.0000", "\u22123.0000"),
     "index column": ",time,Fx,Fz\n,s,N,N\n" + "".join(f"{i},{row}\n" for i, row in enumerate(rows().split())),
     "exponents": UNITS_ROW + rows().replace("3.0000", "3.0E+00"),
+    "names that people give": "seconds,tangential_N,normal_load_N\n" + rows(),
+    "words of direction": "time_s,force_tangential_N,force_normal_N\n" + rows(),
+    "short words": "Time (s),Ffric (N),Fnorm (N)\n" + rows(),
+    "horizontal and vertical": "Time (s),Horizontal force (N),Vertical load (N)\n" + rows(),
+    "a temperature called T": "T [°C],Time [s],Fx [N],Fz [N]\n" + rows(lead="20,"),
     "reserved space behind": (UNITS_ROW + rows()).encode() + bytes(4096),
 }  # fmt: skip
 
@@ -73,17 +76,6 @@ def test_every_variant_holds_the_same_numbers(tmp_path, name):
     np.testing.assert_allclose(record.friction_force, FRICTION, rtol=1e-15)
     np.testing.assert_allclose(record.normal_force, 3.0, rtol=1e-15)
     assert not [finding for finding in record.findings if finding.severity != "info"]
-
-
-def test_units_are_converted(tmp_path):
-    record = read(
-        tmp_path,
-        ("t [ms];Ff [µN];Fn [kgf];pos [µm]\n" + "".join(f"{i};5{i};2;{i}\n" for i in range(9))).encode("cp1252"),
-    )
-    np.testing.assert_allclose(record.time, np.arange(9) / 1000, rtol=1e-15)
-    np.testing.assert_allclose(record.friction_force, (50 + np.arange(9)) * 1e-6, rtol=1e-15)
-    np.testing.assert_allclose(record.normal_force, 2 * 9.80665, rtol=1e-15)
-    assert record.channel_units["pos"] == "m" and record.channels["pos"][8] == 8e-6
 
 
 def test_columns_units_and_load_from_the_user(tmp_path):
@@ -127,16 +119,6 @@ def test_a_bad_row_is_kept_without_weight_or_left_out_but_never_in_silence(tmp_p
     assert record.time[-1] == pytest.approx(0.13) and record.friction_force[-1] == 0.5
 
 
-def test_a_row_without_time_gets_no_weight(tmp_path):
-    record = read(tmp_path, UNITS_ROW + rows() + "nan,0.5,3\n0.13,0.5,3\n")
-    assert record.time[12] == pytest.approx(0.12) and np.isnan(record.friction_force[12])
-
-
-def test_a_temperature_called_t_is_not_the_time(tmp_path):
-    record = read(tmp_path, "T [°C],Time [s],Fx [N],Fz [N]\n20,0,1,3\n20,1,2,3\n")
-    assert record.time.tolist() == [0, 1] and record.channels["T"].tolist() == [20, 20]
-
-
 def test_an_empty_column_of_the_same_name_is_passed_over(tmp_path):
     record = read(tmp_path, "Time [s],Fx [N],Fx [N],Fz [N]\n0,,1,3\n1,,2,3\n")
     assert record.friction_force.tolist() == [1, 2]
@@ -165,13 +147,6 @@ def test_measured_records_are_read_as_they_are():
         np.testing.assert_allclose(record.time + record.metadata["file_time_start"], table[:, 0], rtol=0, atol=1e-12)
 
 
-def test_words_below_every_row_do_not_end_the_table_where_a_block_ends(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text(UNITS_ROW + "".join(f"{i / 100:.2f},1.{i % 10},3\nload applied\n" for i in range(300)))
-    (table,), _ = read_tables(load(path), Request(), block=200)
-    assert table.rows == 300 and {f.code for f in table.remarks} == {"text_in_rows"}
-
-
 @pytest.mark.parametrize("place", ["in front", "behind", "alone"])
 def test_a_long_text_of_words_is_refused_at_once(tmp_path, place):
     words = "nothing of this is a number\n" * 500_000
@@ -180,21 +155,3 @@ def test_a_long_text_of_words_is_refused_at_once(tmp_path, place):
     with pytest.raises(LogError, match=r"lines of words in a row|no rows of numbers"):
         read(tmp_path, {"in front": words + rows_, "behind": rows_ + words, "alone": words}[place])
     assert time.process_time() - began < 4
-
-
-@pytest.mark.parametrize(
-    "head",
-    [
-        "seconds,normal_load_N,tangential_N",
-        "t [s],Normal Force Fz [N],Friction Force Fx [N]",
-        "time_s,force_normal_N,force_tangential_N",
-        "Time (s),Fnorm (N),Ffric (N)",
-        "Time (s),Vertical load (N),Horizontal force (N)",
-    ],
-)
-def test_roles_are_known_by_the_names_that_people_give(tmp_path: Path, head: str) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text(head + "\n" + "".join(f"{0.01 * i:.2f},2.0,{0.5 + 0.01 * (i % 7):.2f}\n" for i in range(60)))
-    record = read_log(path)
-    assert record.time[-1] == pytest.approx(0.59) and np.all(record.normal_force == 2.0)
-    assert record.friction_force[1] == 0.51

@@ -11,7 +11,7 @@ from data_io import Record
 from data_io.quality import assess
 from identify.logs.classical import classical_table
 
-SIBLINGS = range(10)
+SIBLINGS = range(4)
 
 
 def saw_tooth(time: np.ndarray, period: float, random: np.random.Generator) -> np.ndarray:

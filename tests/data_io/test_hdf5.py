@@ -32,11 +32,6 @@ def test_named_datasets_in_si(tmp_path):
     assert "normal_force_flipped" in {finding.code for finding in record.findings}
 
 
-def test_column_vectors_and_byte_order(tmp_path):
-    path = foreign(tmp_path, t=("s", np.arange(9, dtype=">f4")[:, None]), Fx=("N", np.arange(9, dtype=">i2")[None]))
-    assert read_log(path, columns=COLUMNS).friction_force.tolist() == list(range(9))
-
-
 def test_units_and_load_from_the_user(tmp_path):
     path = foreign(tmp_path, t=(None, np.arange(9)), Fz=(None, None))
     record = read_log(
@@ -123,11 +118,3 @@ def test_what_is_wrong_anywhere_in_a_long_plain_dataset_is_seen(tmp_path, row):
         force[row] = number
         record = read_log(plain(tmp_path / "b.h5", force=force))
         assert np.isnan(record.friction_force[row]) and "missing_rows" in {f.code for f in record.findings}
-
-
-def test_units_and_a_late_start_of_a_long_plain_dataset(tmp_path):
-    record = read_log(plain(tmp_path / "a.h5", units=("ms", "mN", "gf")))
-    assert record.time[-1] == pytest.approx((N - 1) / 1e6, rel=1e-15) and record.normal_force[0] == 1e-3
-    np.testing.assert_allclose(record.friction_force[:7], np.arange(7) * 9.80665e-3, rtol=1e-15)
-    late = plain(tmp_path / "b.h5", time=5.0 + np.arange(N) / 1000.0)
-    assert read_log(late).time[0] == 0.0 and len(read_log(tmp_path / "b.h5", window=(1.0, 2.0))) == 1001

@@ -65,11 +65,3 @@ def test_a_compound(tmp_path, named):
     record = read_log(tmp_path / "a.h5", columns=columns, units=UNITS)
     np.testing.assert_allclose(record.friction_force, FORCE, rtol=1e-6)
     assert record.normal_force[0] == 2.0 and len(record) == 300
-
-
-def test_a_coefficient_or_no_clock_in_hdf5(tmp_path):
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        for name, values, unit in (("COF", FORCE / 2.0, ""), ("Fz", LOAD, "N")):
-            file.create_dataset(name, data=values).attrs["units"] = unit
-    right(read_log(tmp_path / "a.h5", rate="100 Hz"))
-    right(read_log(tmp_path / "a.h5", rate="100 Hz", window=(1.0, 2.0)), slice(100, 201))

@@ -88,14 +88,6 @@ def test_numbers_that_lie_in_other_files_are_not_fetched(tmp_path, kind):
         read_log(path, columns=NAMED)
 
 
-def test_a_file_is_opened_for_reading_only(tmp_path):
-    path = good(tmp_path / "log.h5")
-    before = path.read_bytes()
-    path.chmod(0o444)
-    read_log(path)
-    assert path.read_bytes() == before
-
-
 def hanging(tmp_path):
     """One byte of damage: an object of size 0 in the heap of texts sends the HDF5 library round for ever."""
     path = good(tmp_path / "log.h5", libver="earliest")
@@ -170,39 +162,3 @@ def test_a_file_that_claims_more_than_fits_is_refused_before_memory_goes(tmp_pat
     assert path.stat().st_size < 100_000
     with pytest.raises(LogError, match=r"promises 8e\+06 MB and holds 0 MB; was it never written"):
         read_log(path)
-
-
-def test_memory_is_asked(tmp_path, monkeypatch):
-    path = good(tmp_path / "log.h5")
-    monkeypatch.setattr(hdf5, "free_memory", lambda: 1000)
-    with pytest.raises(LogError, match="memory are free"):
-        read_log(path)
-    assert len(read_log(path, window=(0.5, 20.0))) == 20
-    monkeypatch.setattr(hdf5, "free_memory", lambda: 2 * 8 * 3 * 400)
-    assert len(read_log(path)) == 400
-
-
-def test_a_file_is_walked_through_once_and_again_when_it_has_changed(tmp_path, monkeypatch):
-    path, walks = good(tmp_path / "log.h5"), []
-    seen = hdf5._forked
-    monkeypatch.setattr(hdf5, "_forked", lambda *a: walks.append(a) or seen(*a))
-    monkeypatch.setattr(hdf5, "_spawned", lambda *a: walks.append(a) or 0)
-    assert read_log(path).time.size == read_log(path).time.size
-    assert len(walks) == 1
-    with h5py.File(path, "a") as file:
-        file["more"] = np.arange(1000.0)
-    read_log(path)
-    assert len(walks) == 2
-
-
-def test_a_file_that_the_library_hangs_on_is_walked_through_once(tmp_path, monkeypatch):
-    """`inspect` opens a file twice, for its index and for its columns: the second time it is known."""
-    with h5py.File(tmp_path / "log.h5", "w") as file:
-        file["Fx"] = np.zeros(4)
-    walks = []
-    monkeypatch.setattr(hdf5, "_forked", lambda *_: walks.append(0))
-    monkeypatch.setattr(hdf5, "_spawned", lambda *_: walks.append(0))
-    for _ in range(2):
-        with pytest.raises(LogError, match="the library hangs on it"):
-            read_log(tmp_path / "log.h5")
-    assert len(walks) == 1

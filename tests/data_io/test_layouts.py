@@ -41,17 +41,6 @@ def test_the_same_numbers_in_other_layouts(name):
     assert record.metadata["time_source"] == source
 
 
-def test_the_elapsed_column_of_a_phoenix_log():
-    named = {"units": {"time": "s", "friction_force": "N", "normal_force": "N"}}
-    record = read_log(CASES / "te67_clock_of_the_day.tsv", **named)
-    assert record.metadata["time_source"].startswith("column Test Time") and record.time[-1] == 59.0
-    assert record.normal_force[0] == 98.1 and record.friction_force[0] == 15.1
-    with pytest.raises(LogError, match="--units time=s,normal_force=N,friction_force=N"):
-        read_log(CASES / "te67_clock_of_the_day.tsv")
-    by_clock = read_log(CASES / "te67_clock_of_the_day.tsv", columns={"time": "Time"}, **named)
-    assert by_clock.time[-1] == 59.0
-
-
 @pytest.mark.parametrize(
     ("head", "stamp"),
     [
@@ -134,13 +123,6 @@ def test_distance_over_speed_is_a_time(tmp_path):
         read_log(table(tmp_path, "Distance [m],Speed,Fn [N],Ff [N]", lambda i, f: f"{i / 100},100,3,{f}"))
 
 
-def test_channels_of_ni_in_pairs():
-    named = {"columns": {"friction_force": "Force"}, "units": {"friction_force": "2.5 N/V"}, "normal_force": 3.0}
-    record = read_log(CASES / "ni_channels_in_pairs.csv", **named)
-    assert record.friction_force[0] == pytest.approx(2.5 * -0.129930231773) and record.time[1] == 0.0005
-    assert record.metadata["format"] == "ni-channels" and "Input 1" in record.channels
-
-
 def test_channels_of_ni_that_start_apart_or_have_no_times(tmp_path):
     head = "Timestamp;2020-01-01 10:00:00.0;Timestamp;2020-01-01 10:00:00.5\nInterval;0.1;Interval;0.1\n"
     head += "Channel name;Fx;Channel name;Fz\nUnit;N;Unit;N"
@@ -151,13 +133,6 @@ def test_channels_of_ni_that_start_apart_or_have_no_times(tmp_path):
         record = read_log(table(tmp_path, head, row))
         assert record.friction_force[0] == float(FORCE[5]), "the load begins five rows later"
         np.testing.assert_allclose(record.normal_force, 3.0 + record.time + 0.5, atol=1e-9)
-
-
-def test_settings_above_a_table_of_another_delimiter():
-    named = {"columns": {"time": "2", "friction_force": "4"}, "units": {"time": "s", "friction_force": "N"}}
-    record = read_log(CASES / "parameters_above_other_delimiter.txt", normal_force=3.0, **named)
-    assert len(record) == 60 and record.friction_force[0] == 0.00148 and record.metadata["file_time_start"] == 0.05
-    assert record.metadata["preamble"].startswith("0.050")
 
 
 @pytest.mark.parametrize("between", ["\t", ";", ",", " "])
@@ -232,29 +207,10 @@ def test_names_in_the_languages_of_laboratories(tmp_path, head, encoding):
     right(read_log(table(tmp_path, head, lambda i, f: f"{i / 10},3.0,{f}", encoding=encoding)))
 
 
-def test_other_bytes_are_not_taken_for_chinese(tmp_path):
-    path = table(
-        tmp_path,
-        "Prüfgröße: Öl bei 20 °C\nT [s],Fz [N],Fx [N],s [µm]",
-        lambda i, f: f"{i / 10},3,{f},{i}",
-        encoding="cp1252",
-    )
-    record = read_log(path)
-    right(record)
-    assert record.channel_units["s"] == "m" and "Prüfgröße" in record.metadata["preamble"]
-
-
 def test_names_in_merged_cells_and_in_two_rows(tmp_path):
     record = read_log(CASES / "merged_header.xlsx")
     assert len(record) == 800 and record.metadata["time_source"] == "column Time in s"
     right(read_log(table(tmp_path, "Time;Force;;\n;Fz;Fx;Z\ns;N;N;mm", lambda i, f: f"{i / 10};3;{f};{i}")))
-
-
-def test_the_cause_is_told():
-    with pytest.raises(LogError, match="formulas whose results the workbook does not keep"):
-        read_log(CASES / "formula_fx.xlsx")
-    with pytest.raises(LogError, match=r"from byte 9000 on .below line 428. 100 zero bytes"):
-        read_log(CASES / "nul_middle.csv")
 
 
 @pytest.mark.parametrize("mark", ["\t", ","])
@@ -309,11 +265,6 @@ def test_lines_that_a_terminal_has_stamped(tmp_path, form, mark):
     bare = table(tmp_path, stamped("HX711 ready"), row, "bare.txt")
     numbers = {"time": "1", "friction_force": "2", "normal_force": "3"}
     right(read_log(bare, columns=numbers, units=dict.fromkeys(("friction_force", "normal_force"), "N")))
-
-
-def test_a_clock_of_the_board_is_preferred_to_the_stamps_of_its_lines(tmp_path):
-    path = table(tmp_path, "10:00:00.001 -> t_ms,Fx_N,Fz_N", lambda i, f: f"10:00:{i // 8:02}.5 -> {100 * i},{f},3.0")
-    right(read_log(path))
 
 
 DATA_LOGGER = (

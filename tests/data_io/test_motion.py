@@ -45,11 +45,6 @@ def test_a_programme_is_told_back(name, noise):
     assert [speed for _, speed in motion.programme] == pytest.approx([s for _, s in programme], rel=0.01, abs=1e-12)
 
 
-def test_one_speed_only_where_all_pieces_have_it():
-    assert motion_of(moved(PROGRAMMES["to and fro"])).speed == pytest.approx(1e-3, rel=1e-6)
-    assert motion_of(moved(PROGRAMMES["a step of the speed"])).speed is None
-
-
 def test_what_does_not_move_tells_nothing():
     assert motion_of(moved([(10, 0.0)])) is None
     record = moved([(10, 0.0)])

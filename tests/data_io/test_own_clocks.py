@@ -23,12 +23,6 @@ def codes(record):
     return {finding.code for finding in record.findings}
 
 
-def by_time(record, tolerance=2e-3):
-    """Whether both forces are those of one time."""
-    np.testing.assert_allclose(record.friction_force, friction(record.time), atol=tolerance)
-    np.testing.assert_allclose(record.normal_force, load(record.time), atol=tolerance)
-
-
 @pytest.mark.parametrize("name", ["lvm_multi_x_rates.lvm", "lvm_start_differs.lvm"])
 def test_the_peaks_of_labview_channels_of_other_rates_or_starts(name):
     """Static peaks of 0.6 at every load, by the way the files were made; row by row they are 0.507 and 0.575."""
@@ -37,13 +31,6 @@ def test_the_peaks_of_labview_channels_of_other_rates_or_starts(name):
     peaks = ratio[: len(ratio) // 80 * 80].reshape(-1, 80).max(axis=1)  # a cycle takes 0.8 s
     assert peaks.size >= 9 and np.median(peaks) == pytest.approx(0.6, abs=2e-3)
     assert "own_clocks" in codes(record)
-
-
-def test_two_columns_each_with_a_time_of_its_own():
-    """The load rises by 1 N in 16 s, by its own clock: the row-by-row ratio is off by up to a third."""
-    record = read_log(CASES / "own_time_each.csv")
-    np.testing.assert_allclose(record.normal_force, 1.0 + record.time / 16.0, atol=2e-3)
-    assert len(record) == 800 and record.time[-1] == pytest.approx(7.99)
 
 
 @pytest.mark.parametrize("names", [("Time [s]", "Time [s]"), ("Time [s]", "Time [s].1"), ("Time 1 (ms)", "Time 2 (s)")])
@@ -109,11 +96,3 @@ def test_tables_side_by_side_are_runs(tmp_path, apart):
     lengths = [len(read_log(tmp_path / "a.xlsx", run=run)) for run in (1, 2, 3)]
     assert lengths == [30, 20, 10]
     assert read_log(tmp_path / "a.xlsx", run=3).friction_force[4] == 24.0
-
-
-def test_two_tables_on_the_same_grid_are_two(tmp_path):
-    rows = "".join(f"{i / 10},{i % 7}.5,3.0,{i / 10},{i % 5}.5,4.0\n" for i in range(40))
-    (tmp_path / "a.csv").write_text("Time [s],Fx [N],Fz [N],Time [s],Fx [N],Fz [N]\n" + rows)
-    with pytest.raises(LogError, match="stand side by side"):
-        read_log(tmp_path / "a.csv")
-    assert read_log(tmp_path / "a.csv", run=2).normal_force[0] == 4.0

@@ -47,19 +47,6 @@ def test_instants_are_seconds_from_the_first_on(tmp_path, unit):
     right(read_log(tmp_path / "a.parquet"))
 
 
-def test_only_what_is_asked_for_is_kept(tmp_path):
-    more = {"Z [mm]": TIME, "COF": FRICTION / 3.0, "note": ["dry"] * N}
-    path = written(tmp_path, **{"Time [s]": TIME, "Fx [N]": FRICTION, "Fz [N]": np.full(N, 3.0), **more})
-    assert set(read_log(path).channels) == {"Z", "COF"}
-    assert set(read_log(path, channels=["COF"]).channels) == {"COF"}
-
-
-def test_a_time_that_is_missing_gets_no_weight(tmp_path):
-    time = pyarrow.array([None if i == 7 else t for i, t in enumerate(TIME)])
-    record = read_log(written(tmp_path, **{"Time [s]": time, "Fx [N]": FRICTION, "Fz [N]": np.full(N, 3.0)}))
-    assert np.isnan(record.friction_force[7]) and {f.code for f in record.findings} >= {"missing_time"}
-
-
 def whole(folder):
     return written(folder, **{"Time [s]": TIME, "Fx [N]": FRICTION, "Fz [N]": np.full(N, 3.0)}).read_bytes()
 

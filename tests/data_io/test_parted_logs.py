@@ -13,7 +13,6 @@ from identify.base.result import Result
 from identify.cli.points import points_of
 from identify.logs.parting import parted, parts_of
 from identify.logs.scene_records import with_records
-from identify.prediction import sources as tested
 from identify.report.finished import Fit
 from identify.studies.batch_store import RESULT, write_document
 from identify.studies.making import make
@@ -105,20 +104,6 @@ def test_a_log_that_changed_while_it_was_fitted_is_seen_behind_its_parts(tmp_pat
     assert end.status == "outdated" and "one_way.csv" in end.message
 
 
-def test_what_was_tested_goes_by_the_log_of_the_scene():
-    logs = [{"part_of": 1}, {"part_of": 1}, {"reason_left_out": "it slides"}]
-    scene = {"rig": {"stiffness": 1000.0}, "logs": [{}, {"stiffness": 2000.0}]}
-    found = tested.Tested.of_result(Result.from_dict({"logs": logs, "provenance": {"scene": scene}}))
-    assert found.ranges == {"stiffness": (1000.0, 1000.0)}
-
-
-def test_parts_stand_under_the_number_of_their_log():
-    logs = [{}, {"part_of": 2}, {"part_of": 2}, {}, {"part_of": 4}, {}]
-    result = Result.from_dict({"logs": logs})
-    assert result.numbers == [0, 1, 1, 2, 3, 4] and Result().numbers == []
-    assert [result.places(number) for number in range(6)] == [[0], [1, 2], [3], [4], [5], []]
-
-
 def test_parts_of_the_second_run_of_a_file_are_not_taken_for_the_first():
     entry = {"path": "runs.csv", "drive_speed": [[0, 1e-3], [1, -1e-3]]}
     document = Scene.from_toml(examples.SCENE).as_document()
@@ -139,22 +124,3 @@ def points(logs, told, parameters=None):
 
 def told(path, **more):
     return {"path": path, "drive_speed_m_per_s": 1e-3, "normal_force_N": 1.0, "derived": {}, **more}
-
-
-@pytest.mark.parametrize("names", [("slow.csv", "very_slow.csv"), ("a/slow.csv", "b/slow.csv")])
-def test_a_log_is_not_answered_by_one_whose_name_its_own_ends_with(names):
-    logs = [{"path": name, "drive_speed": 1e-3, "stiffness": 1000.0 * k} for k, name in enumerate(names, 1)]
-    found = points(logs, [told(name) for name in names])
-    assert [values["stiffness"] for values, _ in found] == [1000.0, 2000.0]
-
-
-def test_a_stroke_with_parameters_of_its_own_takes_them():
-    logs = [{"path": "turns.csv", "drive_speed": [[0, 1e-3], [1, -1e-3]]}]
-    forth, back = ({"labels": {"stroke": word}, "part_of": 1} for word in ("1 forth", "2 back"))
-    known = {"unit": "", "standard_error": 1e-3, "verdict": "identified", "per": "stroke"}
-    own = {
-        "mu_s": {**known, "value": 0.6, "group": "1 forth"},
-        "mu_s (2 back)": {**known, "value": 0.7, "group": "2 back", "parameter": "mu_s"},
-    }
-    found = points(logs, [told("turns.csv", **forth), told("turns.csv", **back)], own)
-    assert [(values["mu_s"], speed) for values, speed in found] == [(0.6, 1e-3), (0.7, 1e-3)]

@@ -1,7 +1,7 @@
 """Record: refuses what a fit could not trust, cannot be changed, goes through frames and processes unchanged."""
 
 import pickle
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pandas as pd
@@ -36,19 +36,6 @@ def test_columns_are_read_only_copies_of_float64():
         record.time = source
     with pytest.raises(TypeError):
         record.metadata["path"] = "x"
-
-
-def test_a_frozen_column_is_not_copied_again():
-    record = ramp()
-    assert replace(record, drive_speed=1e-3).friction_force is record.friction_force
-
-
-@pytest.mark.parametrize("length", [1, 5])
-def test_up_to_five_missing_rows_stay_with_a_finding(length):
-    record = ramp(40, friction_force=with_gap(length))
-    assert np.count_nonzero(np.isnan(record.friction_force)) == length
-    assert [finding.code for finding in record.findings] == ["missing_rows"]
-    assert [finding.code for finding in replace(record, drive_speed=1.0).findings] == ["missing_rows"]
 
 
 def test_missing_normal_and_friction_rows_count_together():

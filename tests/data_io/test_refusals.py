@@ -7,7 +7,6 @@ import pytest
 
 from data_io import LogError, Record, Step, read_log
 from data_io.source import load
-from data_io.units import UnitError, parse_quantity
 
 HEAD = "T,Fx,Fz\ns,N,N\n"
 GOOD = HEAD + "".join(f"{i / 100:.2f},{i % 7}.5,3.0\n" for i in range(40))
@@ -127,12 +126,3 @@ def test_a_record_refuses_what_a_fit_could_not_trust(words):
     with pytest.raises(LogError, match=words):
         Record(**{**plain, **wrong})
     Record(**{**plain, **sound})
-
-
-@pytest.mark.parametrize(
-    ("wrong", "sound"), [(None, 1), (np.inf, 1e300), ("much", "1"), ("1,5 N", "1.5 N"), ("1 mm", "1 mN")]
-)
-def test_a_quantity_is_one_finite_number_with_a_unit(wrong, sound):
-    with pytest.raises(UnitError):
-        parse_quantity(wrong, "N")
-    parse_quantity(sound, "N")

@@ -51,14 +51,3 @@ def test_the_velocity_in_the_head_of_a_cetr_step():
     assert stated is not None and stated.value == 240.0 and stated.module is None and stated.unit is None
     assert stated.speeds["linear"] == pytest.approx(4e-3)  # 240 mm/min
     assert stated.speeds["rotary"] == pytest.approx(2 * np.pi * 4.0 * 3.95e-3)  # 240 rpm at 3.95 mm
-
-
-def test_the_module_tells_the_unit():
-    step = {"Velocity": "240", "Radius": "10"}
-    linear = stated_velocity(step, {"Script file": r"C:\rotary tests\linear_5mm.cts"}, {})
-    rotary = stated_velocity(step, {"Script file": "disc.cts"}, {})
-    by_column = stated_velocity(step, {}, {"Speed": "rpm"})
-    assert (linear.module, linear.unit) == ("linear", "mm/min") and (rotary.module, rotary.unit) == ("rotary", "rpm")
-    assert by_column.module == "rotary" and by_column.radius == 0.01
-    assert stated_velocity({"Velocity": "0"}, {}, {}) is None and stated_velocity({}, {}, {}) is None
-    assert stated_velocity({"Velocity": "fast"}, {}, {}) is None

@@ -1,18 +1,13 @@
 """An even clock that was written with too few digits is even again; any other clock is left as it is."""
 
-from pathlib import Path
-
 import h5py
 import numpy as np
 import pytest
 
-from data_io import LogError, clock
+from data_io import LogError
 from data_io import read_log as read
 from data_io.clock import evened
 from data_io.quality import assess
-from data_io.record import BLOCK
-
-EVEN = np.arange(4000) / 800.0
 
 
 @pytest.mark.parametrize("rounding", [np.round, np.floor])
@@ -22,23 +17,6 @@ def test_a_rounded_clock_is_even_again(rounding, rate) -> None:  # type: ignore[
     time, (finding,) = evened(rounding(true * 1000.0) / 1000.0)
     assert np.ptp(time - true) < 4e-4, "but for a shift of the whole clock; the stamps are off by 1e-3"
     assert finding.code == "clock_rounded" and "rounded to 0.001 s" in finding.message
-
-
-def test_other_clocks_are_left_alone() -> None:
-    random = np.random.default_rng(1)
-    lost = np.delete(EVEN, slice(1000, 1010))
-    jittering = EVEN + random.uniform(-0.4, 0.4, EVEN.size) / 800.0
-    for time in (EVEN, np.round(jittering, 5), np.round(lost, 3), np.round(EVEN * 8.0, 3), np.round(EVEN, 3)[:40]):
-        same, findings = evened(time)
-        assert same is time and findings == []
-
-
-def test_a_file_with_few_digits_is_read_with_its_even_clock_and_says_so(tmp_path: Path) -> None:
-    rows = "\n".join(f"{t:.3f},1.0,{0.3 + 0.1 * (i % 7):.3f}" for i, t in enumerate(EVEN))
-    (tmp_path / "a.csv").write_text(f"Time,Fz,Fx\ns,N,N\n{rows}\n")
-    record = read(tmp_path / "a.csv")
-    assert np.ptp(np.diff(record.time)) < 1e-9
-    assert "clock_rounded" in [finding.code for finding in record.findings]
 
 
 @pytest.mark.parametrize(("fault", "code"), [("repeated", "repeated_time"), ("lost", "dropouts")])
@@ -52,16 +30,6 @@ def test_one_row_lost_or_repeated_is_no_rounding(tmp_path, fault, code):
     findings = {finding.code for finding in (*record.findings, *assess(record).findings)}
     assert code in findings and "clock_rounded" not in findings
     assert np.diff(record.time).min() == pytest.approx(0.02) and np.isclose(np.diff(record.time), 0.02).sum() >= 80
-
-
-def test_an_odd_interval_anywhere_in_a_long_clock_is_seen() -> None:
-    """Intervals are made block by block: none between two blocks is lost."""
-    rows = 3 * BLOCK + 7
-    for place in (1, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK, rows - 1):
-        time = np.arange(rows) / 1000.0
-        time[place:] += 0.25
-        assert clock._spread(time) == np.ptp(np.diff(time))
-    assert clock._spread(np.arange(rows) * 0.5) == 0.0
 
 
 @pytest.mark.parametrize("start", [20.0, 5000.0, 90000.0])
@@ -126,9 +94,3 @@ def test_rows_that_share_stamps_at_random_are_refused(tmp_path):
     (tmp_path / "a.csv").write_text("Time [s],Fx [N],Fz [N]\n" + rows)
     with pytest.raises(LogError, match="repeats itself"):
         read(tmp_path / "a.csv")
-
-
-def test_the_case_of_five_thousand_seconds():
-    path = Path(__file__).parents[1] / "cases" / "f32_5000.h5"
-    record = read(path)
-    assert record.time[-1] == pytest.approx(4.0, abs=5e-4) and np.ptp(np.diff(record.time)) < 1e-9

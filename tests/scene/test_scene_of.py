@@ -4,8 +4,7 @@ import json
 
 import pytest
 
-from data_io import LogError
-from identify import Scene, SceneError, fit, simulate
+from identify import Scene, simulate
 from identify.base.errors import FitError
 from identify.report.stored_result import read_document
 from tests.scene.test_scene import GOOD
@@ -17,26 +16,6 @@ def test_a_scene_is_taken_as_it_is_by_its_path_and_from_its_tables(tmp_path):
     assert Scene.of(scene) is scene
     assert Scene.of(str(tmp_path / "good.toml")) == scene == Scene.of(tmp_path / "good.toml")
     assert Scene.of(scene.as_document()).rig == scene.rig
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        (None, "None is no scene; expected a Scene, the path"),
-        (7, "7 is no scene"),
-        ("nowhere.toml", "nowhere.toml: no such scene file"),
-        ({}, "the scene has no effects"),
-    ],
-)
-def test_what_is_no_scene_is_said_by_fit(given, words):
-    with pytest.raises(SceneError, match=words):
-        fit(given)
-
-
-def test_fit_reads_the_file_of_a_scene_and_its_logs(tmp_path):
-    (tmp_path / "good.toml").write_text(GOOD)
-    with pytest.raises(LogError, match=r"slow\.csv"):  # which is not there
-        fit(str(tmp_path / "good.toml"))
 
 
 def test_static_friction_may_be_no_higher_than_kinetic_and_then_nothing_slips():

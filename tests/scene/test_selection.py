@@ -30,8 +30,3 @@ def test_what_the_scene_says_stands(said):
     kept = made.parameters["skin_stiffness"]
     assert 3000.0 in (kept.start, kept.fixed)
     assert 7600.0 not in (kept.start, kept.fixed)
-
-
-def test_bounds_alone_leave_the_start_open():
-    bounded = _auto(skin_stiffness={"lower": "1000 N/m", "upper": "5000 N/m"})
-    assert bounded.with_effects(EFFECTS, {"skin_stiffness": 7600.0}).parameters["skin_stiffness"].start == 5000.0
