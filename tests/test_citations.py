@@ -1,4 +1,4 @@
-"""What the code and the documents cite is there: sections of docs/equations.md, printed errors, pages, files."""
+"""What the code and the documents cite is there: sections of docs/equations.md, printed errors, pages."""
 
 import re
 from pathlib import Path

@@ -56,19 +56,6 @@ def test_wrong_command_lines(folder, capsys, arguments, words):
     assert not list(folder.iterdir())
 
 
-@pytest.mark.parametrize("name", ["x" * 5000, "/".join(["some folder"] * 500)])
-def test_a_long_path_is_shortened_in_the_sentence(folder, capsys, name):
-    for command in (
-        ["fit", "--scene", name],
-        ["fit", "--scene", examples.SCENE, name],
-        ["inspect", name],
-        ["fit", "--scene", examples.SCENE, "--out", name],
-        [*SIMULATE[:-1], f"{name}.csv", "--duration", "1", "--rate", "9"],
-    ):
-        told = refused(capsys, *command)
-        assert len(told) < 500 and name[:50] in told and "…" in told
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [

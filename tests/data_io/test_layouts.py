@@ -1,4 +1,4 @@
-"""Layouts that people have: clock times, quotes, cells with units, columns by number, names of other languages."""
+"""Layouts that people have: clock times, quotes, units in cells, columns by number, other languages, doubtful roles."""
 
 from datetime import datetime, time, timedelta
 from pathlib import Path
@@ -159,13 +159,6 @@ def test_settings_end_wherever_they_end(tmp_path, setting, count):
     np.testing.assert_allclose(record.friction_force[:120], [float(force) for force in FORCE], rtol=1e-12)
 
 
-def test_the_position_is_read_where_there_is_no_header():
-    columns = {"time": "1", "friction_force": "3", "position": "2"}
-    units = {"time": "ms", "friction_force": "N", "position": "mm"}
-    record = read_log(CASES / "no_header_position.txt", columns=columns, units=units, normal_force=10.0)
-    assert len(record) == 300 and record.channel_units["position"] == "m"
-
-
 def test_a_number_and_a_word_in_each_row(tmp_path):
     path = CASES / "number_and_word.txt"
     with pytest.raises(LogError, match=r"the word 'N1' behind the numbers of the column before.*--rate"):
@@ -178,14 +171,6 @@ def test_a_number_and_a_word_in_each_row(tmp_path):
             columns={"friction_force": "1"}, units={"friction_force": "N"}, normal_force=3.0, rate=10.0,
         )  # fmt: skip
         right(found)
-
-
-def test_names_that_cannot_be_written_are_numbered(tmp_path):
-    path = table(tmp_path, "\ufffd\ufffd,\ufffd,,\ufffd", lambda i, f: f"{i / 10},{f},3.0,7")
-    numbered = {"time": "1", "friction_force": "2", "normal_force": "3"}
-    right(read_log(path, columns=numbered, units={"time": "s", "friction_force": "N", "normal_force": "N"}))
-    twice = table(tmp_path, "Time [s],Kanal [N],Kanal [N]", lambda i, f: f"{i / 10},3.0,{f}")
-    right(read_log(twice, columns={"friction_force": "3", "normal_force": "2"}))
 
 
 @pytest.mark.parametrize(
@@ -299,3 +284,58 @@ def test_a_clock_that_counts_from_1970_tells_its_unit(tmp_path, part):
     columns = {"normal_force": "force.z", "friction_force": "force.x"}
     record = read_log(path, columns=columns, units={"normal_force": "N", "friction_force": "N"})
     assert record.time[-1] - record.time[0] == pytest.approx(0.118, abs=1e-6)
+
+
+N = 600
+TIME = np.arange(N) / 100.0
+
+
+def saw(high=0.9, low=0.5):
+    """A force of stick-slip [N]."""
+    return low + (high - low) * (TIME % 0.8) / 0.8 + np.random.default_rng(1).normal(0.0, 1e-3, N)
+
+
+def still(level, sd=2e-3, seed=2):
+    return level + np.random.default_rng(seed).normal(0.0, sd, N)
+
+
+def text(folder, delimiter=",", **columns):
+    rows = [delimiter.join(columns)]
+    rows += [delimiter.join(f"{values[i]:.5f}" for values in columns.values()) for i in range(N)]
+    (folder / "a.txt").write_text("\n".join(rows) + "\n")
+    return folder / "a.txt"
+
+
+def test_the_force_of_six_axes_is_asked_for():
+    with pytest.raises(LogError, match=r"'Fx \(N\)'.*stands still.*'Fy \(N\)' moves.*friction_force=Fy"):
+        read_log(CASES / "six_axis_off.csv")
+    record = read_log(CASES / "six_axis_off.csv", columns={"friction_force": "Fy"})
+    assert np.mean(record.friction_force / record.normal_force) == pytest.approx(0.475, abs=2e-3)
+    assert len(read_log(CASES / "six_axis_off.csv", columns={"friction_force": "Fx"})) == 800
+
+
+def test_swapped_forces_are_asked_for(tmp_path):
+    path = text(tmp_path, **{"t [s]": TIME, "Fx [N]": still(2.0), "Fz [N]": saw()})
+    with pytest.raises(LogError, match=r"may be swapped.*friction_force=Fz,normal_force=Fx"):
+        read_log(path)
+    turned = read_log(path, columns={"friction_force": "Fz", "normal_force": "Fx"})
+    assert np.median(turned.normal_force) == pytest.approx(2.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("friction", "other"),
+    [
+        (saw(), still(0.05)),  # as it should be
+        (still(0.5), still(0.05)),  # steady sliding: nothing moves
+        (still(0.5), 0.01 * TIME),  # the other one drifts, and holds no friction
+        (saw(), saw(9.0, 5.0)),  # both move: the name decides
+    ],
+)
+def test_what_is_as_its_name_says_is_not_asked_for(tmp_path, friction, other):
+    path = text(tmp_path, **{"t [s]": TIME, "Fx [N]": friction, "Fy [N]": other, "Fz [N]": still(1.0)})
+    np.testing.assert_allclose(read_log(path).friction_force, friction, atol=1e-5)
+
+
+def test_a_load_that_swings_under_a_high_friction_is_not_asked_for(tmp_path):
+    path = text(tmp_path, **{"t [s]": TIME, "Fx [N]": saw(1.8, 1.2), "Fz [N]": 1.0 + 0.1 * np.sin(TIME)})
+    assert len(read_log(path)) == N

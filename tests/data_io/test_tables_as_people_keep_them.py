@@ -57,16 +57,6 @@ def test_a_column_of_units_tells_the_unit_of_each_row(tmp_path: Path, seed: int)
             read_log(tmp_path / "log.csv", units={"friction_force": "N"})
 
 
-def test_units_whose_column_is_not_clear_are_asked_for(tmp_path: Path) -> None:
-    time, force, load, random = drawn(0)
-    rows = [f"{t:.4f},{f[0]},{n},{f[1]}" for t, f, n in zip(time, in_units(force, random), load, strict=True)]
-    (tmp_path / "two.csv").write_text("Time [s],Fx,Fz,Unit\n" + "\n".join(rows) + "\n")
-    (tmp_path / "said.csv").write_text("Time [s],Fz [N],Fx [N],Unit\n" + "\n".join(rows) + "\n")
-    for name in ("two.csv", "said.csv"):
-        with pytest.raises(LogError, match="not clear"):
-            read_log(tmp_path / name, units={"friction_force": "N", "normal_force": "N"})
-
-
 @pytest.mark.parametrize("seed", SIBLINGS)
 def test_statistics_below_the_rows_are_no_rows(tmp_path: Path, seed: int) -> None:
     time, force, load, random = drawn(seed, rows=int(np.random.default_rng(seed).integers(100, 4000)))
@@ -140,17 +130,6 @@ def test_a_force_that_reaches_nine_hundred_and_ninety_nine_is_no_mark(tmp_path: 
     check(tmp_path / "log.csv", time, force, load)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_header_may_say_how_much_one_count_is(tmp_path: Path, seed: int) -> None:
-    time, force, load, _ = drawn(seed)
-    rows = "".join(f"{100.0 * t:.3f},{f},{n}\n" for t, f, n in zip(time, force, load, strict=True))
-    (tmp_path / "log.csv").write_text(f"Time [0.01 s],Fx [N],Fz [N]\n{rows}")
-    check(tmp_path / "log.csv", time, force, load)
-    (tmp_path / "volts.csv").write_text(f"Time [10 ms],Fx [V],Fz [N]\n{rows}")
-    with pytest.raises(LogError, match="V"):  # negative control: a volt is no newton
-        read_log(tmp_path / "volts.csv")
-
-
 @pytest.mark.parametrize("change", [(2, 1), (1, 2), (-4, -5)])
 def test_an_offset_of_the_clock_may_change_within_a_log(tmp_path: Path, change: tuple[int, int]) -> None:
     time, force, load, _ = drawn(0)
@@ -187,18 +166,6 @@ def test_marks_between_thousands_are_no_delimiters(tmp_path: Path, mark: str) ->
     )
     (tmp_path / "log.csv").write_text(f"Time [ms];Fx [mN];Fz [mN]\n{rows}", encoding="utf-8")
     check(tmp_path / "log.csv", time, force, load, 1e-3)
-
-
-def test_names_of_rows_are_no_column(tmp_path: Path) -> None:
-    time, force, load, _ = drawn(3)
-    rows = [f"{t:.4f}\t{f}\t{n}" for t, f, n in zip(time, force, load, strict=True)]
-    text = "Time_s\tFx_N\tFz_N\n" + "".join(f"{i}\t{row}\n" for i, row in enumerate(rows, start=1))
-    (tmp_path / "r.txt").write_text(text)
-    check(tmp_path / "r.txt", time, force, load)
-    unnamed = "Time_s\tFx_N\tFz_N\n" + "".join(f"{row}\t7\n" for row in rows)  # negative control: one name is missing
-    (tmp_path / "unnamed.txt").write_text(unnamed)
-    with pytest.raises(LogError, match="4 fields"):
-        read_log(tmp_path / "unnamed.txt")
 
 
 @pytest.mark.parametrize(("shown", "stored"), [("0.0%", 0.01), ("0.00", 1.0)])

@@ -12,11 +12,11 @@ ELSEWHERE = {
     "read_in_part": "tests/cli/test_partly_read.py",
     "load_trembles": "tests/logs/test_live_load.py",  # so does how the fit takes the load
     "load_varies": "tests/logs/test_prepare.py",  # a warning of the fit: the scene's effects decide it
-    "newest_first": "tests/data_io/test_raw_clocks.py",
-    "never_written": "tests/data_io/test_raw_clocks.py",
-    "counter_begins_anew": "tests/data_io/test_raw_clocks.py",
-    "packets": "tests/data_io/test_gaps_of_the_clock.py",
-    "pauses": "tests/data_io/test_gaps_of_the_clock.py",
+    "newest_first": "tests/data_io/test_clocks.py",
+    "never_written": "tests/data_io/test_clocks.py",
+    "counter_begins_anew": "tests/data_io/test_clocks.py",
+    "packets": "tests/data_io/test_clocks.py",
+    "pauses": "tests/data_io/test_clocks.py",
     "statistics_below": "tests/data_io/test_tables_as_people_keep_them.py",
     "no_value_mark": "tests/data_io/test_tables_as_people_keep_them.py",
     "swings": "tests/logs/test_looks_of_records.py",  # what such records look like at random, as the next two

@@ -1,8 +1,7 @@
-"""Scenes with every effect: parameters in their units, laws in their ranges, effects that are still to be chosen."""
+"""Scenes with every effect: documents, parameters that are held, the area of contact, effects left to be chosen."""
 
 import json
 import math
-from pathlib import Path
 
 import pytest
 
@@ -11,8 +10,6 @@ from identify.effects import ALL, MAIN, NAMES
 from identify.model.model import assemble
 from identify.scene import Scene
 
-# One unit that is not the SI unit of the parameter, and what it is in SI, per unit that parameters have.
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": 0.01, "normal_force": 1.0}
 
 
