@@ -74,17 +74,6 @@ def test_a_log_without_cycles_is_reported_with_exit_code_3(folder, capsys):
     assert len(Path("load/classical.csv").read_text().splitlines()) == 2 and Path("load/report.html").exists()
 
 
-def test_a_log_that_slides_says_what_it_holds_and_leaves_a_report(folder, capsys, no_further_logs):
-    fast = ["--set", "rig.drive_speed=50 mm/s"]
-    simulated(capsys, "slide.csv", *fast, "--noise", "5 mN")
-    entry = ["fit", "slide.csv", "--scene", examples.SCENE, *fast, "--out", "slide", "--json"]
-    code, out, _ = stickslip(capsys, *entry)
-    result = json.loads(out)
-    assert code == 0 and result["status"] == "converged", result["message"]
-    assert {found["verdict"] for found in result["parameters"].values()} <= {"not identifiable", "weak"}
-    assert Path("slide/report.html").exists() and Path("slide/figures").exists()
-
-
 @pytest.mark.parametrize("good", [True, False])
 def test_the_exit_code_of_the_demo_is_that_of_its_fit(monkeypatch, tmp_path, capsys, good):
     fit = fake_fit()

@@ -13,6 +13,8 @@ from identify.effects import MAIN
 from identify.scene import Scene
 from tests.support.command import refused, stickslip
 
+pytestmark = pytest.mark.usefixtures("no_cost")
+
 RIG = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N"]
 LOGS = [examples.FOLDER / name for name in ("1_mm_per_s.txt.gz", "5_mm_per_s.txt.gz")]
 MEASURED = Path(__file__).resolve().parents[3] / "shared" / "data" / "paper_on_paper"
@@ -89,9 +91,8 @@ def test_inspect_tells_what_is_in_the_logs(folder, capsys):
 def test_several_logs_end_in_a_table_of_all_and_a_picture(folder, capsys):
     logs = [LOGS[0], examples.FOLDER / "0.1_mm_per_s_at_50_Hz.txt.gz"]
     Path("bad $log$ µ.csv").write_text("T,Fx,Fz\ns,N,N\n0,1,1\n1,1,1\n0.5,1,1\n")
-    for ending in ("png", "svg", "pdf"):
-        code, out, _ = stickslip(capsys, "inspect", *logs, "bad $log$ µ.csv", "--plot", f"all.{ending}")
-        assert code == 2 and Path(f"all.{ending}").stat().st_size > 5000
+    code, out, _ = stickslip(capsys, "inspect", *logs, "bad $log$ µ.csv", "--plot", "all.svg")
+    assert code == 2 and Path("all.svg").stat().st_size > 5000
     head, stepped, coarse, bad = out.splitlines()[-5:-1]
     assert head.split()[0] == "log" and max(map(len, (head, stepped, coarse, bad))) <= 80
     assert stepped.split() == ["1_mm_per_s.txt.gz", "1000", "Hz", "several", "stick", "slip", "13", "accept"]

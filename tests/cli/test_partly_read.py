@@ -10,6 +10,7 @@ from data_io import LogTooLargeError, hdf5, read_log
 from identify import Scene, fit
 from identify.base.outcome import Status
 from identify.examples import FOLDER
+from identify.logs.scene_records import with_records
 from identify.scene.values import LogEntry
 
 BEGINS = 250.0  # of the clock in the file [s]
@@ -39,6 +40,7 @@ def tight(monkeypatch, record_bytes):
     monkeypatch.setattr(hdf5, "free_memory", lambda: int(2 * 0.8 * record_bytes))
 
 
+@pytest.mark.slow
 def test_the_window_gives_the_fit_of_the_whole(scene, monkeypatch):
     of_whole = fit(scene).result
     record = read_log(scene.logs[0].path)
@@ -52,3 +54,20 @@ def test_the_window_gives_the_fit_of_the_whole(scene, monkeypatch):
     for name, estimate in of_whole["parameters"].items():
         other = of_part["parameters"][name]
         assert abs(other["value"] - estimate["value"]) <= 0.05 * (estimate["standard_error"] or np.inf), name
+
+
+def test_the_window_alone_is_read_and_times_of_the_entry_are_moved(scene, monkeypatch):
+    drive = ((0.0, 1e-3), (0.4, 2e-3), (2.0, 1e-3))
+    entry = replace(scene.logs[0], drive_speed=drive, tare=(0.85, 0.95))
+    whole = read_log(entry.path)
+    tight(monkeypatch, 24 * len(whole))
+    moved, (record,) = with_records(replace(scene, logs=(entry,)), None)
+    (later,) = moved.logs
+    begin = record.metadata["file_time_start"] - BEGINS
+    assert record.time[0] == 0.0 and 0.85 <= begin < 0.852
+    first = np.searchsorted(whole.time, begin - 1e-9)
+    np.testing.assert_array_equal(record.friction_force, whole.friction_force[first : first + len(record)])
+    assert later.window == pytest.approx((0.9 - begin, 3.6 - begin))
+    assert later.tare == pytest.approx((0.85 - begin, 0.95 - begin))
+    assert later.exclude == (pytest.approx((2.0 - begin, 2.05 - begin)),)
+    assert np.array(later.drive_speed) == pytest.approx(np.array([(0.0, 2e-3), (2.0 - begin, 1e-3)]))
