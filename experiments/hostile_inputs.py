@@ -12,8 +12,9 @@ import itertools
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import h5py
 import numpy as np
@@ -107,55 +108,53 @@ LINES: Mapping[str, str] = {
 }
 
 
+def _log(what: str, name: str, sound: bool = True, **places: str) -> Hostile:
+    return Hostile(what, name, partial(text, name, **places), sound=sound)
+
+
 def texts() -> Iterator[Hostile]:
     """Every text format with what asks for work at each of its places."""
+    blanks = {"TOP": "Key" + " " * 50_000 + "x", "UNIT": " " * 50_000 + "N", "NAME": " " * 50_000}
     for name in TEXTS:
-        for what, unit in BOMBS.items():
-            yield Hostile(f"unit, {what}", name, lambda n=name, u=unit: text(n, UNIT=u))
-        for what, number in NUMBERS.items():
-            yield Hostile(f"number, {what}", name, lambda n=name, x=number: text(n, CELL=x), sound=True)
-        for what, place in itertools.product(LINES, ("TOP", "BELOW", "ROWS", "END")):
-            yield Hostile(
-                f"{what}, {place.lower()}", name, lambda n=name, w=what, p=place: text(n, **{p: LINES[w]}), sound=True
-            )
+        yield from (_log(f"unit, {what}", name, sound=False, UNIT=unit) for what, unit in BOMBS.items())
+        yield from (_log(f"number, {what}", name, CELL=number) for what, number in NUMBERS.items())
+        for (what, line), place in itertools.product(LINES.items(), ("TOP", "BELOW", "ROWS", "END")):
+            yield _log(f"{what}, {place.lower()}", name, **{place: line})
         for place in ("TOP", "NAME", "UNIT", "CELL", "END"):
-            blanks = {"TOP": "Key" + " " * 50_000 + "x", "UNIT": " " * 50_000 + "N", "NAME": " " * 50_000}
             words = blanks.get(place, "0" + " " * 50_000 + "x")
-            yield Hostile(
-                f"50,000 blanks, {place.lower()}", name, lambda n=name, w=words, p=place: text(n, **{p: w}), sound=True
-            )
-    for what, number in NUMBERS.items():
-        for name in ("pair.lvm", "interval.csv"):
-            place = {"INTERVAL": number}
-            yield Hostile(f"interval, {what}", name, lambda n=name, p=place: text(n, **p), sound=True)
+            yield _log(f"50,000 blanks, {place.lower()}", name, **{place: words})
+    for (what, number), name in itertools.product(NUMBERS.items(), ("pair.lvm", "interval.csv")):
+        yield _log(f"interval, {what}", name, INTERVAL=number)
+
+
+NEARLY: Mapping[str, str] = {
+    "step without a number": "Step No." + " " * 50_000 + "x\n",
+    "many steps without a number": "Step\n" * 10_000,
+    "run of blanks": "Run #" + " \t" * 30_000 + ";\n",
+    "step of many digits": f"Step No. {'9' * 10_000}\n",
+    "date of many digits": f"Started at: {'1' * 10_000}:00:00 12 May 2022\n",
+    "interval of blanks": "Interval" + " " * 50_000 + "0.5x\n",
+    "interval lines": "\n \n" * 15_000 + "Interval,x\n",
+    "brackets": "Fx " + "(" * 50_000 + "\n",
+    "bracket pairs": "Fx " + "()" * 20_000 + ",T\n",
+    "one name, many blanks": "Fx" + " " * 15_000 + "(N" + " " * 15_000 + "x,T\n",
+    "many names": ",".join(f"Fx{i} (N)" for i in range(20_000)) + "\n",
+    "quotes": '"' * 50_001 + "\n",
+    "quotes in cells": '"a,' * 20_000 + "\n",
+    "comments": "#" * 50_000 + "\n",
+    "equals signs": "key " + "= " * 50_000 + "\n",
+    "header lines": "T [s],Fx [N],Fz [N]\n" * 3000,
+    "points": "1" + "." * 50_000 + "\n",
+    "plus and minus": "+-" * 50_000 + "\n",
+}
+"""Lines that a pattern of a reader nearly fits, again and again."""
 
 
 def patterns() -> Iterator[Hostile]:
-    """Lines that a pattern of a reader nearly fits, again and again."""
-    lines = {
-        "step without a number": "Step No." + " " * 50_000 + "x\n",
-        "many steps without a number": "Step\n" * 10_000,
-        "run of blanks": "Run #" + " \t" * 30_000 + ";\n",
-        "step of many digits": f"Step No. {'9' * 10_000}\n",
-        "date of many digits": f"Started at: {'1' * 10_000}:00:00 12 May 2022\n",
-        "interval of blanks": "Interval" + " " * 50_000 + "0.5x\n",
-        "interval lines": "\n \n" * 15_000 + "Interval,x\n",
-        "brackets": "Fx " + "(" * 50_000 + "\n",
-        "bracket pairs": "Fx " + "()" * 20_000 + ",T\n",
-        "one name, many blanks": "Fx" + " " * 15_000 + "(N" + " " * 15_000 + "x,T\n",
-        "many names": ",".join(f"Fx{i} (N)" for i in range(20_000)) + "\n",
-        "quotes": '"' * 50_001 + "\n",
-        "quotes in cells": '"a,' * 20_000 + "\n",
-        "comments": "#" * 50_000 + "\n",
-        "equals signs": "key " + "= " * 50_000 + "\n",
-        "header lines": "T [s],Fx [N],Fz [N]\n" * 3000,
-        "points": "1" + "." * 50_000 + "\n",
-        "plus and minus": "+-" * 50_000 + "\n",
-    }
-    for what, line in lines.items():
-        for name in ("comma.csv", "cetr.txt", "interval.csv", "pair.lvm"):
-            yield Hostile(f"line, {what}", name, lambda n=name, w=line: text(n, TOP=w), sound=True)
-    yield Hostile("file name of many digits", f"T11_{'9' * 180}N.csv", lambda: text("comma.csv", UNIT="N"), sound=True)
+    """Those lines above a log."""
+    for (what, line), name in itertools.product(NEARLY.items(), ("comma.csv", "cetr.txt", "interval.csv", "pair.lvm")):
+        yield _log(f"line, {what}", name, TOP=line)
+    yield Hostile("file name of many digits", f"T11_{'9' * 180}N.csv", partial(text, "comma.csv"), sound=True)
 
 
 def _gz(block: bytes, times: int) -> bytes:
@@ -164,46 +163,32 @@ def _gz(block: bytes, times: int) -> bytes:
     return b"".join([*out, packer.flush()])
 
 
-def _zip(name: str, block: bytes, times: int) -> bytes:
+def _zip(names: Sequence[str], block: bytes, times: int) -> bytes:
     held = io.BytesIO()
-    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as packed, packed.open(name, "w") as member:
-        for _ in range(times):
-            member.write(block)
+    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as packed:
+        for name in names:
+            with packed.open(name, "w") as member:
+                for _ in range(times):
+                    member.write(block)
     return held.getvalue()
+
+
+MEGA = 1 << 20
 
 
 def packed() -> Iterator[Hostile]:
     """Small archives that hold lines without end."""
-    mega = 1 << 20
-    blocks = {
-        "line ends": b"\n" * mega,
-        "zero bytes": b"\0" * mega,
-        "blanks": b" " * mega,
-        "one digit": b"1" * mega,
-        "the same row": b"0.02,0.5,3\n" * (mega // 11),
-        "the same words": b"a note\n" * (mega // 7),
-        "the same header": b"T [s],Fx [N],Fz [N]\n" * (mega // 20),
-        "empty cells": b",,\n" * (mega // 3),
-    }
-    for what, block in blocks.items():
-        yield Hostile(f"gz of {what}", "log.csv.gz", lambda b=block: _gz(b, 400))
-        yield Hostile(f"zip of {what}", "log.zip", lambda b=block: _zip("log.csv", b, 400))
-        yield Hostile(
-            f"gz of {what} below a table", "log.csv.gz", lambda b=block: gzip.compress(GOOD) + _gz(b, 400), sound=True
-        )
-    yield Hostile("gz in gz", "log.csv.gz", lambda: gzip.compress(_gz(b"\0" * mega, 400)))
-    yield Hostile("zip of 20,000 files", "logs.zip", _many_members)
+    for line in (b"\n", b"\0", b" ", b"1", b"0.02,0.5,3\n", b"a note\n", b"T [s],Fx [N],Fz [N]\n", b",,\n"):
+        block = line * (MEGA // len(line))
+        yield Hostile(f"gz of {line!r}", "log.csv.gz", partial(_gz, block, 400))
+        yield Hostile(f"zip of {line!r}", "log.zip", partial(_zip, ["log.csv"], block, 400))
+        below = partial(lambda block: gzip.compress(GOOD) + _gz(block, 400), block)
+        yield Hostile(f"gz of {line!r} below a table", "log.csv.gz", below, sound=True)
+    yield Hostile("gz in gz", "log.csv.gz", lambda: gzip.compress(_gz(b"\0" * MEGA, 400)))
+    yield Hostile("zip of 20,000 files", "logs.zip", lambda: _zip([f"log_{i}.csv" for i in range(20_000)], b"1", 1))
     yield Hostile("gz cut off", "log.csv.gz", lambda: gzip.compress(GOOD)[:-9])
-    yield Hostile("HDF5 packed, of zeros", "log.h5.gz", lambda: _gz(b"\x89HDF\r\n\x1a\n" + b"\0" * mega, 400))
-    yield Hostile("MAT packed, of zeros", "log.mat.gz", lambda: _gz(_mat_header() + b"\0" * mega, 400))
-
-
-def _many_members() -> bytes:
-    held = io.BytesIO()
-    with zipfile.ZipFile(held, "w") as made:
-        for number in range(20_000):
-            made.writestr(f"log_{number}.csv", b"1")
-    return held.getvalue()
+    yield Hostile("HDF5 packed, of zeros", "log.h5.gz", lambda: _gz(b"\x89HDF\r\n\x1a\n" + b"\0" * MEGA, 400))
+    yield Hostile("MAT packed, of zeros", "log.mat.gz", lambda: _gz(_mat_header() + b"\0" * MEGA, 400))
 
 
 def _mat_header(order: str = "<") -> bytes:
@@ -227,13 +212,9 @@ def mat_matrix(dimensions: Sequence[int], *, array: int = 6, promised: int | Non
     return _mat_header(order) + _element(14, parts, order=order)
 
 
-def _mat_packed(inner: bytes) -> bytes:
-    return _mat_header() + _element(15, zlib.compress(inner, 9))
-
-
-def _mat_of(variables: Mapping[str, object]) -> bytes:
+def _mat_of(variables: Mapping[str, object], packed: bool) -> bytes:
     held = io.BytesIO()
-    scipy.io.savemat(held, dict(variables), do_compression=True)
+    scipy.io.savemat(held, dict(variables), do_compression=packed)
     return held.getvalue()
 
 
@@ -244,100 +225,67 @@ def changed(data: bytes, place: int, value: int) -> bytes:
 
 def matlab() -> Iterator[Hostile]:
     """MATLAB files that promise more than they hold, and damaged ones."""
-    for count in (60_000_000, 2_000_000_000, -5):
-        yield Hostile(f"MAT, {count} numbers promised", "log.mat", lambda n=count: mat_matrix((n, 1)))
-    yield Hostile("MAT, 60 million cells promised", "log.mat", lambda: mat_matrix((60_000_000, 1), array=1))
-    yield Hostile("MAT, 60 million structs promised", "log.mat", lambda: mat_matrix((60_000_000, 1), array=2))
-    yield Hostile("MAT, 60 million letters promised", "log.mat", lambda: mat_matrix((60_000_000, 1), array=4))
-    yield Hostile("MAT, sparse", "log.mat", lambda: mat_matrix((60_000_000, 60_000_000), array=5))
-    yield Hostile("MAT, 30 dimensions", "log.mat", lambda: mat_matrix([9] * 30))
-    yield Hostile("MAT, bytes promised", "log.mat", lambda: mat_matrix((4, 1), promised=1_000_000_000))
-    yield Hostile("MAT, packed zeros", "log.mat", lambda: _mat_packed(_element(14, b"\0" * 400_000_000)))
-    wide = {"t": np.zeros(60_000_000, np.uint8)}
-    yield Hostile("MAT, 60 million zeros packed", "log.mat", lambda: _mat_of(wide))
-    columns = {"t": np.arange(60.0), "Fx": np.arange(60.0), "Fz": np.ones(60)}
-    held = io.BytesIO()
-    scipy.io.savemat(held, columns)
-    whole = held.getvalue()
+    promised = [((count, 1), 6) for count in (60_000_000, 2_000_000_000, -5)]
+    promised += [((60_000_000, 1), kind) for kind in (1, 2, 4)] + [((60_000_000, 60_000_000), 5)]
+    for dimensions, kind in promised:
+        yield Hostile(f"MAT, {dimensions} of class {kind}", "log.mat", partial(mat_matrix, dimensions, array=kind))
+    zeros = partial(lambda size: _mat_header() + _element(15, zlib.compress(_element(14, bytes(size)), 9)), 400_000_000)
+    wide = partial(lambda size: _mat_of({"t": np.zeros(size, np.uint8)}, packed=True), 60_000_000)
+    yield Hostile("MAT, 30 dimensions", "log.mat", partial(mat_matrix, [9] * 30))
+    yield Hostile("MAT, bytes promised", "log.mat", partial(mat_matrix, (4, 1), promised=1_000_000_000))
+    yield Hostile("MAT, packed zeros", "log.mat", zeros)
+    yield Hostile("MAT, 60 million zeros packed", "log.mat", wide)
+    whole = _mat_of({"t": np.arange(60.0), "Fx": np.arange(60.0), "Fz": np.ones(60)}, packed=False)
     for place, value in itertools.product((128, 136, 144, 145, 160, 168, 176), (0, 9, 200)):
-        yield Hostile(
-            f"MAT, byte {place} is {value}", "log.mat", lambda p=place, v=value: changed(whole, p, v), sound=True
-        )
+        yield Hostile(f"MAT, byte {place} is {value}", "log.mat", partial(changed, whole, place, value), sound=True)
 
 
-def _book(fill: Callable[[openpyxl.Workbook], object]) -> bytes:
+def _book(cell: tuple[int, int] | None = None, sheet: str = "", unit: str = "N") -> bytes:
+    """A log as a workbook, with a cell far away in it or on a second sheet."""
     book = openpyxl.Workbook()
-    for row in (("T [s]", "Fx [N]", "Fz [N]"), *ROWS):
+    for row in (("T [s]", f"Fx [{unit}]", "Fz [N]"), *ROWS):
         book.active.append(row)
-    fill(book)
+    if cell:
+        (book.create_sheet(sheet) if sheet else book.active).cell(*cell, 1.0)
     held = io.BytesIO()
     book.save(held)
     return held.getvalue()
 
 
-def _sheet(xml: str, book: bytes | None = None, part: str = "xl/worksheets/sheet1.xml") -> bytes:
-    """A workbook with another text in one of its parts."""
+def _sheet(inside: str, times: int = 1, top: str = "") -> bytes:
+    """A workbook with another text in its sheet."""
+    main = 'worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
+    xml = f'<?xml version="1.0"?>{top}<{main}>{inside * times}</worksheet>'
     held = io.BytesIO()
-    with (
-        zipfile.ZipFile(io.BytesIO(book or _book(lambda _: None))) as old,
-        zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as new,
-    ):
+    with zipfile.ZipFile(io.BytesIO(_book())) as old, zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as new:
         for info in old.infolist():
-            new.writestr(info.filename, xml if info.filename == part else old.read(info))
+            new.writestr(info.filename, xml if info.filename.endswith("sheet1.xml") else old.read(info))
     return held.getvalue()
-
-
-_XML = '<?xml version="1.0"?><worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main">'
 
 
 def workbooks() -> Iterator[Hostile]:
     """Workbooks with little in them and much around it."""
-    cells = {"far right": (1, 16384), "far down": (1_048_576, 1), "far corner": (1_048_576, 16384)}
-    for what, (row, column) in cells.items():
-        yield Hostile(
-            f"sheet, one cell {what}",
-            "log.xlsx",
-            lambda r=row, c=column: _book(lambda book: book.active.cell(r, c, 1.0)),
-            sound=True,
-        )
-        yield Hostile(
-            f"sheet, one cell {what} of a second sheet",
-            "log.xlsx",
-            lambda r=row, c=column: _book(lambda book: book.create_sheet().cell(r, c, "note")),
-            sound=True,
-        )
-    far = "".join(f'<row r="{i}"><c r="XFD{i}"><v>1</v></c></row>' for i in range(1, 3000))
-    yield Hostile(
-        "sheet, 3000 far cells", "log.xlsx", lambda: _sheet(f"{_XML}<sheetData>{far}</sheetData></worksheet>")
-    )
-    many = "".join(f'<row r="{i * 300}"><c r="A{i * 300}"><v>1</v></c></row>' for i in range(1, 3000))
-    yield Hostile(
-        "sheet, rows far apart", "log.xlsx", lambda: _sheet(f"{_XML}<sheetData>{many}</sheetData></worksheet>")
-    )
-    laughs = '<!DOCTYPE x [<!ENTITY a "ha">' + "".join(
-        f'<!ENTITY {chr(98 + i)} "{("&" + chr(97 + i) + ";") * 10}">' for i in range(9)
-    )
-    bomb = f'<?xml version="1.0"?>{laughs}]><worksheet><sheetData><row r="1"><c r="A1"><v>&j;</v></c></row></sheetData>'
-    yield Hostile("sheet, entities", "log.xlsx", lambda: _sheet(bomb + "</worksheet>"))
-    deep = f"{_XML}{'<sheetData>' * 100_000}"
-    yield Hostile("sheet, nested", "log.xlsx", lambda: _sheet(deep))
-    digits = f'{_XML}<sheetData><row r="1"><c r="A1"><v>{"9" * 100_000}</v></c></row></sheetData></worksheet>'
-    yield Hostile("sheet, 100,000 digits", "log.xlsx", lambda: _sheet(digits))
-    row = f'{_XML}<sheetData><row r="{"9" * 5000}"><c r="A1"><v>1</v></c></row></sheetData></worksheet>'
-    yield Hostile("sheet, row of 5000 digits", "log.xlsx", lambda: _sheet(row))
-    blank = _XML + " " * 300_000_000 + "</worksheet>"
-    yield Hostile("sheet, 300 MB of blanks", "log.xlsx", lambda: _sheet(blank))
-    unit = (("T [s]", "Fx [N*9^9^9]", "Fz [N]"), *ROWS)
-    yield Hostile("sheet, unit", "log.xlsx", lambda: _unit_book(unit))
+    for cell, sheet in itertools.product(((1, 16384), (1_048_576, 1), (1_048_576, 16384)), ("", "notes")):
+        yield Hostile(f"sheet, cell {cell} {sheet}", "log.xlsx", partial(_book, cell, sheet), sound=True)
+    yield Hostile("sheet, unit", "log.xlsx", partial(_book, unit="N*9^9^9"))
 
+    def rows(cells: Iterable[tuple[str, str, str]]) -> str:
+        inside = "".join(f'<row r="{row}"><c r="{cell}"><v>{value}</v></c></row>' for row, cell, value in cells)
+        return f"<sheetData>{inside}</sheetData>"
 
-def _unit_book(rows: Sequence[Sequence[object]]) -> bytes:
-    book = openpyxl.Workbook()
-    for row in rows:
-        book.active.append(row)
-    held = io.BytesIO()
-    book.save(held)
-    return held.getvalue()
+    entities = ((chr(98 + i), ("&" + chr(97 + i) + ";") * 10) for i in range(9))
+    laughs = '<!DOCTYPE x [<!ENTITY a "ha">' + "".join(f'<!ENTITY {name} "{text}">' for name, text in entities) + "]>"
+    sheets: Mapping[str, tuple[str, int, str]] = {
+        "3000 far cells": (rows((f"{i}", f"XFD{i}", "1") for i in range(1, 3000)), 1, ""),
+        "rows far apart": (rows((f"{i}", f"A{i}", "1") for i in range(300, 900_000, 300)), 1, ""),
+        "entities": (rows([("1", "A1", "&j;")]), 1, laughs),
+        "nested": ("<sheetData>", 100_000, ""),
+        "100,000 digits": (rows([("1", "A1", "9" * 100_000)]), 1, ""),
+        "row of 5000 digits": (rows([("9" * 5000, "A1", "1")]), 1, ""),
+        "300 MB of blanks": (" ", 300_000_000, ""),
+    }
+    for what, given in sheets.items():
+        yield Hostile(f"sheet, {what}", "log.xlsx", partial(_sheet, *given))
 
 
 def _h5(fill: Callable[[h5py.File], object]) -> bytes:
@@ -347,38 +295,29 @@ def _h5(fill: Callable[[h5py.File], object]) -> bytes:
     return held.getvalue()
 
 
-def _promising(rows: int, chunks: tuple[int, ...] | None, kind: str = "f8") -> Callable[[h5py.File], None]:
-    def fill(file: h5py.File) -> None:
-        for name, unit in (("time", "s"), ("normal_force", "N"), ("friction_force", "N")):
-            data = file.create_dataset(f"run_1/step_1/{name}", shape=(rows,), dtype=kind, chunks=chunks)
-            data.attrs["units"] = unit
-        file.attrs.update({"format": "stickslip-log", "format_version": 1})
-
-    return fill
-
-
-def _bombed(file: h5py.File) -> None:
-    for name, unit in (("time", "s"), ("normal_force", "N"), ("friction_force", "N*9^9^9")):
-        file[f"run_1/step_1/{name}"] = np.arange(1.0, 9.0)
-        file[f"run_1/step_1/{name}"].attrs["units"] = unit
+def _steps(file: h5py.File, rows: int, chunks: tuple[int, ...] | None = None, unit: str = "N") -> None:
+    """A log of ours in which so many rows are promised and none is written."""
+    for name, of in (("time", "s"), ("normal_force", "N"), ("friction_force", unit)):
+        data = file.create_dataset(f"run_1/step_1/{name}", shape=(rows,), dtype="f8", chunks=chunks)
+        data.attrs["units"] = of
     file.attrs.update({"format": "stickslip-log", "format_version": 1})
 
 
 def hdf5() -> Iterator[Hostile]:
     """HDF5 files that promise more than they hold."""
-    for rows in (60_000_000, 10**10, 10**15):
-        yield Hostile(
-            f"HDF5, {rows:g} rows promised", "log.h5", lambda n=rows: _h5(_promising(n, (1 << 16,))), sound=False
-        )
-        yield Hostile(f"HDF5, {rows:g} rows never written", "log.h5", lambda n=rows: _h5(_promising(n, None)))
-    yield Hostile("HDF5, unit", "log.h5", lambda: _h5(_bombed))
+    fills: dict[str, Callable[[h5py.File], object]] = {
+        f"{rows:g} rows {'promised' if chunks else 'never written'}": partial(_steps, rows=rows, chunks=chunks)
+        for rows in (60_000_000, 10**10, 10**15)
+        for chunks in ((1 << 16,), None)
+    }
+    fills["unit"] = partial(_steps, rows=8, unit="N*9^9^9")
+    fills["2000 groups in each other"] = lambda file: file.create_group("/".join("g" * 2000))
+    fills["20,000 groups"] = lambda file: [file.create_group(f"g{i}") for i in range(20_000)]
+    for what, fill in fills.items():
+        yield Hostile(f"HDF5, {what}", "log.h5", partial(_h5, fill))
     named = ["inspect", "{file}", "--columns", "time=/t,friction_force=/f,normal_force=/n"]
-    matrix = lambda file: file.create_dataset("t", shape=(10**9, 10**5), chunks=(1000, 1), dtype="f8")  # noqa: E731
-    yield Hostile("HDF5, a matrix promised", "log.h5", lambda: _h5(matrix), named)
-    groups = lambda file: file.create_group("/".join("g" * 2000))  # noqa: E731
-    yield Hostile("HDF5, 2000 groups in each other", "log.h5", lambda: _h5(groups))
-    several = lambda file: [file.create_group(f"g{i}") for i in range(20_000)]  # noqa: E731
-    yield Hostile("HDF5, 20,000 groups", "log.h5", lambda: _h5(several))
+    shape = partial(h5py.File.create_dataset, name="t", shape=(10**9, 10**5), chunks=(1000, 1), dtype="f8")
+    yield Hostile("HDF5, a matrix promised", "log.h5", partial(_h5, shape), named)
 
 
 def options() -> Iterator[Hostile]:
@@ -394,24 +333,17 @@ def options() -> Iterator[Hostile]:
     }
     for option, values in given.items():
         for number, value in enumerate(values, 1):
-            yield Hostile(
-                f"{option}, {number}",
-                "comma.csv",
-                lambda: GOOD,
-                ("inspect", "{file}", option, value),
-                sound=" " * 99 in value,
-            )
-    for number, words in enumerate(
-        (
-            ["--duration", "1e308", "--rate", "1e308"],
-            ["--duration", "1e308", "--rate", "1e-308"],
-            ["--duration", "1", "--rate", "100", "--noise", "1e308"],
-            ["--duration", "1", "--rate", "100", "--seed", "9" * 4000],
-            ["--duration", "1 s^9^9^9", "--rate", "100"],
-        ),
-        1,
-    ):
-        command = ("simulate", "--scene", "{file}", *words, "--out", "{out}.csv")
+            command = ("inspect", "{file}", option, value)
+            yield Hostile(f"{option}, {number}", "comma.csv", lambda: GOOD, command, sound=" " * 99 in value)
+    asked = (
+        ["1e308", "--rate", "1e308"],
+        ["1e308", "--rate", "1e-308"],
+        ["1", "--rate", "100", "--noise", "1e308"],
+        ["1", "--rate", "100", "--seed", "9" * 4000],
+        ["1 s^9^9^9", "--rate", "100"],
+    )
+    for number, words in enumerate(asked, 1):
+        command = ("simulate", "--scene", "{file}", "--out", "{out}.csv", "--duration", *words)
         yield Hostile(f"simulate, {number}", "scene.toml", SCENE.encode, command, sound="--seed" in words)
 
 
@@ -427,11 +359,10 @@ def scenes() -> Iterator[Hostile]:
         "binary": "0b" + "1" * 60_000,
     }
     lines = SCENE.splitlines()
+    simulated = ("simulate", "--scene", "{file}", "--duration", "1", "--rate", "100", "--out", "{out}.csv")
     for (what, value), key in itertools.product(values.items(), ("mass", "stiffness", "damping", "drive_speed")):
         made = "\n".join(f"{key} = {value}" if line.startswith(key) else line for line in lines) + "\n"
-        command = ("simulate", "--scene", "{file}", "--duration", "1", "--rate", "100", "--out", "{out}.csv")
-        yield Hostile(f"scene, {key}, {what}", "scene.toml", made.encode, command, sound=what == "1e-308")
-    simulated = ("simulate", "--scene", "{file}", "--duration", "1", "--rate", "100", "--out", "{out}.csv")
+        yield Hostile(f"scene, {key}, {what}", "scene.toml", made.encode, simulated, sound=what == "1e-308")
     extra = {
         "speed of 1e308 in a programme": 'drive_speed = [[0, "1e308 m/s"], [1, "0 m/s"]]',
         "many speeds": "drive_speed = [" + ",".join(f"[{i}, {1 + i % 2}e-4]" for i in range(20_000)) + "]",

@@ -2,24 +2,27 @@
 
 Layouts follow what was found in real files and public parsers; every number here is made up. Each maker writes its
 numbers as text first, and the truth is computed from that text, so that reading can be compared to the last digit.
-
-    python experiments/lookalikes.py FOLDER        writes one file of each kind
 """
 
 from __future__ import annotations
 
-import functools
 import io
 import random
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from pathlib import Path
+from functools import partial
 from typing import Any
 
+import h5py
+import nptdms
 import numpy as np
+import openpyxl
+import pyarrow.parquet
+import scipy.io
 
+Columns = Mapping[str, np.ndarray]
+UNITS = {"t": "s", "Fz": "N", "Fx": "N"}
 GRAM = Fraction("0.00980665")  # [N] of one gram-force, by definition
 
 
@@ -129,20 +132,11 @@ CETR_UNITS = {"Fx": "g", "Fz": "g", "Z": "mm", "Y": "mm", "X": "mm", "V1": "mm/s
 BRUKER_TOP = "Bruker UMT TriboLab\x01 export\x02\nOperator - NN\n\nRun # 1\nRun date 12 May 2022 12:21:50\n"
 
 
-def cetr(rows: Sequence[Row]) -> Made:
-    """CETR UMT-2: eleven columns, gram-force, negative load."""
-    return _umt(rows, ("Fx", "Fz", "Z", "Y", "X", "V1", "V2", "V3", "T", "Ff", "COF"), CETR_UNITS, CETR_TOP, -1)
-
-
-def cetr_reordered(rows: Sequence[Row]) -> Made:
-    """The same of another machine: fewer columns in another order."""
-    return _umt(rows, ("COF", "T", "Fz", "X", "Fx", "Ff"), CETR_UNITS, CETR_TOP, -1)
-
-
-def bruker(rows: Sequence[Row]) -> Made:
-    """Bruker TriboLab: time first, newtons, positive load, odd bytes above."""
-    units = {**CETR_UNITS, "Fx": "N", "Fz": "N", "Ff": "N"}
-    return _umt(rows, ("T", "Fx", "Fz", "Ff", "COF"), units, BRUKER_TOP, 1)
+ELEVEN = ("Fx", "Fz", "Z", "Y", "X", "V1", "V2", "V3", "T", "Ff", "COF")
+cetr = partial(_umt, order=ELEVEN, units=CETR_UNITS, top=CETR_TOP, load_sign=-1)
+cetr_reordered = partial(_umt, order=("COF", "T", "Fz", "X", "Fx", "Ff"), units=CETR_UNITS, top=CETR_TOP, load_sign=-1)
+NEWTONS = CETR_UNITS | {"Fx": "N", "Fz": "N", "Ff": "N"}
+bruker = partial(_umt, order=("T", "Fx", "Fz", "Ff", "COF"), units=NEWTONS, top=BRUKER_TOP, load_sign=1)
 
 
 def rtec(rows: Sequence[Row]) -> Made:
@@ -301,16 +295,6 @@ def _lvm(rows: Sequence[Row], x_columns: str, decimal: str) -> Made:
     return _truth(text.encode(), table, (1, 1, 1))
 
 
-def lvm(rows: Sequence[Row]) -> Made:
-    """LabVIEW, the clock from Delta_X."""
-    return _lvm(rows, "No", ".")
-
-
-def lvm_comma(rows: Sequence[Row]) -> Made:
-    """LabVIEW, the clock in X_Value, decimal comma."""
-    return _lvm(rows, "One", ",")
-
-
 def thousands(rows: Sequence[Row]) -> Made:
     """Instron Bluehill: every number quoted, commas between thousands, forces in millinewtons."""
     text, table = '"Time","Load","Friction force"\n"(s)","(mN)","(mN)"\n', []
@@ -388,135 +372,96 @@ def export(name: str, rows: Sequence[Row]) -> Made:
     return _truth(text.encode(), cells, (1, 1, 1))
 
 
-def _floats(rows: Sequence[Row]) -> tuple[Made, np.ndarray, np.ndarray, np.ndarray]:
-    columns = [np.array(c) for c in zip(*((r.time / 1e4, r.normal / 1e6, r.friction / 1e6) for r in rows), strict=True)]
-    made = Made(b"", *(tuple(Fraction(float(v)) for v in column) for column in columns))
-    return made, *columns
-
-
-def hdf5(rows: Sequence[Row]) -> Made:
-    """HDF5 of somebody else: chunked and compressed datasets with units, a name and a picture beside them."""
-    import h5py
-
-    made, t, fz, fx = _floats(rows)
+def _binary(rows: Sequence[Row], write: Callable[[io.BytesIO, Columns], object]) -> Made:
+    """A binary file of float64: what is written is exactly what it holds."""
+    t, fz, fx = (
+        np.array(c) for c in zip(*((r.time / 1e4, r.normal / 1e6, r.friction / 1e6) for r in rows), strict=True)
+    )
     held = io.BytesIO()
+    write(held, {"t": t, "Fz": fz, "Fx": fx})
+    return Made(held.getvalue(), *(tuple(Fraction(float(v)) for v in column) for column in (t, fz, fx)))
+
+
+def _hdf5(held: io.BytesIO, columns: Columns) -> None:
+    """HDF5 of somebody else: chunked and compressed datasets with units, a name and a picture beside them."""
     with h5py.File(held, "w") as file:
-        for name, unit, values in (("t", "s", t), ("Fz", "N", fz), ("Fx", "N", fx)):
-            file.create_dataset(f"daq/{name}", data=values, chunks=True, compression="gzip").attrs["units"] = unit
+        for name, values in columns.items():
+            data = file.create_dataset(f"daq/{name}", data=values, chunks=True, compression="gzip")
+            data.attrs["units"] = UNITS[name]
         file["notes"] = "held by nobody"
         file["camera"] = np.zeros((4, 4), np.uint8)
-    return Made(held.getvalue(), made.time, made.normal, made.friction)
 
 
-def tdms(rows: Sequence[Row]) -> Made:
-    """LabVIEW TDMS: a channel of times, forces with their units as properties, a group of words."""
-    import nptdms
-
-    made, t, fz, fx = _floats(rows)
-    held = io.BytesIO()
+def _tdms(held: io.BytesIO, columns: Columns) -> None:
+    """LabVIEW TDMS: channels with their units as properties, a group of words."""
     with nptdms.TdmsWriter(held) as writer:
-        channels = [
-            nptdms.ChannelObject("test", name, values, {"unit_string": unit})
-            for name, unit, values in (("Time", "s", t), ("Fz", "N", fz), ("Fx", "N", fx))
-        ]
+        channels = [nptdms.ChannelObject("test", "Time" if name == "t" else name, values, {"unit_string": UNITS[name]})
+                    for name, values in columns.items()]  # fmt: skip
         writer.write_segment([nptdms.RootObject({"operator": "NN"}), *channels])
-    return Made(held.getvalue(), made.time, made.normal, made.friction)
 
 
-def parquet(rows: Sequence[Row]) -> Made:
+def _parquet(held: io.BytesIO, columns: Columns) -> None:
     """Parquet: a unit in a name, one in the metadata of a column, a column of words."""
-    import pyarrow
-    import pyarrow.parquet
-
-    made, t, fz, fx = _floats(rows)
     fields = [pyarrow.field("Fz", pyarrow.float64(), metadata={"unit": "N"}), ("Time [s]", pyarrow.float64()),
               ("Fx [N]", pyarrow.float64()), ("remark", pyarrow.string())]  # fmt: skip
-    held = io.BytesIO()
-    pyarrow.parquet.write_table(pyarrow.table([fz, t, fx, ["NN"] * t.size], pyarrow.schema(fields)), held)
-    return Made(held.getvalue(), made.time, made.normal, made.friction)
+    arrays = [columns["Fz"], columns["t"], columns["Fx"], ["NN"] * columns["t"].size]
+    pyarrow.parquet.write_table(pyarrow.table(arrays, pyarrow.schema(fields)), held)
 
 
-def matlab(rows: Sequence[Row]) -> Made:
+def _matlab(held: io.BytesIO, columns: Columns) -> None:
     """MATLAB 5: a struct with column vectors, units as suffix."""
-    import scipy.io
-
-    made, t, fz, fx = _floats(rows)
-    held = io.BytesIO()
-    scipy.io.savemat(held, {"log": {"t_s": t[:, None], "Fz_N": fz[:, None], "Fx_N": fx[:, None]}, "operator": "NN"})
-    return Made(held.getvalue(), made.time, made.normal, made.friction)
+    log = {f"{name}_{UNITS[name]}": values[:, None] for name, values in columns.items()}
+    scipy.io.savemat(held, {"log": log, "operator": "NN"})
 
 
-def excel(rows: Sequence[Row]) -> Made:
+def _excel(held: io.BytesIO, columns: Columns) -> None:
     """A workbook: a sheet of words, a sheet with names, units and numbers."""
-    import openpyxl
-
-    made, t, fz, fx = _floats(rows)
     book = openpyxl.Workbook()
     book.active.append(["Prüfung", "vom Januar"])
     sheet = book.create_sheet("log")
-    for cells in (["T", "Fx", "Fz"], ["s", "N", "N"], *zip(t.tolist(), fx.tolist(), fz.tolist(), strict=True)):
+    for cells in (["T", "Fz", "Fx"], ["s", "N", "N"], *zip(*(c.tolist() for c in columns.values()), strict=True)):
         sheet.append(list(cells))
-    held = io.BytesIO()
     book.save(held)
-    return Made(held.getvalue(), made.time, made.normal, made.friction)
 
 
-BARE = {"units": {"time": "s", "friction_force": "N"}, "normal_force": "2.5 N"}
 SCALES = {"units": {"friction_force": "2.5 N/V", "normal_force": "4 N/V"}}
-NUMBERED = {
-    "columns": {"time": "2", "friction_force": "3", "normal_force": "4"},
-    "units": {"time": "s", "friction_force": "N", "normal_force": "N"},
+SAID: Mapping[str, Mapping[str, Any]] = {
+    "bare tab": {"units": {"time": "s", "friction_force": "N"}, "normal_force": "2.5 N"},
+    "t11": {"normal_force": 10.0},
+    "volts": SCALES,
+    "ni pairs": SCALES,
+    "settings": {
+        "columns": {"time": "2", "friction_force": "3", "normal_force": "4"},
+        "units": {"time": "s", "friction_force": "N", "normal_force": "N"},
+    },
+    "data logger": {"columns": {"friction_force": "CH1", "normal_force": "CH2"}},
+    "hdf5": {"columns": {"time": "/daq/t", "normal_force": "/daq/Fz", "friction_force": "/daq/Fx"}},
 }
-NAMED = {"columns": {"time": "/daq/t", "normal_force": "/daq/Fz", "friction_force": "/daq/Fx"}}
-
-CHANNELS = {"columns": {"friction_force": "CH1", "normal_force": "CH2"}}
-
+"""What the user has to say to have a file read."""
+NAMES = {"t11": "T11_10N_0.1m-s.csv", "data logger": "240305-1.csv", "bare tab": "bare_tab.csv"}
+"""Of files whose name says something, or is one that readers look at; others are called as their kind."""
+FORMS = {"ni pairs": "ni-channels", "stamped": "stamped-lines"}
+BINARY = {"hdf5": _hdf5, "tdms": _tdms, "parquet": _parquet, "matlab": _matlab, "excel": _excel}
+ENDS = {"hdf5": "h5", "tdms": "tdms", "parquet": "parquet", "matlab": "mat", "excel": "xlsx"}
 ALL: Mapping[str, LookAlike] = {
     "cetr": LookAlike("cetr-text", "cetr.txt", cetr),
     "cetr reordered": LookAlike("cetr-text", "cetr_reordered.txt", cetr_reordered),
     "bruker": LookAlike("bruker-csv", "bruker.csv", bruker),
     "rtec": LookAlike("rtec-csv", "rtec.csv", rtec),
-    "trb3": LookAlike("delimited", "trb3.txt", TABLES["trb3"]),
-    "nano": LookAlike("delimited", "nano.txt", TABLES["nano"]),
-    "bare tab": LookAlike("delimited", "bare_tab.csv", TABLES["bare tab"], BARE),
-    "t11": LookAlike("delimited", "T11_10N_0.1m-s.csv", TABLES["t11"], {"normal_force": 10.0}),
-    "micronewton": LookAlike("delimited", "micronewton.txt", TABLES["micronewton"]),
-    "lvm": LookAlike("labview-lvm", "pair.lvm", lvm),
-    "lvm comma": LookAlike("labview-lvm", "pair_comma.lvm", lvm_comma),
-    "volts": LookAlike("delimited", "volts.csv", TABLES["volts"], SCALES),
-    "mtm": LookAlike("delimited", "mtm.csv", TABLES["mtm"]),
-    "semicolons": LookAlike("delimited", "semicolons.csv", TABLES["semicolons"]),
-    "blanks": LookAlike("delimited", "blanks.dat", TABLES["blanks"]),
-    "ni pairs": LookAlike("ni-channels", "ni_pairs.csv", TABLES["ni pairs"], SCALES),
-    "day clock": LookAlike("delimited", "day_clock.csv", TABLES["day clock"]),
-    "iso": LookAlike("delimited", "iso.csv", TABLES["iso"]),
-    "quoted": LookAlike("delimited", "quoted.csv", TABLES["quoted"]),
+    "lvm": LookAlike("labview-lvm", "pair.lvm", partial(_lvm, x_columns="No", decimal=".")),
+    "lvm comma": LookAlike("labview-lvm", "pair_comma.lvm", partial(_lvm, x_columns="One", decimal=",")),
     "thousands": LookAlike("delimited", "thousands.csv", thousands),
-    "cells": LookAlike("delimited", "cells.txt", TABLES["cells"]),
-    "settings": LookAlike("delimited", "settings.txt", TABLES["settings"], NUMBERED),
-    "chinese": LookAlike("delimited", "chinese.csv", TABLES["chinese"]),
     **{
-        name: LookAlike("delimited", f"export_{i}.txt", functools.partial(export, name), told[2])
+        name: LookAlike(FORMS.get(name, "delimited"), NAMES.get(name, f"{name}.txt"), table, SAID.get(name, {}))
+        for name, table in TABLES.items()
+    },
+    **{
+        name: LookAlike("delimited", f"export_{i}.txt", partial(export, name), told[2])
         for i, (name, told) in enumerate(EXPORTS.items())
     },
-    "stamped": LookAlike("stamped-lines", "monitor.txt", TABLES["stamped"]),
-    "data logger": LookAlike("delimited", "240305-1.csv", TABLES["data logger"], CHANNELS),
-    "hdf5": LookAlike("hdf5", "daq.h5", hdf5, NAMED),
-    "tdms": LookAlike("tdms", "pair.tdms", tdms),
-    "parquet": LookAlike("parquet", "pair.parquet", parquet),
-    "matlab": LookAlike("matlab", "pair.mat", matlab),
-    "excel": LookAlike("excel", "pair.xlsx", excel),
+    **{
+        name: LookAlike(name, f"pair.{ENDS[name]}", partial(_binary, write=write), SAID.get(name, {}))
+        for name, write in BINARY.items()
+    },
 }
-TEXTS = tuple(name for name in ALL if name not in ("hdf5", "tdms", "parquet", "matlab", "excel"))
-
-
-def main(folder: Path) -> None:
-    """Write one file of each kind."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for kind in ALL.values():
-        (folder / kind.file_name).write_bytes(kind.make(rows()).data)
-        print(folder / kind.file_name)
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "lookalikes"))
+TEXTS = tuple(name for name in ALL if name not in BINARY)

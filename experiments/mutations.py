@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Oracle = Literal["same", "part", "refuse", "any"]
+Change = Callable[[bytes, random.Random], bytes]
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class Mutation:
     written, perhaps not all; "refuse": nothing; "any": whatever, because what is written was changed.
     """
 
-    change: Callable[[bytes, random.Random], bytes]
+    change: Change
     oracle: Oracle
 
 
@@ -46,11 +47,6 @@ def line_ends(data: bytes, draw: random.Random) -> bytes:
     return b"".join(line + (draw.choice(ends) if kind == 3 else ends[kind]) for line in lines[:-1]) + lines[-1]
 
 
-def mark(data: bytes, _draw: random.Random) -> bytes:
-    """A byte-order mark in front."""
-    return b"\xef\xbb\xbf" + data.removeprefix(b"\xef\xbb\xbf")
-
-
 def packed(data: bytes, draw: random.Random) -> bytes:
     """Packed by gzip or into a zip archive."""
     if draw.random() < 0.5:
@@ -61,17 +57,21 @@ def packed(data: bytes, draw: random.Random) -> bytes:
     return held.getvalue()
 
 
-def blank_lines(data: bytes, draw: random.Random) -> bytes:
-    """Blank lines among the rows; none behind the last, whose line end would be theirs if it was cut off."""
-    lines = _lines(data)
-    for _ in range(3):
-        lines.insert(draw.choice(_row_numbers(lines) or [len(lines) - 1]), b"\n")
-    return b"".join(lines)
+def _of_a_row(change: Callable[[list[bytes], int, random.Random], list[bytes]]) -> Change:
+    """A change of the lines of a file about one of its rows, drawn."""
+
+    def changed(data: bytes, draw: random.Random) -> bytes:
+        lines = _lines(data)
+        return b"".join(change(lines, draw.choice(_row_numbers(lines) or [len(lines) - 1]), draw))
+
+    return changed
 
 
-def reserved(data: bytes, draw: random.Random) -> bytes:
-    """Space reserved at the end and never written."""
-    return data + bytes(draw.randrange(1, 5000))
+def _blank_lines(lines: list[bytes], row: int, draw: random.Random) -> list[bytes]:
+    """Among the rows; none behind the last, whose line end would be theirs if it was cut off."""
+    for at in (row, *(draw.choice(_row_numbers(lines) or [row]) for _ in range(2))):
+        lines.insert(at, b"\n")
+    return lines
 
 
 def junk_behind(data: bytes, draw: random.Random) -> bytes:
@@ -81,39 +81,9 @@ def junk_behind(data: bytes, draw: random.Random) -> bytes:
     return data + draw.choice(junk)
 
 
-def cut(data: bytes, draw: random.Random) -> bytes:
+def _cut(data: bytes, draw: random.Random) -> bytes:
     """Cut off anywhere in the second half."""
     return data[: draw.randrange(len(data) // 2, len(data))]
-
-
-def row_twice(data: bytes, draw: random.Random) -> bytes:
-    """A row written twice."""
-    lines = _lines(data)
-    i = draw.choice(_row_numbers(lines) or [0])
-    return b"".join([*lines[: i + 1], *lines[i:]])
-
-
-def row_lost(data: bytes, draw: random.Random) -> bytes:
-    """A row missing."""
-    lines = _lines(data)
-    i = draw.choice(_row_numbers(lines) or [len(lines) - 1])
-    return b"".join(lines[:i] + lines[i + 1 :])
-
-
-def rows_swapped(data: bytes, draw: random.Random) -> bytes:
-    """Two rows that follow each other exchanged."""
-    lines = _lines(data)
-    numbers = [i for i in _row_numbers(lines) if i + 1 < len(lines)]
-    i = draw.choice(numbers or [0])
-    return b"".join([*lines[:i], *lines[i + 1 : i + 2], lines[i], *lines[i + 2 :]])
-
-
-def words_between(data: bytes, draw: random.Random) -> bytes:
-    """A line of words among the rows."""
-    lines = _lines(data)
-    words = [b"load applied\r\n", b"# pause\n", b"*** operator stopped ***\n", b"Error 17: overload\n"]
-    lines.insert(draw.choice(_row_numbers(lines) or [len(lines)]), draw.choice(words))
-    return b"".join(lines)
 
 
 def header_twice(data: bytes, draw: random.Random) -> bytes:
@@ -124,35 +94,29 @@ def header_twice(data: bytes, draw: random.Random) -> bytes:
     return b"".join(lines[:first] + lines[start:first] + lines[first:])
 
 
-def field_lost(data: bytes, draw: random.Random) -> bytes:
+def _field_lost(lines: list[bytes], i: int, draw: random.Random) -> list[bytes]:
     """A row without one of its fields, or with one too many."""
-    lines = _lines(data)
-    i = draw.choice(_row_numbers(lines) or [0])
     parts = re.split(b"([" + _delimiter(lines[i]) + b"])", lines[i])
     if draw.random() < 0.5 and len(parts) > 2:
         k = 2 * draw.randrange(len(parts) // 2)
         del parts[k : k + 2]
     else:
         parts[0:0] = [b"7.25", parts[1] if len(parts) > 1 else b","]
-    return b"".join([*lines[:i], b"".join(parts), *lines[i + 1 :]])
+    return [*lines[:i], b"".join(parts), *lines[i + 1 :]]
 
 
-def field_empty(data: bytes, draw: random.Random) -> bytes:
+def _field_empty(lines: list[bytes], i: int, draw: random.Random) -> list[bytes]:
     """A row with an empty field, or a word in it."""
-    lines = _lines(data)
-    i = draw.choice(_row_numbers(lines) or [0])
     parts = re.split(b"([\r\n" + _delimiter(lines[i]) + b"])", lines[i])
     parts[2 * draw.randrange(max(len(parts) // 2, 1))] = draw.choice([b"", b"OVER", b"-", b"#DIV/0!", b"1.#QNAN"])
-    return b"".join([*lines[:i], b"".join(parts), *lines[i + 1 :]])
+    return [*lines[:i], b"".join(parts), *lines[i + 1 :]]
 
 
-def decimal_sign(data: bytes, draw: random.Random) -> bytes:
+def _decimal_sign(lines: list[bytes], i: int, _draw: random.Random) -> list[bytes]:
     """The wrong decimal sign in one row."""
-    lines = _lines(data)
-    i = draw.choice(_row_numbers(lines) or [0])
     both = b"," in lines[i] and b"." in lines[i]
     swap = bytes.maketrans(b".", b",") if both else bytes.maketrans(b".,", b",.")
-    return b"".join([*lines[:i], lines[i].translate(swap), *lines[i + 1 :]])
+    return [*lines[:i], lines[i].translate(swap), *lines[i + 1 :]]
 
 
 def no_units(data: bytes, _draw: random.Random) -> bytes:
@@ -208,28 +172,26 @@ def column_order(data: bytes, draw: random.Random) -> bytes:
     return b"".join(lines)
 
 
-def none(data: bytes, _draw: random.Random) -> bytes:
-    """Nothing broken."""
-    return data
-
-
+WORDS = [b"load applied\r\n", b"# pause\n", b"*** operator stopped ***\n", b"Error 17: overload\n"]
 TEXT: Mapping[str, Mutation] = {
-    "nothing": Mutation(none, "same"),
+    "nothing": Mutation(lambda data, _: data, "same"),
     "line ends": Mutation(line_ends, "same"),
-    "byte-order mark": Mutation(mark, "same"),
+    "byte-order mark": Mutation(lambda data, _: b"\xef\xbb\xbf" + data.removeprefix(b"\xef\xbb\xbf"), "same"),
     "packed": Mutation(packed, "same"),
-    "blank lines": Mutation(blank_lines, "same"),
-    "reserved space": Mutation(reserved, "same"),
+    "blank lines": Mutation(_of_a_row(_blank_lines), "same"),
+    "reserved space": Mutation(lambda data, draw: data + bytes(draw.randrange(1, 5000)), "same"),
     "junk behind": Mutation(junk_behind, "same"),
-    "cut off": Mutation(cut, "part"),
-    "row twice": Mutation(row_twice, "part"),
-    "row lost": Mutation(row_lost, "part"),
-    "rows swapped": Mutation(rows_swapped, "part"),
-    "words between": Mutation(words_between, "part"),
+    "cut off": Mutation(_cut, "part"),
+    "row twice": Mutation(_of_a_row(lambda lines, i, _: lines[: i + 1] + lines[i:]), "part"),
+    "row lost": Mutation(_of_a_row(lambda lines, i, _: lines[:i] + lines[i + 1 :]), "part"),
+    "rows swapped": Mutation(
+        _of_a_row(lambda lines, i, _: lines[:i] + lines[i : i + 2][::-1] + lines[i + 2 :]), "part"
+    ),
+    "words between": Mutation(_of_a_row(lambda lines, i, draw: [*lines[:i], draw.choice(WORDS), *lines[i:]]), "part"),
     "header twice": Mutation(header_twice, "part"),
-    "field lost": Mutation(field_lost, "part"),
-    "field empty": Mutation(field_empty, "part"),
-    "decimal sign": Mutation(decimal_sign, "part"),
+    "field lost": Mutation(_of_a_row(_field_lost), "part"),
+    "field empty": Mutation(_of_a_row(_field_empty), "part"),
+    "decimal sign": Mutation(_of_a_row(_decimal_sign), "part"),
     "no units": Mutation(no_units, "refuse"),
     "bytes changed": Mutation(bytes_changed, "any"),
 }
@@ -237,4 +199,4 @@ ORDER = Mutation(column_order, "same")
 """Below any other: fields are lost, units gone and rows cut in whatever order the columns have."""
 BINARY: Mapping[str, Mutation] = {
     name: TEXT[name] for name in ("nothing", "packed", "bytes changed")
-} | {"cut off": Mutation(cut, "part")}  # fmt: skip
+} | {"cut off": Mutation(_cut, "part")}  # fmt: skip

@@ -20,25 +20,12 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-
-from experiments.batch_trials import (
-    alive,
-    children,
-    content,
-    differences,
-    kill,
-    put,
-    started,
-    wait_for,
-    write_case,
-)
+from experiments.batch_trials import alive, children, content, differences, kill, put, started, wait_for, write_case
 from experiments.machine import describe
 
 WORK = 0.05  # s that a stand-in works, and as long again that it writes
@@ -47,50 +34,33 @@ VICTIMS = ("batch", "batch", "batch", "batch", "batch, terminated", "one fit")  
 
 @dataclass
 class Tally:
-    """What was counted in one series of trials."""
+    """What was counted in one series of trials: kills, batches done, and in sentences what is lost, wrong or half."""
 
     name: str
     kills: int = 0
     batches: int = 0
-    lost: int = 0
-    wrong: int = 0
-    half: int = 0
-    left: int = 0
     words: list[str] = field(default_factory=list)
     victims: Counter[str] = field(default_factory=Counter)
 
     def look(self, out: Path, reference: Path, before: dict[str, int], failed: frozenset[str]) -> dict[str, int]:
         """Look at everything that stands there; returns the groups that have ended, with the inode of each."""
         now = put(out)
-        for group, inode in before.items():
-            if now.get(group) != inode:
-                self.lost += 1
-                self.words.append(f"{group} was lost or fitted again")
+        self.words += [f"lost: {group}, or fitted again" for group, inode in before.items() if now.get(group) != inode]
         for group in sorted(set(now) - failed):
-            for sentence in differences(out / group, reference / group):
-                self.half += "whole" in sentence
-                self.wrong += "whole" not in sentence
-                self.words.append(sentence)
+            self.words += [f"wrong or half: {words}" for words in differences(out / group, reference / group)]
         return now
 
     def finish(self, out: Path, reference: Path) -> None:
         """Look at a batch that is done: the tables, and what was left lying about."""
         self.batches += 1
-        for name in ("index.csv", "batch.json"):
-            if content(out / name) != content(reference / name):
-                self.wrong += 1
-                self.words.append(f"{name} is another")
-        for item in out.glob(".*"):
-            self.left += item.name != ".lock"
+        tables = ("index.csv", "batch.json")
+        self.words += [f"wrong: {name}" for name in tables if content(out / name) != content(reference / name)]
+        self.words += [f"left over: {item.name}" for item in out.glob(".*") if item.name != ".lock"]
 
     def __str__(self) -> str:
-        told = (
-            f"{self.name:<34}{self.batches:>8}{self.kills:>7}{self.lost:>6}{self.wrong:>7}{self.half:>6}{self.left:>10}"
-        )
+        victims = "".join(f", {who} {count}" for who, count in self.victims.items())
+        told = f"{self.name:<40}{self.batches:>4} batches{self.kills:>5} kills{victims}: {len(self.words)} complaints"
         return "\n".join([told, *(f"    {words}" for words in self.words[:10])])
-
-
-HEADING = f"{'':<34}{'batches':>8}{'kills':>7}{'lost':>6}{'wrong':>7}{'half':>6}{'left over':>10}"
 
 
 def batch(case: tuple[Path, Path], out: Path, *more: object) -> list[object]:
@@ -107,11 +77,7 @@ def undisturbed(case: tuple[Path, Path], out: Path) -> None:
 
 
 def killed_at_random(name: str, case: tuple[Path, Path], reference: Path, home: Path, kills: int) -> Tally:
-    """Kill, resume, kill ..., until the batch is done; then the next batch, until there were enough kills.
-
-    Args:
-        case: manifest and scene. reference: an undisturbed batch of it. home: where the batches go. kills: how many.
-    """
+    """Kill, resume, kill ..., until the batch is done; then the next batch, until there were enough kills."""
     tally, pick = Tally(name), random.Random(kills)
     span = WORK * len(put(reference))  # seconds of work, about
     while tally.kills < kills:
@@ -129,16 +95,15 @@ def killed_at_random(name: str, case: tuple[Path, Path], reference: Path, home: 
             before = {group: inode for group, inode in now.items() if group not in failed}
         tally.finish(out, reference)
         shutil.rmtree(out)
-        print(f"{name}: {tally.kills} kills, {tally.batches} batches", file=sys.stderr, flush=True)
     return tally
 
 
 def _one_kill(process: subprocess.Popen[bytes], out: Path, tally: Tally, pick: random.Random, span: float) -> None:
     """Kill the batch or one of its fits at a random instant: of its start in some trials, of its work in most."""
     victim = pick.choice(VICTIMS)
-    before = _standing(out)
+    before = set(out.glob("*/"))
     if pick.random() < 0.8:  # from the first thing that a fit of this run has written
-        wait_for(lambda: process.poll() is not None or bool(_standing(out) - before), 300.0)
+        wait_for(lambda: process.poll() is not None or bool(set(out.glob("*/")) - before), 300.0)
     time.sleep(pick.uniform(0.0, span))
     below = children(process.pid)
     if process.poll() is not None:
@@ -154,11 +119,6 @@ def _one_kill(process: subprocess.Popen[bytes], out: Path, tally: Tally, pick: r
         wait_for(lambda: not any(alive(pid) for pid in below))
 
 
-def _standing(out: Path) -> set[str]:
-    """What stands in a batch folder, finished or not."""
-    return {item.name for item in out.iterdir() if item.is_dir()} if out.is_dir() else set()
-
-
 def _failed(out: Path) -> frozenset[str]:
     """The groups whose fit was killed: they hold a record of it alone, and are done again."""
     return frozenset(group for group in put(out) if {p.name for p in (out / group).iterdir()} == {"job.json"})
@@ -172,7 +132,6 @@ def gone_wrong(folder: Path, reference: Path, home: Path, names: list[str]) -> T
     process = started(batch(more, out, "--jobs", 2, "--time-limit", "1 s"))
     process.communicate()
     if process.returncode != 3 or set(put(out)) != {*names, "hang", "crash", "defect", "refuse"}:
-        tally.wrong += 1
         tally.words.append(f"exit code {process.returncode}, groups {sorted(put(out))}")
     tally.look(out, reference, {}, _failed(out))
     tally.batches += 1
@@ -189,28 +148,16 @@ def twice(case: tuple[Path, Path], reference: Path, home: Path, times: int) -> T
             process.communicate()
         codes = sorted(process.returncode for process in both)
         if codes not in ([0, 2], [0, 0]):  # both where one was done before the other began
-            tally.wrong += 1
             tally.words.append(f"exit codes {codes}")
         tally.look(out, reference, {}, frozenset())
         tally.finish(out, reference)
     return tally
 
 
-@contextmanager
-def small_disk(where: Path, size: str) -> Iterator[bool]:
-    """A disk of its own size; False where this machine does not let us have one."""
-    where.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(where)]
-    mounted = not sys.platform.startswith("win") and _ran(command)
+def _mounted(where: Path, *options: str) -> bool:
+    """Mount a disk of its own size there; False where this machine does not let us have one."""
     try:
-        yield mounted
-    finally:
-        if mounted:
-            _ran(["umount", str(where)])
-
-
-def _ran(command: list[str]) -> bool:
-    try:
+        command = ["mount", "-t", "tmpfs", "-o", ",".join(options), "tmpfs", str(where)]
         return subprocess.run(command, capture_output=True, check=False).returncode == 0
     except OSError:
         return False
@@ -218,29 +165,25 @@ def _ran(command: list[str]) -> bool:
 
 def full_disk(case: tuple[Path, Path], reference: Path, home: Path) -> Tally:
     """A disk that fills up in the middle, is made larger, fills up again, until the batch is done."""
-    tally = Tally("full disk")
-    with small_disk(home / "disk", "300k") as mounted:
-        if not mounted:
-            tally.name += " (not tried: no rights to mount one)"
-            return tally
-        out, before, code = home / "disk" / "out", {}, 3
+    tally, disk, before = Tally("full disk"), home / "disk", dict[str, int]()
+    disk.mkdir()
+    if not _mounted(disk, "size=300k"):
+        return Tally("full disk (not tried: no rights to mount one)")
+    try:
         for size in range(300, 3000, 300):
-            _ran(["mount", "-o", f"remount,size={size}k", str(home / "disk")])
-            process = started(batch(case, out, "--jobs", 2))
+            _mounted(disk, "remount", f"size={size}k")
+            process = started(batch(case, disk / "out", "--jobs", 2))
             _, words = process.communicate()
-            code = process.returncode
-            if b"Traceback" in words or code not in (0, 2, 3):
-                tally.wrong += 1
+            if b"Traceback" in words or process.returncode not in (0, 2, 3):
                 tally.words.append(words.decode()[-300:])
-            tally.kills += code != 0
-            before = tally.look(out, reference, before, frozenset())
-            if code == 0:
-                break
-        if code == 0:
-            tally.finish(out, reference)
-        else:
-            tally.words.append("never done")
-            tally.wrong += 1
+            tally.kills += process.returncode != 0
+            before = tally.look(disk / "out", reference, before, frozenset())
+            if process.returncode == 0:
+                tally.finish(disk / "out", reference)
+                return tally
+        tally.words.append("never done")
+    finally:
+        subprocess.run(["umount", str(disk)], capture_output=True, check=False)
     return tally
 
 
@@ -253,24 +196,18 @@ def main(fast: bool = False) -> list[Tally]:
     print(describe())
     kills, pairs, size = (2, 1, 5) if fast else (110, 10, 20)
     names = [f"G{i:02d}" for i in range(size)]
-    tallies: list[Tally] = []
-
-    def counted(tally: Tally) -> None:
-        print(tally, flush=True)
-        if tally.victims:
-            print("    killed: " + ", ".join(f"{who} {count}" for who, count in tally.victims.items()), flush=True)
-        tallies.append(tally)
-
-    print(HEADING)
     with tempfile.TemporaryDirectory() as folder:
         home = Path(folder)
         case, reference = write_case(home / "in", names), home / "reference"
         undisturbed(case, reference)
-        counted(killed_at_random("killed at random", case, reference, home, kills))
-        counted(full_disk(case, reference, home))
-        counted(twice(case, reference, home, pairs))
-        counted(gone_wrong(home / "in", reference, home, names))
-    if any(tally.lost or tally.wrong or tally.half or tally.left for tally in tallies):
+        tallies = [
+            killed_at_random("killed at random", case, reference, home, kills),
+            full_disk(case, reference, home),
+            twice(case, reference, home, pairs),
+            gone_wrong(home / "in", reference, home, names),
+        ]
+    print(*tallies, sep="\n")
+    if any(tally.words for tally in tallies):
         raise RuntimeError("not everything survived; see the table")
     return tallies
 

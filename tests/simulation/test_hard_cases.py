@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+import numpy as np
 import pytest
 
-import experiments.verdicts
-from experiments.draws import draw, effects_of
-from experiments.growth_rates import pairs
+from experiments.energy import balance
 from experiments.hard_cases import CASES
-from experiments.hard_scenes import HardCase
-from experiments.verdicts import judge
+from experiments.hard_scenes import HardCase, Scene
 from identify.base.errors import SceneError, SimulationError
-from identify.effects import MAIN
+from tests.support import oracle
 
 GREEN = [case for case in CASES if case.truth is not None]
 REFUSED = [case for case in CASES if case.truth is None]
-PAPER = [seed for seed in range(2000) if effects_of(seed) == MAIN][:100]
-OTHERS = range(40, 60)
 
 
 @pytest.mark.parametrize("case", GREEN, ids=lambda case: case.name)
@@ -34,33 +28,30 @@ def test_the_case_is_refused_with_its_sentence(case: HardCase) -> None:
         case.scene.run()
 
 
-def _violations(seeds: list[int]) -> list[str]:
-    verdicts = [judge(draw(seed)) for seed in seeds]
-    return [f"{v.seed}: {v.outcome}" for v in verdicts if v.outcome.startswith("VIOLATION")]
+def _random_scene(seed: int) -> tuple[Scene, tuple[tuple[float, float], ...]]:
+    """Pair, rig, drive and load of wide ranges, some cycles long, the drive reversed or changed in some."""
+    random = np.random.default_rng([2026, seed])
+    wide = {"mass": (1e-2, 2.0), "stiffness": (1e2, 1e5), "D": (1e-6, 1e-3), "t_cr": (1e-2, 1e2), "a": (1.0, 1e4)}
+    v = {name: float(np.exp(random.uniform(*np.log(ends)))) for name, ends in wide.items()}
+    v["mu_s"] = float(random.uniform(0.1, 3.0))
+    v["mu_k0"] = v["mu_s"] * float(random.uniform(0.1, 0.95))
+    v["delta_mu_k"] = v["mu_k0"] * float(random.uniform(-0.9, 0.3))
+    v["damping"] = 2.0 * v["stiffness"] * float(np.exp(random.uniform(*np.log((1e-4, 1.0)))))
+    speed, load = (float(np.exp(random.uniform(*np.log(ends)))) for ends in ((1e-5, 1e-1), (0.1, 100.0)))
+    loading, natural = v["mu_s"] * load / (v["stiffness"] * speed), (v["mass"] / v["stiffness"]) ** 0.5
+    duration = loading + min(3.0 * loading, 300.0 * natural)
+    drive: tuple[tuple[float, float], ...] = ((0.0, speed),)
+    if random.random() < 0.3:
+        drive += ((duration * float(random.uniform(0.3, 0.9)), speed * float(random.choice([-1.0, 0.3, 5.0]))),)
+    return Scene(v, drive, duration, ((0.0, load), (duration, load * float(random.uniform(0.5, 1.5))))), drive
 
 
-def test_random_scenes_with_the_effects_of_the_paper_meet_their_accuracy_or_are_refused() -> None:
-    assert _violations(PAPER) == []
-
-
-def test_random_scenes_with_random_effects_meet_their_accuracy_or_are_refused() -> None:
-    assert _violations(list(OTHERS)) == []
-
-
-def test_a_simulation_that_is_less_accurate_than_it_says_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    honest = experiments.verdicts.plan
-
-    def careless(*given, **more):
-        steps = honest(*given, **more)
-        return replace(steps, rtol=1e5 * steps.rtol) if steps.rtol in (1e-5, 1e-7, 1e-9) else steps
-
-    monkeypatch.setattr(experiments.verdicts, "plan", careless)
-    assert len(_violations(PAPER[:40])) >= 2
-
-
-@pytest.mark.parametrize("pair", pairs(4), ids=lambda pair: f"{pair.effects[1]}, {pair.mass:.3g} kg")
-def test_steady_sliding_loses_stability_within_three_percent_of_the_critical_stiffness(pair) -> None:
-    below, above = pair.rate(0.97)[0], pair.rate(1.03)[0]
-    assert below > 0.0 > above
-    at, frequency = pair.rate(1.0)
-    assert abs(at) < 1e-3 * min(below, -above) < 1e-3 * frequency
+@pytest.mark.parametrize("seed", range(15))
+def test_a_random_scene_keeps_its_energy_and_switches_as_an_independent_integrator_does(seed: int) -> None:
+    scene, drive = _random_scene(seed)
+    ours, truth = scene.run(), oracle.simulate(scene.values, drive, scene.force, scene.duration, rtol=1e-11)
+    assert balance(ours, scene.values).error < 1e-5
+    # Where a slip turns round without a rest before it, the integrator counts an onset; ours does not.
+    for found, known in ((ours.onsets, np.setdiff1d(truth.onsets, truth.arrests)), (ours.arrests, truth.arrests)):
+        until = 0.999 * scene.duration
+        np.testing.assert_allclose(found[found < until], known[known < until], rtol=0.0, atol=1e-6 * scene.duration)

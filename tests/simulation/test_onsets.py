@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.draws import draw
 from experiments.hard_scenes import PAIR
 from experiments.reference_methods import LOW
 from identify.base import native
@@ -44,12 +43,6 @@ def test_a_vibration_without_a_phase_is_refused_and_one_that_does_not_move_is_no
         run(model, values, 0.0, 1.0, 1e9)
     assert run(model, values, 0.0, 1.0, 1e7).onsets.size == 0
     assert run(model, values | {"excitation_amplitude": 0.0}, 0.0, 1.0, 1e9).onsets.size == 0
-
-
-def test_slips_that_are_no_time_at_all_are_refused_with_that_reason() -> None:
-    scene = draw(2503)  # 2e12 s of rest, then slips of 4e-5 s
-    with pytest.raises(SimulationError, match="less than the last digit of the time"):
-        run(scene.model, scene.values, scene.drive, scene.normal_force, scene.duration, start=scene.start)
 
 
 def test_bursts_as_machine_code_give_the_same_numbers(machine_code: Path) -> None:
