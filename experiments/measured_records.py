@@ -25,7 +25,7 @@ from identify.logs.prepare import prepare
 from identify.logs.scene_records import with_records
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
-from identify.uneven.estimator import mass_of, maximise, pooled_mass
+from identify.uneven.estimator import Maximum, mass_of, maximise, pooled_mass
 from identify.uneven.events import Sticks, sticks_of
 from identify.uneven.slip_functions import THETA
 
@@ -70,41 +70,34 @@ def halves(sticks: Sticks) -> tuple[float, float]:
     return statistic, float(chi2.sf(statistic, len(COMPARED)))
 
 
+def told(sticks: Sticks, maximum: Maximum) -> str:
+    """Mass, strength and weakening length of a record or a part of it."""
+    if not maximum.converged:
+        return "no maximum"
+    found = mass_of(maximum, sticks.rig.error)
+    strength = [np.exp(maximum.theta[0]), *np.exp(maximum.interval(np.eye(len(THETA))[0]))]
+    length = 1e6 * np.exp(maximum.theta[0] - maximum.theta[1])
+    return (
+        f"{1e3 * found.value:5.1f} g ({1e3 * found.lower:.1f} to {1e3 * found.upper:.1f}), strength {strength[0]:.4f} "
+        f"({strength[1]:.4f} to {strength[2]:.4f}), length {length:.1f} um"
+    )
+
+
 def main() -> None:
     """Print masses [g] and strengths with their 95 % intervals, and by how much masses of records differ."""
     for mass, zeta in ((0.010, 0.01), (0.020, 0.2), (0.030, 0.01), (0.030, 0.2)):
         print(f"the scene states {1e3 * mass:.0f} g and zeta {zeta:g}")
-        records, maxima = [], []
-        for name in FILES:
-            sticks = sticks_in(name, mass=mass, zeta=zeta)
-            rows = np.arange(sticks.count)
-            for part, chosen in (
-                ("whole", rows),
-                ("first", rows[: rows.size // 2]),
-                ("second", rows[rows.size // 2 :]),
-            ):
-                maximum = maximise([sticks.part(chosen)])
-                if not maximum.converged:
-                    print(f"  {name:12} {part:7} no maximum", flush=True)
-                    continue
-                found = mass_of(maximum, sticks.rig.error)
-                value, low, high = (1e3 * number for number in (found.value, found.lower, found.upper))
-                strength = [np.exp(maximum.theta[0]), *np.exp(maximum.interval(np.eye(len(THETA))[0]))]
-                length = np.exp(np.array([1.0, -1.0]) @ maximum.theta[:2])
-                print(
-                    f"  {name:12} {part:7} {value:5.1f} g ({low:.1f} to {high:.1f}), strength {strength[0]:.4f} "
-                    f"({strength[1]:.4f} to {strength[2]:.4f}), length {1e6 * length:.1f} um",
-                    flush=True,
-                )
-                if part == "whole":
-                    records.append(sticks)
-                    maxima.append(maximum)
-        together = pooled_mass(records, maxima)
-        chi_squared, freedom, chance = together.scatter or (0.0, 0, 1.0)
-        value, low, high = (1e3 * number for number in (together.value, together.lower, together.upper))
-        print(
-            f"  one mass: {value:.1f} g ({low:.1f} to {high:.1f}), chi2 {chi_squared:.2f} for {freedom}, p {chance:.3f}"
-        )
+        records = [sticks_in(name, mass=mass, zeta=zeta) for name in FILES]
+        maxima = [maximise([sticks]) for sticks in records]
+        for name, sticks, maximum in zip(FILES, records, maxima, strict=True):
+            print(f"  {name:12} whole {told(sticks, maximum)}")
+            for rows in np.split(np.arange(sticks.count), [sticks.count // 2]):
+                print(f"  {name:12} half  {told(sticks, maximise([sticks.part(rows)]))}", flush=True)
+        whole = [(sticks, found) for sticks, found in zip(records, maxima, strict=True) if found.converged]
+        together = pooled_mass([sticks for sticks, _ in whole], [found for _, found in whole])
+        low, high, (chi_squared, freedom, chance) = together.lower, together.upper, together.scatter or (0.0, 0, 1.0)
+        print(f"  one mass: {1e3 * together.value:.1f} g ({1e3 * low:.1f} to {1e3 * high:.1f}), "
+              f"chi2 {chi_squared:.2f} for {freedom}, p {chance:.3f}")  # fmt: skip
 
 
 if __name__ == "__main__":
