@@ -36,6 +36,31 @@ TRACK = {"field_length": 1e-3, "loading_sd": 0.0, "field_seed": 1.0}  # [m], and
 GRAM_FORCE = 9.80665e-3  # [N]
 FIRST_INTERVAL = 0.635  # the first sampling interval of such a log is short
 STARTED = datetime(2026, 1, 15, 10, 0, 0)
+TOP = """\
+Created by CETR UMT layout imitated by experiments/make_example_logs.py: simulated, not measured
+Total number of runs - 1
+Total number of steps = {count}
+Indenter tip ID = 0
+
+Run # 1
+Script file make_example_logs.py
+Run date {date}
+"""
+STEP = """\
+Step No. {number}
+
+Step Type Code: 0
+Velocity     = {speed:.6g}
+Set Force    = {load:.4g}
+Duration     = {duration:.6g}
+Data Count   = {count}
+Started at: {started}
+
+Fx,Fz,Y,V2,T,Ff,COF
+g,g,mm,mm/sec,sec,g,
+
+"""
+ROW = "{:.4f},{:.4f},{:.6f},{:.6f},{:.6f},{:.4f},{:.6f}\n"
 
 
 @dataclass(frozen=True)
@@ -62,17 +87,6 @@ TESTS = (
 )
 
 
-@dataclass(frozen=True)
-class Samples:
-    """What the machine records, shape (n,): time [s], forces [N], drive position [m] and speed [m/s]."""
-
-    time: Array
-    friction: Array
-    normal: Array
-    position: Array
-    speed: Array
-
-
 def clock(duration: float, rate: float) -> Array:
     """Sample times [s] of one step, from 0, the first interval short."""
     times = np.arange(round(duration * rate) + 1) / rate
@@ -80,8 +94,9 @@ def clock(duration: float, rate: float) -> Array:
     return np.round(times, 6)
 
 
-def record(test: Test) -> list[Samples]:
-    """Simulate one test and record it; one entry per step of the machine (the hold, then the sliding)."""
+def steps(test: Test) -> list[Array]:
+    """Simulate one test and record it; one table per step of the machine (the hold, then the sliding), with the columns
+    of STEP."""
     random = np.random.default_rng([SEED, TESTS.index(test)])
     end = test.hold + test.duration
     grid = np.linspace(0.0, end, 241)
@@ -91,63 +106,30 @@ def record(test: Test) -> list[Samples]:
     effects = (*MAIN, "friction_heterogeneity") if test.scatter else MAIN
     track = TRACK | {"strength_sd": test.scatter, "field_sd": LEVEL_SHARE * test.scatter} if test.scatter else {}
     motion = run(assemble(effects), FRICTION | RIG | track, drive, (grid, normal), end)
-    steps = []
+    made = []
     for start, duration, speed in ((0.0, test.hold, 0.0), (test.hold, test.duration, test.speed)):
         if duration:
             time = clock(duration, test.rate)
             force = motion.sample(start + time)["force"] + random.normal(0.0, FORCE_NOISE, time.size)
             pressed = np.interp(start + time, grid, normal) + random.normal(0.0, NORMAL_NOISE, time.size)
-            still = np.full(time.size, speed)
-            steps.append(Samples(time, test.sign * force, pressed, test.sign * speed * time, test.sign * still))
-    return steps
+            fx, fz = test.sign * force / GRAM_FORCE, -pressed / GRAM_FORCE
+            y, v = test.sign * speed * time, np.full(time.size, test.sign * speed)
+            made.append(np.column_stack([fx, fz, 1e3 * y, 1e3 * v, time, fx, abs(fx / fz)]))
+    return made
 
 
-def preamble(test: Test, steps: list[Samples]) -> list[str]:
-    """The lines above the first step."""
-    return [
-        "Created by CETR UMT layout imitated by experiments/make_example_logs.py: simulated, not measured",
-        "Total number of runs - 1",
-        f"Total number of steps = {len(steps)}",
-        "Indenter tip ID = 0",
-        "",
-        "Run # 1",
-        "Script file make_example_logs.py",
-        f"Run date {STARTED:%d %b %Y %H:%M:%S}",
-    ]
-
-
-def step_lines(number: int, samples: Samples, started: datetime) -> list[str]:
-    """One step: its parameters, header row, units row, data rows, two blank lines."""
-    clock_time = f"{started:%H:%M:%S}.{started.microsecond // 1000:03d}"
-    lines = [
-        f"Step No. {number}",
-        "",
-        "Step Type Code: 0",
-        f"Velocity     = {1e3 * samples.speed[0]:.6g}",
-        f"Set Force    = {-NORMAL_FORCE / GRAM_FORCE:.4g}",
-        f"Duration     = {samples.time[-1]:.6g}",
-        f"Data Count   = {samples.time.size}",
-        f"Started at: {clock_time} {started:%d %b %Y}",
-        "",
-        "Fx,Fz,Y,V2,T,Ff,COF",
-        "g,g,mm,mm/sec,sec,g,",
-        "",
-    ]
-    grams = samples.friction / GRAM_FORCE
-    pressed = -samples.normal / GRAM_FORCE
-    columns = (grams, pressed, 1e3 * samples.position, 1e3 * samples.speed, samples.time, grams, abs(grams / pressed))
-    for fx, fz, y, v, t, ff, cof in zip(*columns, strict=True):
-        lines.append(f"{fx:.4f},{fz:.4f},{y:.6f},{v:.6f},{t:.6f},{ff:.4f},{cof:.6f}")
-    return [*lines, "", ""]
-
-
-def write(test: Test, steps: list[Samples], folder: Path) -> Path:
+def write(test: Test, tables: list[Array], folder: Path) -> Path:
     """Write one log, gz-compressed, with CRLF line ends."""
-    lines, started = preamble(test, steps), STARTED
-    for number, samples in enumerate(steps, 1):
-        lines += step_lines(number, samples, started)
-        started += timedelta(seconds=float(samples.time[-1]) + 1.0 / test.rate)
-    content = gzip.compress("\r\n".join([*lines, ""]).encode("ascii"), compresslevel=9, mtime=0)
+    text, started = TOP.format(count=len(tables), date=f"{STARTED:%d %b %Y %H:%M:%S}"), STARTED
+    for number, table in enumerate(tables, 1):
+        clock_time = f"{started:%H:%M:%S}.{started.microsecond // 1000:03d} {started:%d %b %Y}"
+        text += STEP.format(
+            number=number, speed=table[0, 3], load=-NORMAL_FORCE / GRAM_FORCE, duration=table[-1, 4],
+            count=len(table), started=clock_time,
+        )  # fmt: skip
+        text += "".join(ROW.format(*row) for row in table.tolist()) + "\n\n"
+        started += timedelta(seconds=float(table[-1, 4]) + 1.0 / test.rate)
+    content = gzip.compress(text.replace("\n", "\r\n").encode("ascii"), compresslevel=9, mtime=0)
     with atomic_write(folder / test.name, "wb") as handle:
         handle.write(content)
     return folder / test.name
@@ -155,29 +137,15 @@ def write(test: Test, steps: list[Samples], folder: Path) -> Path:
 
 def truth(tests: tuple[Test, ...]) -> dict[str, object]:
     """All that went into the logs."""
-    return {
-        "made_by": "experiments/make_example_logs.py",
-        "parameters": FRICTION,
-        "rig": RIG,
-        "normal_force": {
-            "start_N": NORMAL_FORCE,
-            "relaxation": RELAXATION,
-            "ripple_N": RIPPLE,
-            "noise_N": NORMAL_NOISE,
-        },
-        "force_noise_N": FORCE_NOISE,
-        "seed": SEED,
-        "logs": {
-            test.name: {
-                "drive_speed": test.speed,
-                "duration_s": test.duration,
-                "rate_Hz": test.rate,
-                "hold_s": test.hold,
-                "strength_scatter": test.scatter,
-            }
-            for test in tests
-        },
-    }
+    load = {"start_N": NORMAL_FORCE, "relaxation": RELAXATION, "ripple_N": RIPPLE, "noise_N": NORMAL_NOISE}
+    logs = {
+        test.name: {"drive_speed": test.speed, "duration_s": test.duration, "rate_Hz": test.rate, "hold_s": test.hold,
+                    "strength_scatter": test.scatter}
+        for test in tests
+    }  # fmt: skip
+    made_by = "experiments/make_example_logs.py"
+    return {"made_by": made_by, "parameters": FRICTION, "rig": RIG, "normal_force": load,
+            "force_noise_N": FORCE_NOISE, "seed": SEED, "logs": logs}  # fmt: skip
 
 
 def main(fast: bool = False, folder: Path | None = None) -> None:
@@ -192,7 +160,7 @@ def main(fast: bool = False, folder: Path | None = None) -> None:
     folder = folder or FOLDER
     tests = tuple(test for test in TESTS if not fast or test.duration < 2.0)
     for test in tests:
-        path = write(test, record(test), folder)
+        path = write(test, steps(test), folder)
         print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB")
     with atomic_write(folder / "truth.json") as handle:
         handle.write(json.dumps(truth(tests), indent=2) + "\n")

@@ -7,10 +7,12 @@ everything else is drawn by hand, so that no code of the detection takes part in
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from data_io import Record
 from identify.base.errors import SimulationError
@@ -39,7 +41,6 @@ class Drawn:
     record: Record
     rig: Mapping[str, float]
     strokes: int = 1
-    noted: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def slips(self) -> bool:
@@ -65,10 +66,7 @@ def _record(draw: np.random.Generator, time: Array, force: Array, load: float, *
 def coloured(draw: np.random.Generator, time: Array, memory: float) -> Array:
     """Noise of unit variance that forgets within `memory` [s], shape (n,)."""
     keeps = float(np.exp(-np.median(np.diff(time)) / memory))
-    white = draw.standard_normal(time.size)
-    from scipy.signal import lfilter
-
-    out = lfilter([np.sqrt(1.0 - keeps**2)], [1.0, -keeps], white)
+    out = lfilter([np.sqrt(1.0 - keeps**2)], [1.0, -keeps], draw.standard_normal(time.size))
     return np.asarray(out + keeps ** np.arange(time.size) * draw.standard_normal())
 
 
@@ -124,16 +122,6 @@ def _modelled(draw: np.random.Generator, near_harmonic: bool) -> Drawn:
         return Drawn(kind, kind, record, rig | {"drive_speed": speed})
 
 
-def stick_slip(draw: np.random.Generator) -> Drawn:
-    """Equal cycles."""
-    return _modelled(draw, near_harmonic=False)
-
-
-def near_harmonic(draw: np.random.Generator) -> Drawn:
-    """An oscillation of a mass that hardly rests."""
-    return _modelled(draw, near_harmonic=True)
-
-
 def uneven_stick_slip(draw: np.random.Generator) -> Drawn:
     """Sticks of one slope that break at peaks of their own and fall by drops of their own, on a level that wanders."""
     rig, load = _rig(draw), _log_uniform(draw, 0.3, 20.0)
@@ -162,9 +150,7 @@ def uneven_stick_slip(draw: np.random.Generator) -> Drawn:
     time = np.arange(min(int(t * rate), 4 * MOST_ROWS)) / rate
     force = np.interp(time, knots_t, knots_f) + drop * _log_uniform(draw, 0.003, 0.05) * draw.standard_normal(time.size)
     record = _record(draw, time, force, load)
-    return Drawn(
-        "uneven_stick_slip", "uneven_stick_slip", record, rig | {"drive_speed": speed}, noted={"scatter": scatter}
-    )
+    return Drawn("uneven_stick_slip", "uneven_stick_slip", record, rig | {"drive_speed": speed})
 
 
 def _sliding_rig(draw: np.random.Generator) -> dict[str, float]:
@@ -183,11 +169,6 @@ def _smooth(draw: np.random.Generator, slow: bool, rates: tuple[float, float] = 
         force += level * _log_uniform(draw, 0.01, 0.08) * coloured(draw, time, memory)
     kind = "slow_noise" if slow else "white_noise"
     return Drawn(kind, "sliding", _record(draw, time, force, load), _sliding_rig(draw))
-
-
-def white_noise(draw: np.random.Generator) -> Drawn:
-    """Smooth sliding with white noise."""
-    return _smooth(draw, slow=False)
 
 
 def slow_noise(draw: np.random.Generator) -> Drawn:
@@ -210,7 +191,7 @@ def wobble(draw: np.random.Generator) -> Drawn:
         columns["Rotary.Velocity"] = 60.0 * turn * (1.0 + 2e-3 * draw.standard_normal(time.size))
     record = _record(draw, time, level * (1.0 + swing * (wave + noise)), load, **columns)
     rig = _rig(draw) | {"drive_speed": 2.0 * np.pi * turn * draw.uniform(2e-3, 2e-2)}
-    return Drawn("wobble", "sliding", record, rig, noted={"turn": turn})
+    return Drawn("wobble", "sliding", record, rig)
 
 
 def strokes(draw: np.random.Generator) -> Drawn:
@@ -284,23 +265,18 @@ def _programme(draw: np.random.Generator, standstill: bool) -> Drawn:
     return Drawn(kind, regime, _record(draw, time, force, load, **columns), rig)
 
 
-def speed_steps(draw: np.random.Generator) -> Drawn:
-    """Levels of several speeds, with a column of the speed in half of the cases."""
-    return _programme(draw, standstill=False)
-
-
-def standstill(draw: np.random.Generator) -> Drawn:
-    """A drive that stands in between, where the force relaxes."""
-    return _programme(draw, standstill=True)
-
-
 KINDS: Mapping[str, Callable[[np.random.Generator], Drawn]] = {
-    made.__name__: made
-    for made in (
-        stick_slip, uneven_stick_slip, near_harmonic, white_noise, slow_noise, wobble, strokes, running_in,
-        speed_steps, standstill,
-    )
-}  # fmt: skip
+    "stick_slip": partial(_modelled, near_harmonic=False),
+    "uneven_stick_slip": uneven_stick_slip,
+    "near_harmonic": partial(_modelled, near_harmonic=True),
+    "white_noise": partial(_smooth, slow=False),
+    "slow_noise": slow_noise,
+    "wobble": wobble,
+    "strokes": strokes,
+    "running_in": running_in,
+    "speed_steps": partial(_programme, standstill=False),
+    "standstill": partial(_programme, standstill=True),
+}
 
 
 def drawn(kind: str, seed: int) -> Drawn:
