@@ -70,15 +70,3 @@ def test_help_is_quick_and_brings_no_casadi():
     script += "; print('casadi' in sys.modules, 'numpy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False False"
-
-
-def test_a_reader_that_leaves_early_is_no_error(folder):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "identify", "--help"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        env=ENVIRONMENT,
-    )
-    assert process.stdout is not None and process.stderr is not None
-    process.stdout.close()
-    assert process.stderr.read() == b"" and process.wait(60) == 0

@@ -149,9 +149,9 @@ def test_measured_records_are_read_as_they_are():
 
 @pytest.mark.parametrize("place", ["in front", "behind", "alone"])
 def test_a_long_text_of_words_is_refused_at_once(tmp_path, place):
-    words = "nothing of this is a number\n" * 500_000
+    words = "nothing of this is a number\n" * 200_000
     rows_ = UNITS_ROW + rows()
     began = time.process_time()
     with pytest.raises(LogError, match=r"lines of words in a row|no rows of numbers"):
         read(tmp_path, {"in front": words + rows_, "behind": rows_ + words, "alone": words}[place])
-    assert time.process_time() - began < 4
+    assert time.process_time() - began < 2

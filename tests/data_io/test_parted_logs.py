@@ -104,15 +104,6 @@ def test_a_log_that_changed_while_it_was_fitted_is_seen_behind_its_parts(tmp_pat
     assert end.status == "outdated" and "one_way.csv" in end.message
 
 
-def test_parts_of_the_second_run_of_a_file_are_not_taken_for_the_first():
-    entry = {"path": "runs.csv", "drive_speed": [[0, 1e-3], [1, -1e-3]]}
-    document = Scene.from_toml(examples.SCENE).as_document()
-    scene = Scene.from_document(document | {"logs": [entry | {"run": 1}, entry | {"run": 2}]}, Path())
-    time = np.arange(400) / 200
-    records = [Record(time, np.ones(400), np.random.default_rng(i).standard_normal(400)) for i in range(2)]
-    assert parts_of(scene, parted(scene, records)[0].logs) == [1, 1, 2, 2]
-
-
 def points(logs, told, parameters=None):
     """The operating points (values, drive speed) of a result with these logs."""
     scene = Scene.from_document(Scene.from_toml(examples.SCENE).as_document() | {"logs": logs}, Path())
