@@ -123,6 +123,13 @@ def test_distance_over_speed_is_a_time(tmp_path):
         read_log(table(tmp_path, "Distance [m],Speed,Fn [N],Ff [N]", lambda i, f: f"{i / 100},100,3,{f}"))
 
 
+def test_channels_of_ni_in_pairs():
+    named = {"columns": {"friction_force": "Force"}, "units": {"friction_force": "2.5 N/V"}, "normal_force": 3.0}
+    record = read_log(CASES / "ni_channels_in_pairs.csv", **named)
+    assert record.friction_force[0] == pytest.approx(2.5 * -0.129930231773) and record.time[1] == 0.0005
+    assert record.metadata["format"] == "ni-channels" and "Input 1" in record.channels
+
+
 def test_channels_of_ni_that_start_apart_or_have_no_times(tmp_path):
     head = "Timestamp;2020-01-01 10:00:00.0;Timestamp;2020-01-01 10:00:00.5\nInterval;0.1;Interval;0.1\n"
     head += "Channel name;Fx;Channel name;Fz\nUnit;N;Unit;N"

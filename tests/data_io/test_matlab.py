@@ -61,6 +61,11 @@ def test_drawn_files_hold_what_scipy_finds_in_them(tmp_path):
             np.testing.assert_array_equal(found[name], values)
 
 
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_files_of_either_byte_order_hold_the_same_numbers(tmp_path, order):
+    assert columns_of(mat_matrix((4, 1), order=order), tmp_path)["Fx"].tolist() == [1.0, 2.0, 3.0, 4.0]
+
+
 def test_damaged_class_is_named_with_its_variable():
     with pytest.raises(LogError, match=r"one_byte_wrong\.mat: the \.mat file is damaged in variable 4 .*class 255"):
         read_log(CASES / "one_byte_wrong.mat")

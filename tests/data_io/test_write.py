@@ -1,5 +1,6 @@
 """What is written reads back bit for bit; a file is there whole or not at all."""
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
@@ -113,10 +114,12 @@ def test_the_source_is_kept_by_name_and_hash_only(tmp_path, write, name):
     metadata = read_log(tmp_path / name).metadata
     assert metadata["source_file"] == "log.txt" and metadata["source_sha256"] == record.metadata["sha256"]
     assert b"here" not in (tmp_path / name).read_bytes()
+    if name.endswith("h5"):
+        with h5py.File(tmp_path / name) as file:
+            assert file.attrs["source_file"] == "log.txt" and file.attrs["source_sha256"] == record.metadata["sha256"]
 
 
 def test_the_layout_is_as_promised(tmp_path):
-    h5py = pytest.importorskip("h5py")
     write_hdf5(sample(), tmp_path / "log.h5")
     with h5py.File(tmp_path / "log.h5") as file:
         assert file.attrs["format"] == "stickslip-log" and file.attrs["format_version"] == 1
