@@ -1,6 +1,6 @@
 """The log to add: a log that is asked for tells what it is to tell, by a fit after really adding it."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +8,8 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, NOISE, RIG
 from identify import Scene
-from identify.base.result import NextLogResult
 from identify.bench.design import LogDesign, simulated_log
-from identify.bench.next_log import Advice, advised, next_logs
+from identify.bench.next_log import next_logs
 from identify.bench.plan import driven
 from identify.effects import MAIN
 from identify.estimation.covariance import inverse
@@ -53,12 +52,6 @@ UNSEEN = ("a", "delta_mu_k"), DEMO, (1e-4, 9.0, 100.0)
 TOO_SHORT = ("t_cr", "mu_s"), DEMO | {"t_cr": 2.0}, (1e-3, 2.0, 500.0)
 
 
-@pytest.fixture(scope="module")
-def unseen():
-    free, pair, log = UNSEEN
-    return found_in(pair, free, [log])
-
-
 @pytest.mark.parametrize(("free", "pair", "log"), [UNSEEN, pytest.param(*TOO_SHORT, marks=pytest.mark.slow)])
 def test_the_log_that_is_asked_for_tells_what_it_is_to_tell(free, pair, log):
     """The fit of both logs knows of the simulator's sensitivities nothing: its covariance is that of the shooting."""
@@ -93,29 +86,3 @@ def test_speeds_of_a_programme_count_for_as_long_as_they_were_driven():
     assert driven(data) == [(1e-3, 8.5)]
     programme = Drive.of(((0.0, 1e-3), (2.0, 0.0), (3.0, -5e-3), (9.5, 1e-2)))
     assert driven(replace(data, programme=programme)) == [(1e-3, 1.5), (5e-3, 6.0)]
-
-
-def test_reasons_name_the_log(unseen):
-    advice = next_logs(unseen)
-    reason = estimate(advised(unseen, advice), "a").reason
-    assert reason.startswith("slips hold at most 7 samples, so their shape is not seen: add a log of ")
-    assert "and 1 N, sampled at 1000 Hz, which is expected to identify it to " in reason
-    (entry,) = map(asdict, advice.logs)
-    assert set(entry) == {"drive_speed", "normal_force", "duration", "sampling_rate", "slips", "expected"}
-
-
-def test_what_no_log_would_tell_is_said_and_nothing_is_asked_where_all_is_identified(unseen):
-    said = advised(unseen, Advice((), ("a",), 60.0))
-    words_of_a = (
-        "; as far as these logs show, none of up to 60 s at one speed, this load and on this rig would identify it"
-    )
-    assert words_of_a in estimate(said, "a").reason
-    assert not any("none of up to" in e.reason for e in said.estimates if e.name != "a")
-    # Beside a log that tells another parameter it is too soon to say so.
-    other = NextLogResult(0.02, 1.0, 60.0, 500.0, 3, {"D": 0.004})
-    assert estimate(advised(unseen, Advice((other,), ("a",), 60.0)), "a") == estimate(unseen, "a")
-    assert (
-        "which is expected to identify it to 1 %" in estimate(advised(unseen, Advice((other,), (), 60.0)), "D").reason
-    )
-    identified = [replace(e, verdict="identified" if e.name in UNSEEN[0] else e.verdict) for e in unseen.estimates]
-    assert next_logs(replace(unseen, sure=replace(unseen.sure, estimates=identified))) is None

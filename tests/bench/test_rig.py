@@ -171,16 +171,6 @@ def test_taps_and_a_pull_become_the_priors_of_a_scene(tmp_path, monkeypatch, cap
         Scene.from_document(document | {"rig": "no.toml"}, tmp_path)
 
 
-def test_one_tap_alone_leaves_mass_and_stiffness_to_fill_in(tmp_path, capsys):
-    time, force = swing(noise=1e-3)
-    write_csv(Record(time, np.ones(time.size), force), tmp_path / "tap.csv")
-    assert cli.main(["rig", str(tmp_path / "tap.csv"), "--out", str(tmp_path / "r.toml")]) == 0
-    assert "with it a slow pull on a rigid block" in " ".join(capsys.readouterr().out.split())
-    text = (tmp_path / "r.toml").read_text()
-    assert 'mass = "TODO kg"' in text and "zeta = { value = 0.05" in text
-    assert rings(Record(time, np.ones(time.size), force), "tap.csv")[0].kind == "frequency"
-
-
 def tied_scene(*others):
     """The scene of a rig that a pull tells, and other records."""
     measured = [

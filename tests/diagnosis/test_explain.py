@@ -5,14 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from data_io import Record
 from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, simulated_case
-from identify import Scene, fit
+from identify import Scene
 from identify.base.outcome import Status
 from identify.base.progress import to_nobody
-from identify.base.result import Result
 from identify.diagnosis.explain import explain
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
@@ -23,12 +21,10 @@ from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.simulation.simulate import run
-from tests.support.document_check import check_document
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
 
 LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
-ALONE = (3,)  # where one log is enough
 
 
 @pytest.fixture(scope="module")
@@ -85,45 +81,6 @@ def told(message, pattern):
     return float(match[1])
 
 
-@pytest.mark.slow
-def test_a_wrong_mass_is_the_first_sentence_and_stands_in_the_result(case, one_try):
-    made = fit(scene(RIG | {"mass": 0.3}, ALONE), [case.records[i] for i in ALONE])
-    result = check_document(made.result)
-    assert result["status"] == "model_misfit"
-    mass = told(result["message"], r"^a mass of (\S+) kg instead of 0.3 kg explains the misfit within the noise")
-    assert mass == pytest.approx(0.2, rel=0.01)
-    assert "[parameters] mass" in result["message"], "it says what to do"
-    assert {p["value"] for p in result["parameters"].values()} == {None}
-    first = result["causes"][0]
-    assert (first["quantity"], first["log"], first["class"], first["stated"]) == ("mass", None, 1, 0.3)
-    assert first["suggested"] == pytest.approx(0.2, abs=4.0 * first["standard_error"])
-    assert first["standard_error"] < 0.01 and first["score"] > 25.0
-    assert Result.from_dict(result).causes[0].number == 1
-
-
-@pytest.mark.slow
-def test_a_wrong_stiffness_is_named_with_what_looks_the_same(records):
-    found = explained(scene(RIG | {"stiffness": 1764.0}), records)
-    assert found.message.startswith("a stiffness of 1470 N/m instead of 1760 N/m, or ")
-    sentence = found.message.partition(" explains the misfit")[0]
-    series = told(sentence, r"something of (\S+) N/m in series with the rig")
-    assert series == pytest.approx(1 / (1 / 1470 - 1 / 1764), rel=0.02)
-    assert sentence.endswith("which these data cannot tell apart,")
-
-
-@pytest.mark.slow
-def test_a_lag_of_the_sensor_is_named_and_no_wrong_mass():
-    lag = 5e-3
-
-    def shown(force, rate):
-        share = 1.0 - np.exp(-1.0 / (rate * lag))
-        return lfilter([share / 2, share / 2], [1.0, share - 1.0], force)
-
-    found = explained(scene(), simulated(shown=shown))
-    assert told(found.message, r"^a lag of the force sensor of (\S+) ms") == pytest.approx(5.0, abs=0.15)
-    assert "kg" not in found.message
-
-
 def test_a_wrong_speed_of_one_log_is_named_with_the_log(records):
     found = explained(scene(times=(1.0, 1.05)), records)
     value = told(
@@ -149,19 +106,6 @@ def test_a_zero_of_the_friction_force_is_named_where_the_load_varies():
     logs = [replace(log, friction_force=log.friction_force + 0.06) for log in logs]
     found = explained(scene(effects=(*MAIN, "varying_normal_force")), logs)
     assert told(found.message, r"a friction force that reads (\S+) mN at zero") == pytest.approx(60.0, abs=5.0)
-
-
-@pytest.mark.parametrize("width", [7, pytest.param(11, marks=pytest.mark.slow)])
-def test_a_moving_average_is_named_before_the_rig(records, width):
-    """Smoothed with its noise, as an export does it: the rig is right."""
-    ends, kernel = width // 2, np.ones(width) / width
-    smooth = [
-        replace(log, friction_force=np.convolve(np.pad(log.friction_force, ends, mode="edge"), kernel, "valid"))
-        for log in records
-    ]
-    found = explained(scene(), smooth)
-    assert "its noise is that of a force that was smoothed" in found.message
-    assert "export the force as it was sampled" in found.message and "damping of" not in found.message
 
 
 @pytest.mark.parametrize(

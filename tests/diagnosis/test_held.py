@@ -11,7 +11,6 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
-from identify.diagnosis.findings import against_data
 from identify.identification import find
 from identify.model.model import assemble
 from identify.scene import Scene
@@ -74,19 +73,6 @@ def test_a_wrong_rig_that_friction_absorbs_is_named():
     assert np.log(said.said / said.stated) == pytest.approx(np.log(_values(free)[name] / said.stated), rel=0.1)
 
 
-def test_a_small_error_of_the_rig_is_measured_to_first_order():
-    """Half a per cent of the mass: the score says what a fit with the mass free says, to a tenth of its error."""
-    found = _found(_scene(mass=1.005 * RIG["mass"]), _records(5))
-    assert found.status is Status.CONVERGED
-    document = _scene().as_document() | {"parameters": {"mass": {"start": RIG["mass"]}}}
-    free = _found(Scene.from_document(document, Path()), _records(5))
-    said = next(h for h in found.held if h.name == "mass")
-    place = [free.unknowns.names[i] for i in np.flatnonzero(free.unknowns.free)].index("mass")
-    error = float(np.sqrt(free.sure.white[place, place]))
-    assert said.said == pytest.approx(_values(free)["mass"], rel=0.1 * error)
-    assert said.error == pytest.approx(error, rel=0.05)
-
-
 def test_a_right_rig_is_not_contradicted():
     far = []
     for seed in range(2):
@@ -110,10 +96,3 @@ def test_a_tolerance_that_the_data_contradict_is_told():
         assert told.squared == pytest.approx(expected)
         assert told.contradicted == (tolerance < 0.1)
     assert said == pytest.approx([RIG["mass"]] * 2, rel=0.02)
-
-
-def test_autocorrelated_noise_widens_what_is_said():
-    found = _plain(0)
-    white, inflated = (against_data(found.attempt, found.unknowns, RIG, m) for m in (1.0, 4.0))
-    for plain, wide in zip(white, inflated, strict=True):
-        assert (wide.error, wide.squared) == pytest.approx((2.0 * plain.error, plain.squared / 4.0))

@@ -10,10 +10,7 @@ import pytest
 from data_io import Record
 from identify.base.outcome import Status
 from identify.diagnosis.fitted import fit_model
-from identify.diagnosis.selection import with_one_noise
 from identify.effects import MAIN
-from identify.estimation.starts import preview
-from identify.identification import find
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.logs.vibration import rhythms
@@ -47,10 +44,6 @@ def _prepared(records):
     scene = _scene(MAIN)
     unknowns = from_scene(scene)
     return [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-
-
-def _found(effects, records):
-    return find(_scene(effects), records, progress=lambda _stage, _share: None)[1]
 
 
 @pytest.fixture(scope="module")
@@ -91,35 +84,3 @@ def test_what_bends_the_sticks_is_fitted(effect, name, value):
     values = _values(fit_model(_scene((*MAIN, effect)), _logs((*MAIN, effect), {name: value})))
     assert values[name] == pytest.approx(value, rel=0.05)
     assert values["mu_s"] == pytest.approx(0.62, abs=3e-3)
-
-
-def test_what_a_scene_fixes_of_a_drift_stays_fixed():
-    # Held still at nought where starts are looked for, it stayed there: the answer was one of another model.
-    drift, effects = {"occlusion_level": -0.06, "occlusion_time": 8.0}, (*MAIN, "occlusion")
-    records = _logs(effects, drift)
-    scene = _scene(effects, parameters={name: {"fixed": value} for name, value in drift.items()})
-    found = find(scene, records, progress=lambda _stage, _share: None)[1]
-    assert found.status is Status.CONVERGED
-    solved, unknowns = found.attempt.solved, found.unknowns
-    values = unknowns.values(solved.theta, found.attempt.fitted_logs[0].data.base)
-    told = dict(zip(unknowns.names, values.tolist(), strict=True))
-    assert {name: told[name] for name in drift} == pytest.approx(drift, rel=1e-12)
-    assert {name: told[name] for name in PAIR} == pytest.approx(PAIR, rel=0.05)
-    previewed = preview(scene, records).parameters
-    assert {name: previewed[name] for name in drift} == pytest.approx(drift, rel=1e-12)
-
-
-def test_a_choice_of_effects_weighs_all_modelswith_one_noise(vibrating):
-    """The noise of a model that lacks the vibration counted it in, and 568 of its statistic were 6."""
-    scene = _scene(MAIN)
-    unknowns = from_scene(scene)
-    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, vibrating, strict=True)]
-    counted_in = np.array([1.0 / np.sqrt(np.max(log.data.weight)) for log in prepared])
-    told = with_one_noise(scene, prepared, *rhythms(prepared))
-    assert [entry.noise for entry in told.logs] == pytest.approx([5e-3, 5e-3], rel=0.03)
-    assert np.all(counted_in > 1.03 * np.array([entry.noise for entry in told.logs]))
-    still = [prepare(told, entry, record, unknowns) for entry, record in zip(told.logs, vibrating, strict=True)]
-    assert with_one_noise(told, still, *rhythms(still)) == told
-    quiet = _logs(MAIN)
-    alone = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, quiet, strict=True)]
-    assert with_one_noise(scene, alone, *rhythms(alone)) == scene

@@ -36,7 +36,10 @@ def solved(stated, logs):
 
 
 def scores(stated, logs):
-    attempt, unknowns = solved(stated, logs)
+    return scores_at(*solved(stated, logs))
+
+
+def scores_at(attempt, unknowns):
     table = score_table(attempt.solved, held_quantities(attempt, unknowns))
     return table, {(s.column.name, s.log): s for s in table.scores}
 
@@ -46,8 +49,8 @@ def test_a_score_is_the_fall_of_chi_squared_of_a_fit_with_the_quantity_free(name
     """Truth from outside: the likelihood ratio, and the estimate, of a fit that searches the quantity."""
     factor = {"mass": 1.005, "damping": 1.03}[name]
     wrong = RIG | {name: factor * RIG[name]}
-    told = scores(scene(wrong), records())[1][name, None]
-    held, _ = solved(scene(wrong), records())
+    held, known = solved(scene(wrong), records())
+    told = scores_at(held, known)[1][name, None]
     free, unknowns = solved(scene(wrong, **{name: {"start": wrong[name]}}), records())
     theta = free.solved.theta[unknowns.names.index(name)]
     assert told.score == pytest.approx(2.0 * (held.solved.solution.cost - free.solved.solution.cost), rel=0.05)

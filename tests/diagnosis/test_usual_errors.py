@@ -5,6 +5,8 @@ import pytest
 from experiments.treated_logs import toleranced
 from identify import Scene, fit
 
+pytestmark = pytest.mark.slow
+
 NUMBER = 5  # stiffness 1.7 % off, of which the data know to a fraction of a per cent
 
 

@@ -35,10 +35,6 @@ def held_at(room: float | None) -> Solved:
     return Solved(problem, COARSE_GRID, trajectories, solution, found, theta, 0.0, 1, 1, 0.0)
 
 
-def test_an_answer_that_nothing_holds_hangs_on_nothing() -> None:
-    assert active_event_bound(held_at(None), ["log"]) is None
-
-
 @pytest.mark.parametrize(("room", "hangs"), [(1e-7, False), (1e-3, True)])
 def test_an_event_kept_from_its_place_is_noticed_by_what_it_does_to_the_answer(room: float, hangs: bool) -> None:
     said = active_event_bound(held_at(room), ["log"])

@@ -68,14 +68,6 @@ def test_pulls_of_logs_that_agree_are_chi_squared_and_those_of_a_stranger_are_no
     assert stranger[2].contradicts and not any(pull[1].contradicts for pull in drawn)
 
 
-def test_a_direction_that_one_log_alone_tells_is_compared_with_nothing():
-    designs, seen = _regressions(np.random.default_rng(3), [np.ones(3)] * 3)
-    designs = [np.column_stack([x[:, :2], np.zeros(len(x))]) for x in designs[:2]] + [designs[2]]
-    seen = [x @ np.ones(3) for x in designs[:2]] + [seen[2]]
-    found, _ = _pulls(designs, seen)
-    assert [pull.freedom for pull in found] == [2, 2, 2]
-
-
 def _record(truth, log, seed):
     speed, duration, rate = log
     motion = run(assemble(NAMES), truth | RIG, speed, NORMAL_FORCE, duration)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import time
-import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +13,10 @@ from data_io import Record, read_log
 from data_io.values import LogError
 from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
 from identify import FitError, Scene, fit
-from identify.base.errors import IdentifyError, SceneError
+from identify.base.errors import IdentifyError
 from identify.base.progress import Notice
-from identify.base.wording import START_VALUES
-from identify.diagnosis import selection
-from identify.diagnosis.effect_choice import as_listed
 from identify.effects import MAIN
-from identify.estimation.fit_wording import at_bounds, prefit_warnings, wrong_unit
+from identify.estimation.fit_wording import prefit_warnings, wrong_unit
 from identify.estimation.starts import preview
 from identify.examples import FOLDER, SCENE
 from identify.logs.prepare import prepare
@@ -96,49 +92,6 @@ def test_a_wrong_unit_is_told_by_its_factor_and_what_a_soft_skin_can_be_is_none(
     assert ("check the units" in wrong_unit([log], placed=placed)) == wrong
 
 
-def test_scatter_is_said_before_the_search_and_no_effects_are_compared(monkeypatch):
-    scene = Scene.from_toml(FOLDER / "pair_uneven.toml", ['effects="auto"'])
-    scene, records = with_records(with_drives(scene)[0], None)
-    said = []
-    monkeypatch.setattr(selection, "fit_model", lambda *_, **_how: pytest.fail("effects are compared"))
-    choice = selection.choose_from_data(scene, records, lambda stage, _share: said.append(str(stage)))
-    assert any(words.startswith("friction differs from cycle to cycle") for words in said)
-    assert "contact_ageing" in choice.effects and not choice.unfinished
-
-
-def _bounded(name, side, parameters, more=()):
-    rig = RIG | {"mass": {"value": 0.2, "tolerance": 0.02}}
-    logs = [{"path": "log.csv", "drive_speed": 1e-3}]
-    document = {"effects": [*MAIN, *more], "rig": rig, "logs": logs, "parameters": parameters}
-    unknowns = from_scene(Scene.from_document(document))
-    theta, i = unknowns.start.copy(), unknowns.names.index(name)
-    assert not at_bounds(unknowns, theta)
-    theta[i] = (unknowns.lower, unknowns.upper)[side][i]
-    return at_bounds(unknowns, theta)[name]
-
-
-@pytest.mark.parametrize(
-    ("name", "side", "parameters", "more", "words"),
-    [
-        ("t_cr", 0, {"t_cr": {"lower": 0.1, "upper": 2.0}}, (), "its lower bound; widen it in"),
-        ("t_cr", 1, {"t_cr": {"lower": 0.1, "upper": 2.0}}, (), "its upper bound; widen it in"),
-        ("t_cr", 0, {"t_cr": {"upper": 2.0}}, (), "lower end of what the model admits"),
-        ("lag_time", 0, {}, ("sensor_lag",), "take sensor_lag out of the effects"),
-        ("mass", 1, {}, (), "a factor of three from what [rig] states"),
-    ],
-)
-def test_whose_bound_it_is_decides_what_to_do(name, side, parameters, more, words):
-    assert words in _bounded(name, side, parameters, more)
-
-
-def test_what_is_advised_of_start_values_is_what_a_scene_takes():
-    (entry,) = re.findall(r"mu_s = \{.*?\}", START_VALUES)
-    started = Scene.from_toml(SCENE, [f"parameters.{entry.replace(' = ', '=', 1)}"])
-    assert started.parameters["mu_s"].start == tomllib.loads(entry)["mu_s"]["start"]
-    with pytest.raises(SceneError, match=r"give \[parameters\] a start of mu_k0 below that of mu_s"):
-        Scene.from_toml(SCENE, ["parameters.mu_k0={start=0.9}"])
-
-
 FIXED = {"mu_s": 0.6, "mu_k0": 0.45, "delta_mu_k": -0.1, "a": 500.0, "D": 40e-6, "t_cr": 0.5}
 
 
@@ -204,10 +157,3 @@ def test_a_refused_fit_begins_with_the_remedy_that_is_named():
         said = _refused(settings, *records)
         assert said is not None and remedy in said, (remedy, said)
         assert _refused(then, *with_records_) is None, remedy
-
-
-def test_sizes_of_effects_are_plain_numbers():
-    pair = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
-    said = {reason.effect: reason.sentence for reason in as_listed(MAIN, pair | RIG, 1.0, 1.667e-6).reasons}
-    assert "a stick of about 155 s regains 100 % of the strength" in said["contact_ageing"]
-    assert not any("e+" in sentence for sentence in said.values())

@@ -51,15 +51,6 @@ def test_a_right_answer_passes(right):
     ]
 
 
-@pytest.mark.parametrize(
-    ("weight", "word"), [(0.3, "more closely than their noise allows"), (3.0, "does not describe")]
-)
-def test_a_wrong_noise_level_is_refused_with_the_side_on_which_it_is_wrong(weight, word):
-    gate = pass_gate(_fit(lambda data: _scaled(data, weight=weight)), NAMES, EXACT)
-    assert gate.status is Status.MODEL_MISFIT
-    assert word in gate.message and f"misfit {gate.chi2_per_sample:.3g} times" in gate.message
-
-
 def test_misfit_of_a_cycle_is_that_of_its_samples(right):
     """Counted sample by sample: from arrest to arrest, what follows the last slip with the last cycle."""
     gate, problem = pass_gate(right, NAMES, EXACT), right.problem

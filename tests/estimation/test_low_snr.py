@@ -8,16 +8,13 @@ import numpy as np
 import pytest
 
 from data_io import Record
-from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.estimation.attempt import solve_from
-from identify.estimation.search import join
 from identify.logs.prepare import Prepared
 from identify.logs.segment import segment
 from identify.logs.unknowns import Unknowns
 from identify.model.model import assemble
 from identify.simulation.simulate import run
-from tests.support.taken_logs import error, taken
+from tests.support.taken_logs import taken
 
 NOISE = 5e-3
 # Slow, middle, fast: drive speed [m/s], duration [s], rate [Hz].
@@ -58,18 +55,6 @@ def test_slips_that_hardly_exceed_the_noise_are_not_detected_and_the_log_is_foll
     true = run(assemble(MAIN), HIDDEN | HIDDEN_RIG, FAINT[0], 1.0, FAINT[1]).sample(time)["force"]
     clear = segment(time, true + 0.25 * (force - true), half_period=prepared[0].rig.half_period)
     assert not clear.low_snr and abs(clear.count - slips[0]) <= 1
-
-
-@pytest.mark.slow
-def test_a_faint_log_joins_as_the_model_follows_it() -> None:
-    prepared, unknowns, slips = hidden()
-    others = solve_from(prepared, [1, 2], unknowns)
-    assert others is not None and others.gate.status is Status.CONVERGED
-    joined = join(others, prepared, [0], unknowns)
-    assert joined.log_numbers == (0, 1, 2) and joined.gate.status is Status.CONVERGED
-    assert joined.solved.trajectories[0].arrests == slips[0] > 2 * prepared[0].falls.size
-    # Two fast logs hardly tell contacts that age slowly from slips that are long; hundreds of small ones do.
-    assert error(others, unknowns, "D") > 0.1 > 0.02 > error(joined, unknowns, "D")
 
 
 # A start from which these logs and the fastest, solved cycle by cycle, come to an answer that is off by 14 % in a.

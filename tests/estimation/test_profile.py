@@ -124,17 +124,6 @@ def test_a_bound_of_the_scene_ends_an_interval_and_says_so(pair):
     assert high.walled and high.end == pytest.approx(upper[index]) and not low.walled
 
 
-def test_a_curve_has_as_many_points_as_are_asked_for_and_is_lowest_at_the_answer(pair):
-    attempt, unknowns, sizes = pair
-    index = unknowns.names.index("D")
-    found = profile(attempt.fitted_logs, attempt.solved, unknowns, sizes, np.ones(sizes.size), only=[index], points=4)
-    curve = found.curves["D"]
-    assert curve.theta.size >= 9 and np.all(np.diff(curve.theta) > 0)
-    size = sizes[np.flatnonzero(unknowns.free).tolist().index(index)]
-    assert curve.theta[np.argmin(curve.loss)] == pytest.approx(attempt.solved.theta[index], abs=0.1 * size)
-    assert max(curve.loss[0], curve.loss[-1]) > 0.8 * CRITICAL
-
-
 def test_a_lower_point_is_handed_back(pair):
     """An answer that stopped too early: held five standard errors away."""
     attempt, unknowns, sizes = pair

@@ -7,13 +7,11 @@ import pytest
 
 from experiments.record_kinds import (
     DEMO,
-    FAST,
     HOLDS,
     KINDS,
     MILD,
     RIG,
     SLIDING,
-    SLOW,
     STEPS,
     STIFF,
     STROKES,
@@ -106,26 +104,6 @@ def test_a_course_at_the_truth_joins_up_and_fits(log, pair, rig):
     assert 2 * problem.evaluate(problem.start, derivatives=False).cost > 3 * problem.samples
 
 
-def test_one_log_with_steps_of_speed_tells_all_six_and_a_wrong_step_is_refused(no_further_logs):
-    kind = next(kind for kind in KINDS if kind.name == "speed steps")
-    result = fit(*kind.made(1)).result
-    assert result["status"] == "converged", result["message"]
-    off, told = _off(result, DEMO)
-    assert (told, off < 4.0) == (6, True)
-    assert len(result["logs"]) == 1 and result["logs"][0]["drive_speed_m_per_s"] == 5e-3
-
-
-@pytest.mark.slow
-def test_holds_between_sticks_tell_how_the_contact_ages(no_further_logs):
-    scene, records = _kind(HOLDS).made(1)
-    known = {name: replace(scene.parameters[name], fixed=DEMO[name]) for name in ("a", "delta_mu_k")}  # what slips tell
-    result = fit(replace(scene, parameters={**scene.parameters, **known}), records).result
-    assert result["status"] == "converged", result["message"]
-    assert _off(result, DEMO)[0] < 4.0
-    t_cr = result["parameters"]["t_cr"]
-    assert t_cr["standard_error"] < 0.01 * t_cr["value"], "a stick without holds tells it to a fifth"
-
-
 @pytest.mark.slow
 def test_strokes_become_logs_with_their_sign_and_rests_are_left_out(no_further_logs):
     scene, records = _kind(STROKES).made(1)
@@ -160,20 +138,3 @@ def test_an_excluded_slip_parts_a_log_and_a_stick_does_not():
     away = found.solved.theta - unknowns.theta(np.array([(DEMO | RIG)[n] for n in unknowns.names]), unknowns.base(RIG))
     covariance = information_at(found.solved, unknowns).covariance()
     assert np.max(np.abs(away[unknowns.free]) / np.sqrt(np.diag(covariance))) < 4.0
-
-
-@pytest.fixture(scope="module")
-def two_speeds():
-    """Two logs, their unknowns, and the answer."""
-    prepared, unknowns = _prepared(_kind(SLOW, FAST))
-    return prepared, unknowns, search.search(search.SearchProblem(prepared, unknowns))[0]
-
-
-def test_a_slip_that_was_missed_is_put_in_by_the_motion_that_follows_from_the_answer(two_speeds):
-    prepared, unknowns, right = two_speeds
-    spoiled = [replace(prepared[0], falls=np.delete(prepared[0].falls, 4)), prepared[1]]
-    found, _ = search.search(search.SearchProblem(spoiled, unknowns, thorough=False))
-    assert found.gate.status is Status.CONVERGED
-    away = np.abs(found.solved.theta - right.solved.theta)[unknowns.free]
-    assert found.solved.problem.samples > right.solved.problem.samples  # it goes on to the end of the log
-    assert np.max(away / np.sqrt(np.diag(information_at(right.solved, unknowns).covariance()))) < 0.15

@@ -106,25 +106,6 @@ def test_joint_covariance_agrees_with_the_dense_null_space(grouped):
     assert np.max(np.abs(across)) > 0.05, "what is shared ties the groups together"
 
 
-def test_the_document_names_every_group():
-    outcome = fit(_scene({"D": {"per": "volunteer"}, "mu_s": {"per": "volunteer"}}), _records())
-    document = json.loads(json.dumps(outcome.result, allow_nan=False))
-    assert document["parameters"]["D"]["group"] == "A"
-    assert (
-        document["parameters"]["D (B)"] | {"group": "B", "per": "volunteer", "parameter": "D"}
-        == (document["parameters"]["D (B)"])
-    )
-    assert document["correlation"]["names"][-2:] == ["mu_s (B)", "D (B)"]
-    assert len(document["correlation"]["matrix"]) == 8
-    creep = document["derived"]
-    for key in ("v_cr", "v_cr (B)"):
-        size = document["parameters"][key.replace("v_cr", "D")]["value"]
-        assert creep[key]["value"] == pytest.approx(size / document["parameters"]["t_cr"]["value"], rel=1e-9)
-        assert creep[key]["interval"][0] < creep[key]["value"] < creep[key]["interval"][1]
-    drops = [log["derived"]["amplitude"]["drop"]["value"] for log in document["logs"]]
-    assert drops[2] > 1.05 * drops[0], "each log's stability and amplitude are those of its own group"
-
-
 def test_a_tied_parameter_follows(free):
     found = _found({"mu_k0": {"tie": {"to": "mu_s", "offset": -0.19}}}, "A")
     assert found.status is Status.CONVERGED, found.message
@@ -137,22 +118,18 @@ def test_a_tied_parameter_follows(free):
     assert found.attempt.solved.solution.cost - free.attempt.solved.solution.cost < 8.0
 
 
-@lru_cache(maxsize=1)
-def _tied_groups():
-    """Scene, records and result of mu_s per volunteer, mu_k0 a step below it; the truth of B: 0.66 and 0.47."""
-    pairs = {"A": case.PAIR, "B": case.PAIR | {"mu_s": 0.66, "mu_k0": 0.47}}
+def test_a_tied_parameter_is_told_for_every_group():
+    """mu_s and D per volunteer, mu_k0 a step below mu_s; the truth of B: 0.66 and 0.47."""
+    pairs = {"A": case.PAIR, "B": case.PAIR | {"mu_s": 0.66, "mu_k0": 0.47, "D": 60e-6}}
     records = []
     for number, pair in enumerate(pairs.values()):
         for place, speed in enumerate(SPEEDS):
             log = case.simulated(pair, *speed)
             noise = np.random.default_rng((7, number, place)).standard_normal(log.time.size)
             records.append(Record(log.time, np.full(log.time.size, 1.0), log.force + case.NOISE * noise))
-    scene = _scene({"mu_s": {"per": "volunteer"}, "mu_k0": {"tie": {"to": "mu_s", "offset": -0.19}}})
-    return scene, records, fit(scene, records).result
-
-
-def test_a_tied_parameter_is_told_for_every_group():
-    *_, document = _tied_groups()
+    tie = {"to": "mu_s", "offset": -0.19}
+    scene = _scene({"D": {"per": "volunteer"}, "mu_s": {"per": "volunteer"}, "mu_k0": {"tie": tie}})
+    document = fit(scene, records).result
     told = document["parameters"]
     for name, to, group, truth in (("mu_k0", "mu_s", "A", 0.43), ("mu_k0 (B)", "mu_s (B)", "B", 0.47)):
         entry = told[name]
@@ -162,7 +139,13 @@ def test_a_tied_parameter_is_told_for_every_group():
         assert entry["standard_error"] == pytest.approx(told[to]["standard_error"], rel=1e-9)
         assert entry["interval"] == pytest.approx([end - 0.19 for end in told[to]["interval"]], abs=1e-12)
     assert told["mu_k0 (B)"]["parameter"] == "mu_k0" and told["mu_k0 (B)"]["reason"] == "tied to mu_s (B)"
-    assert document["correlation"]["names"][-1] == "mu_s (B)", "what is tied has no error of its own"
+    assert document["correlation"]["names"][-2:] == ["mu_s (B)", "D (B)"], "what is tied has no error of its own"
+    for key in ("v_cr", "v_cr (B)"):
+        length, creep = told[key.replace("v_cr", "D")]["value"], document["derived"][key]
+        assert creep["value"] == pytest.approx(length / told["t_cr"]["value"], rel=1e-9)
+        assert creep["interval"][0] < creep["value"] < creep["interval"][1]
+    drops = [log["derived"]["amplitude"]["drop"]["value"] for log in document["logs"]]
+    assert drops[2] > 1.05 * drops[0], "each log's stability and amplitude are those of its own group"
 
 
 def test_a_prior_pulls_as_bayes_says(free):

@@ -16,22 +16,6 @@ from identify.examples import FOLDER
 pytestmark = pytest.mark.usefixtures("no_further_logs")
 
 
-@pytest.fixture(scope="module")
-def joint() -> dict:
-    return dict(fit(Scene.from_toml(FOLDER / "pair.toml")).result)
-
-
-def test_a_result_says_what_was_tried_and_what_led_to_the_answer(joint) -> None:
-    tried = joint["search"]
-    assert joint["status"] == "converged" and joint["found_by"][0] == Strategy.FEATURE_START.value
-    assert joint["not_tried"] == []
-    assert [trial["strategy"] for trial in tried[: len(joint["found_by"])]] == joint["found_by"]
-    assert set(tried[0]) == {"strategy", "logs", "status", "cost", "seconds"} and tried[0]["logs"] == [1, 2, 3, 4]
-    # Of a truth that is fitted the cost per sample is that of noise, and what was tried lasted no longer than the fit.
-    assert 0.95 < tried[0]["cost"] < 1.05
-    assert sum(trial["seconds"] for trial in tried) < joint["timing_s"]["total"]
-
-
 def test_limits_nest_and_are_lifted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(budget, "time", time)
     assert seconds_left() == float("inf") and not time_is_up()

@@ -12,11 +12,8 @@ from data_io.record import Step
 from identify import Scene
 from identify.base.errors import FitError
 from identify.cli import main as cli
-from identify.logs.recorded_drive import drive_position, recorded_drive, speed_of
+from identify.logs.recorded_drive import drive_position, speed_of
 from identify.logs.scene_records import with_drives, with_records
-from identify.studies.job import BatchError
-from identify.studies.planning import plan
-from tests.support.batch_case import SCENE
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
 
@@ -95,29 +92,6 @@ def test_a_column_that_is_no_drive_is_named_with_the_way_out(name, unit, values,
         assert speed_of(record) is None and with_records(scene_of(1e-3), [record])[1][0].findings == ()
 
 
-@pytest.mark.parametrize(("head", "speed", "drive"), [
-    ({"Velocity": "60"}, 1e-3, True),  # mm/min
-    ({"Velocity": "10", "Radius": "5"}, 2.0 * np.pi * 10.0 / 60.0 * 5e-3, True),  # rpm
-    ({"Velocity": "60"}, 1.3e-3, False),
-])  # fmt: skip
-def test_a_column_as_fast_as_the_head_says_is_the_drive(head, speed, drive):
-    assert (recorded_drive(record_of(((0.0, speed),), "V2", head=head)).speed is not None) == drive
-
-
-@pytest.mark.parametrize("walk", [False, True])
-def test_noise_whose_differences_are_as_fast_as_the_head_says_is_no_drive(walk):
-    noise = np.random.default_rng(4).standard_normal(2000)
-    noise = np.cumsum(noise) if walk else noise
-    speeds = np.abs(noise[4:] - noise[:-4]) / (4 / RATE)
-    noise *= 1e-3 / float(np.median(speeds[speeds > 0.05 * np.quantile(speeds, 0.9)]))
-    for column, moves in ((noise, False), (noise / 10.0 + 1e-3 * TIME[:2000], True)):
-        steps = (Step(1, 1, 0, 2000, {"Velocity": "60"}),)
-        record = Record(TIME[:2000], np.ones(2000), 0.5 + 0.01 * noise, steps=steps)
-        drive = recorded_drive(replace(record, channels={"Z": column}, channel_units={"Z": "m"}))
-        assert (drive.programme is not None) == moves
-        assert not moves or drive.programme[0][1] == pytest.approx(1e-3, rel=0.05)
-
-
 def test_the_radius_of_a_track_is_no_drive():
     record = read_log(CASES / "rtec_rotary_y_is_the_radius.csv")
     assert drive_position(record) is None
@@ -192,58 +166,3 @@ def test_a_draft_has_the_programme_and_the_stiffness_by_stick(tmp_path, programm
     pairs = scene["logs"][0]["drive_speed"]
     assert pairs == [[start, f"{1e3 * speed:.4g} mm/s"] for start, speed in programme]
     assert float(scene["rig"]["stiffness"]["value"].split()[0]) == pytest.approx(STIFFNESS, rel=0.01)
-
-
-def test_a_log_that_slides_stays_in_the_draft_and_a_rejected_one_is_named(tmp_path, capsys):
-    sticks = csv(tmp_path / "sticks.csv", record_of(((0.0, 1e-3),)))
-    noise = 0.003 * np.random.default_rng(2).standard_normal(TIME.size)
-    slides = replace(record_of(STEPS), drive_speed=None, friction_force=0.4 * (1 - np.exp(-TIME / 0.005)) + noise)
-    dead = replace(slides, friction_force=np.full(TIME.size, 0.3))
-    paths = [csv(tmp_path / "slides.csv", slides), csv(tmp_path / "dead.csv", dead)]
-    scene, text = drafted(tmp_path, sticks, *paths)
-    assert [entry["path"] for entry in scene["logs"]] == ["sticks.csv", "slides.csv"] and "# it slides: it" in text
-    assert "left out: dead.csv: rejected by the quality gate: " in capsys.readouterr().out
-
-
-def umt(path, velocity):
-    """A test as a UMT exports it: two seconds at rest with 12 mN in the sensor, then twelve sticks of 1300 N/m."""
-    names = "Fx,Fz,Y,V2,T,Ff,COF\nN,N,mm,mm/sec,sec,N,\n"
-    rest, time, speed = np.arange(400) / 200.0, np.arange(4000) / 200.0, 0.5
-    noise = 0.002 * np.random.default_rng(1).standard_normal((2, time.size))
-    steps = [
-        (1, velocity, rest, 0.012 + noise[0, :400], np.zeros(400)),
-        (2, 60.0 * speed, time, 0.1 + 1.3 * (speed * time % 0.8) + noise[1], np.full(4000, speed)),
-    ]
-    lines = ["Created by CETR UMT ver.1.136.257 12 May 2022 12:21:50", "", "Run # 1"]
-    for number, stated, t, force, moved in steps:
-        lines += [f"Step No. {number}", "", f"Velocity     = {stated:g}", f"Data Count   = {t.size}", "", names]
-        lines += [f"{f:.6f},-1,{v * s:.6f},{v:.6f},{s:.4f},{f:.6f},{f:.6f}" for s, f, v in zip(t, force, moved)]  # noqa: B905
-        lines += ["", ""]
-    path.write_text("\n".join(lines))
-    return str(path)
-
-
-def test_a_step_at_rest_is_left_out_and_its_force_offered_as_the_zero(tmp_path, capsys):
-    path = umt(tmp_path / "a.txt", 0.0)
-    scene, text = drafted(tmp_path, path)
-    assert [entry["step"] for entry in scene["logs"]] == [2]
-    (line,) = [line for line in text.splitlines() if line.startswith("# tare")]
-    assert float(line.split('"')[1].split()[0]) == pytest.approx(12.0, abs=0.5) and "step 1" in line
-    assert cli.main(["inspect", path]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "the drive stands: the head of the log says Velocity = 0; the friction force shows 1" in said
-    assert "step 2 stroke 1" in said and "step 1 stroke 1" not in said, "a rest is no column of the classical table"
-    (tmp_path / "x.toml").unlink()
-    scene, text = drafted(tmp_path, umt(tmp_path / "b.txt", 30.0))
-    assert [entry["step"] for entry in scene["logs"]] == [1, 2] and "# tare" not in text
-
-
-def test_a_batch_asks_for_the_speed_or_the_name_of_its_column(tmp_path):
-    (tmp_path / "a.csv").write_text("T,Fz,Fx,v\ns,N,N,mm/s\n0,1,0.3,1\n1,1,0.3,1\n")
-    (tmp_path / "m.csv").write_text("path,group\na.csv,G\n")
-    scene = tmp_path / "scene.toml"
-    scene.write_text(SCENE)
-    with pytest.raises(BatchError, match="no drive speed; give drive_speed in the manifest"):
-        plan(tmp_path / "m.csv", scene, ())
-    scene.write_text(SCENE + '[[logs]]\npath = "a.csv"\ncolumns = { drive_speed = "v" }\n')
-    assert len(plan(tmp_path / "m.csv", scene, ()).jobs) == 1

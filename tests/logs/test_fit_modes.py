@@ -9,65 +9,16 @@ import numpy as np
 import pytest
 
 from data_io import Record
-from experiments.study_problem import FIFTH, NORMAL_FORCE, recovery_case, scene_of
 from identify import Scene, fit
 from identify.effects import MAIN
-from identify.logs.fit_mode import ForceRecord, fit_mode_of, hidden_rhythm, steady_since
+from identify.logs.fit_mode import hidden_rhythm
 from identify.logs.parting import parted
-from identify.logs.prepare import prepare, settled_part
-from identify.logs.segment import SLIDING, segment
+from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.simulation.drive import Drive
 from identify.simulation.simulate import run
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
-NOISE, RATE, LOADING, HALF_PERIOD = 0.0045, 20.0, 0.00125, 0.05  # N, Hz, N/s, s: a slow drive on a soft rig
-
-
-def after_a_slip(after: float, rises: float, seed: int):
-    """The fit mode of a ramp to 1 N, a fall to 0.7 N within two samples, and then `after` seconds that rise by `rises`
-    N/s; and since when it looks level."""
-    ramp = np.arange(0.0, 1.0 / LOADING, 1.0 / RATE) * LOADING
-    force = np.concatenate([ramp, [0.85], 0.7 + rises * np.arange(0.0, after, 1.0 / RATE)])
-    force += NOISE * np.random.default_rng(seed).standard_normal(force.size)
-    time = np.arange(force.size) / RATE
-    found = segment(time, force, half_period=HALF_PERIOD, noise=NOISE)
-    record = ForceRecord(time, force, np.ones(time.size), NOISE, HALF_PERIOD, Drive.of(1.67e-6))
-    return fit_mode_of(record, found, found.cycles.fall, 750.0), steady_since(time, force, NOISE, HALF_PERIOD)
-
-
-@pytest.mark.parametrize(("after", "rises", "slides"), [(4.0, LOADING, False), (1.5, 0.0, False), (8.0, 0.0, True)])
-def test_a_level_force_slides_only_where_a_stick_would_be_seen_to_rise(after: float, rises: float, slides: bool):
-    for seed in (1, 4):
-        mode, level_since = after_a_slip(after, rises, seed)
-        assert level_since is not None and (mode.steady_since is not None) == slides
-        assert not slides or mode.steady_since == pytest.approx(1.0 / LOADING, abs=1.0)
-
-
-@pytest.mark.parametrize(("first", "slides"), [(0.15, False), (0.0, False), (0.65, True)])
-def test_a_fast_drive_is_through_its_first_rise_in_a_few_samples(first: float, slides: bool):
-    """A sliding level of 0.65 N, 0.3 N in the holds, and a first rise from `first` in 12 ms, which swings after."""
-    drive = Drive.of(((0.0, 0.02), (2.0, 0.0), (6.0, 0.02), (7.5, 0.0), (24.0, 0.02)))
-    time = np.arange(0.0, 26.0, 1e-3)
-    swing = 0.65 - (0.65 - first) * np.cos(time / 8e-3) * np.exp(-time / 0.04)
-    force = np.where(time < 0.5, swing, np.where([drive.at(t) > 0.0 for t in time], 0.65, 0.3))
-    force += NOISE * np.random.default_rng(3).standard_normal(time.size)
-    found = segment(time, force, half_period=0.026, noise=NOISE)
-    found = replace(found, phase=np.full_like(found.phase, SLIDING))  # too short a stick to be seen as one
-    record = ForceRecord(time, force, np.ones(time.size), NOISE, 0.026, drive)
-    mode = fit_mode_of(record, found, found.cycles.fall, 1470.0)
-    assert mode.name == "continuous" and mode.begins_sliding == slides
-
-
-@pytest.mark.parametrize("number", [73, 77])
-def test_the_fit_of_a_fast_log_begins_before_its_first_slip(number: int):
-    """Drives of 20 mm/s: the force peaks 15 ms after the onset, and what it rises by until then is no stick."""
-    case = recovery_case("wide, five logs", number)
-    scene = scene_of(case, None, [FIFTH[0]])
-    onset = run(assemble(MAIN), case.truth | case.rig, FIFTH[0], NORMAL_FORCE, 0.1).onsets[0]
-    log = prepare(scene, scene.logs[4], case.records[4], from_scene(scene))
-    assert log.data.begin < onset < log.segmentation.cycles.onset[0]
 
 
 def test_six_cycles_of_one_friction_in_noise_are_alike():
@@ -169,15 +120,6 @@ def test_the_level_of_the_last_tenth_is_refused_with_its_share():
     assert "the last 0.142 s only, 10 % of the record" in result["message"]
     (row,) = result["logs"][0]["classical"]["rows"]
     assert row["sliding_mean_coefficient"] == pytest.approx(0.386, abs=0.002)
-
-
-@pytest.mark.parametrize(("share", "rate"), [(0.05, 100.0), (0.12, 200.0), (0.17, 1000.0)])
-def test_a_quiet_end_of_less_than_a_fifth_is_no_level(share: float, rate: float):
-    scene, record = sliding_scene(), two_levels(share, rate)
-    log = prepare(scene, scene.logs[0], record, from_scene(scene))
-    assert log.left_out is not None and "settles for the last" in log.left_out and settled_part(log) is None
-    stated = float(log.left_out.split(" s only, ")[1].split(" % of the record")[0])
-    assert stated == pytest.approx(100.0 * share, abs=0.5)
 
 
 def test_a_quiet_end_is_as_unsure_as_the_rest_is_unlike_it_and_the_message_names_the_part():

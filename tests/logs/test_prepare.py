@@ -13,7 +13,6 @@ from data_io.thresholds import Thresholds
 from experiments.study_problem import DEMO, RIG
 from identify.base.errors import FitError, SceneError
 from identify.effects import MAIN
-from identify.estimation.fit_wording import wrong_unit
 from identify.identification import fit
 from identify.logs.loads import level, smooth
 from identify.logs.prepare import prepare
@@ -99,15 +98,6 @@ def test_skipped_cycles_and_windows_leave_samples_and_falls_out():
     assert not holed.used[105:115].any() and holed.used[200:300].any()
 
 
-@pytest.mark.parametrize(("clock", "forces", "times"), [(1e3, 1.0, "0.00"), (1.0, 1e3, "99")])
-def test_sticks_a_thousand_times_too_steep_or_flat_tell_of_a_wrong_unit(clock, forces, times):
-    good = _record()
-    wrong = Record(clock * good.time, forces * good.normal_force, forces * good.friction_force)
-    said = wrong_unit([_prepared(good), _prepared(wrong)])
-    assert f"rises {times}" in said and "check the units" in said
-    assert wrong_unit([_prepared(good)]) == ""
-
-
 def test_what_cannot_be_fitted_is_refused_by_name():
     scene = _scene()
     stepped = replace(scene, rig=replace(scene.rig, drive_speed=((0.0, 1e-3), (1.0, -1e-3))))
@@ -115,27 +105,6 @@ def test_what_cannot_be_fitted_is_refused_by_name():
         prepare(stepped, stepped.logs[0], _record(), from_scene(stepped))
     with pytest.raises(FitError, match="tare interval"):
         _prepared(_record(), tare=[10.0, 11.0])
-
-
-@pytest.mark.parametrize(
-    ("rows", "said", "words"),
-    [
-        (4000, {"window": [10.0, 11.0]}, "a.csv: the window 10 to 11 s holds 0 row(s); the log runs from 0 to 3.999 s; "
-         "move the window inside"),
-        (4000, {"window": [1.0, 1.002]}, "a.csv: the window 1 to 1.002 s holds 3 row(s); the log runs from 0 to "
-         "3.999 s; widen it"),
-        (4000, {"exclude": [[0.0, 9.0]]}, "a.csv: exclude leaves 0 of 4000 samples; expected hundreds: exclude less"),
-        (4000, {"window": [1.0, 2.0], "exclude": [[0.0, 1.998]]}, "a.csv: exclude leaves 2 of 1001 samples"),
-        (2, {}, "a.csv has 2 usable samples; expected hundreds: record longer, or sample faster"),
-        (2, {"window": [0.0, 9.0], "exclude": [[5.0, 6.0]]}, "a.csv has 2 usable samples"),
-    ],
-)  # fmt: skip
-def test_what_leaves_too_few_samples_decides_the_remedy(rows, said, words):
-    record = _record()
-    short = Record(record.time[:rows], record.normal_force[:rows], record.friction_force[:rows])
-    with pytest.raises(FitError) as refused:
-        _prepared(short, **said)
-    assert str(refused.value).startswith(words)
 
 
 def test_ripple_is_kept_and_noise_is_not():
@@ -197,21 +166,6 @@ def test_laws_outside_their_measured_range_are_refused_with_the_measured_load():
     assert _loaded(np.full(4000, 20.0), (*MAIN, "load_dependence")).left_out is None
 
 
-def test_what_was_cut_and_corrected_stands_in_the_account_and_the_raw_record_is_kept():
-    record = _record(quiet=QUIET, offset=0.3, sign=-1.0)
-    log = _prepared(record, tare=[0.0, 0.35], window=[0.0, 3.5], skip_cycles=1, crosstalk="0 %")
-    kinds = [change.kind for change in log.account.changes]
-    assert kinds == ["tare", "crosstalk", "window", "flip_sign", "skip_cycles"]
-    assert log.account.changes[0].value == pytest.approx(0.3, abs=1e-3)
-    assert log.account.raw is record and np.array_equal(
-        log.record.channels["raw friction force"], record.friction_force
-    )
-    cuts = {cut.kind: (cut.start, cut.stop) for cut in log.account.cuts}
-    assert cuts["tare"] == (0.0, 0.35) and cuts["window"][0] == 3.5 and cuts["skip_cycles"][1] == log.data.begin
-    assert log.account.changes[0].unit == "N"
-    assert _prepared(_record()).account.changes == ()
-
-
 def test_a_rejected_log_is_left_out_with_its_reason_and_a_threshold_lets_it_in():
     record = _record()
     rippling = 1.0 + 0.4 * np.sqrt(2) * np.sin(2 * np.pi * 5 * record.time)
@@ -237,42 +191,3 @@ def test_a_log_without_a_load_is_left_out_and_the_fit_is_not_lost(load):
     alone = fit(_scene(), [bad]).result
     assert alone["logs"][0]["normal_force_N"] == load
     assert alone["status"] != "converged" and "the normal force is zero or pulls" in alone["logs"][0]["reason_left_out"]
-
-
-def _message(record: Record, **log: object) -> str:
-    result = fit(_scene(**log), [record]).result
-    assert result["status"] == "no_cycles" and result["message"].startswith("there is nothing to fit: a.csv")
-    return str(result["message"])
-
-
-def test_why_a_log_is_left_out_decides_the_remedy():
-    """A log without slips asks for another test; a sensor that tells nothing, or a number of the scene, does not."""
-    record, slower = _record(), "record slower, with a softer spring or at a higher load"
-    loading = 0.1 * record.time + 1e-3 * np.random.default_rng(1).standard_normal(record.time.size)
-    assert slower in _message(Record(record.time, record.normal_force, loading))
-    as_a_stick = loading + (float(RIG["stiffness"]) * 1e-3 - 0.1) * record.time
-    stopped = _message(Record(record.time, record.normal_force, as_a_stick))
-    assert "cycle: the log ends while the first stick still loads; record longer, or faster; see" in stopped
-    assert slower not in stopped, "recorded slower, it would slip later still"
-    dead = _message(Record(record.time, record.normal_force, np.full(record.time.size, 0.3)))
-    assert "rejected by the quality gate: the friction force is exactly 0.3 N" in dead and slower not in dead
-    unloaded = _message(Record(record.time, np.zeros(record.time.size), record.friction_force))
-    assert "the normal force is zero or pulls" in unloaded and slower not in unloaded
-    cycles = _prepared(record).segmentation.count
-    skipped = _message(record, skip_cycles=1000)
-    assert f"a.csv: skip_cycles = 1000 leaves none of its {cycles} cycles; lower it" in skipped
-    assert slower not in skipped
-    assert _prepared(record, skip_cycles=cycles - 1).left_out is None
-
-
-def test_the_gate_sees_the_slope_of_the_sticks_and_only_what_the_scene_leaves():
-    assert _prepared(_record()).judgement.verdict == "accept"
-    wrong = replace(_scene(), rig=replace(_scene().rig, drive_speed=1.2e-3))
-    told = prepare(wrong, wrong.logs[0], _record(), from_scene(wrong)).judgement.findings
-    assert [f.code for f in told if f.severity == "warning"] == ["stick_slope"]
-    record = _record()
-    dip = 1.0 - 0.92 * np.exp(-(((record.time - 1.25) / 0.2) ** 2))
-    unloaded = Record(record.time, dip, record.friction_force)
-    assert "unloaded_rows" in {f.code for f in _prepared(unloaded).judgement.findings}
-    cut = _prepared(unloaded, exclude=[[0.6, 1.9]]).judgement.findings
-    assert not {"unloaded_rows", "dropouts"} & {f.code for f in cut}

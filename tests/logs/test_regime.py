@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_io import Record, read_log
+from data_io import read_log
 from experiments.regime_records import KINDS, drawn
 from identify.cli import main as cli
 from identify.cli.inspection import StatedRig, inspection
@@ -93,34 +93,6 @@ def test_measured_stick_slip_is_found_with_and_without_its_rig(name: str, regime
     stiffness, speed = (float(part[1:]) for part in name.split("_"))
     for known in (Known(), Known(stiffness), Known(stiffness, half_period=float(np.pi * np.sqrt(0.0307 / stiffness)))):
         assert look(record, 1e-6 * speed if known.stiffness else None, known).regime is regime
-
-
-# Further inputs of the same kinds, of other instruments.
-RNG = np.random.default_rng(20)
-
-
-def srv_strokes() -> Record:
-    """An oscillating rig at 50 Hz, 1 kHz for 2 s: a sine-like friction of both signs, with an offset of 15 %."""
-    time = np.arange(2000) / 1000.0
-    force = 30.0 * np.tanh(4.0 * np.sin(2.0 * np.pi * 50.0 * time)) + 4.5 + 0.5 * RNG.standard_normal(time.size)
-    return Record(time, np.full(time.size, 200.0), force)
-
-
-def school_rig() -> Record:
-    """4 Hz, 0.1 N steps, a wooden block pulled by hand: a force that wanders."""
-    time = np.arange(200) / 4.0
-    wander = np.cumsum(RNG.standard_normal(time.size))
-    force = np.round(8.8 + 0.3 * (wander - 0.97 * np.mean(wander)) / np.std(wander), 1)
-    return Record(time, np.full(time.size, 20.0), force)
-
-
-@pytest.mark.parametrize("made", [srv_strokes, school_rig])
-def test_further_records_that_slide_are_not_called_stick_slip(made) -> None:
-    record = made()
-    for known in (Known(), Known(20_000.0)):
-        seen = look(record, None if not known.stiffness else 5e-3, known)
-        assert seen.regime is Regime.SLIDING, seen.evidence
-        assert sum(verdict.found.count for verdict in seen.verdicts) == 0
 
 
 def saw(scatter: float = 0.0, rate: float = 200.0) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data_io import LogError, Record
 from data_io.thresholds import LIMITS, Thresholds
 from identify.logs.judgement import judge
 from tests.support.verdict_cases import CASES, RATE, N, made, saw
@@ -73,33 +72,12 @@ def test_friction_that_falls_with_its_load_does_not_drift(told):
     assert ("friction_drift" in codes) != told
 
 
-def test_swapped_forces_need_three_slips_of_the_wrong_one():
-    record, _ = made()
-    assert told(made(record.normal_force, record.friction_force), "forces_swapped") == "warning"
-    few = Record(record.time[:450], record.normal_force[:450], record.friction_force[:450])
-    assert told((few, made(few.friction_force, few.normal_force, few.time)[1]), "forces_swapped") is None
-
-
 def test_a_rejection_has_its_reason_in_front():
     record, parts = made(normal=np.zeros(4000))
     judged = judge(record, parts)
     assert judged.reason.startswith("the normal force is zero") and judged.findings[0].severity == "reject"
     told = judged.result()
     assert told.verdict == "reject" and told.findings[0].code == "no_load"
-
-
-@pytest.mark.parametrize(
-    ("own", "words"),
-    [
-        ({"jiter": 0.1}, "did you mean 'jitter'"),
-        ({"jitter": -1.0}, "from 0 on"),
-        ({"jitter": math.nan}, "from 0 on"),
-        ({"jitter": "much"}, "a number"),
-    ],
-)
-def test_thresholds_that_are_none_are_refused(own, words):
-    with pytest.raises(LogError, match=words):
-        Thresholds(own)
 
 
 def test_the_page_of_thresholds_is_the_table(repository):

@@ -122,20 +122,6 @@ def test_one_group_is_answered_at_an_operating_point(path, capsys):
     assert alone["amplitude"]["drop"]["value"] == pytest.approx(drop_at("B", 1.5e-3), rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--map", "drive_speed"], ("--map", "volunteer A; volunteer B", '--group "volunteer=A"')),
-        (["--plot", "x.png"], ("--plot", "volunteer A; volunteer B")),
-        (["--group", "C"], ("'C'", "volunteer A; volunteer B")),
-    ],
-)
-def test_one_group_is_asked_for_where_only_one_can_be_shown(path, capsys, arguments, words):
-    assert main(["amplitude", "--result", path, *arguments]) == 2
-    said = capsys.readouterr().err
-    assert all(word in said for word in words) and said.count("\n") == 1
-
-
 def pair(told, log):
     return pair_of(Result.from_dict(told), Scene.from_document(told["provenance"]["scene"]), log)
 

@@ -3,7 +3,6 @@
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -14,7 +13,6 @@ from data_io.quality import assess
 from identify.cli.inspection import inspection
 from identify.logs.segment import segment
 
-CASES = Path(__file__).parents[1] / "cases"
 WRITER = textwrap.dedent("""
     import os, sys, h5py, numpy as np
     file = h5py.File(sys.argv[1], "w", libver="latest")
@@ -96,10 +94,6 @@ def sliding(n=400, rate=50.0, dips=(), depth=-0.05, spikes=()):
         force[start : start + length] += depth
     force[list(spikes)] += 0.5
     return Record(t, np.full(n, 5.0), force)
-
-
-def test_bump_in_the_track_is_no_electric_disturbance():
-    assert spiky(read_log(CASES / "cetr_bump_in_the_track.csv")) == []
 
 
 @pytest.mark.parametrize("depth", [-0.2, 0.2])

@@ -6,14 +6,13 @@ import csv
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from identify.base.errors import SimulationError
 from identify.cli.main import main
 from identify.prediction.maps import chart, line_map, write_map
 from identify.prediction.sources import Tested
-from identify.report.draw_map import Marks, draw_map, map_figure
+from identify.report.draw_map import Marks, draw_map
 from tests.support.maps_case import SITE, SPANS
 
 
@@ -50,26 +49,6 @@ def test_a_picture_is_one_journal_column_wide(tmp_path, speed_and_stiffness, par
     draw_map(speed_and_stiffness, tmp_path / "map.png", part, marks)
     shape = matplotlib.image.imread(tmp_path / "map.png").shape
     assert shape[1] == pytest.approx(90 / 25.4 * 300, rel=0.01)
-
-
-def test_contours_are_labelled_and_the_star_says_whose_it_is(speed_and_stiffness):
-    seen = Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1470.0, 1470.0)})
-    made = speed_and_stiffness
-    steep = np.geomspace(1e-3, 9.0, made.growth.size).reshape(made.growth.shape)
-    crowded = replace(made, figures={**made.figures, "period": np.where(np.isnan(made.multiplier), np.nan, steep)})
-    figure = map_figure(crowded, "amplitude", Marks(tested=seen, whose="log 2 (a very long name of a file.csv)"))
-    axes = figure.axes[0]
-    figure.canvas.draw()
-    assert sum(text.get_visible() and text.get_text().replace(".", "").isdigit() for text in axes.texts) >= 3
-    words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    assert "operating point of\nlog 2 (a very long name o…" in words
-    (legend,) = figure.legends
-    box = legend.get_window_extent()
-    assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1, "the legend leaves the page"
-    assert "tested inside; beyond: extrapolated" in words
-    hatched = [art.get_hatch() for art in (*axes.collections, *axes.patches)]
-    hatched += [hatch for art in axes.collections for hatch in getattr(art, "hatches", [])]
-    assert not any(hatched), "what lies beyond the tested range stays readable"
 
 
 SCENE = """
@@ -143,15 +122,3 @@ def test_scripts_map_a_scene_by_names(tmp_path):
     assert made.outcomes.shape == (3, 3) and made.plane.y.value == pytest.approx(1.0 / 0.8e-4)
     with pytest.raises(SimulationError, match="normal force"):
         identify.stability_map(replace(scene, rig=replace(scene.rig, normal_force=None)), "mass", "D")
-
-
-@pytest.mark.parametrize("speed", [1.0, 100.0])
-def test_an_operating_point_beyond_the_map_is_named_as_such(speed_and_stiffness, speed):
-    made = speed_and_stiffness
-    at = made.plane.x.value * speed
-    figure = map_figure(replace(made, plane=replace(made.plane, x=replace(made.plane.x, value=at))))
-    words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    within = bool(made.plane.x_values[0] <= at <= made.plane.x_values[-1])
-    assert within is (speed == 1.0)
-    assert ("operating point" if within else "operating point: beyond this map") in words
-    assert any(line.get_marker() == "*" for line in figure.axes[0].lines) is within

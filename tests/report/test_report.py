@@ -14,18 +14,15 @@ import h5py
 import numpy as np
 import pytest
 
-from identify.base.document import to_dict
 from identify.base.outcome import Status
-from identify.base.result import EffectReason, ParameterResult
-from identify.base.wording import DASH, decimals, ends_text, number, quantity, speed
-from identify.diagnosis.effect_choice import Choice, effects_result
+from identify.base.result import ParameterResult
 from identify.effects import ALL
 from identify.report import write_report
 from identify.report.finished import Fit
 from identify.report.report_figures import pictures
 from identify.report.report_page import LARGEST, render_page
 from identify.report.report_tables import parameter_table
-from identify.report.report_wording import PLAIN_SYMBOLS, plain_symbol, solver_words
+from identify.report.report_wording import PLAIN_SYMBOLS, plain_symbol
 from identify.report.stored_result import as_json
 from identify.report.style import Drawing, extremes
 from tests.support.fake_fit import failed, fake_fit, log_curves, with_verdicts, without_cycles
@@ -201,30 +198,6 @@ def test_a_document_with_the_least_in_it_renders() -> None:
         check_page(render_page(Fit({"schema": 1, **result}, ()), []))
 
 
-def test_the_choice_of_effects_stands_in_the_page(fit: Fit) -> None:
-    kept = EffectReason(
-        "contact_ageing", True, "sticks regain 34 % of <their> strength", "D k/F", 0.39, 0.21, "1 state", 812.0
-    )
-    gone = EffectReason("sensor_lag", False, "the lag is a thousandth of a slip")
-    effects = to_dict(effects_result(Choice(("inertia", "contact_ageing"), (kept, gone)), auto=True))
-    page = render_page(Fit({**fit.result, "effects": effects}, fit.logs), [])
-    section = page[page.index("Effects: which and why") :]
-    section = section[: section.index("</details>")]
-    words = (
-        "Chosen from the numbers",
-        "contact ageing",
-        "&lt;their&gt;",
-        "21 %",
-        "812",
-        "D k/F",
-        "1 state",
-        "sensor lag",
-    )
-    assert all(word in section for word in words)
-    assert section.count(">yes<") == 1 and section.count(">no<") == 1
-    assert "Effects: which and why" not in render_page(fit, [])
-
-
 def test_every_parameter_has_a_symbol_and_a_meaning() -> None:
     for effect in ALL:
         for p in effect.parameters:
@@ -258,14 +231,6 @@ def test_a_long_log_keeps_its_spike_and_the_page_small() -> None:
     assert 9.0 not in force[::1000]  # every thousandth sample would have lost it
 
 
-def test_many_logs_still_fit_into_one_page(fit: Fit, drawn: list[Drawing]) -> None:
-    many = [replace(picture, log=1, name=f"{picture.name}_{copy}") for copy in range(14) for picture in drawn]
-    text = render_page(fit, many)
-    check_page(text)
-    assert sum(len(picture.svg) for picture in many) > LARGEST
-    assert "There is no room for it here" in text and text.count("<svg ") > len(many) / 2
-
-
 def test_the_extremes_of_every_stretch_are_kept() -> None:
     values = np.random.default_rng(3).standard_normal(10_000)
     values[2000:3000] = np.nan
@@ -274,28 +239,6 @@ def test_the_extremes_of_every_stretch_are_kept() -> None:
     finite = values[np.isfinite(values)].reshape(50, -1)
     assert set(finite.min(axis=1)) | set(finite.max(axis=1)) == set(values[kept])
     assert len(extremes(values[:150], 100)) == 150
-
-
-@pytest.mark.parametrize(
-    ("shown", "expected"),
-    [
-        (quantity(37.4e-6, "m"), "37.4\N{NO-BREAK SPACE}µm"),
-        (quantity(-0.005, "N"), "−5\N{NO-BREAK SPACE}mN"),
-        (quantity(None, "N"), "–"),
-        (speed(0.1 / 6e4), "0.1\N{NO-BREAK SPACE}mm/min"),
-        (speed(1e-4), "0.1\N{NO-BREAK SPACE}mm/s"),
-        (quantity(2000.0, "Hz"), "2000\N{NO-BREAK SPACE}Hz"),
-        (solver_words("Solved_To_Acceptable_Level"), "solved (further steps gain nothing)"),
-        (number(3.742e-5), "3.742·10⁻⁵"),
-        (number(-0.0, 2), "0"),
-        (ends_text(0.00031, 2039.883, 3), "0.00031 to 2040"),
-        (ends_text(0.6184, 0.6221, 4), "0.6184 to 0.6221"),  # no decades between them: decimals as the error has them
-        (ends_text(-0.2, 300.0, 1), "−0.2 to 300.0"),
-        (decimals(-0.001, 2), "0.00"),
-    ],
-)
-def test_numbers_read_as_in_the_laboratory(shown: str, expected: str) -> None:
-    assert shown == expected
 
 
 def test_interruption_leaves_no_half_file(fit: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -323,9 +266,3 @@ def test_figures_of_a_log_that_is_gone_are_removed(fit: Fit, tmp_path: Path) -> 
     write_report(without_cycles(Fit(fit.result, fit.logs[:1])), tmp_path)
     assert not (tmp_path / "figures/log_7_force.svg").exists()
     assert (tmp_path / "figures/my_own.svg").read_text() == "mine"
-
-
-@pytest.mark.parametrize(("verdict", "shown"), [("fixed", DASH), ("not identifiable", "open")])
-def test_only_what_was_estimated_has_an_open_interval(verdict: str, shown: str) -> None:
-    entry = ParameterResult(2e-3, "s", interval=(None, None), verdict=verdict)
-    assert parameter_table({"skin_retardation": entry}).cells[0][2].shown == shown

@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 from identify import Scene, SceneError, examples, fit
-from identify.base.result import ToleranceResult
 from identify.estimation.covariance import added_by_tolerances, standard_deviations
 from identify.identification import find
 from identify.logs.scene_records import with_drives, with_records
-from identify.report.report_tables import parameter_table
 from identify.report.result import _farther
-from identify.report.summary import tolerances_text
-from tests.support.fake_fit import EFFECTS, RIG, fake_fit
+from tests.support.fake_fit import EFFECTS, RIG
 
 NAMES = ("mu_s", "mu_k0", "D", "t_cr", "delta_mu_k", "a")
 
@@ -146,18 +143,6 @@ def test_an_end_moves_out_and_an_open_one_stays_open():
     assert _farther(-0.1, -0.07, 0.04, False) == pytest.approx(-0.05)
     assert _farther(1.0, 1.2, 0.0, True) == pytest.approx(1.2)
     assert _farther(1.0, 1.2, 1e3, True) is None  # an error of a thousand in the logarithm leaves nothing known
-
-
-def test_the_summary_says_which_interval_is_which():
-    parameters = {
-        name: replace(entry, interval=(0.97 * entry.value, 1.03 * entry.value), interval_rig_exact=entry.interval)
-        for name, entry in fake_fit().typed.parameters.items()
-    }
-    table = parameter_table(parameters, errors=False).to_text()
-    assert "95 % interval" in table and "rig exact" in table and "0.601 to 0.639" in table
-    assert max(map(len, table.splitlines())) <= 80 and "±" not in table
-    said = tolerances_text({"stiffness": ToleranceResult(0.05, "scene"), "mass": ToleranceResult(0.02, "usual")})
-    assert "usual standard deviations: stiffness 5 %, mass 2 %" in said
 
 
 def test_a_scene_states_its_own_tolerances():

@@ -1,7 +1,5 @@
 """Motions followed along the data, against the true motion."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -95,17 +93,6 @@ def test_small_slips_are_followed_through(truth, record, wrong, slips, within) -
     arrests = found.trajectory.when("arrest")
     assert found.end == record[1] and motion.arrests.size == arrests.size == slips
     assert np.max(np.abs(arrests - motion.arrests)) < within
-
-
-@pytest.mark.slow
-def test_slips_that_the_noise_hides_are_not_counted() -> None:
-    """Slips of 0.2 mN, two samples each, that come five thousand times: to follow some of them would tell the fit a
-    period that is made up."""
-    truth = {"mu_s": 0.4018, "mu_k0": 0.3429, "delta_mu_k": -0.1123, "a": 61.69, "D": 9.827e-5, "t_cr": 0.03144}
-    truth |= {"mass": 0.1238, "stiffness": 1019.8, "damping": 109.58}
-    _, log = logged(truth, *SLOW, seed=3)
-    assert follow(MODEL, log, log.base, begins_sliding=False) is None
-    assert followed(replace(log, weight=1e10 * log.weight)).trajectory.arrests > 100
 
 
 def test_a_first_stick_ends_before_the_force_is_highest() -> None:

@@ -12,7 +12,6 @@ from identify.model.model import SPEED, assemble
 from identify.shooting.blocks import AgeingBlock
 from identify.shooting.grid import COARSE_GRID, Grid
 from identify.shooting.passes import solve_in_passes
-from identify.shooting.pattern import compressed
 from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.solve import solve
 from identify.shooting.transcription import transcribe
@@ -167,18 +166,6 @@ def test_compression_is_exact(size):
     assert cost == pytest.approx(0.5 * (blocks + float(prior.sum())), rel=1e-12)
 
 
-@pytest.mark.parametrize("portion", [1, 10, 997])
-def test_a_cell_may_be_compressed_in_portions(portion):
-    whole = _masked(_problem(load_sd=1e-3)[0])
-    z = _somewhere(whole, 3e-2)
-    families = zip(whole.layout.families, whole.moments, strict=True)
-    parts = [compressed(family, whole.logs, moments.reference, portion) for family, moments in families]
-    cut = Problem(whole.logs, whole.layout, parts)
-    expected = whole.evaluate(z, derivatives=False).cost
-    assert cut.evaluate(z, derivatives=False).cost == pytest.approx(expected, rel=1e-12)
-    assert cut.samples == whole.samples
-
-
 def test_multipliers_of_a_solution_balance_its_gradient():
     problem, logs = _problem(load_sd=1e-4)
     unknowns = problem.layout.unknowns
@@ -246,18 +233,6 @@ def test_the_truth_solves_the_rows_and_has_the_event_times_of_the_independent_in
         assert worn.size == log.truth.wear_times.size
         assert np.max(np.abs(worn - log.truth.wear_times), initial=0.0) < 1e-6
     np.testing.assert_allclose(solution.x[:6], unknowns.start[unknowns.free], atol=1e-4)
-
-
-def test_the_passes_end_where_the_noise_is():
-    problem, logs = _problem(load_sd=1e-4)
-    unknowns = problem.layout.unknowns
-    trajectories = case.placed(unknowns, logs, problem.logs, COARSE_GRID)
-    solved = solve_in_passes(problem.logs, trajectories, unknowns)
-    assert solved.solution.success
-    assert solved.solution.constraint_violation < 1e-9
-    assert solved.event_shift < 0.5
-    chi2 = 2 * solved.solution.cost / solved.problem.samples
-    assert abs(chi2 - 1.0) < 5 * np.sqrt(2 / solved.problem.samples)
 
 
 def test_a_guess_whose_events_are_out_of_order_is_a_failed_solve():

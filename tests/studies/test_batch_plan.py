@@ -10,7 +10,7 @@ from identify.base.table import LINE, harmless, visible
 from identify.scene import Scene
 from identify.studies.job import FAILED, LONGEST, BatchError, End, Job, content_key, folder_names, numerics
 from identify.studies.planning import BatchPlan, plan
-from identify.studies.running import check_place, in_words, index_csv
+from identify.studies.running import check_place, index_csv
 from tests.support.batch_case import SCENE, write_case
 
 GOOD = "path,group,drive_speed\na.csv,G,1 mm/s\n"
@@ -202,7 +202,3 @@ def test_the_key_depends_on_what_the_numbers_depend_on(case):
     assert job.key != content_key(job.scene, digests, "other")
     assert job.key != case(text.replace("1 mm/s", "1.1 mm/s")).jobs[0].key
     assert job.key != case(text, ["effects=['inertia']"]).jobs[0].key
-
-
-def test_a_time_in_words():
-    assert [in_words(s) for s in (4.4, 300.0, 12_000.0)] == ["4 s", "5 min", "3 h 20 min"]

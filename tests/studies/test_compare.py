@@ -19,11 +19,10 @@ from identify.cli.folder import COMPARISON, check_replaceable
 from identify.cli.main import main
 from identify.prediction.predict import predict
 from identify.studies.compare import CompareError, ComparisonQuestion, compare, usual
-from identify.studies.comparison_page import write_batch_report, write_comparison
+from identify.studies.comparison_page import write_comparison
 from identify.studies.comparison_tables import comparison_tables
 from identify.studies.fits import read_fits
 from identify.studies.operating_points import NOTHING, Answers, GroupAnswer, common, group_answers, probability
-from identify.studies.reporting import reporting
 from tests.support.comparing_case import document, write_fit, write_study
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
@@ -159,23 +158,6 @@ def test_the_probability_of_stick_slip_is_students():
 
 
 @pytest.mark.usefixtures("reasons_only")
-@pytest.mark.parametrize("few", [True, False])
-def test_why_there_is_no_answer_for_a_group(tmp_path, few):
-    """Too few fits to pool; or enough of them, of which those of M1 do not determine D."""
-    for i in range(2 if few else 6):
-        told = one_of("M1" if i < 3 - 2 * few else "M2", i)
-        if not few and i < 3:
-            told["parameters"]["D"] |= WITHOUT_VALUE
-        write_fit(tmp_path / str(i), told)
-    found = compare(read_fits([tmp_path]), BY_MATERIAL)
-    reasons = {answer.group: answer.reason for answer in group_answers(found, common(found))}
-    pooled = "no group has two fits, so that nothing shows the scatter between runs; add runs to each group"
-    nothing = f"no mean of D, a, delta_mu_k, mu_k0, mu_s, t_cr: {pooled}"
-    expected = {"M1": "no mean of D: its fits do not determine it", "M2": ""}
-    assert reasons == ({"M1": nothing, "M2": nothing} if few else expected)
-
-
-@pytest.mark.usefixtures("reasons_only")
 def test_what_measurements_of_the_rig_gave_is_no_difference_of_materials(tmp_path):
     """A stiffness with a tolerance is searched in each fit; a mass that is searched without one is a finding."""
     for i, (group, mu_s) in enumerate((("glass", 0.5), ("glass", 0.51), ("steel", 0.7), ("steel", 0.71))):
@@ -190,18 +172,6 @@ def test_what_measurements_of_the_rig_gave_is_no_difference_of_materials(tmp_pat
     comparison = compare(read_fits([tmp_path]), BY_MATERIAL)
     assert {q.quantity.name for q in comparison.quantities} == {*NAMES, "mass"}
     assert all(not answer.reason for answer in group_answers(comparison, common(comparison)))
-
-
-def test_coefficients_of_several_materials_are_not_one_median(tmp_path):
-    for i, (material, level) in enumerate((("PTFE", 0.2), ("UHMWPE", 0.5), ("UHMWPE", 0.6))):
-        told = one_of(material, i)
-        for log in told["logs"]:
-            log["classical"] = {"rows": [{"static_peak_coefficient": level}]}
-        write_fit(tmp_path / f"fit_{i}", told)
-    for folder, names in ((tmp_path, (", PTFE", ", UHMWPE")), (tmp_path / "fit_0", ("",))):
-        rows = {row[0]: row[1] for row in reporting(read_fits([folder])).rows if row[0].startswith("static")}
-        assert list(rows) == [f"static coefficient{name}" for name in names]
-        assert next(iter(rows.values())).startswith("0.2 (median of")
 
 
 class Plain(HTMLParser):
@@ -317,13 +287,3 @@ def test_folders_that_hold_nothing_and_folders_of_others(study, tmp_path, capsys
     assert (tmp_path / "own" / "thesis.docx").read_text() == "years of work"
     with pytest.raises(CompareError, match="no fit was found"):
         compare((), BY_MATERIAL)
-
-
-def test_the_page_of_a_batch_that_cannot_be_compared(tmp_path):
-    write_fit(tmp_path / "only", one_of(None))
-    text = write_batch_report(tmp_path).read_text(encoding="utf-8")
-    assert 'href="only/report.html"' in text and 'id="fits"' in text and 'id="different"' not in text
-    assert "≈ weak" in text and "✓" not in text
-    assert "missing" in text  # what ASTM G115 asks for
-    (tmp_path / "nothing").mkdir()
-    assert write_batch_report(tmp_path / "nothing").is_file()

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identify.studies.compare import CompareError, ComparisonQuestion, compare
-from identify.studies.comparison_page import render
+from identify.studies.compare import ComparisonQuestion, compare
 from identify.studies.fits import count, parts, read_fits
-from identify.studies.operating_points import NOTHING, answered, common, group_answers
+from identify.studies.operating_points import NOTHING, common, group_answers
 from identify.studies.pooled import DIFFERENT, NOT_TOLD_APART
 from tests.support.comparing_case import NAMES, document, write_fit
 
@@ -118,29 +117,3 @@ def test_a_fit_of_one_person_stays_whole(tmp_path):
     write_fit(tmp_path / "one", joint(np.random.default_rng(0), "PE", people={"V07": 0.0}))
     (entry,) = read_fits([tmp_path])
     assert parts(entry) == (entry,)
-
-
-def test_a_fit_is_left_out_whole_or_by_group(tmp_path):
-    entries = study(tmp_path)
-    whole = compare(entries, ComparisonQuestion("material", without=("PP2",)))
-    assert count(whole.selected.entries) == 3 and len(whole.selected.left_out) == 4
-    part = compare(entries, ComparisonQuestion("material", without=("PP2, volunteer V08",)))
-    assert count(part.selected.entries) == 4 and [n for n, _ in part.selected.left_out] == ["PP2, volunteer V08"]
-    with pytest.raises(CompareError, match="no fit is called"):
-        compare(entries, ComparisonQuestion("material", without=("PP2, volunteer V99",)))
-
-
-@pytest.mark.usefixtures("no_answers")
-def test_an_odd_group_flags_its_fit_on_the_page(tmp_path):
-    random = np.random.default_rng(5)
-    for k in range(8):
-        told = joint(random, f"M{k % 2}")
-        if k == 3:
-            told["parameters"]["mu_s (V08)"]["value"] += 0.4
-        write_fit(tmp_path / f"fit {k}", told)
-    found = compare(read_fits([tmp_path]), ComparisonQuestion("material"))
-    assert {o.name for o in found.odd if o.quantity == "mu_s"} == {"fit 3, volunteer V08"}
-    assert found.odd_fits == {"fit 3"}
-    text = render("page", found.entries, found, answered(found), tmp_path)
-    assert 'href="fit%203/report.html"><bdi>fit 3, volunteer V08</bdi>' in text
-    assert "outlier?" in text

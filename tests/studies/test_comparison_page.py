@@ -7,7 +7,6 @@ import pytest
 from experiments.pooling_draws import Plan
 from identify.studies import operating_points
 from identify.studies.comparison_page import write_batch_report
-from identify.studies.comparison_tables import together
 from tests.support.browser import CHROMIUM, Browser
 from tests.support.comparing_case import write_study
 
@@ -70,20 +69,6 @@ def test_tables_sort_when_their_heads_are_clicked(page, browser):
     assert names == sorted(names)
 
 
-def test_rows_are_picked_by_what_is_typed(page, browser):
-    browser.open(page, 1280)
-    browser.click("input[data-filter]")
-    browser.call("Input.insertText", text="M2_")
-    shown = browser.run("Array.from(document.querySelectorAll('#fits tbody tr')).filter(r => !r.hidden).length")
-    assert shown == 6
-
-
-def test_links_lead_to_the_pages_of_the_fits(page, browser):
-    browser.open(page, 1280)
-    targets = browser.run("Array.from(document.querySelectorAll('#fits tbody a')).map(a => a.getAttribute('href'))")
-    assert len(targets) == 18 and all((page.parent / target).is_file() for target in targets)
-
-
 def test_a_script_of_a_label_would_not_run(page, browser, tmp_path):
     """The negative control: a script that did get into the page is stopped by the page's own policy."""
     spoilt = tmp_path / "spoilt.html"
@@ -93,8 +78,3 @@ def test_a_script_of_a_label_would_not_run(page, browser, tmp_path):
     browser.open(spoilt, 1280)
     assert browser.run("document.title") != "taken"
     assert any("Content Security Policy" in error for error in browser.errors)
-
-
-def test_equal_sentences_are_said_once():
-    told = [("mu_s", "static", "no."), ("mu_k0", "kinetic", "yes."), ("D", "length", "no.")]
-    assert together(told) == [("mu_s, D", "", "no."), ("mu_k0", "kinetic", "yes.")]

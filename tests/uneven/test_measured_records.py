@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.measured_records import FILES, RECORDS, halves, sticks_in
+from experiments.measured_records import FILES, RECORDS, sticks_in
 from experiments.measured_records import scene_of as measured_scene
 from experiments.study_problem import DEMO, scene_of, simulated_case
 from identify import fit
@@ -37,12 +37,6 @@ def test_the_estimate_is_near_that_of_another_implementation(name, strength, mas
     for row, other, more in zip(np.eye(len(THETA))[places], (strength, 0.0307 * mass), (0.0, LAW_ERROR), strict=True):
         low, high = np.exp(maximum.interval(row, more))
         assert low < other < high < 6.0 * low
-
-
-@measured
-@pytest.mark.slow
-def test_halves_of_a_measured_record_agree():
-    assert halves(sticks_in("k1002_v42", RECORDS))[1] > 0.05
 
 
 @measured

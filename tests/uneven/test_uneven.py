@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from identify.logs.unknowns import from_scene
 from identify.report import write_report
 from identify.report.stored_result import plain
 from identify.scene import Scene
-from identify.studies.fits import FitEntry, values
 from identify.uneven.answer import UnevenEstimator, creep_estimate, creep_interval, stated_rig
 from identify.uneven.estimator import APART, LAW_ERROR, agreement, mass_of, maximise, pooled_mass
 from identify.uneven.events import RigConstants, of_one_body, sticks_of
@@ -210,16 +208,6 @@ def test_a_fit_tells_quantities_with_verdicts(answer):
     assert any("Extrapolated" in note for note in result["notes"])
 
 
-def test_something_soft_in_series_is_in_the_stiffness_that_slips_feel():
-    softer = replace(STIFF, stiffness=STIFF.stiffness * 0.7)  # rig and skin in series; the scene states the rig alone
-    log = prepared(STIFF, simulated(softer, 24, [5])[0].record)
-    stated, shown = (sticks_of(log, in_series=series).rig for series in (False, True))
-    for rig in (stated, shown):
-        assert rig.stiffness == pytest.approx(softer.stiffness / STIFF.load, rel=0.03)
-    assert shown.error < 0.03 and stated.error == pytest.approx(-np.log(0.7), abs=0.03)
-    assert shown.drive_speed == pytest.approx(STIFF.drive_speed)
-
-
 def test_a_law_that_cannot_be_followed_ends_without_a_maximum(maxima):
     sticks, maximum = maxima[0]
     lost = maximum.theta.copy()
@@ -273,12 +261,6 @@ def test_records_of_two_speeds_and_loads_share_strength_and_mass(tracks, maxima)
     assert np.abs(error / sd)[told].max() < 3.0
     creep = PARAMETERS.index("t_cr")
     assert sd[creep] < 0.25 < np.sqrt(found.covariance[creep, creep]), "two speeds tell the creep time, one does not"
-
-
-def test_compare_pools_what_uneven_pairs_have(answer):
-    told = values([FitEntry(name, Path(), "converged", "", result=answer.typed) for name in ("first", "second")])
-    pooled = {q.name: q for q in told.quantities}
-    assert pooled["strength"].logarithmic and "weakening_length" in pooled and "mu_s" not in pooled
 
 
 @pytest.mark.slow
