@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -13,10 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import h5py
-import numpy as np
-
-from identify.studies.batch_store import JOB, RESULT, complete
+from identify.studies.batch_store import JOB, complete
 
 ROOT = Path(__file__).resolve().parent.parent
 STUB = "experiments.stub_fits"
@@ -32,7 +28,6 @@ NO_PAGE = "from identify.cli import studies; studies._write_page = lambda out, t
 WITH_STUB = f"from identify.studies import workers; workers.MODULE = {STUB!r}; "
 COMMAND = "import sys; from identify.cli.main import main; raise SystemExit(main(sys.argv[1:]))"
 TIMES = ("timing_s", "finished", "started", "seconds", "machine", "host")  # what may differ between two runs
-_SPENT = re.compile(rb"<dd>\s*([^<]*\d[^<\w]*(ms|s|min)|\d{4}-\d\d-\d\dT[\d:]+Z)\s*</dd>")
 
 
 def write_case(folder: Path, groups: Sequence[str], logs_each: int = 2) -> tuple[Path, Path]:
@@ -60,13 +55,10 @@ def environment(seconds: float = 0.02) -> dict[str, str]:
     }
 
 
-def started(
-    arguments: Sequence[object], seconds: float = 0.02, stub: bool = True, page: bool = False, before: str = ""
-) -> subprocess.Popen[bytes]:
-    """`stickslip batch` in a process of its own, with or without a stand-in for the fit, and its page; before: what
-    that process does first, in Python."""
-    script = before + (WITH_STUB if stub else "") + ("" if page else NO_PAGE) + COMMAND
-    command = [sys.executable, "-c", script, "batch", *map(str, arguments)]
+def started(arguments: Sequence[object], seconds: float = 0.02, before: str = "") -> subprocess.Popen[bytes]:
+    """`stickslip batch` in a process of its own with a stand-in for the fit, without its page; before: what it does
+    first, in Python."""
+    command = [sys.executable, "-c", before + WITH_STUB + NO_PAGE + COMMAND, "batch", *map(str, arguments)]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, stdout=pipe, stderr=pipe, env=environment(seconds), cwd=ROOT)
 
@@ -138,12 +130,9 @@ def content(path: Path) -> Any:
     """What a file says, without times and host."""
     if path.suffix == ".json":
         return timeless(json.loads(path.read_text()), path.name == JOB)
-    if path.suffix == ".csv" and path.name == "index.csv":
+    if path.name == "index.csv":
         return [line.rpartition(",")[0] for line in path.read_text().splitlines()]
-    data = path.read_bytes()
-    if path.suffix == ".h5" and data.startswith(b"\x89HDF"):
-        return _hdf5(path)
-    return _SPENT.sub(b"", data) if path.suffix == ".html" else data
+    return path.read_bytes()
 
 
 def timeless(document: Any, job: bool = False) -> Any:
@@ -152,25 +141,3 @@ def timeless(document: Any, job: bool = False) -> Any:
     if isinstance(document, dict):
         return {key: timeless(value, job) for key, value in document.items() if key not in gone}
     return [timeless(item, job) for item in document] if isinstance(document, list) else document
-
-
-def _hdf5(path: Path) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-
-    def visit(name: str, item: Any) -> None:
-        if any(part in TIMES for part in name.split("/")):
-            return
-        value = item[()] if isinstance(item, h5py.Dataset) else b""
-        if name == "document":
-            value = timeless(json.loads(value))
-        found[name] = np.asarray(value).tobytes() if isinstance(value, np.ndarray | np.generic) else value
-
-    with h5py.File(path) as file:
-        file.visititems(visit)
-    return found
-
-
-def result_of(out: Path, group: str) -> Any:
-    """The result of a group, without times and host; None where it has none."""
-    path = out / group / RESULT
-    return content(path) if path.is_file() else None

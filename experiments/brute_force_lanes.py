@@ -88,14 +88,13 @@ class Lanes:
 
 @dataclass
 class Course:
-    """What became of each lane: cycles made, whether it slides on, drop [N] and period [s] of the last cycle and of the
-    one before, rest states (2, n) (elongation, gamma) at the last arrest."""
+    """What became of each lane: cycles made, whether it slides on, drop [N] and period [s] of the last cycle, rest
+    states (2, n) (elongation, gamma) at the last arrest."""
 
     cycles: NDArray[np.int_]
     slides: Bools
     drop: Array
     period: Array
-    before: Array
     rest: Array
 
 
@@ -128,9 +127,7 @@ def onsets(lanes: Lanes, gamma: Array) -> Array:
 def simulate(lanes: Lanes, rest: Array, cycles: int) -> Course:
     """So many cycles of every lane from rest states (2, n), or until it slides on."""
     n = lanes.drive.size
-    course = Course(
-        np.zeros(n, int), np.zeros(n, bool), np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan), rest.copy()
-    )
+    course = Course(np.zeros(n, int), np.zeros(n, bool), np.full(n, np.nan), np.full(n, np.nan), rest.copy())
     length, state = stick(lanes, rest)
     onset, sign, worn = state[0].copy(), np.ones(n), np.zeros(n, bool)
     slid, live = np.zeros(n), np.arange(n)
@@ -140,17 +137,32 @@ def simulate(lanes: Lanes, rest: Array, cycles: int) -> Course:
         state[:, live], worn[live], sign[live] = after, now_worn, now_sign
         slid[live] += h
         course.slides[live[(slid[live] > SLIDES_AFTER * here.period) & ~rests]] = True
-        for i in (live[rests],):
-            if i.size:
-                course.before[i] = course.drop[i]
-                course.drop[i] = lanes.values["stiffness"][i] * (onset[i] - state[0, i])
-                course.period[i] = length[i] + slid[i]
-                course.rest[:, i] = state[0, i], state[2, i]
-                course.cycles[i] += 1
-                length[i], state[:, i] = stick(lanes.take(i), course.rest[:, i])
-                onset[i], slid[i], sign[i], worn[i] = state[0, i], 0.0, 1.0, False
+        i = live[rests]
+        if i.size:
+            course.drop[i] = lanes.values["stiffness"][i] * (onset[i] - state[0, i])
+            course.period[i] = length[i] + slid[i]
+            course.rest[:, i] = state[0, i], state[2, i]
+            course.cycles[i] += 1
+            length[i], state[:, i] = stick(lanes.take(i), course.rest[:, i])
+            onset[i], slid[i], sign[i], worn[i] = state[0, i], 0.0, 1.0, False
         live = live[~course.slides[live] & (course.cycles[live] < cycles)]
     return course
+
+
+def begun(lanes: Lanes, cycles: int, fresh: Sequence[float] = (0.5, 0.15)) -> tuple[Bools, Course]:
+    """Which lanes stick from a rested contact, else from one that breaks loose with these gammas, and what they do."""
+    n = lanes.drive.size
+    whole = simulate(lanes, np.stack([np.zeros(n), np.ones(n)]), cycles)
+    for gamma in fresh:
+        left = np.flatnonzero(whole.slides)
+        if left.size:
+            again = simulate(lanes.take(left), onsets(lanes.take(left), np.full(left.size, gamma)), cycles)
+            kept = left[~again.slides]
+            for name in ("drop", "period"):
+                getattr(whole, name)[kept] = getattr(again, name)[~again.slides]
+            whole.rest[:, kept] = again.rest[:, ~again.slides]
+            whole.slides[kept] = False
+    return ~whole.slides, whole
 
 
 def _advance(lanes: Lanes, state: Array, sign: Array, worn: Bools) -> tuple[Array, Array, Bools, Bools, Array]:

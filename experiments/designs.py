@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -41,15 +40,13 @@ TRUTHS = Path(__file__).parent / "results" / "design_truths.json"
 
 @dataclass(frozen=True)
 class Design:
-    """Logs of a pair: kind of flaw, whether repaired, rejected draws on the way; truth and rig by name."""
+    """Logs of a pair: kind of flaw, whether repaired; truth and rig by name."""
 
     kind: str
     repaired: bool
-    rejected: int
     truth: dict[str, float]
     rig: dict[str, float]
     logs: tuple[Log, ...]
-    motions: tuple[Trajectory, ...]
     records: tuple[Record, ...]
 
 
@@ -57,22 +54,25 @@ def design(number: int) -> Design:
     """The design of a number (from 0): pair, kind of flaw and whether it is repaired follow from it."""
     pair, rest = divmod(number, 2 * len(KINDS))
     kind, repaired = KINDS[rest // 2], bool(rest % 2)
-    random, rejected = np.random.default_rng([SEED, pair, rest // 2]), 0
+    random = np.random.default_rng([SEED, pair, rest // 2])
     while True:
         truth, rig = _pair(random, kind)
         flawed, mended = _logs(random, kind, rig)
         chosen = mended if repaired else flawed
         if truth["mu_k0"] > 0.0 and truth["mu_k0"] + truth["delta_mu_k"] > 0.05:
             # The repair keeps the pair of its flaw: a pair is taken where all logs of both show cycles.
-            motions = {log[:2]: _motion(truth | rig, log) for log in (*flawed, *mended)}
-            sound = all(m.arrests.size >= FEWEST and not _reverses(m) for m in motions.values())
+            motions = {
+                log[:2]: run(assemble(MAIN), truth | rig, log[0], NORMAL_FORCE, log[1]) for log in (*flawed, *mended)
+            }
+            sound = all(
+                m.arrests.size >= FEWEST and all(phase.situated.direction >= 0.0 for phase in m.phases)
+                for m in motions.values()
+            )
             if sound and all(log[2] * log[1] / motions[log[:2]].arrests.size >= SEEN for log in flawed):
                 break
-        rejected += 1
     noise = np.random.default_rng([SEED, pair, rest])
-    taken = tuple(motions[log[:2]] for log in chosen)
-    records = tuple(_record(motion, log, noise) for motion, log in zip(taken, chosen, strict=True))
-    return Design(kind, repaired, rejected, truth, rig, chosen, taken, records)
+    records = tuple(_record(motions[log[:2]], log, noise) for log in chosen)
+    return Design(kind, repaired, truth, rig, chosen, records)
 
 
 def _pair(random: np.random.Generator, kind: str) -> tuple[dict[str, float], dict[str, float]]:
@@ -98,14 +98,6 @@ def _logs(random: np.random.Generator, kind: str, rig: dict[str, float]) -> tupl
     return (SLOWEST, SLOWER), (SLOWEST, SLOWER, SLOW, FAST, FASTER)
 
 
-def _motion(values: dict[str, float], log: Log) -> Trajectory:
-    return run(assemble(MAIN), values, log[0], NORMAL_FORCE, log[1])
-
-
-def _reverses(motion: Trajectory) -> bool:
-    return any(phase.situated.direction < 0.0 for phase in motion.phases)
-
-
 def _record(motion: Trajectory, log: Log, noise: np.random.Generator) -> Record:
     _, duration, rate = log
     times = np.arange(round(duration * rate) + 1) / rate
@@ -121,11 +113,6 @@ def scene_of(made: Design) -> Scene:
     )
 
 
-@cache
-def _truths() -> dict[str, dict[str, list[str]]]:
-    return dict(json.loads(TRUTHS.read_text(encoding="utf-8"))) if TRUTHS.exists() else {}
-
-
 def allowed(number: int) -> dict[str, list[str]]:
     """Verdicts that may be given of a design, by parameter; empty where they are not known."""
-    return _truths().get(str(number), {})
+    return dict(json.loads(TRUTHS.read_text(encoding="utf-8")).get(str(number), {}))

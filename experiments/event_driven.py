@@ -34,21 +34,12 @@ class Series:
     noise: float
 
 
-def onsets(p: Mapping[str, float], log: Series, rtol: float) -> Array:
-    """Times at which slips begin before the last sample [s]."""
-    return _run(p, log, rtol)[1]
-
-
-def simulate(p: Mapping[str, float], log: Series) -> Array:
-    """Force at the samples (n,) [N], from rest with an unloaded spring and a fresh contact.
+def simulate(p: Mapping[str, float], log: Series, rtol: float = RTOL) -> tuple[Array, Array]:
+    """Force at the samples (n,) [N], from rest with an unloaded spring and a fresh contact, and when slips begin [s].
 
     Args:
         p: the six friction parameters, mass, stiffness and damping by name, SI.
     """
-    return _run(p, log, RTOL)[0]
-
-
-def _run(p: Mapping[str, float], log: Series, rtol: float) -> tuple[Array, Array]:
     begun: list[float] = []
     k, v0, load = p["stiffness"], log.drive_speed, log.normal_force
     c = p["damping"] * math.sqrt(p["mass"] / k)
@@ -136,16 +127,15 @@ def _slide(
     return (x, 0.0 if rested else v, 0.0 if worn else max(g, 0.0)), float(run.t[-1]), run.sol
 
 
-def residuals(ratio: Array, truth: Mapping[str, float], logs: Sequence[Series]) -> Array:
-    """Residuals of all logs in standard deviations; ratio (6,) of the friction parameters to those of `truth`."""
-    p = dict(truth) | {name: truth[name] * float(r) for name, r in zip(NAMES, ratio, strict=True)}
-    return np.concatenate([(simulate(p, log) - log.force) / log.noise for log in logs])
-
-
 def fit_by_least_squares(truth: Mapping[str, float], logs: Sequence[Series], most: int | None = None) -> OptimizeResult:
     """Fit the six friction parameters, started at the truth; settings are scipy's but for the difference step.
 
     Args:
         most: give up after so many evaluations (None: scipy's own limit).
     """
-    return least_squares(residuals, np.ones(6), diff_step=DIFF_STEP, x_scale=1.0, max_nfev=most, args=(truth, logs))
+
+    def residuals(ratio: Array) -> Array:
+        p = dict(truth) | {name: truth[name] * float(r) for name, r in zip(NAMES, ratio, strict=True)}
+        return np.concatenate([(simulate(p, log)[0] - log.force) / log.noise for log in logs])
+
+    return least_squares(residuals, np.ones(6), diff_step=DIFF_STEP, x_scale=1.0, max_nfev=most)

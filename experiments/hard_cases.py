@@ -1,6 +1,6 @@
 """The table of hard cases: a scene, a truth from outside, and the tolerance it meets or the sentence that refuses it.
 
-Shared by tests/simulation/test_hard_cases.py and run_hard_cases.py. A new case is one more row.
+Shared by tests/simulation/test_hard_cases.py and sample `hard` of the acceptance table. A new case is one more row.
 """
 
 from __future__ import annotations

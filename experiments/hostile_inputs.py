@@ -409,37 +409,36 @@ def scenes() -> Iterator[Hostile]:
 def manifests() -> Iterator[Hostile]:
     """Manifests of a batch."""
     batch = ("batch", "{file}", "--scene", "{scene}", "--out", "{out}")
-    beside = {"log.csv": GOOD}
-    head = "path,group,drive_speed"
-    made = {
-        "100,000 rows": head + "\n" + "".join(f"log_{i}.csv,g{i},0.2 mm/s\n" for i in range(100_000)),
-        "100,000 rows of one group": head + "\n" + "".join(f"log_{i}.csv,g,0.2 mm/s\n" for i in range(100_000)),
-        "100,000 rows of one log": head + "\n" + "log.csv,g,0.2 mm/s\n" * 100_000,
-        "100,000 rows of one log, each its step": f"{head},logs.step\n"
-        + "".join(f"log.csv,g,0.2 mm/s,{i}\n" for i in range(100_000)),
-        "100,000 rows without a unit": head + "\n" + "".join(f"log.csv,g{i},0.2\n" for i in range(100_000)),
-        "100,000 columns": head + "".join(f",c{i}" for i in range(100_000)) + "\nlog.csv,g,0.2 mm/s\n",
-        "100,000 equal columns": head + ",c" * 100_000 + "\nlog.csv,g,0.2 mm/s\n",
-        "100,000 dotted columns": head + "".join(f",rig.c{i}" for i in range(100_000)) + "\nlog.csv,g,0.2 mm/s\n",
-        "100,000 cells in a row": head + "\nlog.csv,g,0.2 mm/s" + ",1" * 100_000 + "\n",
-        "a cell of 10 MB": head + "\nlog.csv," + "g" * 10_000_000 + ",0.2 mm/s\n",
-        "a column of 10 MB": head + "," + "c" * 10_000_000 + "\nlog.csv,g,0.2 mm/s,1\n",
-        "a deep column": head + ",rig" + ".a" * 20_000 + "\nlog.csv,g,0.2 mm/s,1\n",
-        "400,000 blank lines": "\n" * 400_000 + head + "\nnothing.csv,g,0.2 mm/s\n",
-        "an open quote": head + '\nlog.csv,"g,0.2 mm/s\n' + "x,y,z\n" * 100_000,
-        "unit in a cell": head + "\nlog.csv,g,0.2 mm/s*9^9^9\n",
-        "unit of the mass": head + ",rig.mass\nlog.csv,g,0.2 mm/s,0.2 kg^999999999\n",
-        "10,000 digits": head + f"\nlog.csv,g,{'7' * 10_000} mm/s\n",
-        "hexadecimal mass": head + f",rig.mass\nlog.csv,g,0.2 mm/s,0x{'f' * 40_000}\n",
-        "speed of 1e308": head + "\nlog.csv,g,1e308 m/s\n",
-        "step of 10,000 digits": head + f",logs.step\nlog.csv,g,0.2 mm/s,{'7' * 4000}\n",
-        "brackets in a cell": head + f",rig.mass\nlog.csv,g,0.2 mm/s,{'[' * 10_000}\n",
-        "a home of nobody": head + "\n~nobody_at_all/log.csv,g,0.2 mm/s\n",
-        "a path of 10,000 characters": head + f"\n{'a' * 10_000}.csv,g,0.2 mm/s\n",
-        "a device": head + "\n/dev/zero,g,0.2 mm/s\n",
+    log, many = "log.csv,g,0.2 mm/s", range(100_000)
+    made: Mapping[str, tuple[str, str]] = {  # columns beyond path, group and speed; rows
+        "100,000 rows": ("", "".join(f"log_{i}.csv,g{i},0.2 mm/s\n" for i in many)),
+        "100,000 rows of one group": ("", "".join(f"log_{i}.csv,g,0.2 mm/s\n" for i in many)),
+        "100,000 rows of one log": ("", f"{log}\n" * 100_000),
+        "100,000 rows of one log, each its step": (",logs.step", "".join(f"{log},{i}\n" for i in many)),
+        "100,000 rows without a unit": ("", "".join(f"log.csv,g{i},0.2\n" for i in many)),
+        "100,000 columns": ("".join(f",c{i}" for i in many), log),
+        "100,000 equal columns": (",c" * 100_000, log),
+        "100,000 dotted columns": ("".join(f",rig.c{i}" for i in many), log),
+        "100,000 cells in a row": ("", log + ",1" * 100_000),
+        "a cell of 10 MB": ("", "log.csv," + "g" * 10_000_000 + ",0.2 mm/s"),
+        "a column of 10 MB": ("," + "c" * 10_000_000, f"{log},1"),
+        "a deep column": (",rig" + ".a" * 20_000, f"{log},1"),
+        "400,000 blank lines": ("", "\n" * 400_000 + "nothing.csv,g,0.2 mm/s"),
+        "an open quote": ("", 'log.csv,"g,0.2 mm/s\n' + "x,y,z\n" * 100_000),
+        "unit in a cell": ("", f"{log}*9^9^9"),
+        "unit of the mass": (",rig.mass", f"{log},0.2 kg^999999999"),
+        "10,000 digits": ("", f"log.csv,g,{'7' * 10_000} mm/s"),
+        "hexadecimal mass": (",rig.mass", f"{log},0x{'f' * 40_000}"),
+        "speed of 1e308": ("", "log.csv,g,1e308 m/s"),
+        "step of 10,000 digits": (",logs.step", f"{log},{'7' * 4000}"),
+        "brackets in a cell": (",rig.mass", f"{log},{'[' * 10_000}"),
+        "a home of nobody": ("", "~nobody_at_all/log.csv,g,0.2 mm/s"),
+        "a path of 10,000 characters": ("", f"{'a' * 10_000}.csv,g,0.2 mm/s"),
+        "a device": ("", "/dev/zero,g,0.2 mm/s"),
     }
-    for what, words in made.items():
-        yield Hostile(f"manifest, {what}", "manifest.csv", words.encode, batch, beside=beside)
+    for what, (columns, rows) in made.items():
+        words = f"path,group,drive_speed{columns}\n{rows}\n"
+        yield Hostile(f"manifest, {what}", "manifest.csv", words.encode, batch, beside={"log.csv": GOOD})
 
 
 def files() -> Iterator[Hostile]:

@@ -47,7 +47,7 @@ LEVEL_SHARE, LEVEL_LENGTH = 0.2, 1e-3  # of an uneven track: sd of the level, of
 @dataclass(frozen=True)
 class Twin:
     """A visit: true parameters by name (rig and skin too), and of each record drive speed [m/s], duration [s], motion
-    and the course of the true normal force; draws that were passed over on the way."""
+    and the course of the true normal force."""
 
     number: int
     truth: dict[str, float]
@@ -55,7 +55,6 @@ class Twin:
     durations: tuple[float, ...]
     motions: tuple[Trajectory, ...]
     courses: tuple[tuple[Array, Array], ...]
-    rejected: int
 
     def records(self, rate: float) -> tuple[Record, ...]:
         """The records at a sampling rate [Hz], with noise."""
@@ -70,18 +69,13 @@ class Twin:
             out.append(Record(times, seen, force))
         return tuple(out)
 
-    def scene(self, *, all_known: bool = False) -> Scene:
+    def scene(self) -> Scene:
         """What a careful user would write: measured load, skin and drift among the effects, the rig to 10 %, the skin
-        to 30 % and the time in which it moistens to 40 %; all_known: all but the coefficients of
-        friction is told as it is."""
+        to 30 % and the time in which it moistens to 40 %."""
         rig = {name: {"value": value, "tolerance": TOLERANCE} for name, value in STATED.items()}
         logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, speed in enumerate(self.speeds, 1)]
         parameters = {name: {"prior": {"mean": mean, "sd": sd * mean}} for name, (mean, sd) in BELIEVED.items()}
         document = {"effects": list(EFFECTS), "rig": rig, "parameters": parameters, "logs": logs}
-        if all_known:
-            names = (*BELIEVED, "occlusion_level", "a", "D", "t_cr")
-            document["rig"] = {name: self.truth[name] for name in STATED}
-            document["parameters"] = {name: {"fixed": self.truth[name]} for name in names}
         return Scene.from_document(document, Path())
 
 
@@ -128,7 +122,7 @@ def _course(random: np.random.Generator, load: float, duration: float) -> tuple[
 def twin(number: int, scatter: float = 0.0) -> Twin:
     """The twin of a number; pairs whose records do not show 2 to 15 cycles each, or slip backwards, are drawn again.
     scatter: standard deviation of the logarithm of the strength from stick to stick."""
-    random, rejected = np.random.default_rng([SEED, number]), 0
+    random = np.random.default_rng([SEED, number])
     model = assemble((*EFFECTS, "friction_heterogeneity") if scatter else EFFECTS)
     track = {"field_sd": LEVEL_SHARE * scatter, "field_length": LEVEL_LENGTH, "strength_sd": scatter}
     while True:
@@ -155,5 +149,4 @@ def twin(number: int, scatter: float = 0.0) -> Twin:
                 break
             motions.append(motion)
         if len(motions) == len(RECORDS):
-            return Twin(number, truth, tuple(speeds), tuple(durations), tuple(motions), tuple(courses), rejected)
-        rejected += 1
+            return Twin(number, truth, tuple(speeds), tuple(durations), tuple(motions), tuple(courses))

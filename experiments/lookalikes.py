@@ -204,6 +204,12 @@ def _logged(row: Row, i: int, fz: str, fx: str) -> str:
 
 
 MILLI, KGF, VOLTS = Fraction(1, 1000), 1000 * GRAM, (1, Fraction(4), Fraction(5, 2))
+LVM = (
+    "LabVIEW Measurement\t\r\nWriter_Version\t2\r\nReader_Version\t2\r\nSeparator\tTab\r\nDecimal_Separator\t.\r\n"
+    "Multi_Headings\tNo\r\nX_Columns\t{x}\r\nTime_Pref\tAbsolute\r\nDate\t2026/01/15\r\n***End_of_Header***\t\r\n\t\r\n"
+    "Channels\t2\t\t\r\nX_Dimension\tTime\tTime\t\r\nX0\t0.0\t0.0\t\r\nDelta_X\t0.002\t0.002\t\r\n"
+    "***End_of_Header***\t\t\t\r\nX_Value\tfx_N\tfz_N\tComment\r\n"
+)
 TABLES: Mapping[str, Table] = {
     "trb3": Table(  # Anton Paar TRB3: tabs, decimal comma, nominal load only, tabs at the ends of rows
         "Time [s]\tDistance [m]\tLaps\tNominal Load [N]\tµ\tAngle [°]\tFriction Force [N]\t\r\n",
@@ -270,39 +276,21 @@ TABLES: Mapping[str, Table] = {
         "10:00:00.000 -> HX711 ready\n10:00:00.000 -> Fx_N,Fz_N\n",
         lambda r, _i, _t, z, x: f"10:{r.time // 600_000:02}:{number(r.time % 600_000, 4).rjust(7, '0')} -> {x},{z}\n",
     ),
+    "lvm": Table(LVM.format(x="No"), lambda _r, _i, _t, z, x: f"\t{x}\t{z}\r\n", step=20),  # the clock from Delta_X
+    "lvm comma": Table(  # the clock in X_Value, decimal comma
+        LVM.format(x="One").replace(".", ","), lambda _r, _i, t, z, x: f"{t}\t{x}\t{z}\r\n", mark=",",
+    ),
+    "thousands": Table(  # Instron Bluehill: every number quoted, commas between thousands, forces in millinewtons
+        '"Time","Load","Friction force"\n"(s)","(mN)","(mN)"\n',
+        lambda _r, _i, t, z, x: ",".join(f'"{float(cell):,.4f}"' for cell in (t, z, x)) + "\n",
+        (4, 3, 3), (1, MILLI, MILLI),
+    ),
     "data logger": Table(  # Graphtec: settings in pairs, seconds and milliseconds apart, channels by number, alarms
         "Vendor,GRAPHTEC Corporation\nModel,GL980\nSampling interval,20ms\nCH,Signal name,Input,Range\n"
         "CH1,Friction,DC,1V\nCH2,Normal,DC,1V\nData\nNumber,Date&Time,ms,CH1,CH2,Alarm\nNO.,Time,ms,N,N,A1234\n",
         lambda r, i, _t, z, x: _logged(r, i, z, x),
     ),
 }  # fmt: skip
-
-
-def _lvm(rows: Sequence[Row], x_columns: str, decimal: str) -> Made:
-    text = (
-        f"LabVIEW Measurement\t\r\nWriter_Version\t2\r\nReader_Version\t2\r\nSeparator\tTab\r\n"
-        f"Decimal_Separator\t{decimal}\r\nMulti_Headings\tNo\r\nX_Columns\t{x_columns}\r\nTime_Pref\tAbsolute\r\nDate\t2026/01/15\r\n"
-        "***End_of_Header***\t\r\n\t\r\nChannels\t2\t\t\r\n"
-        f"Samples\t{len(rows)}\t{len(rows)}\t\r\nX_Dimension\tTime\tTime\t\r\nX0\t0{decimal}0\t0{decimal}0\t\r\n"
-        f"Delta_X\t0{decimal}002\t0{decimal}002\t\r\n***End_of_Header***\t\t\t\r\nX_Value\tfx_N\tfz_N\tComment\r\n"
-    )
-    table = []
-    for i, row in enumerate(rows):
-        time = number(row.time, 4, decimal) if x_columns == "One" else ""
-        fz, fx = number(row.normal, 6, decimal), number(row.friction, 6, decimal)
-        text += f"{time}\t{fx}\t{fz}\r\n"
-        table.append((time or number(20 * i, 4), fz, fx))
-    return _truth(text.encode(), table, (1, 1, 1))
-
-
-def thousands(rows: Sequence[Row]) -> Made:
-    """Instron Bluehill: every number quoted, commas between thousands, forces in millinewtons."""
-    text, table = '"Time","Load","Friction force"\n"(s)","(mN)","(mN)"\n', []
-    for row in rows:
-        cells = (number(row.time, 4), number(row.normal, 3), number(row.friction, 3))
-        text += ",".join(f'"{float(cell):,.4f}"' for cell in cells) + "\n"
-        table.append(tuple(f"{float(cell):.4f}" for cell in cells))
-    return _truth(text.encode(), table, (1, Fraction(1, 1000), Fraction(1, 1000)))
 
 
 def _comma(number: str) -> str:
@@ -440,7 +428,7 @@ SAID: Mapping[str, Mapping[str, Any]] = {
 """What the user has to say to have a file read."""
 NAMES = {"t11": "T11_10N_0.1m-s.csv", "data logger": "240305-1.csv", "bare tab": "bare_tab.csv"}
 """Of files whose name says something, or is one that readers look at; others are called as their kind."""
-FORMS = {"ni pairs": "ni-channels", "stamped": "stamped-lines"}
+FORMS = {"ni pairs": "ni-channels", "stamped": "stamped-lines"} | dict.fromkeys(("lvm", "lvm comma"), "labview-lvm")
 BINARY = {"hdf5": _hdf5, "tdms": _tdms, "parquet": _parquet, "matlab": _matlab, "excel": _excel}
 ENDS = {"hdf5": "h5", "tdms": "tdms", "parquet": "parquet", "matlab": "mat", "excel": "xlsx"}
 ALL: Mapping[str, LookAlike] = {
@@ -448,9 +436,6 @@ ALL: Mapping[str, LookAlike] = {
     "cetr reordered": LookAlike("cetr-text", "cetr_reordered.txt", cetr_reordered),
     "bruker": LookAlike("bruker-csv", "bruker.csv", bruker),
     "rtec": LookAlike("rtec-csv", "rtec.csv", rtec),
-    "lvm": LookAlike("labview-lvm", "pair.lvm", partial(_lvm, x_columns="No", decimal=".")),
-    "lvm comma": LookAlike("labview-lvm", "pair_comma.lvm", partial(_lvm, x_columns="One", decimal=",")),
-    "thousands": LookAlike("delimited", "thousands.csv", thousands),
     **{
         name: LookAlike(FORMS.get(name, "delimited"), NAMES.get(name, f"{name}.txt"), table, SAID.get(name, {}))
         for name, table in TABLES.items()

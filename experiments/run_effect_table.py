@@ -15,14 +15,16 @@ import casadi as ca
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from experiments import effect_cost
 from experiments.machine import describe
 from identify.effects import ALL
 from identify.effects.quantities import Effect, Parameter
+from identify.model.model import assemble
+from tests.support import effects_case
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "effects.md"
 MARK = "<!-- {}: written by experiments/run_effect_table.py --docs -->"
 END = "<!-- end -->"
+COUNTED = ("slip", "rest", "grip", "load_cell")
 
 
 def number(value: float) -> str:
@@ -69,21 +71,21 @@ def effects_table() -> list[str]:
     return rows
 
 
+def counted(names: tuple[str, ...]) -> list[int]:
+    """Of one composition: states and parameters of the model, instructions by function of COUNTED."""
+    model = assemble(names)
+    return [len(model.states), len(model.parameters), *(getattr(model, name).n_instructions() for name in COUNTED)]
+
+
 def cost_table(effects: tuple[Effect, ...] = ALL) -> list[str]:
-    """Counts without and with each effect: the rows of a markdown table."""
-    heads = ("effect", "states", "parameters", *effect_cost.COUNTED)
+    """Counts of the main effects without rivals of an effect, without and with it: the rows of a markdown table."""
+    heads = ("effect", "states", "parameters", *COUNTED)
     rows = ["| " + " | ".join(heads) + " |", "| --- |" + " ---: |" * (len(heads) - 1)]
     for e in effects:
-        less, more = (effect_cost.cost(names) for names in effect_cost.pair(e))
-        counts = [(getattr(less, name), getattr(more, name)) for name in ("states", "parameters")] + list(
-            zip(less.instructions, more.instructions, strict=True)
-        )
-        rows.append(f"| `{e.name}` | " + " | ".join(_change(a, b) for a, b in counts) + " |")
+        less = effects_case.without(e)
+        counts = zip(counted(less), counted((*less, e.name)), strict=True)
+        rows.append(f"| `{e.name}` | " + " | ".join(f"{a}" if a == b else f"{a} → {b}" for a, b in counts) + " |")
     return rows
-
-
-def _change(before: int, after: int) -> str:
-    return str(after) if before == after else f"{before} → {after}"
 
 
 def page_with(tables: dict[str, list[str]], text: str) -> str:

@@ -90,11 +90,8 @@ def complaint(hostile: Hostile, ending: Ending, size: int, idle: float) -> str:
 
 def tried(hostile: Hostile, folder: Path, idle: float) -> tuple[Ending, str]:
     """Give an input to its command; returns how it ended and what is wrong with that."""
-    place = folder / hostile.file
-    data = hostile.data()
-    place.write_bytes(data)
-    (folder / "pair.toml").write_text(SCENE, encoding="utf-8")
-    for name, content in hostile.beside.items():
+    place, data = folder / hostile.file, hostile.data()
+    for name, content in {hostile.file: data, "pair.toml": SCENE.encode(), **hostile.beside}.items():
         (folder / name).write_bytes(content)
     names = {"{file}": str(place), "{scene}": str(folder / "pair.toml")}
     command = [names.get(word, word.replace("{out}", str(folder / "out"))) for word in hostile.command]
@@ -107,23 +104,21 @@ def main(fast: bool = False, every: int = 1, words: str = "") -> Counter[str]:
     from identify.cli.main import commands
 
     commands()
-    inputs = [hostile for hostile in all_inputs() if words in f"{hostile.name}, {hostile.file}"][
+    chosen = [hostile for hostile in all_inputs() if words in f"{hostile.name}, {hostile.file}"][
         :: 60 if fast else every
     ]
-    counts: Counter[str] = Counter()
-    slowest, largest = 0.0, 0.0
+    counts, slowest, largest = Counter[str](), 0.0, 0.0
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "good.csv").write_bytes(GOOD)
         idle = ended(["inspect", "good.csv"], Path(folder)).memory
-    for hostile in inputs:
+    for hostile in chosen:
         with tempfile.TemporaryDirectory() as folder:
             ending, wrong = tried(hostile, Path(folder), idle)
         counts["WRONG" if wrong else "refused" if ending.code == 2 else "read"] += 1
         slowest, largest = max(slowest, ending.seconds), max(largest, ending.memory - idle)
         if wrong:
             print(f"WRONG {hostile.name}, {hostile.file}: {wrong}", flush=True)
-    told = ", ".join(f"{name} {count}" for name, count in sorted(counts.items()))
-    print(f"{len(inputs)} hostile inputs: {told}; longest {slowest:.1f} s, most memory {largest / 1e6:.0f} MB")
+    print(f"{len(chosen)} hostile inputs: {dict(counts)}; longest {slowest:.1f} s, most memory {largest / 1e6:.0f} MB")
     print(describe())
     return counts
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
 
 import machine  # noqa: E402
-from brute_force_lanes import Lanes, onsets, simulate  # noqa: E402
+from brute_force_lanes import Lanes, begun, simulate  # noqa: E402
 from run_window_study import EFFECTS, random_pairs  # noqa: E402
 
 from identify.base.document import to_dict  # noqa: E402
@@ -88,22 +88,6 @@ def drawn(case: Case, count: int, rng: np.random.Generator) -> list[dict[str, fl
     moved = np.where(logs, centre * np.exp(np.where(logs, steps, 0.0)), centre + steps)
     rows = [{**case.pair, **dict(zip(NAMES, row.tolist(), strict=True))} for row in moved]
     return [p for p in rows if p["mu_s"] > p["mu_k0"] > 0 and p["mu_k0"] + min(p["delta_mu_k"], 0.0) > 0]
-
-
-def begun(lanes: Lanes, cycles: int) -> tuple[NDArray[np.bool_], Any]:
-    """Which lanes stick from a rested contact, else from one that breaks loose fresher, and what they do."""
-    n = lanes.drive.size
-    whole = simulate(lanes, np.stack([np.zeros(n), np.ones(n)]), cycles)
-    for gamma in (0.5, 0.15):
-        left = np.flatnonzero(whole.slides)
-        if left.size:
-            again = simulate(lanes.take(left), onsets(lanes.take(left), np.full(left.size, gamma)), cycles)
-            kept = left[~again.slides]
-            for name in ("drop", "period"):
-                getattr(whole, name)[kept] = getattr(again, name)[~again.slides]
-            whole.rest[:, kept] = again.rest[:, ~again.slides]
-            whole.slides[kept] = False
-    return ~whole.slides, whole
 
 
 def ends(lanes: Lanes, expected: Array) -> Array:

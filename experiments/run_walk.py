@@ -13,10 +13,8 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
-from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -30,59 +28,42 @@ ROOMS = re.findall(
 )
 
 
-@dataclass
-class Walk:
-    """Files (relative to identify/) that ran, and (caller, called) pairs of files."""
-
-    files: set[str] = field(default_factory=set)
-    calls: set[tuple[str, str]] = field(default_factory=set)
-
-    def __call__(self, frame: FrameType, event: str, argument: Any) -> None:
-        """What `sys.setprofile` calls."""
-        called = _file(frame)
-        if event != "call" or called is None:
-            return
-        self.files.add(called)
-        caller = frame.f_back
-        while caller is not None and _file(caller) is None:
-            caller = caller.f_back
-        if caller is not None and _file(caller) != called:
-            self.calls.add((str(_file(caller)), called))
-
-    @property
-    def climbs(self) -> list[tuple[str, str]]:
-        """The calls into a higher room."""
-        return sorted(call for call in self.calls if _floor(call[1]) > _floor(call[0]))
-
-
 def _file(frame: FrameType) -> str | None:
     path = Path(frame.f_code.co_filename)
     return path.relative_to(HOUSE).as_posix() if path.is_relative_to(HOUSE) else None
 
 
-def _floor(file: str) -> int:
-    return ROOMS.index(file.split("/")[0])
+def walked(work: Callable[[Scene], object]) -> tuple[set[str], set[tuple[str, str]]]:
+    """Files (relative to identify/) that ran, and (caller, called) pairs of files, of work with the example pair."""
+    files, calls = set[str](), set[tuple[str, str]]()
 
+    def note(frame: FrameType, event: str, _argument: object) -> None:
+        called, caller = _file(frame), frame.f_back
+        if event != "call" or called is None:
+            return
+        files.add(called)
+        while caller is not None and _file(caller) is None:
+            caller = caller.f_back
+        if caller is not None and _file(caller) != called:
+            calls.add((str(_file(caller)), called))
 
-def walked(work: Callable[[Scene], object]) -> Walk:
-    """The walk of what is done with the example pair."""
-    walk, scene = Walk(), Scene.from_toml(examples.SCENE)
-    sys.setprofile(walk)
+    scene = Scene.from_toml(examples.SCENE)
+    sys.setprofile(note)
     try:
         work(scene)
     finally:
         sys.setprofile(None)
-    return walk
+    return files, calls
 
 
 def main(fast: bool = False) -> None:
     """Print what was counted; fast: of reading a scene alone."""
-    walk = walked((lambda _: Scene.from_toml(examples.SCENE)) if fast else fit)
-    print(describe())
-    print(f"{len(walk.files)} files, {len(walk.calls)} calls from file to file, {len(walk.climbs)} into a higher room:")
-    print("\n".join(f"  {caller} -> {called}" for caller, called in walk.climbs))
-    rooms = Counter(file.split("/")[0] for file in walk.files)
-    print(", ".join(f"{room} {count}" for room, count in rooms.most_common()))
+    files, calls = walked((lambda _: Scene.from_toml(examples.SCENE)) if fast else fit)
+    floor = {file: ROOMS.index(file.split("/")[0]) for file in files | {file for call in calls for file in call}}
+    climbs = sorted(call for call in calls if floor[call[1]] > floor[call[0]])
+    print(f"{describe()}\n{len(files)} files, {len(calls)} calls from file to file, {len(climbs)} into a higher room:")
+    print("\n".join(f"  {caller} -> {called}" for caller, called in climbs))
+    print(", ".join(f"{room} {count}" for room, count in Counter(file.split("/")[0] for file in files).most_common()))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
 
 import machine  # noqa: E402
-from brute_force_lanes import Lanes, onsets, simulate, swings_die  # noqa: E402
+from brute_force_lanes import Lanes, begun, simulate, swings_die  # noqa: E402
 
 from identify.base.document import to_dict  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
@@ -76,14 +76,8 @@ def sticking(pairs: Sequence[Mapping[str, float]], speeds: Array, cycles: int = 
     """Whether stick-slip exists at drive speeds (pairs, g), by simulation from many starts."""
     count = speeds.shape[1]
     lanes = Lanes.of([pair for pair in pairs for _ in range(count)], speeds.ravel())
-    starts = [np.stack([np.zeros(lanes.drive.size), np.ones(lanes.drive.size)])]
-    starts += [onsets(lanes, np.full(lanes.drive.size, gamma)) for gamma in FRESH]
-    sticks, rest = np.zeros(lanes.drive.size, bool), starts[0].copy()
-    for start in starts:
-        left = np.flatnonzero(~sticks)
-        course = simulate(lanes.take(left), start[:, left], cycles)
-        sticks[left] = ~course.slides
-        rest[:, left] = course.rest
+    sticks, course = begun(lanes, cycles, FRESH)
+    rest = course.rest
     for shift in (1, -1) * 3:  # from the stick-slip of the neighbour, a few times
         grid = sticks.reshape(-1, count)
         beside = np.roll(grid, shift, axis=1)

@@ -60,7 +60,7 @@ def doubled():
     """An in-vivo twin at 50 Hz, an answer whose contact ages on and on, which describes it nearly as well, and the
     optima about that."""
     made = in_vivo.twin(32)
-    prepared, unknowns = _prepared(*parted(*with_records(made.scene(all_known=False), made.records(50.0))))
+    prepared, unknowns = _prepared(*parted(*with_records(made.scene(), made.records(50.0))))
     values = np.array([(made.truth | VALLEY).get(name, 1.0) for name in unknowns.names])
     start = np.where(unknowns.free, unknowns.theta(values, prepared[0].data.base), unknowns.start)
     wrong = solve_from(prepared, [0, 1], replace(unknowns, start=start))

@@ -13,7 +13,7 @@ sys.path.append(str(Path(__file__).parents[2] / "experiments"))
 
 import brute_force
 import run_window_study as study
-from brute_force_lanes import Lanes, simulate
+from brute_force_lanes import Lanes, onsets, simulate
 
 from identify.base.document import to_dict
 from identify.model.model import assemble
@@ -77,7 +77,7 @@ def test_stick_slip_out_of_reach_from_a_rested_contact_is_found():
     }  # fmt: skip
     lanes = Lanes.of([pair] * 3, np.array([0.3e-3, 0.42e-3, 0.6e-3]))
     rested = simulate(lanes, np.stack([np.zeros(3), np.ones(3)]), 30)
-    renewed = simulate(lanes, study.onsets(lanes, np.full(3, 0.02)), 30)
+    renewed = simulate(lanes, onsets(lanes, np.full(3, 0.02)), 30)
     assert rested.slides.tolist() == [True, True, True] and renewed.slides.tolist() == [True, False, True]
     document = ask(pair, 0.6e-3)
     said = [study.said_at(document, float(speed)) for speed in lanes.drive]

@@ -9,14 +9,13 @@ from experiments.batch_trials import (
     environment,
     kill,
     put,
-    result_of,
     started,
     wait_for,
     write_case,
 )
 
 __all__ = [
-    "ROOT", "SCENE", "STUB", "Silent", "alive", "children", "environment", "kill", "put", "result_of", "started",
+    "ROOT", "SCENE", "STUB", "Silent", "alive", "children", "environment", "kill", "put", "started",
     "wait_for", "write_case",
 ]  # fmt: skip
 
