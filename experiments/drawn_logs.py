@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 
-import numpy as np
 from hypothesis import strategies as st
 
-from data_io import Record
+from experiments.lookalikes import Made
 from experiments.mutations import bytes_changed
 
 GOOD = "T,Fx,Fz\ns,N,N\n" + "".join(f"{i / 100},{i % 7},3\n" for i in range(40))
@@ -37,28 +35,6 @@ UNITS: Mapping[str, Mapping[str, Fraction]] = {
 ROLES = tuple(NAMES)
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """A log as bytes and what it holds: time from 0 [s], normal and friction force [N], as exact fractions."""
-
-    data: bytes
-    truth: Mapping[str, Sequence[Fraction]]
-
-    def differs(self, record: Record) -> str:
-        """Say in what a record differs from what was written, "" where it does not."""
-        for role, written in self.truth.items():
-            read = getattr(record, role)
-            if len(read) != len(written):
-                return f"{len(read)} of {len(written)} rows"
-            exact = np.array([float(value) for value in written])
-            # forces to the last digit; the clock to that of the time in the file
-            far = np.max(np.abs(exact)) + float(record.metadata.get("file_time_start", 0.0)) if role == "time" else 0.0
-            wrong = np.flatnonzero(~(np.abs(read - exact) <= 4e-16 * np.abs(exact) + 4e-16 * far))
-            if wrong.size:
-                return f"{role} of row {wrong[0]} is {read[wrong[0]]!r}, {exact[wrong[0]]!r} was written"
-        return ""
-
-
 def broken() -> st.SearchStrategy[bytes]:
     """One of the small logs with a few places changed, put in, taken out or repeated."""
     drawn = st.randoms(use_true_random=False)
@@ -66,7 +42,7 @@ def broken() -> st.SearchStrategy[bytes]:
 
 
 @st.composite
-def tables(draw: st.DrawFn) -> Drawn:
+def tables(draw: st.DrawFn) -> Made:
     """A sound table: any numbers, names, units, order of columns, delimiter, decimal mark, line end and encoding."""
     separator = draw(st.sampled_from(sorted(SEPARATORS)))
     decimal = draw(st.sampled_from(SEPARATORS[separator]))
@@ -83,10 +59,9 @@ def tables(draw: st.DrawFn) -> Drawn:
     head = _head(draw, order, units, separator)
     rows = [separator.join(cells) for cells in zip(*(columns[name] for name in order), strict=True)]
     text = ends.join([*head, *(row.replace(".", decimal) for row in rows), ""])
-    truth = {role: [Fraction(cell) * UNITS[role][units[role]] for cell in columns[role]] for role in ROLES}
-    truth["time"] = [value - truth["time"][0] for value in truth["time"]]
-    truth["normal_force"] = [abs(value) for value in truth["normal_force"]]
-    return Drawn(text.encode(draw(st.sampled_from(["utf-8", "utf-8-sig", "cp1252", "utf-16"]))), truth)
+    t, fz, fx = ([Fraction(cell) * UNITS[role][units[role]] for cell in columns[role]] for role in ROLES)
+    data = text.encode(draw(st.sampled_from(["utf-8", "utf-8-sig", "cp1252", "utf-16"])))
+    return Made(data, tuple(t), tuple(abs(load) for load in fz), tuple(fx))
 
 
 def _numbers(draw: st.DrawFn, count: int, span: tuple[float, float]) -> list[str]:
