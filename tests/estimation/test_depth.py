@@ -9,7 +9,7 @@ import pytest
 
 from data_io import Record
 from experiments.study_problem import DEMO, RIG
-from identify import examples, identification
+from identify import Asked, examples, fit
 from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.estimation.starts import preview
@@ -24,23 +24,15 @@ from tests.support.document_check import check_document
 LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
 
 
-@pytest.fixture(scope="module")
-def deep(tmp_path_factory):
-    """The folder of a fit of two example logs with everything asked for."""
-    out = tmp_path_factory.mktemp("deep") / "result"
-    asked = ["--profile", "--accuracy-table"]
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(identification, "next_logs", lambda _found: None)
-        assert cli.main(["fit", *LOGS, "--scene", str(examples.SCENE), "--out", str(out), *asked]) == 0
-    return out
+def asked_for(**asked):
+    """The document of a fit of two example logs with this asked for."""
+    return check_document(fit(Scene.from_toml(examples.SCENE).choose(LOGS), asked=Asked(**asked)).result)
 
 
-@pytest.fixture(scope="module")
-def document(deep):
-    return check_document(json.loads((deep / "result.json").read_text()))
-
-
-def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much(document):
+@pytest.mark.slow
+@pytest.mark.usefixtures("no_further_logs")
+def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much():
+    document = asked_for(profile=True)
     profile = document["profile"]
     assert profile["limit"] == pytest.approx(3.8415, abs=1e-4)
     assert set(profile["parameters"]) == {"mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr"}
@@ -57,7 +49,9 @@ def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much(do
         assert curve["interval"] == pytest.approx(ends, abs=0.05 * half)
 
 
-def test_accuracy_table_says_what_each_level_moves(document):
+@pytest.mark.usefixtures("no_further_logs")
+def test_accuracy_table_says_what_each_level_moves():
+    document = asked_for(accuracy_table=True)
     rows = document["accuracy_table"]
     assert [row["accuracy"] for row in rows] == ["coarse", "default", "tight"]
     assert rows[0]["steps"] <= rows[1]["steps"] <= rows[2]["steps"]

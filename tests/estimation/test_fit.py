@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from pathlib import Path
 
@@ -21,7 +22,8 @@ from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.examples import FOLDER
 from identify.identification import find
-from tests.support.document_check import check_document
+from identify.logs.regime import Regime
+from tests.support.document_check import SCHEMA, check_document, validator
 
 MIDDLE = (2, 3)  # the logs at 1 and 5 mm/s of the study's problem: soon fitted
 
@@ -105,6 +107,7 @@ def test_a_drive_that_only_loads_still_gives_the_classical_table():
     assert not np.any(np.isfinite(outcome.logs[0].fitted_force))
 
 
+@pytest.mark.usefixtures("no_further_logs")
 def test_sliding_alone_holds_its_level_and_says_so():
     random = np.random.default_rng(3)
     times = np.arange(3001) / 1000
@@ -124,6 +127,7 @@ def test_sliding_alone_holds_its_level_and_says_so():
     assert np.count_nonzero(np.isfinite(fitted)) > 2900
 
 
+@pytest.mark.usefixtures("no_further_logs")
 def test_fixed_prior_and_estimated_rig_quantities(case):
     more = {
         "parameters": {
@@ -159,3 +163,32 @@ def test_the_sign_of_the_force_and_masked_samples_do_not_matter(case):
     free = plain.unknowns.free
     off = (holed.attempt.solved.theta - plain.attempt.solved.theta)[free]
     assert np.max(np.abs(off) / sd) < 0.3
+
+
+def test_the_schema_lists_what_the_program_says() -> None:
+    assert set(SCHEMA["properties"]["status"]["enum"]) == {status.value for status in Status}
+    regimes = SCHEMA["$defs"]["log"]["properties"]["regime"]["enum"]
+    assert {each.value for each in Regime} <= set(regimes)
+
+
+@pytest.mark.parametrize(
+    ("path", "wrong"),
+    [
+        (("status",), "fine"),
+        (("parameters", "mu_s", "value"), "0.62"),
+        (("parameters", "mu_s", "verdict"), "good"),
+        (("parameters", "mu_s", "interval"), [0.6]),
+        (("search", 0, "more"), 1),
+        (("search", 0, "logs"), [0]),
+        (("timing_s", "total"), -1.0),
+        (("logs", 0, "friction_sign"), 0),
+    ],
+)
+def test_what_breaks_a_promise_is_seen(demo, path, wrong) -> None:
+    document = check_document(demo.result)
+    broken = copy.deepcopy(document)
+    place = broken
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = wrong
+    assert validator().is_valid(document) and not validator().is_valid(broken)

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from identify.base.outcome import Status
-from identify.estimation.goodness_of_fit import pass_gate
+from identify.estimation.goodness_of_fit import inconsistency, pass_gate
+from identify.model.model import SPEED
 from identify.shooting.grid import COARSE_GRID
 from identify.shooting.passes import solve_in_passes
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from tests.support import shooting_case as case
 
 NAMES = ("calm.csv", "brisk.csv")
@@ -156,3 +158,29 @@ def test_noise_measured_too_large_is_no_misfit_unless_it_was_stated():
     assert pass_gate(gate[0.5], NAMES, (True, True)).status is Status.MODEL_MISFIT
     wrong = _fit(lambda data: _scaled(_scaled(data, mass=1.3), weight=0.85))
     assert pass_gate(wrong, NAMES, (True, True)).status is not Status.CONVERGED
+
+
+def motion(*, wears: bool, slip: float, after: float) -> ShootingTrajectory:
+    """Two slips alike, whose slowest node before and after the wear has these speeds [m/s]."""
+    nodes = np.zeros((2, 9, 3))
+    nodes[:, :, 0] = np.linspace(4e-4, 2.5e-4, 9)
+    nodes[:, 1:-1, SPEED] = 5e-3
+    nodes[:, :, 2] = np.linspace(1.0, 0.1, 9)
+    later = nodes.copy()
+    nodes[1, 4, SPEED], later[1, 4, SPEED] = slip, after
+    onset = np.array([0.5, 0.8])
+    wear = onset + 0.02 if wears else np.full(2, np.nan)
+    return ShootingTrajectory.train(nodes[0, 0], onset, wear, onset + 0.05, nodes, later, np.empty(0))
+
+
+def said(trajectory: ShootingTrajectory) -> str | None:
+    unknowns = case.search_space(case.PAIR, case.FRICTION)
+    data = case.log_data(case.simulated(case.PAIR, *case.MIDDLE), unknowns)
+    return inconsistency([data], [trajectory], unknowns, unknowns.start, ["log"])
+
+
+@pytest.mark.parametrize("wears", [False, True])
+def test_a_slip_that_runs_backwards_is_named(wears: bool) -> None:
+    assert said(motion(wears=wears, slip=5e-3, after=5e-3)) is None
+    assert "cycle 2: at this answer the slip runs backwards" in str(said(motion(wears=True, slip=5e-3, after=-1e-4)))
+    assert "cycle 2" in str(said(motion(wears=wears, slip=-1e-4, after=5e-3)))

@@ -13,6 +13,8 @@ from identify.logs.scene_records import with_drives, with_records
 from identify.report.result import _farther
 from tests.support.fake_fit import EFFECTS, RIG
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 NAMES = ("mu_s", "mu_k0", "D", "t_cr", "delta_mu_k", "a")
 
 
