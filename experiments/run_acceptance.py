@@ -26,7 +26,6 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -34,26 +33,14 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.acceptance_samples import COMMANDS, SAMPLES, SECOND, Sample
+from experiments.in_parts import by_processor_time, read
 from experiments.machine import describe
-from identify.base import budget
 
 HEAD = (
     "sample", "cases", "right", "false", "answered", "intervals that hold", "verdict errors", "invented",
     "processor s, median / worst", "asked for",
 )  # fmt: skip
 FAST = (("usual", 1), ("regimes", 3), ("hard", 0))
-
-
-def by_processor_time() -> None:
-    """Time limits of fits count processor time from here on: cases of one study get the same on a busy machine."""
-    budget.time = SimpleNamespace(perf_counter=time.process_time)  # type: ignore[assignment]
-    if abs(budget.now() - time.process_time()) > 1.0:
-        raise RuntimeError("the clock of the limits is another one than the one that was set")
-
-
-def read(path: Path) -> list[dict[str, Any]]:
-    """The cases of a file."""
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
 def case(sample: str, number: int) -> dict[str, Any]:
@@ -67,7 +54,7 @@ def case(sample: str, number: int) -> dict[str, Any]:
 
 def run(sample: str, numbers: Sequence[int], file: Path | None) -> list[dict[str, Any]]:
     """The cases of a sample that the file does not hold yet."""
-    done = {(line["sample"], line["case"]) for line in read(file)} if file is not None and file.exists() else set()
+    done = {(line["sample"], line["case"]) for line in read([file])} if file is not None and file.exists() else set()
     lines = []
     for number in numbers:
         if (sample, number) in done:
@@ -164,7 +151,7 @@ def _command() -> None:
     shown.add_argument("after", type=Path, nargs="?")
     said = parser.parse_args()
     if said.command == "table":
-        table(read(said.before), None if said.after is None else read(said.after))
+        table(read([said.before]), None if said.after is None else read([said.after]))
         return
     if said.cpu_clock:
         by_processor_time()
