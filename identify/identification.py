@@ -299,6 +299,7 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
 LIKELY = 3.0  # standard deviations of the usual error of a rig or a sensor
 ERRORS = {name: name for name in ("mass", "stiffness", "damping", "drive_speed")}
 ERRORS |= {"force_gain": "friction_force", "load_gain": "normal_force"}
+SCALES = ("drive_speed", "friction_force")  # what a stiffness, mass and damping that are estimated stand in for
 
 
 def _within_usual_errors(scene: Scene, findings: Findings) -> bool:
@@ -308,8 +309,9 @@ def _within_usual_errors(scene: Scene, findings: Findings) -> bool:
     named = [cause for cause in findings.causes if cause.number == 1]
     if not all(cause.quantity in ERRORS for cause in named):
         return False
-    # Errors that the data do not tell apart add up.
-    share = float(np.linalg.norm([shares[name] for name in {ERRORS[cause.quantity] for cause in named}]))
+    # Errors that the data do not tell apart add up, and all that scales the force by the way looks alike.
+    together = {*SCALES, "stiffness", *(ERRORS[cause.quantity] for cause in named)}
+    share = float(np.linalg.norm([shares[name] for name in together]))
     return any(cause.stated and abs(cause.suggested / cause.stated - 1.0) < LIKELY * share for cause in named)
 
 
@@ -319,7 +321,8 @@ def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings
     scene, usual = task.scene, {**USUAL_TOLERANCES, **task.scene.tolerances}
     stated = stated_rig(scene)
     bare = [n for n in RIG_PARAMETERS if n not in scene.parameters and n not in scene.rig.tolerances]
-    shares = {name: usual[name] for name in bare if usual[name] * stated[name] > 0.0}
+    scales = [usual[name] for name in SCALES]
+    shares = {n: float(np.linalg.norm([usual[n], *scales])) for n in bare if usual[n] * stated[n] > 0.0}
     eased = replace(scene, rig=replace(scene.rig, tolerances={**scene.rig.tolerances, **shares}))
     ended_at = Fitted(scene, findings.unknowns, tuple(prepared), findings.attempt)
     found = fit_beside(ended_at, eased, task.records)
@@ -335,7 +338,7 @@ def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings
         return prepared, findings
     units = {parameter.name: parameter.unit for parameter in found.unknowns.model.parameters}
     words = ", ".join(
-        "{} {} {unit} instead of {} {unit} (usual error {:g} %)".format(
+        "{} {} {unit} instead of {} {unit} (usual error {:.2g} %)".format(
             name, *told_apart(rig[name], stated[name]), 100.0 * share, unit=units[name]
         )
         for name, share in shares.items()
