@@ -15,6 +15,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, filtfilt, savgol_filter
 
 from data_io import Record
+from experiments.judgement import FRICTION
 from experiments.study_problem import NOISE, RIG, SPEEDS, USUAL, Case, random_case
 from identify import Scene
 from identify.effects import MAIN
@@ -143,7 +144,6 @@ def toleranced(number: int) -> Treated:
     return Scene.from_document(document, Path()), records, case.truth
 
 
-NAMES = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 SPECIMENS = (1e-4, 3e-4, 1e-3, 3e-3)  # m/s
 SPECIMEN_NOISE = 3e-3  # N
 
@@ -158,7 +158,7 @@ def specimens(number: int) -> Treated:
     scatter, logs, records = random.uniform(0.02, 0.05), [], []
     for speed in sorted(random.choice(SPECIMENS, random.integers(2, 5), replace=False)):
         gain, static = np.exp(scatter * random.standard_normal(2))
-        own = {name: truth[name] * (gain if name in NAMES[:3] else 1.0) for name in NAMES}
+        own = {name: truth[name] * (gain if name in FRICTION[:3] else 1.0) for name in FRICTION}
         own["mu_s"] = own["mu_k0"] + (own["mu_s"] - own["mu_k0"]) * static
         duration = float(np.clip(8.0 * 0.2 / (RIG["stiffness"] * speed), 2.0, 40.0))
         rate = 1000.0 if speed > 5e-4 else 500.0  # Hz

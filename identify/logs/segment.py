@@ -204,7 +204,7 @@ def segment(
     interval = float(np.median(thinned_steps(time)))
     sd = white if noise is None else noise
     falls = _find_falls(clean, sd, None if half_period is None else half_period / interval, slips)
-    trace = _Trace(time, clean, falls.smoothed, sd, falls.threshold)
+    trace = _AveragedForce(time, clean, falls.smoothed, sd, falls.threshold)
     judged = _judge(trace, falls)
     phase, ends_sliding = _label(trace, judged)
     cycles = _cycles(trace, judged)
@@ -348,7 +348,7 @@ def _prominent(values: Array, width: int, threshold: float, last_rise: float) ->
 
 
 @dataclass(frozen=True)
-class _Trace:
+class _AveragedForce:
     """A force without spikes as it is looked at: time [s], force and average [N], each (n,); noise sd and the threshold
     of the search [N]."""
 
@@ -391,7 +391,7 @@ class _Judged:
     starts_falling: bool
 
 
-def _judge(trace: _Trace, falls: _Falls) -> _Judged:
+def _judge(trace: _AveragedForce, falls: _Falls) -> _Judged:
     """Sorts falls into slips and sliding: a slip falls faster than the sticks rise, and a stick follows it."""
     peaks, valleys = _corners(trace, falls)
     if peaks.size == 0:
@@ -414,14 +414,14 @@ def _judge(trace: _Trace, falls: _Falls) -> _Judged:
     return _Judged(peaks, valleys, slips, slopes, reference, loaded, settling < peaks.size, falls.starts_falling)
 
 
-def _slope(trace: _Trace, start: int, stop: int) -> float:
+def _slope(trace: _AveragedForce, start: int, stop: int) -> float:
     """Slope of the straight middle of a rise from sample start to stop [N/s]; outliers are dropped once."""
     first = start + int(STRAIGHT[0] * (stop - start))
     last = max(start + int(np.ceil(STRAIGHT[1] * (stop - start))), first + 1)
     return line_slope(trace.time[first : last + 1], trace.force[first : last + 1], trace.noise)
 
 
-def _corners(trace: _Trace, falls: _Falls) -> tuple[Indices, Indices]:
+def _corners(trace: _AveragedForce, falls: _Falls) -> tuple[Indices, Indices]:
     """Peaks and valleys again, averaged no more than the noise asks for."""
     peaks, valleys, coarse = falls.peaks.copy(), falls.valleys.copy(), trace.coarse
     if peaks.size == 0:
@@ -450,7 +450,7 @@ def _corner(climb: Array, within: float) -> int:
     return first if first < 1.2 * (top - first) else top
 
 
-def _is_over(trace: _Trace, valley: int, duration: float, reference: float) -> bool:
+def _is_over(trace: _AveragedForce, valley: int, duration: float, reference: float) -> bool:
     """Whether the last slip must have come to rest within the record (in fast logs it does so after the valley)."""
     after = trace.duration(valley, trace.last)
     if after >= 0.6 * duration or after < 0.3 * duration:
@@ -460,7 +460,7 @@ def _is_over(trace: _Trace, valley: int, duration: float, reference: float) -> b
     return steep and trace.last - valley >= 8
 
 
-def _settling(trace: _Trace, peaks: Indices, valleys: Indices, slopes: Array, reference: float) -> int:
+def _settling(trace: _AveragedForce, peaks: Indices, valleys: Indices, slopes: Array, reference: float) -> int:
     """First of the last falls after which the force never again rises like a stick; their number if there is none.
 
     One or two are no slips where steady sliding follows; several where they also fade (a rig may load more
@@ -485,7 +485,7 @@ def _settling(trace: _Trace, peaks: Indices, valleys: Indices, slopes: Array, re
     return start if fades else count
 
 
-def _label(trace: _Trace, judged: _Judged) -> tuple[Phase, bool]:
+def _label(trace: _AveragedForce, judged: _Judged) -> tuple[Phase, bool]:
     """Phase of every sample, int8 (n,), and whether sliding ends the record."""
     phase = np.full(trace.time.size, SLIDING, dtype=np.int8)
     if not judged.slips.any():
@@ -508,7 +508,7 @@ def _label(trace: _Trace, judged: _Judged) -> tuple[Phase, bool]:
     return phase, judged.ends_sliding or not sticks
 
 
-def _label_rise(trace: _Trace, phase: Phase, start: int, stop: int, reference: float) -> bool:
+def _label_rise(trace: _AveragedForce, phase: Phase, start: int, stop: int, reference: float) -> bool:
     """Stick, or stick up to a knee and sliding from there; whether it is all stick."""
     expected = LEAST_RISE * reference * trace.duration(start, stop)
     rise = trace.coarse[start : stop + 1] - trace.coarse[start]
@@ -519,7 +519,7 @@ def _label_rise(trace: _Trace, phase: Phase, start: int, stop: int, reference: f
     return False
 
 
-def _loading_knee(trace: _Trace) -> int:
+def _loading_knee(trace: _AveragedForce) -> int:
     """Sample at which the loading of a record without slips ends; 0 where nothing was loaded."""
     width = max(3, trace.time.size // 200) | 1
     wide = smooth(trace.force, width)
@@ -537,7 +537,7 @@ def _loading_knee(trace: _Trace) -> int:
 # Forces at the ends of slips, times of falls, noise about the sticks.
 
 
-def _cycles(trace: _Trace, judged: _Judged) -> DetectedCycles:
+def _cycles(trace: _AveragedForce, judged: _Judged) -> DetectedCycles:
     """The slips with forces from local fits and interpolated falls."""
     rows = []
     for i in np.flatnonzero(judged.slips):

@@ -176,11 +176,13 @@ class Fit:
 
     def plot_forces(self, log: int = 1, axes: Axes | None = None) -> Axes:
         """Measured and fitted force of a log (from 1) over time, on new axes or these."""
-        return self._of_log("forces", log, axes)
+        self._check_curves()
+        self._check_log(log)
+        return paper_figures().forces(self, log, axes)
 
     def plot_residuals(self, log: int = 1, axes: Axes | None = None) -> Axes:
         """Residuals of a log (from 1) in standard deviations of its noise."""
-        return self._of_log("residuals", log, axes)
+        return paper_figures().residuals(self, log, axes)
 
     def plot_parameters(self, axes: Axes | None = None) -> Axes:
         """Forest plot of all 95 % intervals, as deviations from the values in per cent."""
@@ -203,12 +205,6 @@ class Fit:
         """Static coefficient over the time at rest with its 95 % band."""
         self._check_log(log)
         return paper_figures().ageing(self, log, axes)
-
-    def _of_log(self, name: str, log: int, axes: Axes | None) -> Axes:
-        self._check_curves()
-        self._check_log(log)
-        figures = paper_figures()
-        return (figures.forces if name == "forces" else figures.residuals)(self, log, axes)
 
     def predict(
         self, *, drive_speed: Quantity | None = None, normal_force: Quantity | None = None, log: int = 1

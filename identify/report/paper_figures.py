@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from identify.base.errors import FitError
 from identify.base.wording import scale_for
 from identify.prediction.draws import Draws
+from identify.prediction.search import QUANTILES
 from identify.prediction.sources import pair_of
+from identify.report.report_figures import correlation_cells
 from identify.report.report_wording import plain_symbol
 from identify.report.style import FITTED, MEASURED, QUIET, RESIDUAL, SHADE, drawing_style
 
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 COLUMN = (3.5, 2.6)  # [inch]: one column of a journal
 POINTS = 200
-BAND = (2.5, 97.5)  # per cent of the draws
 
 
 @contextmanager
@@ -47,10 +48,9 @@ def forces(fit: Fit, log: int, axes: Axes | None = None) -> Axes:
 
 def residuals(fit: Fit, log: int, axes: Axes | None = None) -> Axes:
     """Measured less fitted force of a log, in standard deviations of its noise, over time [s]."""
-    curves = fit.logs[log - 1]
+    left, curves = fit.residuals(log), fit.logs[log - 1]
     with _on(axes) as on:
-        left = (curves.friction_force - curves.fitted_force) / curves.noise
-        on.plot(curves.time, np.where(curves.used, left, np.nan), ".", markersize=1.5, color=RESIDUAL)
+        on.plot(curves.time, left / curves.noise, ".", markersize=1.5, color=RESIDUAL)
         on.axhline(0.0, color=QUIET, linewidth=0.7)
         on.set(xlabel="time (s)", ylabel="residual (noise sd)")
     return on
@@ -58,35 +58,27 @@ def residuals(fit: Fit, log: int, axes: Axes | None = None) -> Axes:
 
 def parameters(fit: Fit, axes: Axes | None = None) -> Axes:
     """Forest plot: 95 % intervals of all parameters as deviations from their values [%], that of noise alone thick."""
-    told = {n: e for n, e in fit.typed.parameters.items() if e.value and None not in e.ends}
-    if not told:
+    bounded = {n: e for n, e in fit.typed.parameters.items() if e.value and None not in e.ends}
+    if not bounded:
         raise FitError("no parameter of this fit has an interval with two ends; plot_forces shows what was fitted")
     with _on(axes) as on:
-        for place, entry in enumerate(told.values()):
+        for place, entry in enumerate(bounded.values()):
             for ends, width, colour in ((entry.ends, 1.0, QUIET), (entry.interval_rig_exact, 3.5, FITTED)):
                 if ends is not None and None not in ends:
                     shares = [100.0 * (end / entry.value - 1.0) for end in ends if end is not None and entry.value]
                     on.plot(shares, [place, place], color=colour, linewidth=width, solid_capstyle="butt")
             on.plot([0.0], [place], "o", color=MEASURED, markersize=3.5)
-        on.set_yticks(range(len(told)), [plain_symbol(name) for name in told])
+        on.set_yticks(range(len(bounded)), [plain_symbol(name) for name in bounded])
         on.invert_yaxis()
         on.set(xlabel="deviation from the value (%)", ylabel="")
     return on
 
 
 def correlation(fit: Fit, axes: Axes | None = None) -> Axes:
-    """Correlation matrix of the estimates, with the numbers in its cells."""
+    """Correlation matrix of the estimates, with the numbers in its cells, as in the report."""
     matrix = fit.correlation
     with _on(axes) as on:
-        on.imshow(matrix, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
-        names = [plain_symbol(name) for name in matrix.index]
-        on.set_xticks(range(len(names)), names, rotation=35, ha="right")
-        on.set_yticks(range(len(names)), names)
-        on.grid(False)
-        for (row, column), value in np.ndenumerate(matrix.to_numpy()):
-            if np.isfinite(value):
-                colour = "white" if abs(value) > 0.7 else MEASURED
-                on.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=6.5, color=colour)
+        correlation_cells(on, [plain_symbol(name) for name in matrix.index], matrix.to_numpy())
     return on
 
 
@@ -145,7 +137,7 @@ def ageing(fit: Fit, log: int, axes: Axes | None = None) -> Axes:
 
 def _band(axes: Axes, x: Array, y: Array, drawn: Array | None) -> None:
     if drawn is not None:
-        axes.fill_between(x, *np.percentile(drawn, BAND, axis=0), color=FITTED, alpha=0.25, linewidth=0)
+        axes.fill_between(x, *np.quantile(drawn, QUANTILES, axis=0), color=FITTED, alpha=0.25, linewidth=0)
     axes.plot(x, y, color=FITTED)
 
 

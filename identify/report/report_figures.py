@@ -7,6 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
@@ -55,16 +57,12 @@ def _drawings(fit: Fit) -> Iterator[Drawing]:
         yield draw_correlation(list(map(plain_symbol, names)), np.array(result.correlation.matrix, dtype=np.float64))
 
 
-def draw_correlation(names: Sequence[str], matrix: NDArray[np.float64]) -> Drawing:
-    """Heat map of the matrix (p, p) with the figures in its cells; NaN cells stay empty."""
-    count, aslant = len(names), max(map(len, names), default=0) > 8
-    figure = Figure(figsize=(HALF, 0.86 * max(2.6, min(HALF, 1.3 + 0.58 * count))), layout="constrained")
-    axes = figure.add_subplot()
+def correlation_cells(axes: Axes, names: Sequence[str], matrix: NDArray[np.float64]) -> QuadMesh:
+    """Heat map of a correlation matrix (p, p) on axes, with the figures in its cells; NaN cells stay empty."""
+    aslant, middles = max(map(len, names), default=0) > 8, np.arange(len(names)) + 0.5
     shown = np.ma.masked_invalid(matrix)
     image = axes.pcolormesh(shown, cmap=DIVERGING, vmin=-1, vmax=1, edgecolors="white", linewidth=1.5)
     axes.invert_yaxis()
-    axes.set_title("correlation (1)")
-    middles = np.arange(count) + 0.5
     axes.set_xticks(middles, names, rotation=35 if aslant else 0, ha="right" if aslant else "center")
     axes.set_yticks(middles, names)
     axes.tick_params(length=0)
@@ -74,6 +72,16 @@ def draw_correlation(names: Sequence[str], matrix: NDArray[np.float64]) -> Drawi
         text = decimals(float(value), 2) if np.isfinite(value) else DASH
         colour = "white" if np.isfinite(value) and abs(value) > 0.7 else MEASURED
         axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", fontsize=8, color=colour)
+    return image
+
+
+def draw_correlation(names: Sequence[str], matrix: NDArray[np.float64]) -> Drawing:
+    """Heat map of the matrix (p, p) with the figures in its cells; NaN cells stay empty."""
+    count = len(names)
+    figure = Figure(figsize=(HALF, 0.86 * max(2.6, min(HALF, 1.3 + 0.58 * count))), layout="constrained")
+    axes = figure.add_subplot()
+    axes.set_title("correlation (1)")
+    image = correlation_cells(axes, names, matrix)
     figure.colorbar(image, ax=axes, ticks=[-1, -0.5, 0, 0.5, 1], aspect=30).outline.set_visible(False)
     off = np.where(np.eye(count, dtype=bool) | ~np.isfinite(matrix), 0.0, matrix)
     strongest = "no correlation is known."
