@@ -249,7 +249,8 @@ def noise_agreement(time: Array, force: Array, other_time: Array, other_force: A
     best, shift, others = 0.0, 0.0, 0.0
     for begin in time[0] + step * np.arange(PHASES) / PHASES:
         noise = _noise_alone(np.interp(np.arange(begin, time[-1], step), time, force))
-        size = np.sqrt(running_means(noise**2, sought.size) * sought.size * float(sought @ sought))
+        power = np.maximum(running_means(noise**2, sought.size), 0.0)  # rounding leaves less than none of a silence
+        size = np.sqrt(power * sought.size * float(sought @ sought))
         correlation = np.abs(scipy.signal.correlate(noise, sought, "valid", "fft")) / np.maximum(size, 1e-12)
         at = int(np.argmax(correlation))
         if correlation[at] > best:
