@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments import run_pair_study
 from identify import stability
 from identify.base.document import to_dict
 from identify.base.errors import SimulationError
@@ -57,10 +56,6 @@ def figures(map_, orbit):
 
 def asked(speed, effects=MAIN, /, **changes):
     return to_dict(predict(assemble(effects), values_of(effects, **changes), speed, LOAD))
-
-
-def test_drop_period_and_end_agree_with_brute_force():
-    assert run_pair_study.main(fast=True) < 0.01
 
 
 def test_bistable_is_both():
