@@ -140,70 +140,83 @@ def compressed(family: Family, logs: Sequence[LogData], reference: Array, portio
 
 @dataclass(frozen=True)
 class Scatter:
-    """Where a family stands: slots and rows of its blocks; which entries of their dense Jacobians (B, n_rows, n_slots)
-    and Hessians (B, n_slots, n_slots) count, and where these stand among those of all families."""
+    """Where a family stands: slots and rows of its blocks, and which entries of their dense Jacobians
+    (B, n_rows, n_slots) and Hessians (B, n_slots, n_slots) count."""
 
     slots: Indices
     rows: Indices
-    jacobian_entries: Indices
-    hessian_entries: Indices
-    jacobian: slice
-    hessian: slice
+    jacobian: Indices
+    hessian: Indices
 
-    def gradient(self, pull: Array, size: int) -> Array:
+    def gradient(self, by_slot: Array, size: int) -> Array:
         """Derivatives with respect to the slots of all blocks (B, n_slots), by unknowns (size,)."""
         # Those of slots that hold a constant are counted in front of all unknowns (KNOWN is -1), and left out.
-        return np.asarray(np.bincount(self.slots.ravel() + 1, weights=pull.ravel(), minlength=size + 1)[1:])
+        return np.asarray(np.bincount(self.slots.ravel() + 1, weights=by_slot.ravel(), minlength=size + 1)[1:])
 
 
-def _in_order(places: Indices) -> tuple[Indices, NDArray[np.bool_], Indices]:
-    """Places of entries (k,) in a matrix: their order, which of them in this order are not in the place of the one
-    before, and these places."""
-    order = np.argsort(places, kind="stable")  # block by block they are all but in order, which this makes use of
-    places = places[order]
-    first = np.append(True, places[1:] != places[:-1])[: places.size]
-    return order, first, places[first]
+@dataclass(frozen=True)
+class Nonzeros:
+    """Those of a sparse matrix, by columns: rows and columns (k,), where columns begin; to which of them each entry is
+    added (entries,), for parameters that are tied meet in one column."""
+
+    shape: tuple[int, int]
+    rows: NDArray[np.int32]
+    columns: Indices
+    starts: NDArray[np.int32]
+    of_entry: Indices
+
+    @staticmethod
+    def of(rows: Indices, columns: Indices, shape: tuple[int, int]) -> Nonzeros:
+        """From the row and the column of every entry."""
+        places, of_entry = np.unique(columns * shape[0] + rows, return_inverse=True)
+        columns = places // shape[0]
+        starts = np.searchsorted(columns, np.arange(shape[1] + 1)).astype(np.int32)
+        return Nonzeros(shape, (places % shape[0]).astype(np.int32), columns, starts, of_entry)
+
+    def matrix(self, entries: Sequence[Array], scale: Array, row_scale: Array | None = None) -> sp.csc_matrix:
+        """The matrix of entries, columns times `scale` (n,) and rows times `row_scale`; entries that are left out at
+        the end are zero."""
+        values = np.concatenate(entries)
+        data = np.bincount(self.of_entry[: values.size], weights=values, minlength=self.rows.size)
+        data *= scale[self.columns]
+        if row_scale is not None:
+            data *= row_scale[self.rows]
+        return sp.csc_matrix((data, self.rows, self.starts), self.shape)
+
+    @cached_property
+    def sparsity(self) -> ca.Sparsity:
+        """The same for CasADi."""
+        return ca.Sparsity(*self.shape, self.starts.tolist(), self.rows.tolist())
 
 
 class Pattern:
-    """The nonzeros of the Jacobian (m, n) of the rows and of the upper triangle of the Hessian (n, n), both by columns,
-    and the index maps of every family."""
+    """The nonzeros of the Jacobian (m, n) of the rows and of the upper triangle of the Hessian (n, n), and where every
+    family stands in them; behind the entries of the families in the Hessian come those of the priors, as
+    `Layout.prior_hessian` has them."""
 
     def __init__(self, layout: Layout) -> None:
-        n, m = layout.size, layout.rows
-        self.shape, self.about = (m, n), layout.prior_about
-        jacobian, hessian, self.counts = list[Indices](), list[Indices](), (0, 0)
-        self.families = list[Scatter]()
+        self.about, self.families = layout.prior_about, list[Scatter]()
+        jacobian, hessian = list[Indices](), list[Indices]()
         for family in layout.families:
             slots, rows = family.slots, family.rows
             known = slots >= 0
-            entries = np.flatnonzero(np.broadcast_to(known[:, None, :], (*rows.shape, slots.shape[1])))
-            jacobian.append((slots[:, None, :] * m + rows[:, :, None]).ravel()[entries])
+            by_row, by_column = np.broadcast_arrays(rows[:, :, None], slots[:, None, :])
+            entries = np.flatnonzero(by_column >= 0)
+            jacobian.append(np.stack([by_row.ravel()[entries], by_column.ravel()[entries]]))
             # Slots of the end state do not enter the curve, but keeping them keeps one rule for all kinds.
-            left, right = slots[:, :, None], slots[:, None, :]
+            left, right = np.broadcast_arrays(slots[:, :, None], slots[:, None, :])
             upper = np.flatnonzero(known[:, :, None] & known[:, None, :] & (left <= right))
-            hessian.append((right * n + left).ravel()[upper])
-            before, self.counts = self.counts, (self.counts[0] + entries.size, self.counts[1] + upper.size)
-            own = slice(before[0], self.counts[0]), slice(before[1], self.counts[1])
-            self.families.append(Scatter(slots, rows, entries, upper, *own))
-        order, first, places = _in_order(np.concatenate(jacobian))
-        self._jacobian_order = order
-        # Parameters that are tied meet in one column: their entries are added up.
-        self._jacobian_first = None if np.all(first) else np.flatnonzero(first)
-        self._jacobian_rows, self._jacobian_columns = (places % m).astype(np.int32), places // m
-        self._jacobian_starts = np.searchsorted(self._jacobian_columns, np.arange(n + 1)).astype(np.int32)
-        about = layout.prior_about[layout.varied]
-        joins = np.maximum(about, layout.varied) * n + np.minimum(about, layout.varied)
-        order, first, places = _in_order(np.concatenate([*hessian, (n + 1) * np.arange(n), joins]))
-        self._hessian_slot = np.empty(order.size, dtype=np.int64)
-        self._hessian_slot[order] = np.cumsum(first) - 1
-        self._hessian_rows, self._hessian_columns = (places % n).astype(np.int32), places // n
-        self._hessian_starts = np.searchsorted(self._hessian_columns, np.arange(n + 1)).astype(np.int32)
+            hessian.append(np.stack([left.ravel()[upper], right.ravel()[upper]]))
+            self.families.append(Scatter(slots, rows, entries, upper))
+        n, varied, about = layout.size, layout.varied, layout.prior_about[layout.varied]
+        hessian += [np.tile(np.arange(n), (2, 1)), np.sort(np.stack([varied, about]), axis=0)]
+        self.jacobian = Nonzeros.of(*np.concatenate(jacobian, axis=1), (layout.rows, n))
+        self.hessian = Nonzeros.of(*np.concatenate(hessian, axis=1), (n, n))
 
     def fits(self, layout: Layout) -> bool:
         """Whether a layout has the same unknowns and rows, block by block."""
         return (
-            self.shape == (layout.rows, layout.size)
+            self.jacobian.shape == (layout.rows, layout.size)
             and len(self.families) == len(layout.families)
             and np.array_equal(self.about, layout.prior_about)
             and all(
@@ -211,29 +224,3 @@ class Pattern:
                 for mine, family in zip(self.families, layout.families, strict=True)
             )
         )
-
-    def entries(self) -> tuple[Array, Array]:
-        """Room for the entries that count, of the Jacobian and of the Hessian, behind which come those of the priors
-        (`Layout.prior_hessian`)."""
-        return np.empty(self.counts[0]), np.zeros(self._hessian_slot.size)
-
-    def jacobian(self, entries: Array, scale: Array) -> sp.csc_matrix:
-        """The scaled Jacobian from the entries that count."""
-        flat = entries[self._jacobian_order]
-        if self._jacobian_first is not None:
-            flat = np.add.reduceat(flat, self._jacobian_first)
-        data = flat * scale[self._jacobian_columns]
-        return sp.csc_matrix((data, self._jacobian_rows, self._jacobian_starts), self.shape)
-
-    def hessian(self, entries: Array, scale: Array) -> sp.csc_matrix:
-        """The scaled Hessian, upper triangle, from the entries that count and those of the priors."""
-        bends = np.bincount(self._hessian_slot, weights=entries, minlength=self._hessian_rows.size)
-        data = np.asarray(bends * scale[self._hessian_columns] * scale[self._hessian_rows])
-        return sp.csc_matrix((data, self._hessian_rows, self._hessian_starts), (scale.size, scale.size))
-
-    @cached_property
-    def sparsities(self) -> tuple[ca.Sparsity, ca.Sparsity]:
-        """Those of the Jacobian and of the Hessian in CasADi's words."""
-        m, n = self.shape
-        jacobian = ca.Sparsity(m, n, self._jacobian_starts.tolist(), self._jacobian_rows.tolist())
-        return jacobian, ca.Sparsity(n, n, self._hessian_starts.tolist(), self._hessian_rows.tolist())

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
 from identify.shooting.grid import Grid
-from identify.shooting.layout import Family, Layout
+from identify.shooting.layout import Layout
 from identify.shooting.pattern import Moments, Pattern, compressed, samples_of
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.transcription import transcribe
@@ -60,7 +60,10 @@ class Problem:
         """pattern: of a problem before; taken over where this one has the same unknowns and rows."""
         self.layout = layout
         self.logs = logs
-        self.moments = moments or [self._compress(f) for f in layout.families]
+        if moments is None:
+            curves = self._curves(layout.start)
+            moments = [compressed(f, logs, curve) for f, (_, curve) in zip(layout.families, curves, strict=True)]
+        self.moments = moments
         self.pattern = pattern if pattern is not None and pattern.fits(layout) else Pattern(layout)
         self._last: tuple[bytes, bool, Point] | None = None
 
@@ -90,27 +93,21 @@ class Problem:
         """Number of samples that count."""
         return int(sum(m.count.sum() for m in self.moments))
 
-    @property
-    def instructions(self) -> int:
-        """Number of instructions that one evaluation with derivatives takes, in all blocks."""
-        return sum(f.block.derivatives.instructions * f.constants.shape[0] for f in self.layout.families)
-
     @cached_property
     def start(self) -> Array:
         """The scaled starting point (n,)."""
         return self.layout.start / self.layout.scale
 
-    def _compress(self, family: Family) -> Moments:
-        _, reference = family.block.evaluate(family.slot_values(self.layout.start), family.constants, derivatives=False)
-        return compressed(family, self.logs, reference)
+    def _curves(self, x: Array) -> list[tuple[Array, Array]]:
+        """Rows and curves of every family at the unknowns x (n,)."""
+        families = self.layout.families
+        return [f.block.evaluate(f.slot_values(x), f.constants, derivatives=False)[:2] for f in families]
 
     def fitted(self, z: Array) -> list[Array]:
         """What the load cell sees according to the point z, at every sample of every log (n,) [N]; NaN outside
         the fitted windows."""
-        x = z * self.layout.scale
         out = [np.full(log.time.size, np.nan) for log in self.logs]
-        for family in self.layout.families:
-            _, curve = family.block.evaluate(family.slot_values(x), family.constants, derivatives=False)
+        for family, (_, curve) in zip(self.layout.families, self._curves(z * self.layout.scale), strict=True):
             for held in samples_of(family, self.logs):
                 out[held.log][held.samples] = held.of_curve(curve.reshape(-1, family.block.order))
         return out
@@ -138,30 +135,26 @@ class Problem:
         """
         point = self.evaluate(z, derivatives=True)
         assert point.hessian is not None
-        x, scale = z * self.layout.scale, self.layout.scale
-        _, entries = self.pattern.entries()
+        x, entries = z * self.layout.scale, list[Array]()
         known = zip(self.layout.families, self.moments, self.pattern.families, point.curves, strict=True)
         for family, moments, scatter, curve in known:
-            slots, pull = family.slot_values(x), on_cost * moments.slope_at(curve)
+            slots, on_curve = family.slot_values(x), on_cost * moments.slope_at(curve)
             second = np.empty((*slots.shape, slots.shape[1]))
             for at in _chunks(slots.shape[0]):
-                weights = on_rows[family.rows[at]], pull[at].reshape(pull[at].shape[0], -1)
+                weights = on_rows[family.rows[at]], on_curve[at].reshape(len(on_curve[at]), -1)
                 second[at] = family.block.hessian(slots[at], family.constants[at], *weights)
-            np.take(second, scatter.hessian_entries, out=entries[scatter.hessian])
-        summed = self.pattern.hessian(entries, scale)
+            entries.append(np.take(second, scatter.hessian))
+        summed = self.pattern.hessian.matrix(entries, self.layout.scale, self.layout.scale)
         summed.data += on_cost * point.hessian.data
         return summed
 
     def _values(self, z: Array) -> Point:
-        x = z * self.layout.scale
-        rows, cost = np.zeros(self.layout.rows), 0.5 * float(np.sum(self.layout.off_prior(x) ** 2))
-        curves = []
-        for family, moments in zip(self.layout.families, self.moments, strict=True):
-            block_rows, curve = family.block.evaluate(family.slot_values(x), family.constants, derivatives=False)
+        x, rows = z * self.layout.scale, np.zeros(self.layout.rows)
+        cost, made = 0.5 * float(np.sum(self.layout.off_prior(x) ** 2)), self._curves(x)
+        for family, moments, (block_rows, curve) in zip(self.layout.families, self.moments, made, strict=True):
             rows[family.rows] = block_rows
             cost += 0.5 * float(np.sum(moments.squares_at(curve)))
-            curves.append(curve)
-        return Point(cost, rows, tuple(curves))
+        return Point(cost, rows, tuple(curve for _, curve in made))
 
     def _derivatives(self, z: Array) -> Point:
         layout = self.layout
@@ -169,8 +162,7 @@ class Problem:
         prior = layout.off_prior(x)
         rows, cost = np.zeros(layout.rows), 0.5 * float(np.sum(prior**2))
         gradient = layout.prior_pull(prior) * scale
-        curves, (in_jacobian, in_hessian) = [], self.pattern.entries()
-        in_hessian[self.pattern.counts[1] :] = np.concatenate(layout.prior_hessian)
+        curves, in_jacobian, in_hessian = list[Array](), list[Array](), list[Array]()
         for family, moments, scatter in zip(layout.families, self.moments, self.pattern.families, strict=True):
             slots, curve, pull = family.slot_values(x), np.empty_like(moments.reference), np.empty(family.slots.shape)
             d_rows, hessian = np.empty((*family.rows.shape, slots.shape[1])), np.empty((*slots.shape, slots.shape[1]))
@@ -178,18 +170,19 @@ class Problem:
                 rows[family.rows[at]], curve[at], d_rows[at], d_curve = family.block.evaluate(
                     slots[at], family.constants[at], derivatives=True
                 )
-                bend = np.matmul(moments.curvature[at], d_curve)  # (b, cells, order, n_slots)
-                shape = (bend.shape[0], -1, bend.shape[-1])
+                second = np.matmul(moments.curvature[at], d_curve)  # (b, cells, order, n_slots)
+                shape = (second.shape[0], -1, second.shape[-1])
                 tall = d_curve.reshape(shape).transpose(0, 2, 1)
                 pull[at] = np.matmul(tall, moments.slope_at(curve[at], at).reshape(shape[0], -1, 1))[..., 0]
-                np.matmul(tall, bend.reshape(shape), out=hessian[at])
-            np.take(d_rows, scatter.jacobian_entries, out=in_jacobian[scatter.jacobian])
-            np.take(hessian, scatter.hessian_entries, out=in_hessian[scatter.hessian])
+                np.matmul(tall, second.reshape(shape), out=hessian[at])
+            in_jacobian.append(np.take(d_rows, scatter.jacobian))
+            in_hessian.append(np.take(hessian, scatter.hessian))
             cost += 0.5 * float(np.sum(moments.squares_at(curve)))
             curves.append(curve)
             gradient += scatter.gradient(pull, z.size) * scale
-        jacobian = self.pattern.jacobian(in_jacobian, scale)
-        return Point(cost, rows, tuple(curves), gradient, jacobian, self.pattern.hessian(in_hessian, scale))
+        jacobian = self.pattern.jacobian.matrix(in_jacobian, scale)
+        summed = self.pattern.hessian.matrix([*in_hessian, *layout.prior_hessian], scale, scale)
+        return Point(cost, rows, tuple(curves), gradient, jacobian, summed)
 
 
 def shooting_problem(

@@ -3,52 +3,48 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from identify.base.budget import seconds_left
 from identify.shooting.shooting import Problem
 
 Array = NDArray[np.float64]
+Ports = Sequence[tuple[str, ca.Sparsity]]  # of a function: names and shapes
 
 STANDSTILL = 1e-3  # of half chi^2 per iteration
 AT_LEAST = 0.05  # s: what a solve that begins at the last moment may still take
 QAMD = 6  # MUMPS: approximate minimum degree that looks for rows which are all but dense
 OUT_OF_ORDER = "Events_Out_Of_Order"
-ALWAYS: Mapping[str, Any] = MappingProxyType(
-    {
-        "print_time": False,
-        "show_eval_warnings": False,  # IPOPT steps back from where a function is not defined: nothing to tell a user
-        "no_nlp_grad": True,
-        "calc_lam_p": False,
-        "calc_lam_x": False,
-        "calc_f": False,
-        "calc_g": False,
-        "ipopt.sb": "yes",
-        "ipopt.print_level": 0,
-        "ipopt.constr_viol_tol": 1e-9,
-        "ipopt.dual_inf_tol": 1e-2,
-        # On a ridge that the data hardly bend, Gauss-Newton creeps: stop where creeping gains nothing.
-        "ipopt.acceptable_iter": 4,
-        "ipopt.acceptable_tol": 1e10,
-        "ipopt.acceptable_dual_inf_tol": 1e10,
-        "ipopt.acceptable_constr_viol_tol": 1e-8,
-        "ipopt.acceptable_compl_inf_tol": 1e-2,
-        "ipopt.nlp_scaling_method": "none",
-        # Rows and columns of the parameters meet all others: an ordering that sets them apart, and no permutation.
-        "ipopt.mumps_pivot_order": QAMD,
-        "ipopt.mumps_permuting_scaling": 0,
-        "ipopt.bound_push": 1e-8,
-        "ipopt.bound_frac": 1e-8,
-    }
-)
-"""Options of every solve."""
+ALWAYS = {  # options of every solve
+    "print_time": False,
+    "show_eval_warnings": False,  # IPOPT steps back from where a function is not defined
+    "no_nlp_grad": True,
+    "calc_lam_p": False,
+    "calc_lam_x": False,
+    "calc_f": False,
+    "calc_g": False,
+    "ipopt.sb": "yes",
+    "ipopt.print_level": 0,
+    "ipopt.constr_viol_tol": 1e-9,
+    "ipopt.dual_inf_tol": 1e-2,
+    # On a ridge that the data hardly bend, Gauss-Newton creeps: stop where creeping gains nothing.
+    "ipopt.acceptable_iter": 4,
+    "ipopt.acceptable_tol": 1e10,
+    "ipopt.acceptable_dual_inf_tol": 1e10,
+    "ipopt.acceptable_constr_viol_tol": 1e-8,
+    "ipopt.acceptable_compl_inf_tol": 1e-2,
+    "ipopt.nlp_scaling_method": "none",
+    # Rows and columns of the parameters meet all others: an ordering that sets them apart, and no permutation.
+    "ipopt.mumps_pivot_order": QAMD,
+    "ipopt.mumps_permuting_scaling": 0,
+    "ipopt.bound_push": 1e-8,
+    "ipopt.bound_frac": 1e-8,
+}
 
 
 @dataclass(frozen=True)
@@ -67,15 +63,9 @@ class Solution:
 
 
 class _NlpCallback(ca.Callback):
-    """One function of the problem as CasADi sees it; the problem itself holds the numbers."""
+    """One function of the problem as CasADi sees it: of arrays, to arrays, with the names and shapes of both."""
 
-    def __init__(
-        self,
-        name: str,
-        inputs: Sequence[tuple[str, ca.Sparsity]],
-        outputs: Sequence[tuple[str, ca.Sparsity]],
-        function: Any,
-    ) -> None:
+    def __init__(self, name: str, inputs: Ports, outputs: Ports, function: Callable[..., Sequence[ArrayLike]]) -> None:
         ca.Callback.__init__(self)
         self._in, self._out, self._function = inputs, outputs, function
         self.construct(name, {})
@@ -101,50 +91,49 @@ class _NlpCallback(ca.Callback):
     def has_eval_buffer(self) -> bool:
         return True
 
-    def eval_buffer(self, given: Sequence[memoryview], asked: Sequence[memoryview | None]) -> int:
+    def eval_buffer(self, given: Sequence[memoryview], wanted: Sequence[memoryview | None]) -> int:
         # CasADi's own memory: its matrix objects would cost more than the functions of a long log.
         arrays = [np.frombuffer(buffer) if buffer is not None else np.zeros(0) for buffer in given]
-        for buffer, value in zip(asked, self._function(*arrays), strict=True):
+        for buffer, value in zip(wanted, self._function(*arrays), strict=True):
             if buffer is not None:
                 np.frombuffer(buffer)[:] = value
         return 0
 
 
-def _ports(problem: Problem, exact: bool) -> dict[str, _NlpCallback]:
-    """The four functions IPOPT asks for."""
-    n, m = problem.layout.size, problem.layout.rows
-    jacobian, hessian = problem.pattern.sparsities
-    vector, none, rows, one = ca.Sparsity.dense(n), ca.Sparsity.dense(0, 1), ca.Sparsity.dense(m), ca.Sparsity.dense(1)
-    xp = [("x", vector), ("p", none)]
+def _callbacks(problem: Problem, exact: bool) -> dict[str, _NlpCallback]:
+    """The four functions IPOPT takes."""
+    n, m, pattern = problem.layout.size, problem.layout.rows, problem.pattern
+    rows, one = ca.Sparsity.dense(m), ca.Sparsity.dense(1)
+    xp: Ports = [("x", ca.Sparsity.dense(n)), ("p", ca.Sparsity.dense(0, 1))]
 
-    def nlp(z: Array, _p: Array) -> tuple[Any, ...]:
+    def nlp(z: Array, _p: Array) -> Sequence[ArrayLike]:
         point = problem.evaluate(z, derivatives=False)
         return point.cost, point.rows
 
-    def grad_f(z: Array, _p: Array) -> tuple[Any, ...]:
+    def grad_f(z: Array, _p: Array) -> Sequence[ArrayLike]:
         point = problem.evaluate(z, derivatives=True)
+        assert point.gradient is not None
         return point.cost, point.gradient
 
-    def jac_g(z: Array, _p: Array) -> tuple[Any, ...]:
+    def jac_g(z: Array, _p: Array) -> Sequence[ArrayLike]:
         point = problem.evaluate(z, derivatives=True)
         assert point.jacobian is not None
         return point.rows, point.jacobian.data
 
-    def hess(z: Array, _p: Array, on_cost: Array, on_rows: Array) -> tuple[Any, ...]:
+    def hess_lag(z: Array, _p: Array, on_cost: Array, on_rows: Array) -> Sequence[ArrayLike]:
         if exact:
             return (problem.exact_hessian(z, float(on_cost[0]), on_rows).data,)
         point = problem.evaluate(z, derivatives=True)
         assert point.hessian is not None
         return (point.hessian.data * on_cost[0],)
 
-    return {
-        "nlp": _NlpCallback("nlp", xp, [("f", one), ("g", rows)], nlp),
-        "grad_f": _NlpCallback("grad_f", xp, [("f", one), ("grad_f_x", vector)], grad_f),
-        "jac_g": _NlpCallback("jac_g", xp, [("g", rows), ("jac_g_x", jacobian)], jac_g),
-        "hess_lag": _NlpCallback(
-            "hess_lag", [*xp, ("lam_f", one), ("lam_g", rows)], [("triu_hess_gamma_x_x", hessian)], hess
-        ),
-    }
+    outputs: list[tuple[Ports, Ports, Callable[..., Sequence[ArrayLike]]]] = [
+        (xp, [("f", one), ("g", rows)], nlp),
+        (xp, [("f", one), ("grad_f_x", xp[0][1])], grad_f),
+        (xp, [("g", rows), ("jac_g_x", pattern.jacobian.sparsity)], jac_g),
+        ([*xp, ("lam_f", one), ("lam_g", rows)], [("triu_hess_gamma_x_x", pattern.hessian.sparsity)], hess_lag),
+    ]
+    return {of.__name__: _NlpCallback(of.__name__, given, results, of) for given, results, of in outputs}
 
 
 def solve(
@@ -174,11 +163,9 @@ def solve(
     if np.any(layout.lower > layout.upper) or not np.isfinite(problem.evaluate(first, derivatives=False).cost):
         z, rows = problem.start, np.zeros(layout.rows)
         return Solution(z, layout.start, OUT_OF_ORDER, False, 0, np.inf, np.inf, rows)
-    ports = _ports(problem, exact)
-    options = dict(ALWAYS) | {
-        "grad_f": ports["grad_f"],
-        "jac_g": ports["jac_g"],
-        "hess_lag": ports["hess_lag"],
+    callbacks = _callbacks(problem, exact)
+    options = ALWAYS | {name: callbacks[name] for name in ("grad_f", "jac_g", "hess_lag")}
+    options |= {
         "ipopt.tol": tolerance,
         "ipopt.acceptable_obj_change_tol": STANDSTILL / max(1.0, problem.samples / 2),
         "ipopt.mu_init": mu_init,
@@ -186,7 +173,7 @@ def solve(
     }
     if math.isfinite(left := seconds_left()):
         options["ipopt.max_wall_time"] = max(left, AT_LEAST)
-    solver = ca.nlpsol("identify", "ipopt", ports["nlp"], options)
+    solver = ca.nlpsol("identify", "ipopt", callbacks["nlp"], options)
     lower, upper = layout.lower / layout.scale, layout.upper / layout.scale
     result = solver(x0=first, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
     stats, z = solver.stats(), np.array(result["x"]).ravel()

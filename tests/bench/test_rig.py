@@ -208,6 +208,7 @@ def test_a_problem_counts_tied_priors_whatever_of_them_is_held(held):
     free = unknowns.free & ~np.isin(unknowns.names, held)
     made = NlpBuilder(unknowns.model, replace(unknowns, start=start, free=free), np.flatnonzero(free))
     mean, sd, about = (made.columns()[name] for name in ("mean", "sd", "about"))
+    about = about.astype(int)
 
     def costs(theta):
         searched = theta[free]
