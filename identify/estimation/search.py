@@ -24,7 +24,7 @@ from identify.estimation.attempt import Attempt, attempt_of, place_on, solve_aga
 from identify.estimation.covariance import information_at, inverse
 from identify.estimation.goodness_of_fit import loads_stand_in
 from identify.estimation.residual_autocorrelation import MORE
-from identify.estimation.starts import Sources, slips_one_by_one, starts_of
+from identify.estimation.starts import Sources, starts_of
 from identify.estimation.stick_strength import with_own_strengths, with_strengths
 from identify.estimation.strategies import Strategy, may_run, run_strategy
 from identify.logs.prepare import Prepared, settled_part
@@ -74,7 +74,7 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
     prepared = problem.prepared
     left_out = {i: log.left_out for i, log in enumerate(prepared) if log.left_out is not None}
     able = usable(prepared)
-    cycling = [i for i in able if prepared[i].typical > 0 or slips_one_by_one(prepared[i])]
+    cycling = [i for i in able if prepared[i].typical > 0]
     starting = [i for i in cycling if not prepared[i].fit_mode.low_snr] or able
     expected = {i for i in able if i in starting or prepared[i].falls.size > 1}
     best: Attempt | None = None

@@ -20,7 +20,7 @@ from identify.logs.prepared_scene import prepare_scene
 from identify.logs.unknowns import Unknowns, user_start
 from identify.logs.vibration import quieted
 from identify.scene import Scene
-from identify.shooting.features import Features, extract, extract_one_by_one
+from identify.shooting.features import Features, extract
 from identify.shooting.grid import COARSE_GRID
 from identify.shooting.placing import place
 from identify.shooting.shooting import shooting_problem
@@ -52,12 +52,7 @@ def starts_of(
     own = unknowns.start[None, :]
     with stage("start"):
         features, bases = features_of(prepared)
-        if not features:
-            made = level_starts(prepared, unknowns)
-        else:
-            made = candidates(unknowns, features, bases)
-            if not any(f.settled for f in features):  # slips that are all unlike tell no level of their own
-                made = np.concatenate([made, level_starts(prepared, unknowns)])
+        made = level_starts(prepared, unknowns) if not features else candidates(unknowns, features, bases)
 
         def ordered(tried: Array) -> list[Start]:
             if not features:
@@ -99,24 +94,11 @@ def _by_motion(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Arr
 
 
 def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Array]]:
-    """What the logs show of repeating cycles, and of each slip of a drive programme; with the base values (n_p,) of the
-    log of each."""
-    features: list[Features] = []
-    bases: list[Array] = []
-    for log in prepared:
-        found = list[Features | None]()
-        if log.fit_mode.name == "cycles":
-            found = [extract(log.data, log.falls, log.rig.half_period)]
-        elif slips_one_by_one(log):
-            found = [*extract_one_by_one(log.data, log.segmentation.cycles, log.rig.half_period)]
-        features += [f for f in found if f is not None]
-        bases += [log.data.base] * sum(f is not None for f in found)
-    return features, bases
-
-
-def slips_one_by_one(log: Prepared) -> bool:
-    """Whether a drive programme shows slips that follow others, so that each tells what the rest before it did."""
-    return log.fit_mode.name == "continuous" and log.data.programme is not None and log.segmentation.count > 1
+    """What the logs show of repeating cycles, with the base values (n_p,) of the log of each."""
+    cycling = [log for log in prepared if log.fit_mode.name == "cycles"]
+    each = [(extract(log.data, log.falls, log.rig.half_period), log.data.base) for log in cycling]
+    shown = [(features, base) for features, base in each if features is not None]
+    return [features for features, _ in shown], [base for _, base in shown]
 
 
 def apart(thetas: Iterable[Array], reach: Array) -> Iterator[Array]:

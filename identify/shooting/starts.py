@@ -27,63 +27,49 @@ TIMES = (0.2, 1.0, 5.0)  # t_cr [s]
 
 def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
     """Theta (S, n_p) of starts from the levels of logs."""
-    speeds, levels = _levels(logs)
-    top = max(float(np.nanquantile(_coefficient(log), 0.999)) for log in logs)
-    base = logs[0].data.base
-    names = unknowns.names
-    value = dict(zip(names, unknowns.values(unknowns.start, base).tolist(), strict=True))
-    slow, fast = int(np.argmin(speeds)), int(np.argmax(speeds))
-    known = {}
-    if speeds[fast] > 1.5 * speeds[slow] and "delta_mu_k" in names:
-        known["a"] = 2.0 / speeds[fast]
-        known["delta_mu_k"] = min(1.2 * (levels[fast] - levels[slow]), -0.005)
-    weakened = known.get("delta_mu_k", value.get("delta_mu_k", 0.0))
-    share = 1.0 - np.exp(-known.get("a", value.get("a", 0.0)) * speeds[slow])
-    mu_k0 = max(float(levels[slow]) - weakened * float(share), 0.01)
-    peaked = any(log.fit_mode.name == "continuous" for log in logs)
-    mu_s = max(top, mu_k0 + LEAST_STEP) if peaked else mu_k0 + STEP
-    rows = []
-    for length, time in product(LENGTHS, TIMES):
-        made = value | known | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time}
-        rows.append([made[name] for name in names])
-        if not peaked:
-            break
-    theta = unknowns.theta(np.array(rows), base)
-    inside = np.clip(np.where(np.isfinite(theta), theta, unknowns.start), unknowns.lower, unknowns.upper)
-    return np.unique(np.where(unknowns.free, inside, unknowns.start), axis=0)
-
-
-def _coefficient(log: Prepared) -> Array:
-    """Friction over normal force of the samples that count (n,)."""
-    data = log.data
-    mine = (data.weight > 0) & (data.time >= data.begin) & (data.time <= data.end)
-    return np.asarray(data.force[mine] / data.normal_force.at(data.time[mine]))
-
-
-def _levels(logs: Sequence[Prepared]) -> tuple[Array, Array]:
-    """Speeds [m/s] and coefficients at the end of every stretch of constant speed."""
-    speeds, levels = [], []
-    for log in logs:
-        data = log.data
+    speeds, levels, quantiles = list[float](), list[float](), list[Array]()
+    for data in (log.data for log in logs):
+        counted = (data.weight > 0) & (data.time >= data.begin) & (data.time <= data.end)
+        coefficient = data.force / data.normal_force.at(data.time)
+        quantiles.append(np.nanquantile(coefficient[counted], (0.5, 0.999)))
         drive = data.programme or Drive((0.0,), (data.drive_speed,))
         for start, stop, speed in moving_pieces(drive, data.begin, data.end):
             mine = (data.time >= stop - TAIL * (stop - start)) & (data.time <= stop) & (data.weight > 0)
             if np.count_nonzero(mine) >= 3:
                 speeds.append(speed)
-                levels.append(float(np.median(data.force[mine] / data.normal_force.at(data.time[mine]))))
+                levels.append(float(np.median(coefficient[mine])))
     if not speeds:
-        return np.array([logs[0].data.drive_speed]), np.array([float(np.median(_coefficient(logs[0])))])
-    return np.array(speeds), np.array(levels)
+        speeds, levels = [logs[0].data.drive_speed], [float(quantiles[0][0])]
+    names, base = unknowns.names, logs[0].data.base
+    value = dict(zip(names, unknowns.values(unknowns.start, base).tolist(), strict=True))
+    slow, fast = int(np.argmin(speeds)), int(np.argmax(speeds))
+    known = {}
+    if speeds[fast] > 1.5 * speeds[slow] and "delta_mu_k" in names:
+        known = {"a": 2.0 / speeds[fast], "delta_mu_k": min(1.2 * (levels[fast] - levels[slow]), -0.005)}
+    told = value | known
+    share = 1.0 - float(np.exp(-told.get("a", 0.0) * speeds[slow]))
+    mu_k0 = max(levels[slow] - told.get("delta_mu_k", 0.0) * share, 0.01)
+    peaked = any(log.fit_mode.name == "continuous" for log in logs)
+    mu_s = max(float(np.max(quantiles)), mu_k0 + LEAST_STEP) if peaked else mu_k0 + STEP
+    rows = []
+    for length, time in product(LENGTHS, TIMES) if peaked else [(LENGTHS[0], TIMES[0])]:
+        one = told | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time}
+        rows.append([one[name] for name in names])
+    return np.unique(_inside(unknowns, unknowns.theta(np.array(rows), base)), axis=0)
+
+
+def _inside(unknowns: Unknowns, theta: Array) -> Array:
+    """Theta within its bounds, and fixed where it is not free."""
+    finite = np.where(np.isfinite(theta), theta, unknowns.start)
+    return np.where(unknowns.free, np.clip(finite, unknowns.lower, unknowns.upper), unknowns.start)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The start of a fit from the data alone: many small least-squares fits of one settled cycle per log.
 #
 # Unknowns of each: the search variables, and per log the arrest force and a time shift. One cycle is simulated from the
-# arrest force; that it ends at the same force is one more residual, so no limit cycle is iterated. Of a drive programme
-# every slip is simulated from the force at which the rest before it begins, through the holds, to that after it: how it
-# grows with the rest tells strength and ageing apart, which cycles of one speed do not. Levenberg-Marquardt runs for
-# all starts at once; all their perturbations are rows of one batch.
+# arrest force; that it ends at the same force is one more residual, so no limit cycle is iterated. Levenberg-Marquardt
+# runs for all starts at once; all their perturbations are rows of one batch.
 # ----------------------------------------------------------------------------------------------------------------------
 
 PER_HALF_PERIOD = 24  # steps of a slip in the start fit
@@ -104,8 +90,7 @@ class Start:
 
 
 class _FeatureFit:
-    """The residuals of all features as functions of the unknowns, for many candidates at once. A slip that is like no
-    other starts and ends at the forces that the log shows, in place of those that its own cycle repeats."""
+    """The residuals of all features as functions of the unknowns, for many candidates at once."""
 
     def __init__(self, unknowns: Unknowns, features: list[Features], bases: list[Array]) -> None:
         self.unknowns, self.features = unknowns, features
@@ -116,107 +101,89 @@ class _FeatureFit:
         self.mean = np.where(prior, unknowns.prior_mean[self.free], 0.0)
         self.prior_sd = np.where(prior, unknowns.prior_deviation[self.free], np.inf)
         self.drops = np.array([f.drop for f in features])
-        self.width = max(f.times.size for f in features)
-        shape = (self.n_logs, self.width)
-        self.times, self.wave, self.weight = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        width = max(f.times.size for f in features)
+        self.times, self.wave, self.weight = np.zeros((3, self.n_logs, width))
         for i, f in enumerate(features):
             self.times[i, : f.times.size], self.wave[i, : f.times.size] = f.times, f.waveform
             self.weight[i, : f.times.size] = 1.0 / f.sd
         self.period = np.array([f.period if np.isfinite(f.period_sd) else 0.0 for f in features])
         self.period_weight = np.array([1.0 / f.period_sd for f in features])
         self.u = np.stack([[f.drive_speed, f.normal_force, 1.0, f.time] for f in features])
-        # Of slips that are like no other: the force at the ends, speeds and seconds of the legs of the rest before.
-        self.settled = np.array([f.settled for f in features])
-        self.begun_at, self.after = np.array([f.arrest for f in features]), np.array([f.after for f in features])
-        most = max(len(f.legs) for f in features)
-        padded = [[*f.legs, *[(f.drive_speed, 0.0)] * (most - len(f.legs))] for f in features]
-        self.legs = np.array(padded).reshape(self.n_logs, most, 2).transpose(1, 2, 0)  # (legs, 2, L)
-        first = self.legs[0, 0] if len(self.legs) else self.u[:, 0]
-        self.u_begin = np.column_stack([first, self.u[:, 1:]])
-
-    @property
-    def count(self) -> int:
-        """Number of residuals that count."""
-        return int(np.count_nonzero(self.weight)) + 2 * self.n_logs
+        self.count = int(np.count_nonzero(self.weight)) + 2 * self.n_logs  # residuals that count
 
     def residuals(self, theta: Array, arrest: Array, shift: Array) -> tuple[Array, Array]:
         """theta (S, n_p), arrest (S, L) [N], shift (S, L) [s] -> residuals (S, L, width + 2), and the slope
         of the waveform part with respect to the shift, same shape."""
-        model = self.unknowns.model
-        s = theta.shape[0]
+        model, s = self.unknowns.model, theta.shape[0]
         p = self.unknowns.values(theta[:, None, :], self.base[None]).reshape(s * self.n_logs, -1)
-        u = np.tile(self.u, (s, 1))
-        arrest = np.where(self.settled, arrest, self.begun_at)
-        x, before = batch.at_force(model, arrest.ravel(), p, np.tile(self.u_begin, (s, 1))), np.zeros(u.shape[0])
-        for speed, seconds in self.legs:
-            leg = np.tile(np.column_stack([speed, self.u[:, 1:]]), (s, 1))
-            x, before = batch.rested(model, x, p, leg, np.tile(seconds, s)), before + np.tile(seconds, s)
-        stick, at_onset = batch.stick(model, x, p, u)
-        slips = batch.slip(model, at_onset, p, u, PER_HALF_PERIOD)  # settled: the time of day hardly moves in a cycle
+        u, weight = np.tile(self.u, (s, 1)), np.tile(self.weight, (s, 1))
+        stick, at_onset = batch.stick(model, batch.at_force(model, arrest.ravel(), p, u), p, u)
+        slips = batch.slip(model, at_onset, p, u, PER_HALF_PERIOD)  # the time of day hardly moves in a cycle
         ok = slips.rested & np.isfinite(stick)
         waves, middle = Waves.of_slips(model, slips, p, u, ok)
-        duration, end_force = waves.duration, waves.end
         # The middle of the simulated fall is the origin; its position is found on the simulated steps.
-        t = np.tile(self.times, (s, 1)) + shift.reshape(-1, 1) + middle[:, None]
-        value, slope = waves.with_rates(t)
-        out = np.empty((s * self.n_logs, self.width + 2))
-        d_shift = np.zeros_like(out)
-        weight = np.tile(self.weight, (s, 1))
-        out[:, :-2] = (value - np.tile(self.wave, (s, 1))) * weight
-        d_shift[:, :-2] = slope * weight
-        settled, after = np.tile(self.settled, s), np.tile(self.after, s)
-        taken = before + stick + np.where(settled, duration, middle)
-        out[:, -2] = (taken - np.tile(self.period, s)) * np.tile(self.period_weight, s)
-        ends = np.where(settled, arrest.ravel(), np.where(np.isfinite(after), after, end_force))
-        out[:, -1] = (end_force - ends) / (CLOSURE * np.tile(self.drops, s))
-        bad = ~ok
-        out[bad, :-2] = np.where(weight[bad] > 0, BAD_RESIDUAL, 0.0)
-        out[bad, -2:], d_shift[bad] = BAD_RESIDUAL, 0.0
-        shape = (s, self.n_logs, self.width + 2)
-        return np.clip(np.nan_to_num(out, nan=BAD_RESIDUAL), -1e4, 1e4).reshape(shape), d_shift.reshape(shape)
+        value, slope = waves.with_rates(np.tile(self.times, (s, 1)) + shift.reshape(-1, 1) + middle[:, None])
+        period = (stick + waves.duration - np.tile(self.period, s)) * np.tile(self.period_weight, s)
+        closure = (waves.end - arrest.ravel()) / (CLOSURE * np.tile(self.drops, s))
+        out = np.column_stack([(value - np.tile(self.wave, (s, 1))) * weight, period, closure])
+        by_shift = np.pad(slope * weight, ((0, 0), (0, 2)))
+        out[~ok, :-2] = np.where(weight[~ok] > 0, BAD_RESIDUAL, 0.0)
+        out[~ok, -2:], by_shift[~ok] = BAD_RESIDUAL, 0.0
+        shape = (s, self.n_logs, -1)
+        return np.clip(np.nan_to_num(out, nan=BAD_RESIDUAL), -1e4, 1e4).reshape(shape), by_shift.reshape(shape)
+
+    def linearised(
+        self, soft: tuple[Array, Array], theta: Array, arrest: Array, shift: Array
+    ) -> tuple[Array, Array, Array]:
+        """Half cost (S,), gradient (S, n) and Gauss-Newton curvature (S, n, n), by rows with one thing changed each;
+        soft: mean and sd of weak priors (S, f)."""
+        s, n_t, n_l = theta.shape[0], self.n_theta, self.n_logs
+        steps, force_step = 1e-4 * self.unknowns.spread[self.free], 1e-4 * self.drops
+        thetas = np.repeat(theta[None], n_t + 2, axis=0)
+        thetas[np.arange(n_t) + 1, :, self.free] += steps[:, None]
+        arrests = np.repeat(arrest[None], n_t + 2, axis=0)
+        arrests[-1] += force_step
+        rows = thetas.reshape(-1, theta.shape[1]), arrests.reshape(-1, n_l), np.tile(shift, (n_t + 2, 1))
+        r, by_shift = (q.reshape(n_t + 2, s, n_l, -1) for q in self.residuals(*rows))
+        cost, n = 0.5 * np.sum(r[0] ** 2, axis=(1, 2)), n_t + 2 * n_l
+        gradient, curvature = np.zeros((s, n)), np.zeros((s, n, n))
+        by_theta = (r[1:-1] - r[0]) / steps[:, None, None, None]
+        for log in range(n_l):
+            columns = np.concatenate([np.arange(n_t), [n_t + log, n_t + n_l + log]])
+            by_arrest = (r[-1][:, log] - r[0][:, log]) / force_step[log]
+            slopes = [by_theta[:, :, log].transpose(1, 0, 2), by_arrest[:, None], by_shift[0][:, log][:, None]]
+            jacobian = np.concatenate(slopes, axis=1)
+            curvature[np.ix_(np.arange(s), columns, columns)] += np.matmul(jacobian, jacobian.transpose(0, 2, 1))
+            gradient[:, columns] += np.matmul(jacobian, r[0][:, log, :, None])[..., 0]
+        for mean, sd in (soft, (self.mean, self.prior_sd)):
+            off = (theta[:, self.free] - mean) / sd
+            cost = cost + 0.5 * np.sum(off**2, axis=1)
+            gradient[:, :n_t] += off / sd
+            curvature[:, np.arange(n_t), np.arange(n_t)] += 1.0 / sd**2
+        return cost, gradient, curvature
 
 
 def candidates(unknowns: Unknowns, features: list[Features], bases: list[Array]) -> Array:
     """Starts (S, n_p) from the levels of the data: strength, drop, period; a grid over what levels do not tell."""
-    names = unknowns.names
-    load = np.array([f.normal_force for f in features])
-    drop = np.array([f.drop for f in features])
-    top = max((f.arrest + f.drop) / f.normal_force for f in features)
-    largest = int(np.argmax(drop))
+    load, drop, arrest = (np.array([getattr(f, name) for f in features]) for name in ("normal_force", "drop", "arrest"))
+    top, largest = float(np.max((arrest + drop) / load)), int(np.argmax(drop))
     period = np.array([f.period if np.isfinite(f.period) else 1.0 for f in features])
     share = drop / load / np.max(drop / load)
     tellable = (share > 0.05) & (share < 0.97)
     t_cr = float(np.min(period) / 3)
     if np.any(tellable):
         t_cr = float(np.exp(np.mean(np.log(-period[tellable] / np.log1p(-share[tellable])))))
-    value = {n: unknowns.values(unknowns.start, bases[largest])[i] for i, n in enumerate(names)}
-    relative = drop[largest] / load[largest]
+    names, base = unknowns.names, bases[largest]
+    value = dict(zip(names, unknowns.values(unknowns.start, base).tolist(), strict=True))
+    relative, length = drop[largest] / load[largest], drop[largest] / value["stiffness"]
     peak_speed = 0.5 * drop[largest] / np.sqrt(value["stiffness"] * value.get("mass", 0.2))
-    stretch = drop[largest] / value["stiffness"]
-    out = []
-    for a_v in (1.7, 6.0):
-        for share_d in (0.08, 0.18):
-            for weakening in (0.1, 0.27):
-                step = 0.5 * relative * (1 - 0.7 * weakening)
-                out.append(
-                    value
-                    | {
-                        "mu_s": top,
-                        "mu_k0": max(top - step, 0.2 * top),
-                        "delta_mu_k": -weakening * relative,
-                        "a": a_v / peak_speed,
-                        "D": share_d * stretch,
-                        "t_cr": t_cr,
-                    }
-                )
-    made = np.array([[c[n] for n in names] for c in out])
-    return _inside(unknowns, unknowns.theta(made, bases[largest]))
-
-
-def _inside(unknowns: Unknowns, theta: Array) -> Array:
-    """Theta within its bounds, and fixed where it is not free."""
-    finite = np.where(np.isfinite(theta), theta, unknowns.start)
-    return np.where(unknowns.free, np.clip(finite, unknowns.lower, unknowns.upper), unknowns.start)
+    rows = []
+    for a_v, share_d, weakening in product((1.7, 6.0), (0.08, 0.18), (0.1, 0.27)):
+        mu_k0 = max(top - 0.5 * relative * (1 - 0.7 * weakening), 0.2 * top)
+        one = value | {"mu_s": top, "mu_k0": mu_k0, "delta_mu_k": -weakening * relative, "a": a_v / peak_speed}
+        one |= {"D": share_d * length, "t_cr": t_cr}
+        rows.append([one[name] for name in names])
+    return _inside(unknowns, unknowns.theta(np.array(rows), base))
 
 
 def random_starts(unknowns: Unknowns, around: Array, count: int, seed: int) -> Array:
@@ -236,15 +203,14 @@ def fit_features(
         bases: per feature, the base values of its log (n_p,).
         starts: (S, n_p) theta; keep: of these that are followed to the end.
     """
-    fold = _FeatureFit(unknowns, features, bases)
-    theta = _inside(unknowns, starts)
+    fold, theta = _FeatureFit(unknowns, features, bases), _inside(unknowns, starts)
     n_t, n_l, free, spread = fold.n_theta, fold.n_logs, fold.free, unknowns.spread[fold.free]
     # Weak priors of the start fit: the start itself, within a factor of some five.
     rig = np.isin(np.array(unknowns.names)[free], ("mass", "stiffness", "damping"))
     soft_mean, soft_sd = starts[:, free], np.where(rig, 0.3, 3.0 * spread)
     arrest = np.tile([f.arrest for f in features], (theta.shape[0], 1)).astype(float)
     moving = [theta, arrest, np.zeros((theta.shape[0], n_l))]
-    point, damping = [*_linearise(fold, (soft_mean, soft_sd), *moving)], np.full(theta.shape[0], 1e-2)
+    point, damping = [*fold.linearised((soft_mean, soft_sd), *moving)], np.full(theta.shape[0], 1e-2)
     for iteration in range(ITERATIONS):
         cost, gradient, curvature = point
         scale = np.einsum("sii->si", curvature)
@@ -254,7 +220,7 @@ def fit_features(
         theta = moving[0].copy()
         theta[:, free] += move[:, :n_t]
         moved = [_inside(unknowns, theta), moving[1] + move[:, n_t : n_t + n_l], moving[2] + move[:, n_t + n_l :]]
-        new = _linearise(fold, (soft_mean, soft_sd), *moved)
+        new = fold.linearised((soft_mean, soft_sd), *moved)
         better = new[0] < cost
         gain = np.where(better, cost - new[0], 0.0)
         moving, point = (
@@ -270,43 +236,3 @@ def fit_features(
         if (iteration > 5 or right) and np.all(gain < 1e-3 * point[0]):
             break
     return [Start(moving[0][i], float(2 * point[0][i] / fold.count)) for i in np.argsort(point[0])]
-
-
-def _linearise(
-    fold: _FeatureFit, soft: tuple[Array, Array], theta: Array, arrest: Array, shift: Array
-) -> tuple[Array, Array, Array]:
-    """Half cost (S,), gradient (S, n) and Gauss-Newton curvature (S, n, n), by rows with one thing changed each."""
-    s, n_t, n_l = theta.shape[0], fold.n_theta, fold.n_logs
-    steps = 1e-4 * fold.unknowns.spread[fold.free]
-    force_step = 1e-4 * fold.drops
-    lanes_theta, lanes_arrest = [theta], [arrest]
-    for i, column in enumerate(fold.free):
-        moved = theta.copy()
-        moved[:, column] += steps[i]
-        lanes_theta.append(moved)
-        lanes_arrest.append(arrest)
-    lanes_theta.append(theta)
-    lanes_arrest.append(arrest + force_step)
-    all_r, all_d = fold.residuals(
-        np.concatenate(lanes_theta), np.concatenate(lanes_arrest), np.tile(shift, (n_t + 2, 1))
-    )
-    r = all_r.reshape(n_t + 2, s, n_l, -1)
-    base, d_shift = r[0], all_d.reshape(n_t + 2, s, n_l, -1)[0]
-    n = n_t + 2 * n_l
-    gradient, curvature = np.zeros((s, n)), np.zeros((s, n, n))
-    d_theta = (r[1 : n_t + 1] - base) / steps[:, None, None, None]
-    cost = 0.5 * np.sum(base**2, axis=(1, 2))
-    for log in range(n_l):
-        columns = np.concatenate([np.arange(n_t), [n_t + log, n_t + n_l + log]])
-        d_arrest = (r[n_t + 1][:, log] - base[:, log]) / force_step[log]
-        jac = np.concatenate(
-            [d_theta[:, :, log].transpose(1, 0, 2), d_arrest[:, None], d_shift[:, log][:, None]], axis=1
-        )
-        curvature[np.ix_(np.arange(s), columns, columns)] += np.matmul(jac, jac.transpose(0, 2, 1))
-        gradient[:, columns] += np.matmul(jac, base[:, log, :, None])[..., 0]
-    for mean, sd in (soft, (fold.mean, fold.prior_sd)):
-        off = (theta[:, fold.free] - mean) / sd
-        cost = cost + 0.5 * np.sum(off**2, axis=1)
-        gradient[:, :n_t] += off / sd
-        curvature[:, np.arange(n_t), np.arange(n_t)] += 1.0 / sd**2
-    return cost, gradient, curvature
