@@ -40,7 +40,7 @@ DORMAND_PRINCE = Tableau(
     ),
 )
 
-LOW = Explicit.of(BOGACKI_SHAMPINE, "explicit, low order", "Bogacki and Shampine 1989")
-MIDDLE = Explicit.of(DORMAND_PRINCE, "explicit, middle order", "Dormand and Prince 1980")
+LOW = Explicit.of(BOGACKI_SHAMPINE)
+MIDDLE = Explicit.of(DORMAND_PRINCE)
 
 ALL: tuple[Method, ...] = (LOW, MIDDLE, HIGH, STIFF)

@@ -144,7 +144,7 @@ def extract(log: LogData, falls: Array, half_period: float) -> Features | None:
         return None
 
     def per_cycle(values: Array) -> Array:
-        return np.bincount(cycle, weights=values, minlength=settled.size)
+        return np.asarray(np.bincount(cycle, weights=values, minlength=settled.size), float)
 
     shift = np.zeros(settled.size)
     for sweep in range(4):

@@ -8,11 +8,10 @@ A slide whose oscillation has faded goes on as steady sliding, which has no step
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from math import ceil
-from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -24,7 +23,7 @@ from identify.logs.log_data import LogData
 from identify.logs.noise import line_slope, slope_error
 from identify.model.model import SPEED, Model
 from identify.shooting import batch
-from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
+from identify.shooting.shooting_trajectory import End, ShootingTrajectory, Stretch
 from identify.simulation.drive import NormalForce
 from identify.simulation.phases import Phase, Stick, rest
 from identify.simulation.plan import Stepping
@@ -84,11 +83,6 @@ class LogContext:
         u = self.inputs(t, just_before)
         return lasting(self.model, self.p, u) if u[0] > 0.0 else None
 
-    def drive_motion(self, t: float) -> float:
-        """How far the drive has gone since the begin of the window [m]."""
-        edges = [self.log.begin, *(c for c in self.changes if c < t), t]
-        return sum((b - a) * self.log.speed_at(0.5 * (a + b)) for a, b in pairwise(edges))
-
     def rest(self, t: float, x: Array, end: float) -> tuple[bool, float, Array, list[tuple[float, Array]]]:
         """A rest from x at t until the static limit is overcome, at most until `end` [s]: whether it is, when, the
         state then, and time and state at each change of the drive before that.
@@ -96,37 +90,30 @@ class LogContext:
         Raises:
             SimulationError: the drive pulls the mass back.
         """
-        changes: list[tuple[float, Array]] = []
+        changes, load = list[tuple[float, Array]](), self.log.normal_force
+
+        def until(time: float, force: tuple[float, float]) -> Stick:
+            return rest(self.rests, x, Situated(self.p, self.log.speed_at(t), 1.0, *force, t), t, time - t)
+
         while t < end:
-            change = min(self.change_after(t), end)
-            stick, until = self._under_least_load(t, x, change) or self._until_knot(t, x, change)
+            change, knot = min(self.change_after(t), end), bisect_right(load.times, t)
+            stick, last = None, knot + BLOCK
+            if last < len(load.times) and load.times[last] < change and not _moved_by_load(self.model):
+                # Over many knots of the load at once, where not even the least load of them would end the rest.
+                least = float(np.min([load.at(t), *load.knots[1][knot : last + 1]]))
+                stick = until(load.times[last], (least, 0.0))
+            if stick is None or stick.ended_by is not None:
+                last = knot
+                stick = until(min([change, *load.times[knot : knot + 1]]), load.line(t))
             t, x = stick.start + stick.duration, stick.end
             if stick.ended_by is not None:
                 if stick.drive_force < 0.0:
                     raise SimulationError("the mass is pulled back")
                 return True, t, x, changes
-            t = until
+            t = min([change, *load.times[last : last + 1]])
             if t == change:
                 changes.append((t, x))
         return False, t, x, changes
-
-    def _until_knot(self, t: float, x: Array, change: float) -> tuple[Stick, float]:
-        """A rest until the slope of the load or the drive changes, and when that is [s]."""
-        load = self.log.normal_force
-        knot = bisect_right(load.times, t)
-        until = min([change, *load.times[knot : knot + 1]])
-        return rest(self.rests, x, Situated(self.p, self.log.speed_at(t), 1.0, *load.line(t), t), t, until - t), until
-
-    def _under_least_load(self, t: float, x: Array, change: float) -> tuple[Stick, float] | None:
-        """A rest over BLOCK knots of the load at once, where not even the least load of them would end it."""
-        load = self.log.normal_force
-        last = bisect_right(load.times, t) + BLOCK
-        if last >= len(load.times) or not load.times[last] < change or _moved_by_load(self.model):
-            return None
-        until = load.times[last]
-        least = float(np.min([load.at(t), *load.knots[1][last - BLOCK : last + 1]]))
-        stick = rest(self.rests, x, Situated(self.p, self.log.speed_at(t), 1.0, least, 0.0, t), t, until - t)
-        return (stick, until) if stick.ended_by is None else None
 
     def motion(self, t: float, x: Array, duration: float) -> Trajectory:
         """The simulated motion from state x at t [s]."""
@@ -153,7 +140,6 @@ BY_CHANCE = 12.0  # squared deviations by which noise makes one of some hundred 
 UNSURE = 0.05  # of a cycle: how far off its end is expected by parameters that are not the answer yet
 SEARCHED = 0.5  # of a rest: how far beyond its expected end the steepest fall is looked for
 LEVEL, SURE_RISE = 0.25, 3.0  # of the slope of a stick, and standard errors: a force that rises less is no stick
-PEAK_WINDOW = 0.2  # of half a period: width of the mean whose highest value is the first peak
 
 
 def onset_on_data(context: LogContext, since: float, onset: float, x: Array, spread: float = np.inf) -> float:
@@ -170,8 +156,9 @@ def onset_on_data(context: LogContext, since: float, onset: float, x: Array, spr
     wave = context.motion(onset, x, float(local[-1])).sample(local)["force"]
     slope = context.values["stiffness"] * log.speed_at(onset)
     reach, step = max(REACH * half, 2.0 * log.interval), max(half / PER_HALF_PERIOD, 0.25 * log.interval)
+    index = context.samples(since, min(onset + SEARCHED * (onset - since) + 2 * half, latest))
+    fall = _steepest_fall(log, index, max(round(half / log.interval), 1))
     centres = [onset]
-    fall = _steepest_fall(context, context.samples(since, min(onset + SEARCHED * (onset - since) + 2 * half, latest)))
     if fall is not None and abs(fall - onset) > reach and (fall < onset or _may_stick(context, onset, fall, slope)):
         centres.append(fall)
 
@@ -210,29 +197,29 @@ def _may_stick(context: LogContext, begin: float, end: float, slope: float) -> b
     return line_slope(time, context.log.force[index], noise) > LEVEL * slope - SURE_RISE * slope_error(time, noise)
 
 
-def _steepest_fall(context: LogContext, index: NDArray[np.intp]) -> float | None:
-    """Where the force falls most from one half period to the next [s]; None where there are not two."""
-    width = max(round(context.half / context.log.interval), 1)
+def _steepest_fall(log: LogData, index: NDArray[np.intp], width: int) -> float | None:
+    """Where the force falls most from so many samples to the next [s]; None where there are not two of them."""
     if index.size < 2 * width:
         return None
-    sums = np.concatenate([[0.0], np.cumsum(context.log.force[index])])
+    sums = np.concatenate([[0.0], np.cumsum(log.force[index])])
     means = sums[width:] - sums[:-width]
-    return float(context.log.time[index[width - 1 + int(np.argmax(means[:-width] - means[width:]))]])
+    return float(log.time[index[width - 1 + int(np.argmax(means[:-width] - means[width:]))]])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # How it begins: the elongation from the first samples, and the contact aged so that the first slip lies on the data.
 # ----------------------------------------------------------------------------------------------------------------------
 
+PEAK_WINDOW = 0.2  # of half a period: width of the mean whose highest value is the first peak
 RISEN = 0.5  # share of the rise to the first peak on which the mass rests for sure
 FIRST_SWINGS = 8.0  # half periods about the first peak that are compared
-AGES = 41  # states of the contact that are tried
+AGES = np.linspace(0.0, 1.0, 41)  # states of the contact that are tried
 
 
 def first_state(context: LogContext) -> Array:
     """State at the begin of the window: the elongation from the first samples, the contact half aged or such that
     the first slip lies on the data."""
-    log, model = context.log, context.model
+    log, model, stiffness = context.log, context.model, context.values["stiffness"]
     moving = next((c for c in (log.begin, *context.changes) if log.speed_at(c) > 0.0), log.end)
     index = context.samples(moving, context.change_after(moving))
     peak = until = log.begin
@@ -244,28 +231,25 @@ def first_state(context: LogContext) -> Array:
     index = context.samples(log.begin, np.nextafter(until, np.inf))
     if index.size == 0:
         index = np.array([min(int(np.searchsorted(log.time, log.begin)), log.time.size - 1)])
-    moved = np.array([context.drive_motion(t) for t in log.time[index]])
-    level = float(np.median(log.force[index] - context.values["stiffness"] * moved))
+    edges = np.array([log.begin, *(c for c in context.changes if c < until), max(until, log.time[index[-1]])])
+    moved = np.concatenate([[0.0], np.cumsum([(b - a) * log.speed_at(0.5 * (a + b)) for a, b in pairwise(edges)])])
+    level = float(np.median(log.force[index] - stiffness * np.interp(log.time[index], edges, moved)))
     x = batch.at_force(model, np.array([level]), context.p[None], context.inputs(log.begin)[None])[0]
     if model.clamped is not None:
-        x[model.clamped] = _aged_at_begin(context, x, peak)
+        x[model.clamped] = _aged_at_begin(context, x, model.clamped, peak)
     return x
 
 
-def _aged_at_begin(context: LogContext, x: Array, peak: float) -> float:
+def _aged_at_begin(context: LogContext, x: Array, clamped: int, peak: float) -> float:
     """The bounded state with which the first slip lies on the data about the first peak [s]; half way where that does
     not depend on it."""
-    log, clamped = context.log, context.model.clamped
-    assert clamped is not None
+    log = context.log
     begin = max(peak - FIRST_SWINGS * context.half, log.begin)
     end = min(peak + FIRST_SWINGS * context.half, context.change_after(peak))
+    index = context.samples(begin, end)
 
     def aged(value: float) -> Array:
-        state = x.copy()
-        state[clamped] = value
-        return state
-
-    index = context.samples(begin, end)
+        return np.where(np.arange(x.size) == clamped, value, x)
 
     def misfit(value: float) -> float:
         try:
@@ -277,102 +261,39 @@ def _aged_at_begin(context: LogContext, x: Array, peak: float) -> float:
             return np.inf
         return float(np.mean(log.weight[index] * (log.force[index] - shown) ** 2))
 
-    ages = np.linspace(0.0, 1.0, AGES)
-    rests = [context.rest(log.begin, aged(value), log.end) for value in ages]
+    rests = [context.rest(log.begin, aged(value), log.end) for value in AGES]
     onsets = np.array([t if begun else np.inf for begun, t, _, _ in rests])
     finite = onsets[np.isfinite(onsets)]
     if not finite.size or np.ptp(finite) <= 1e-3 * (peak - log.begin):
         return 0.5
-    near = ages[(onsets >= begin) & (onsets < end)]
-    if near.size:
-        values = np.concatenate([near, (near[:-1] + near[1:]) / 2 if near.size < AGES // 4 else []])
-        misfits = [misfit(value) for value in values.tolist()]
-        if np.isfinite(np.min(misfits)):
-            return float(values[int(np.argmin(misfits))])
-    return float(ages[int(np.argmin(np.abs(onsets - peak)))])
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# One simulated slide as stretches of a trajectory: which phases it has, and the states at their shooting nodes.
-# ----------------------------------------------------------------------------------------------------------------------
-
-INTERVAL = 1 / 4  # of half a period: shooting intervals of a slide
-FIRST_INTERVALS = 8  # of the part of a slip in which the contact fades
-BRIEF = 0.05  # of half a period: a contact that re-ages for so short before it rests does so in closed form
-
-
-@dataclass
-class SlideParts:
-    """A slide as it is simulated, a piece at a time. begun: its onset [s]; half: half period of the rig [s]."""
-
-    model: Model
-    begun: float
-    half: float
-    _pieces: list[tuple[float, Trajectory]] = field(default_factory=list)
-    _parts: list[tuple[str, float, str]] = field(default_factory=list)  # mode, end [s], what ended it
-
-    def take(self, t: float, motion: Trajectory) -> Phase | None:
-        """The motion from t [s] on; the phase at whose end the mass comes to rest, None where it does not."""
-        self._pieces.append((t, motion))
-        for phase in motion.phases:
-            if phase.mode == "stick":
-                continue
-            end, parts = t + phase.start + phase.duration, self._parts
-            if parts and parts[-1][0] == phase.mode and parts[-1][2] == "time":
-                parts.pop()  # only the simulation was cut there
-            parts.append((phase.mode, end, phase.ended_by or "time"))
-            if phase.ended_by == "speed":
-                # The blocks of the rest that follows do the brief re-ageing of a worn contact.
-                if len(parts) > 1 and parts[-2][2] == "release" and end - parts[-2][1] <= BRIEF * self.half:
-                    parts[-2:] = [(parts[-2][0], end, "speed")]
-                return phase
-        return None
-
-    def stretches(self, last: Literal["arrest", "time"], *, after_rest: bool) -> list[Stretch]:
-        """The stretches with their nodes; last: what ends the last one; after_rest: the slide begins with an onset."""
-        since, out = self.begun, list[Stretch]()
-        for i, (mode, end, ended) in enumerate(self._parts):
-            first = i == 0 and mode == "slip" and after_rest
-            count = max(ceil((end - since) / (INTERVAL * self.half)), FIRST_INTERVALS if first else 2)
-            nodes = self._states(np.linspace(since, end, count + 1)[1:])
-            if i + 1 == len(self._parts):
-                ended = last
-            if ended == "arrest":
-                nodes[-1, SPEED] = 0.0
-            kept = "wear" if ended == "clearance" else ended
-            out.append(Stretch(mode, end, kept, nodes))  # type: ignore[arg-type]
-            since = end
-        return out
-
-    def _states(self, times: Array) -> Array:
-        """States (n, n_x) of the joined pieces at times (n,) [s]."""
-        starts = np.array([t for t, _ in self._pieces])
-        which = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, None)
-        out = np.empty((times.size, len(self.model.states)))
-        for i in np.unique(which).tolist():
-            rows, (begin, motion) = which == i, self._pieces[i]
-            sampled = motion.sample(np.clip(times[rows] - begin, 0.0, motion.duration))
-            out[rows] = np.stack([sampled[s.name] for s in self.model.states], axis=1)
-        return out
+    near = AGES[(onsets >= begin) & (onsets < end)]
+    if 0 < near.size < AGES.size // 4:
+        near = np.linspace(near[0], near[-1], 2 * near.size - 1)
+    misfits = np.array([misfit(value) for value in near.tolist()])
+    if np.isfinite(misfits).any():
+        return float(near[int(np.argmin(misfits))])
+    return float(AGES[int(np.argmin(np.abs(onsets - peak)))])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The motion, stretch by stretch.
 # ----------------------------------------------------------------------------------------------------------------------
 
+INTERVAL = 1 / 4  # of half a period: shooting intervals of a slide
+FIRST_INTERVALS = 8  # of the part of a slip in which the contact fades
+BRIEF = 0.05  # of half a period: a contact that re-ages for so short before it rests does so in closed form
 CHUNK = 6.0  # half periods that are simulated at a time
 FADED = 0.2  # of the noise: an oscillation that is smaller is not followed
 LONGEST = 120  # half periods of one slide that are followed
 AFTER = 0.1  # of a slide: how much of the rest after it is taken where the motion is not followed further
 MOST_STRETCHES = 1200
 PIECES = 200  # of steady sliding, at most
-SHOWN, HIDDEN = 1.0, 3  # squared deviations of a slip that stands out of the noise; slips in a row that do not
 
 
 @dataclass(frozen=True)
 class Followed:
     """A motion from the begin of the window: the trajectory, and where it ends [s]: earlier than the window where an
-    oscillation never fades, or the noise hides slips."""
+    oscillation never fades."""
 
     trajectory: ShootingTrajectory
     end: float
@@ -407,73 +328,49 @@ class _Motion:
     def __init__(self, model: Model, log: LogData, p: Array) -> None:
         self.model, self.log, self.context = model, log, LogContext(model, log, p)
         self.stretches: list[Stretch] = []
-        self.seen = 0  # of these, up to the last slip that stands out of the noise
         self.start = np.array([s.start for s in model.states])
 
     def run(self, begins_sliding: bool) -> Followed | None:
         """Follow the motion to the end of the window."""
-        t, sliding, hidden = self.log.begin, begins_sliding, 0
+        t, sliding = self.log.begin, begins_sliding
         if begins_sliding:
             steady = self.context.steady(t)
             if steady is None:
                 return None
             self.start, t = steady.state, self.context.change_after(t)
             self.glide(self.log.begin, t)
-            self.seen = len(self.stretches)
         else:
             self.start = first_state(self.context)
         x = self.start
         while t < self.log.end and len(self.stretches) < MOST_STRETCHES:
-            if not sliding:
-                t, x, sliding = self.rest(t, x)
-                continue
-            t, x, sliding = self.slide(t, x)
+            t, x, sliding = self.slide(t, x) if sliding else self.rest(t, x)
             if np.isnan(t):
                 return self._followed(self.stretches[-1].until) if self.stretches else None
-            hidden = 0 if self.shows() else hidden + 1
-            self.seen = len(self.stretches) if hidden == 0 else self.seen
-            if hidden == HIDDEN:  # to go on would make up how often it slips until the window ends
-                return self.so_far()
         return self._followed(t) if t >= self.log.end else self.so_far()
 
     def _followed(self, end: float) -> Followed:
         return Followed(ShootingTrajectory.of(self.start, self.stretches, self.log.own), end)
 
-    def last_rest(self) -> int | None:
-        """The place of the last rest; None where there is none."""
-        return next((i for i in range(len(self.stretches) - 1, -1, -1) if self.stretches[i].kind == "rest"), None)
-
-    def shows(self) -> bool:
-        """Whether the last slip stands out of the noise: by the squared deviations of a sawtooth from a level force.
-        A slide without a rest before or after it does."""
-        rest, last = self.last_rest(), self.stretches[-1]
-        if rest is None or last.ended_by != "arrest" or self.stretches[rest].ended_by != "onset":
-            return True
-        begun = self.stretches[rest].until
-        again = rest > 0 and self.stretches[rest - 1].ended_by == "arrest"
-        length = last.until - self.stretches[rest - 1].until if again else 2.0 * (last.until - begun)
-        nodes = np.concatenate([self.stretches[rest].nodes[-1:], *(s.nodes for s in self.stretches[rest + 1 :])])
-        height = float(np.ptp(self.context.forces(0.5 * (begun + last.until), nodes)))
-        return length / self.log.interval * (height / self.log.noise) ** 2 / 12.0 >= SHOWN
+    def _last_rest(self) -> float:
+        """When the last rest ended [s]."""
+        return next((s.until for s in reversed(self.stretches) if s.kind == "rest"), -np.inf)
 
     def so_far(self) -> Followed | None:
         """The motion up to where it cannot be followed further: the end of a slide that was steady, or the rest after
-        the last slip that stands out of the noise."""
+        the last slip."""
         stretches = self.stretches
-        del stretches[self.seen :]
         while stretches and not (stretches[-1].steady or stretches[-1].ended_by == "arrest"):
             stretches.pop()
         if not stretches:
             return None
         end = stretches[-1].until
         if stretches[-1].ended_by == "arrest":
-            end = min(end + AFTER * (end - stretches[self.last_rest() or 0].until), self.context.change_after(end))
+            end = min(end + AFTER * (end - max(self._last_rest(), self.log.begin)), self.context.change_after(end))
         return self._followed(end)
 
     def rest(self, t: float, x: Array) -> tuple[float, Array, bool]:
         """A rest and the onset that ends it, moved onto the data: its end, the state there, whether it then slides."""
-        last = self.last_rest()
-        before = -np.inf if last is None else self.stretches[last].until
+        before = self._last_rest()
         begun, onset, x, changes = self.context.rest(t, x, self.log.end)
         for until, after in changes:
             if begun or until < self.log.end:
@@ -487,20 +384,32 @@ class _Motion:
 
     def slide(self, t: float, x: Array) -> tuple[float, Array, bool]:
         """A slide until the mass rests, the drive changes, or the window ends; NaN where it is not followed further."""
-        until, begun = self.context.change_after(t), t
-        slide = SlideParts(self.model, begun, self.context.half)
+        until, begun, half = self.context.change_after(t), t, self.context.half
+        pieces, parts = list[tuple[float, Trajectory]](), list[tuple[str, float, str]]()  # mode, end [s], what ended it
         arrest: Phase | None = None
         faded = False
-        while t < until and t < begun + LONGEST * self.context.half and not faded:
-            motion = self.context.motion(t, x, min(CHUNK * self.context.half, until - t))
-            arrest = slide.take(t, motion)
-            if arrest is not None:
+        while arrest is None and t < until and t < begun + LONGEST * half and not faded:
+            motion = self.context.motion(t, x, min(CHUNK * half, until - t))
+            pieces.append((t, motion))
+            for phase in motion.phases:
+                if parts and parts[-1][0] == phase.mode and parts[-1][2] == "time":
+                    parts.pop()  # only the simulation was cut there
+                if phase.mode != "stick":
+                    parts.append((phase.mode, t + phase.start + phase.duration, phase.ended_by or "time"))
+                if phase.ended_by == "speed" and phase.mode != "stick":
+                    arrest = phase
+                    break
+            if arrest is None:
+                t, x = t + motion.duration, motion.phases[-1].end
+                faded = t < until and self.faded(t, motion)
+            else:
                 t, x = t + arrest.start + arrest.duration, arrest.end
-                break
-            t, x = t + motion.duration, motion.phases[-1].end
-            faded = t < until and self.faded(t, motion)
-        after_rest = bool(self.stretches) and self.stretches[-1].kind == "rest"
-        self.stretches += slide.stretches("time" if arrest is None else "arrest", after_rest=after_rest)
+        # The blocks of the rest that follows do the brief re-ageing of a worn contact.
+        if arrest is not None and len(parts) > 1 and parts[-2][2] == "release" and t - parts[-2][1] <= BRIEF * half:
+            parts[-2:] = [(parts[-2][0], t, "speed")]
+        if parts:
+            parts[-1] = (*parts[-1][:2], "time" if arrest is None else "arrest")
+        self._add(begun, parts, pieces)
         if arrest is not None:
             return t, x, False
         if faded:
@@ -510,25 +419,43 @@ class _Motion:
             return until, steady.state, True
         return (until, x, True) if t >= until else (np.nan, x, True)
 
+    def _add(self, since: float, parts: list[tuple[str, float, str]], pieces: list[tuple[float, Trajectory]]) -> None:
+        """The stretches of a slide from its parts, with nodes from the simulated pieces."""
+        after_rest, starts = bool(self.stretches) and self.stretches[-1].kind == "rest", [t for t, _ in pieces]
+        ends: dict[str, End] = {"clearance": "wear", "release": "release", "arrest": "arrest", "time": "time"}
+        for i, (mode, end, ended) in enumerate(parts):
+            first = i == 0 and mode == "slip" and after_rest
+            count = max(ceil((end - since) / (INTERVAL * self.context.half)), FIRST_INTERVALS if first else 2)
+            times = np.linspace(since, end, count + 1)[1:]
+            which = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, None)
+            nodes = np.empty((count, len(self.model.states)))
+            for number in np.unique(which).tolist():
+                rows, (begin, motion) = which == number, pieces[number]
+                sampled = motion.sample(np.clip(times[rows] - begin, 0.0, motion.duration))
+                nodes[rows] = np.stack([sampled[s.name] for s in self.model.states], axis=1)
+            if ended == "arrest":
+                nodes[-1, SPEED] = 0.0
+            self.stretches.append(Stretch("worn" if mode == "worn" else "slip", end, ends[ended], nodes))
+            since = end
+
     def faded(self, t: float, motion: Trajectory) -> bool:
         """Whether the last period of a motion that ends at t is steady sliding but for a part of the noise."""
-        steady = self.context.steady(t, just_before=True)
-        if steady is None or motion.duration < 2.0 * self.context.half:
+        steady, period = self.context.steady(t, just_before=True), 2.0 * self.context.half
+        if steady is None or motion.duration < period:
             return False
-        local = np.linspace(motion.duration - 2.0 * self.context.half, motion.duration, 60)
-        shown = motion.sample(local)["force"]
+        local = np.linspace(motion.duration - period, motion.duration, 60)
         level = self.context.forces(t, steady.state[None], just_before=True)
         drift = self.log.normal_force.at(t - motion.duration + local) / float(self.log.normal_force.at(t))
-        return bool(np.max(np.abs(shown - level * drift)) < FADED * self.log.noise)
+        return bool(np.max(np.abs(motion.sample(local)["force"] - level * drift)) < FADED * self.log.noise)
 
     def glide(self, since: float, until: float) -> None:
         """Steady sliding between two times, in as many pieces as the normal force has."""
         count = min(max(2 * self.log.normal_force.between(since, until)[0].size, 1), PIECES)
-        edges = np.linspace(since, until, count + 1)
-        steady = [self.context.steady(t, just_before=i == count) for i, t in enumerate(edges.tolist())]
+        edges = np.linspace(since, until, count + 1).tolist()
+        steady = [self.context.steady(t, just_before=i == count) for i, t in enumerate(edges)]
         states = [s for s in steady if s is not None]
         if len(states) < len(steady):
             raise SimulationError("there is no steady sliding")
         nodes = np.stack([state.state for pair in pairwise(states) for state in pair])
-        kind: Literal["steady", "steady_worn"] = "steady_worn" if all(s.worn for s in states) else "steady"
-        self.stretches.append(Stretch(kind, until, "time", nodes))
+        kind = "steady_worn" if all(s.worn for s in states) else "steady"
+        self.stretches.append(Stretch(kind, until, "time", nodes))  # type: ignore[arg-type]

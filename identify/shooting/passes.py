@@ -117,7 +117,11 @@ def solve_in_passes(
         moved = [place.read(one, solution.x) for place, one in zip(problem.layout.places, trajectories, strict=True)]
         shift = _shift_in_samples(problem, solution, logs, trajectories)
         passed = Solved(problem, grid, trajectories, solution, moved, theta, shift, iterations, number, seconds)
-        if not solution.success or _is_lost(passed):
+        begun, misfit = (  # squares in noise variances per sample
+            2.0 * cost / max(problem.samples, 1)
+            for cost in (problem.evaluate(problem.start, derivatives=False).cost, solution.cost)
+        )
+        if not (solution.success and misfit < LOST * max(begun, 1.0)):
             failed, failures = failed or passed, failures + 1
             if failures > REJECTED or time_is_up():
                 break
@@ -131,26 +135,15 @@ def solve_in_passes(
             if shift < SETTLED or any(np.max(np.abs(events - at)) < RETURNED * finest for at in visited):
                 return passed  # at rest, or samples change sides to and fro: the passes to come are those that were
             visited.append(events)
-        if solution.cost > cost_cutoff or time_is_up() or not all(_ordered(one) for one in moved):
+        in_order = all(np.all(np.isfinite(one.until)) and np.all(np.diff(one.until) > 0) for one in moved)
+        if solution.cost > cost_cutoff or time_is_up() or not in_order:
             return passed
-        if number >= PASSES and failed is None and _misfit(passed) > ALL_BUT:
+        if number >= PASSES and failed is None and misfit > ALL_BUT:
             return passed
         if weight == 0.0:
             fitting = fine_grid(logs, moved, unknowns)
             grid = replace(fitting, steps=max(fitting.steps, steps))
     return failed or accepted  # type: ignore[return-value]  # there is a pass at least
-
-
-def _misfit(solved: Solved) -> float:
-    """Squares in noise variances per sample."""
-    return 2.0 * solved.solution.cost / max(solved.problem.samples, 1)
-
-
-def _is_lost(solved: Solved) -> bool:
-    """Whether a pass ended much farther from the data than it began."""
-    problem = solved.problem
-    began = 2.0 * problem.evaluate(problem.start, derivatives=False).cost / max(problem.samples, 1)
-    return not _misfit(solved) < LOST * max(began, 1.0)
 
 
 def _solve(problem: Problem, *, coarse: bool, exact: bool) -> tuple[Solution, int, bool]:
@@ -175,11 +168,6 @@ def _solve(problem: Problem, *, coarse: bool, exact: bool) -> tuple[Solution, in
         return solution, iterations, False
     solution = solve(problem, tolerance=tolerance, iterations=EXACT, exact=True, start=solution.z)
     return solution, iterations + solution.iterations, solution.success
-
-
-def _ordered(trajectory: ShootingTrajectory) -> bool:
-    """Whether every event still follows the one before it."""
-    return bool(np.all(np.isfinite(trajectory.until)) and np.all(np.diff(trajectory.until) > 0))
 
 
 def _shift_in_samples(

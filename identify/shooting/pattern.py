@@ -166,8 +166,9 @@ class Nonzeros:
     of_entry: Indices
 
     @staticmethod
-    def of(rows: Indices, columns: Indices, shape: tuple[int, int]) -> Nonzeros:
-        """From the row and the column of every entry."""
+    def of(entries: list[Indices], shape: tuple[int, int]) -> Nonzeros:
+        """From the rows and the columns (2, ...) of all entries."""
+        rows, columns = np.concatenate(entries, axis=1)
         places, of_entry = np.unique(columns * shape[0] + rows, return_inverse=True)
         columns = places // shape[0]
         starts = np.searchsorted(columns, np.arange(shape[1] + 1)).astype(np.int32)
@@ -177,10 +178,9 @@ class Nonzeros:
         """The matrix of entries, columns times `scale` (n,) and rows times `row_scale`; entries that are left out at
         the end are zero."""
         values = np.concatenate(entries)
-        data = np.bincount(self.of_entry[: values.size], weights=values, minlength=self.rows.size)
-        data *= scale[self.columns]
+        data = scale[self.columns] * np.bincount(self.of_entry[: values.size], values, self.rows.size)
         if row_scale is not None:
-            data *= row_scale[self.rows]
+            data = data * row_scale[self.rows]
         return sp.csc_matrix((data, self.rows, self.starts), self.shape)
 
     @cached_property
@@ -210,8 +210,8 @@ class Pattern:
             self.families.append(Scatter(slots, rows, entries, upper))
         n, varied, about = layout.size, layout.varied, layout.prior_about[layout.varied]
         hessian += [np.tile(np.arange(n), (2, 1)), np.sort(np.stack([varied, about]), axis=0)]
-        self.jacobian = Nonzeros.of(*np.concatenate(jacobian, axis=1), (layout.rows, n))
-        self.hessian = Nonzeros.of(*np.concatenate(hessian, axis=1), (n, n))
+        self.jacobian = Nonzeros.of(jacobian, (layout.rows, n))
+        self.hessian = Nonzeros.of(hessian, (n, n))
 
     def fits(self, layout: Layout) -> bool:
         """Whether a layout has the same unknowns and rows, block by block."""

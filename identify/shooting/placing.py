@@ -18,7 +18,7 @@ from identify.shooting import batch
 from identify.shooting.batch import Slips
 from identify.shooting.features import Waves
 from identify.shooting.grid import Grid
-from identify.shooting.shooting_trajectory import ShootingTrajectory
+from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 
 Array = NDArray[np.float64]
 
@@ -34,6 +34,7 @@ class _Cycles:
     """All cycles of all logs side by side (n,): which log, whether first of its log, fall times [s]; parameters
     (n, n_p), inputs (n, 4), noise (n,) of the log [N]."""
 
+    model: Model
     log: NDArray[np.int64]
     first: NDArray[np.bool_]
     fall: Array
@@ -43,9 +44,8 @@ class _Cycles:
 
     @staticmethod
     def of(model: Model, logs: list[LogData], p: list[Array], falls: list[Array]) -> _Cycles:
-        counts = [f.size for f in falls]
-        log, fall = np.repeat(np.arange(len(logs)), counts), np.concatenate(falls)
-        first = np.concatenate([np.arange(c) == 0 for c in counts])
+        log, fall = np.repeat(np.arange(len(logs)), [f.size for f in falls]), np.concatenate(falls)
+        first = np.diff(log, prepend=-1) > 0
         force = np.concatenate([one.normal_force.at(f) for one, f in zip(logs, falls, strict=True)])
         speed, begin, noise = (np.array([getattr(d, n) for d in logs])[log] for n in ("drive_speed", "begin", "noise"))
         # Each cycle begins about where the fall before it is.
@@ -54,7 +54,12 @@ class _Cycles:
         for name, value in model.quiet:
             if np.isfinite(value):  # what vibrates is left to the shooting
                 values[:, model.parameter_names.index(name)] = value
-        return _Cycles(log, first, fall, values, u, noise)
+        return _Cycles(model, log, first, fall, values, u, noise)
+
+    def slips(self, x: Array, per_half_period: int = PER_HALF_PERIOD) -> Slips:
+        """The slip of every cycle from its arrest x (n, n_x)."""
+        at_onset = batch.stick(self.model, x, self.p, self.u)[1]
+        return batch.slip(self.model, at_onset, self.p, self.u, per_half_period)
 
 
 def place(
@@ -71,13 +76,13 @@ def place(
         return [None for _ in logs]
     cycles = _Cycles.of(model, logs, p, falls)
     starts = [_at_begin(model, log, q, f) for log, q, f in zip(logs, p, falls, strict=True)]
-    x = _arrests(model, cycles, starts)
-    onset = _placed(model, logs, cycles, x)[1]
+    x = _arrests(cycles, starts)
+    onset = _placed(logs, cycles, x)[1]
     # Now that the first onset is known, so is the bounded state at the begin; the first cycles are made again.
-    for number, row in zip(np.unique(cycles.log), np.flatnonzero(cycles.first), strict=True):
-        starts[number] = _begin_state(model, logs[number], cycles.p[row], starts[number], float(onset[row]))
-        x[row] = starts[number]
-    slips, onset = _placed(model, logs, cycles, x)
+    for row in np.flatnonzero(cycles.first).tolist():
+        number = int(cycles.log[row])
+        x[row] = starts[number] = _begin_state(cycles, row, starts[number], float(onset[row]), logs[number])
+    slips, onset = _placed(logs, cycles, x)
     trajectories: list[ShootingTrajectory | None] = []
     for number, log in enumerate(logs):
         mine = np.flatnonzero(cycles.log == number)
@@ -86,23 +91,19 @@ def place(
     return trajectories
 
 
-def _slips(model: Model, cycles: _Cycles, x: Array, per_half_period: int) -> Slips:
-    return batch.slip(model, batch.stick(model, x, cycles.p, cycles.u)[1], cycles.p, cycles.u, per_half_period)
-
-
-def _arrests(model: Model, cycles: _Cycles, starts: list[Array]) -> Array:
+def _arrests(cycles: _Cycles, starts: list[Array]) -> Array:
     """States (n, n_x) from which the cycles start, each the arrest of the one before: handed on until it stays, from
     the kinetic level less half a drop.
 
     Near the end of stick-slip the return map hardly contracts, and a slip depends much on the one before.
     """
-    names = model.parameter_names
+    names = cycles.model.parameter_names
     mu_s, mu_k0, stiffness = (cycles.p[:, names.index(n)] for n in ("mu_s", "mu_k0", "stiffness"))
     level = np.maximum(2 * mu_k0 - mu_s, 0.05 * mu_k0) * cycles.u[:, 1]
-    x = batch.at_force(model, level, cycles.p, cycles.u)
-    x[cycles.first] = np.stack([starts[i] for i in np.unique(cycles.log)])
+    x = batch.at_force(cycles.model, level, cycles.p, cycles.u)
+    x[cycles.first] = np.stack([starts[i] for i in cycles.log[cycles.first]])
     for sweep in range(1, SWEEPS[1] + 1):
-        slips = _slips(model, cycles, x, PER_HALF_PERIOD // 2)
+        slips = cycles.slips(x, PER_HALF_PERIOD // 2)
         handed = np.where(np.isfinite(slips.at_arrest), slips.at_arrest, x)
         handed = np.where(cycles.first[:, None], x, np.roll(handed, 1, axis=0))
         moved = stiffness * np.abs(handed - x)[:, ELONGATION]
@@ -113,19 +114,14 @@ def _arrests(model: Model, cycles: _Cycles, starts: list[Array]) -> Array:
     return x
 
 
-def _placed(model: Model, logs: list[LogData], cycles: _Cycles, x: Array) -> tuple[Slips, Array]:
-    """Simulate every cycle from its arrest x (n, n_x) and place it on the data: the slips, their onsets (n,) [s]."""
-    slips = _slips(model, cycles, x, PER_HALF_PERIOD)
-    waves, middle = Waves.of_slips(model, slips, cycles.p, cycles.u, slips.rested)
-    return slips, _shifted(logs, cycles, waves, cycles.fall - middle)
-
-
-def _shifted(logs: list[LogData], cycles: _Cycles, waves: Waves, onset: Array) -> Array:
-    """The onsets (n,) [s] with which the cycles lie on their samples best: the best of many shifts, for a slip of two
-    samples has several places that look right and no gradient leads from one to the next; then two Gauss-Newton steps.
-    """
-    n = onset.size
-    time, force, weight = np.zeros((n, WINDOW)), np.zeros((n, WINDOW)), np.zeros((n, WINDOW))
+def _placed(logs: list[LogData], cycles: _Cycles, x: Array) -> tuple[Slips, Array]:
+    """Simulate every cycle from its arrest x (n, n_x): the slips, and their onsets (n,) [s] with which they lie on
+    their samples best: the best of many shifts, for a slip of two samples has several places that look right and no
+    gradient leads from one to the next; then two Gauss-Newton steps."""
+    slips = cycles.slips(x)
+    waves, middle = Waves.of_slips(cycles.model, slips, cycles.p, cycles.u, slips.rested)
+    onset = cycles.fall - middle
+    time, force, weight = np.zeros((3, onset.size, WINDOW))
     interval = np.array([log.interval for log in logs])[cycles.log]
     for number, log in enumerate(logs):  # from one interval before each onset to one after the arrest, thinned
         mine = np.flatnonzero(cycles.log == number)
@@ -140,7 +136,7 @@ def _shifted(logs: list[LogData], cycles: _Cycles, waves: Waves, onset: Array) -
         weight[mine] = np.where(inside, log.weight[index], 0.0)
     force = np.where(weight > 0, force, 0.0)
     reach = np.maximum(interval, 0.1 * waves.duration)
-    best, cost = onset, np.full(n, np.inf)
+    best, cost = onset, np.full(onset.size, np.inf)
     for fraction in np.linspace(-1.0, 1.0, SHIFTS):
         at = onset + fraction * reach
         square = np.sum(weight * (force - waves.values(time - at[:, None])) ** 2, axis=1)
@@ -152,7 +148,7 @@ def _shifted(logs: list[LogData], cycles: _Cycles, waves: Waves, onset: Array) -
         with np.errstate(all="ignore"):
             move = -np.sum(weight * (force - value) * slope, axis=1) / np.sum(weight * slope**2, axis=1)
         best = best + np.clip(np.where(np.isfinite(move), move, 0.0), -limit, limit)
-    return np.asarray(best)
+    return slips, best
 
 
 def _at_begin(model: Model, log: LogData, p: Array, falls: Array) -> Array:
@@ -174,31 +170,38 @@ def _at_begin(model: Model, log: LogData, p: Array, falls: Array) -> Array:
     return x
 
 
-def _begin_state(model: Model, log: LogData, p: Array, start: Array, onset: float) -> Array:
+def _begin_state(cycles: _Cycles, row: int, start: Array, onset: float, log: LogData) -> Array:
     """The state at the begin with its bounded state chosen so that the first onset comes when it was seen [s]."""
+    model = cycles.model
     if model.clamped is None:
         return start
-    ages = np.linspace(0.0, 1.0, 41)
-    x = np.repeat(start[None, :], ages.size, axis=0)
-    x[:, model.clamped] = ages
-    u = np.tile([log.drive_speed, float(log.normal_force.at(onset)), 1.0, log.begin], (ages.size, 1))
-    times, _ = batch.stick(model, x, np.repeat(p[None, :], ages.size, axis=0), u)
+    x = np.tile(start, (41, 1))
+    x[:, model.clamped] = np.linspace(0.0, 1.0, len(x))
+    u = np.tile([log.drive_speed, float(log.normal_force.at(onset)), 1.0, log.begin], (len(x), 1))
+    times = batch.stick(model, x, np.tile(cycles.p[row], (len(x), 1)), u)[0]
     # Where the first stick is so long that its start is forgotten, half way is as good as any.
-    best = int(np.argmin(np.abs(times - (onset - log.begin)))) if np.ptp(times) > 1e-3 * (onset - log.begin) else 20
-    return x[best]
+    known = np.ptp(times) > 1e-3 * (onset - log.begin)
+    return x[int(np.argmin(np.abs(times - (onset - log.begin)))) if known else len(x) // 2]
 
 
 def _trajectory(
     log: LogData, start: Array, slips: Slips, mine: NDArray[np.int64], onset: Array, grid: Grid
 ) -> ShootingTrajectory:
     """The trajectory of a log from a state at the begin (n_x,) and its slips `mine` (c,) with onsets (c,) [s]."""
-    ends = ("h", "wear", "arrest", "at_wear", "at_arrest")
-    picked = replace(slips, states=slips.states[:, mine], rates=slips.rates[:, mine])
-    picked = replace(picked, **{name: getattr(slips, name)[mine] for name in ends})
-    wear, arrest, wears = picked.wear, picked.arrest, np.isfinite(picked.wear)
-    middle = np.where(wears, wear, arrest)
-    first = picked.at(np.linspace(0.0, 1.0, grid.slip + 1)[None, :] * middle[:, None])
-    second = picked.at(middle[:, None] + np.linspace(0.0, 1.0, grid.worn + 1)[None, :] * (arrest - middle)[:, None])
-    first[:, -1] = np.where(wears[:, None], picked.at_wear, picked.at_arrest)
-    second[:, -1] = picked.at_arrest
-    return ShootingTrajectory.train(start, onset, onset + wear, onset + arrest, first, second, log.own)
+    ends = {name: getattr(slips, name)[mine] for name in ("h", "wear", "arrest", "at_wear", "at_arrest")}
+    own = replace(slips, states=slips.states[:, mine], rates=slips.rates[:, mine], **ends)
+    worn = np.isfinite(own.wear)
+    middle = np.where(worn, own.wear, own.arrest)[:, None]
+    slip = own.at(np.linspace(0.0, 1.0, grid.slip + 1) * middle)
+    wear = own.at(middle + np.linspace(0.0, 1.0, grid.worn + 1) * (own.arrest[:, None] - middle))
+    slip[:, -1], wear[:, -1] = np.where(worn[:, None], own.at_wear, own.at_arrest), own.at_arrest
+    stretches = list[Stretch]()
+    for i, begun in enumerate(onset.tolist()):
+        arrest = begun + float(own.arrest[i])
+        stretches.append(Stretch("rest", begun, "onset", slip[i, :1]))
+        if worn[i]:
+            stretches.append(Stretch("slip", begun + float(own.wear[i]), "wear", slip[i, 1:]))
+            stretches.append(Stretch("worn", arrest, "arrest", wear[i, 1:]))
+        else:
+            stretches.append(Stretch("slip", arrest, "arrest", slip[i, 1:]))
+    return ShootingTrajectory.of(start, stretches, log.own)

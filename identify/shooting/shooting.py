@@ -98,10 +98,10 @@ class Problem:
         """The scaled starting point (n,)."""
         return self.layout.start / self.layout.scale
 
-    def _curves(self, x: Array) -> list[tuple[Array, Array]]:
+    def _curves(self, x: Array) -> list[tuple[Array, ...]]:
         """Rows and curves of every family at the unknowns x (n,)."""
         families = self.layout.families
-        return [f.block.evaluate(f.slot_values(x), f.constants, derivatives=False)[:2] for f in families]
+        return [f.block.evaluate(f.slot_values(x), f.constants, derivatives=False) for f in families]
 
     def fitted(self, z: Array) -> list[Array]:
         """What the load cell sees according to the point z, at every sample of every log (n,) [N]; NaN outside

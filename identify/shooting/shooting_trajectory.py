@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,6 +19,11 @@ Indices = NDArray[np.int64]
 
 Kind = Literal["rest", "slip", "worn", "steady", "steady_worn"]
 End = Literal["onset", "wear", "release", "arrest", "time"]
+
+BACKWARDS = 1e-3  # of the fastest speed of a slip
+# The stretches of a train of cycles by letters, and a train of them.
+LETTERS = {("rest", "onset"): "o", ("slip", "wear"): "w", ("worn", "arrest"): "a", ("slip", "arrest"): "A"}
+TRAIN = re.compile("(o(A|wa))*")
 
 
 @dataclass(frozen=True)
@@ -64,35 +70,11 @@ class ShootingTrajectory:
     @staticmethod
     def of(start: Array, stretches: Sequence[Stretch], own: Array) -> ShootingTrajectory:
         """The motion that is made of these stretches, with the normal force as it was measured."""
-        made = ShootingTrajectory(
-            start,
-            tuple((stretch.kind, stretch.ended_by, len(stretch.nodes)) for stretch in stretches),
-            np.array([stretch.until for stretch in stretches]),
-            np.concatenate([start[None, :][:0], *(stretch.nodes for stretch in stretches)]),
-            np.empty(0),
-            own,
-        )
-        return replace(made, deviation=np.zeros(made.loaded_at.size))
-
-    @staticmethod
-    def train(
-        start: Array, onset: Array, wear: Array, arrest: Array, slip: Array, worn: Array, own: Array
-    ) -> ShootingTrajectory:
-        """A train of c cycles, each a rest and a slip.
-
-        Args:
-            onset, wear (NaN: none), arrest (c,) [s]; slip (c, n + 1, n_x): nodes from the onset to the
-            wear, or to the arrest; worn (c, n + 1, n_x): from the wear to the arrest.
-        """
-        made = list[Stretch]()
-        for i, (begun, wears, rested) in enumerate(zip(*(x.tolist() for x in (onset, wear, arrest)), strict=True)):
-            made.append(Stretch("rest", begun, "onset", slip[i, :1]))
-            if np.isnan(wears):
-                made.append(Stretch("slip", rested, "arrest", slip[i, 1:]))
-            else:
-                made.append(Stretch("slip", wears, "wear", slip[i, 1:]))
-                made.append(Stretch("worn", rested, "arrest", worn[i, 1:]))
-        return ShootingTrajectory.of(start, made, own)
+        modes = tuple((stretch.kind, stretch.ended_by, len(stretch.nodes)) for stretch in stretches)
+        until = np.array([stretch.until for stretch in stretches])
+        nodes = np.concatenate([start[None, :][:0], *(stretch.nodes for stretch in stretches)])
+        motion = ShootingTrajectory(start, modes, until, nodes, np.empty(0), own)
+        return replace(motion, deviation=np.zeros(motion.loaded_at.size))
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log."""
@@ -136,11 +118,8 @@ class ShootingTrajectory:
     @cached_property
     def part(self) -> list[int]:
         """Number (from 0) of the part that each stretch is in."""
-        out: list[int] = []
-        for i, (kind, _, _) in enumerate(self.modes):
-            begins = kind == "rest" and i > 0 and self.modes[i - 1][0] != "rest"
-            out.append(out[-1] + begins if out else 0)
-        return out
+        rests = np.array([kind == "rest" for kind, _, _ in self.modes], dtype=np.int64)
+        return np.cumsum(np.diff(rests, prepend=1) > 0).tolist()
 
     @property
     def parts(self) -> int:
@@ -182,14 +161,10 @@ class ShootingTrajectory:
     @property
     def slips(self) -> Array:
         """How long the mass slides from an onset to the arrest after it [s]; of every slip that has both."""
-        durations, begun = list[float](), np.nan
-        for (_, ended_by, _), until in zip(self.modes, self.until.tolist(), strict=True):
-            if ended_by == "onset":
-                begun = until
-            elif ended_by == "arrest":
-                durations.append(until - begun)
-        slips = np.array(durations)
-        return slips[np.isfinite(slips)]
+        onsets, arrests = self.ending("onset"), self.ending("arrest")
+        before = np.searchsorted(onsets, arrests)
+        begun = np.append(np.nan, self.until[onsets])[before]
+        return (self.until[arrests] - begun)[np.isfinite(begun)]
 
     @property
     def arrests(self) -> int:
@@ -199,18 +174,12 @@ class ShootingTrajectory:
     @cached_property
     def _train(self) -> Array:
         """Onset, wear and arrest (c, 3) of every slip of a train of whole cycles; empty of any other motion."""
-        rows, i, nan = list[tuple[float, float, float]](), 0, float("nan")
-        whats, until = [mode[:2] for mode in self.modes], self.until.tolist()
-        while i < len(whats):
-            if whats[i : i + 2] == [("rest", "onset"), ("slip", "arrest")]:
-                rows.append((until[i], nan, until[i + 1]))
-                i += 2
-            elif whats[i : i + 3] == [("rest", "onset"), ("slip", "wear"), ("worn", "arrest")]:
-                rows.append((until[i], until[i + 1], until[i + 2]))
-                i += 3
-            else:
-                return np.empty((0, 3))
-        return np.array(rows).reshape(-1, 3)
+        letters = "".join(LETTERS.get(mode[:2], "-") for mode in self.modes)
+        if not TRAIN.fullmatch(letters):
+            return np.empty((0, 3))
+        onset, arrest = self.ending("onset"), self.ending("arrest")
+        wear = np.where(arrest - onset == 2, self.until[np.minimum(onset + 1, self.until.size - 1)], np.nan)
+        return np.column_stack([self.until[onset], wear, self.until[arrest]])
 
     @property
     def cycles(self) -> int:
@@ -236,9 +205,6 @@ class ShootingTrajectory:
     def sticks(self) -> Array:
         """How long the mass sticks between its slips (c - 1,) [s]."""
         return self.onset[1:] - self.arrest[:-1]
-
-
-BACKWARDS = 1e-3  # of the fastest speed of a slip
 
 
 def turned_back(trajectory: ShootingTrajectory) -> list[NDArray[np.bool_]]:

@@ -53,7 +53,11 @@ def cost(scene: Scene, motion: Trajectory, seconds: float) -> SimulationCost:
     Raises:
         SimulationError: as `simulate`.
     """
-    taken, part = motion.accuracy or COARSEST, motion.duration if seconds <= SOON else _part(motion)
+    taken, part = motion.accuracy or COARSEST, motion.duration
+    if seconds > SOON and min(motion.onsets.size, motion.arrests.size) > CYCLES:
+        # Cut in the middle of a rest, so that no tolerance decides whether a slip is still inside.
+        arrest = float(motion.arrests[CYCLES - 1])
+        part = 0.5 * (arrest + float(motion.onsets[motion.onsets > arrest][0]))
     levels = (min(taken * FACTOR, COARSEST), taken, max(taken / FACTOR, FINEST))
     motions, spent = _timed({a: lambda a=a: simulate(scene, part, accuracy=a).refined() for a in levels})  # type: ignore[misc]
     parts = len(motion.phases) / len(motions[taken].phases)
@@ -72,27 +76,15 @@ def cost(scene: Scene, motion: Trajectory, seconds: float) -> SimulationCost:
     return SimulationCost(taken, levels_cost, effects)
 
 
-def _part(motion: Trajectory) -> float:
-    """How much of a motion [s] is simulated again: the first cycles, cut in the middle of a rest, so that no tolerance
-    decides whether a slip is still inside."""
-    onsets, arrests = motion.onsets, motion.arrests
-    if min(onsets.size, arrests.size) <= CYCLES:
-        return motion.duration
-    arrest = float(arrests[CYCLES - 1])
-    return 0.5 * (arrest + float(onsets[onsets > arrest][0]))
-
-
-def _timed(
-    runs: Mapping[float, Callable[[], Trajectory]],
-) -> tuple[dict[float, Trajectory], dict[float, float]]:
+def _timed(runs: Mapping[float, Callable[[], Trajectory]]) -> tuple[dict[float, Trajectory], dict[float, float]]:
     """The motions, and the processor seconds of each: the least of several, taken in turns, where they are short."""
     motions = {key: run() for key, run in runs.items()}  # builds the functions
-    turns = list[dict[float, float]]()
-    while not turns or (len(turns) < RUNS and sum(sum(turn.values()) for turn in turns) < LONG):
-        turn = {}
+    spent, begun = dict.fromkeys(runs, np.inf), process_time()
+    for _ in range(RUNS):
         for key, run in runs.items():
             since = process_time()
             run()
-            turn[key] = process_time() - since
-        turns.append(turn)
-    return motions, {key: min(turn[key] for turn in turns) for key in runs}
+            spent[key] = min(spent[key], process_time() - since)
+        if process_time() - begun > LONG:
+            break
+    return motions, spent

@@ -97,7 +97,6 @@ MAX_STEPS = 200_000  # of one sliding phase: a bound, so that no scene runs for 
 STEPS_PER_PHASE = 2000  # earned by every phase; together they spend MAX_STEPS more at most, so that time is bounded
 RUNAWAY = 1e9  # times the speed at which one normal force stops the mass: no bounded friction gets there
 PATIENCE = 3000  # trials of one slide after which the next method takes over, where there is one
-CRAWLING = 300, 1e-3  # trials after which it does so if their mean length is less than that, in natural times
 FIRST = 1e-3  # of the natural time: the very first step
 FREEING = 8  # doublings of the last digit of the elongation that set a mass free which only rounding holds
 FLOOR = 1e-6  # absolute over relative tolerance, of typical states
@@ -173,7 +172,7 @@ class Machine:
                 if row[at.stop]:
                     break
             stop = row[at.stop]
-            if stop == Stop.NOT_YET and not self._held_back(tried, times[-1]):
+            if stop == Stop.NOT_YET and not (len(self._left) > 1 and tried > PATIENCE):
                 continue
             if stop in (Stop.NOT_YET, Stop.STUCK):
                 break
@@ -207,11 +206,6 @@ class Machine:
                 return near
         self.stepper.start(mode, x, situated, limit, self.first[mode])
         return x
-
-    def _held_back(self, tried: int, reached: float) -> bool:
-        """Whether so many trials that have reached so far [s] are too many, and there is a method to take over."""
-        crawls = tried > CRAWLING[0] and reached < tried * CRAWLING[1] * self.scale.time
-        return len(self._left) > 1 and (crawls or tried > PATIENCE)
 
     def _end(self, mode: ModeName, last: list[float], times: list[float], states: list[list[float]]) -> GuardName:
         """The event that ends a slide; its last node lies there, with the event function exactly zero."""

@@ -1,7 +1,7 @@
 """How long a resting mass stays at rest: the first time at which the drive overcomes the static limit.
 
 Where the breakaway margin (static limit minus force of the drive) is concave in time, as it is for a steady drive and a
-contact that saturates, Newton's method from the far end meets the only zero; anything else is scanned (`first_zero`).
+contact that saturates, it has one zero at most; anything else is scanned (`first_zero`).
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from identify.base.compiled import Mapped, compiled
 from identify.base.roots import first_zero
@@ -20,23 +21,21 @@ from identify.simulation.stepper import Situated, symbols
 Array = NDArray[np.float64]
 
 _BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
-NEWTON_STEPS = 60
-MARGIN, SLOPE, DRIVE, RESTED = 0, 1, 2, 3  # places in a row
+MARGIN, DRIVE, RESTED = 0, 1, 2  # places in a row
 SAFETY = 1e-12  # of the force of what oscillates
 
 
 @lru_cache(maxsize=32)
 def _functions(model: Model) -> tuple[ca.Function, ca.Function, Mapped, Mapped]:
-    """By (x at the start, constants, t): the row (breakaway margin [N], its slope, force of the drive [N], state);
+    """By (x at the start, constants, t): the row (breakaway margin [N], force of the drive [N], state);
     the largest second derivative of the margin at some times; for many at once the margin, and what it is without what
     oscillates."""
     x, c, t, p, u = symbols(model)
     rested = model.rest(x, p, u, t)
     force, limit = model.driving_force(rested, p, u), model.grip(rested, p, u)
     margin = limit - ca.fabs(force)
-    slope = ca.jacobian(margin, t)
-    row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(margin, slope, force, rested)))])
-    bend = ca.Function("bend", [x, c, t], [ca.densify(ca.jacobian(slope, t))])
+    row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(margin, force, rested)))])
+    bend = ca.Function("bend", [x, c, t], [ca.densify(ca.jacobian(ca.jacobian(margin, t), t))])
     times = ca.SX.sym("times", _BENDS.size)
     largest = ca.mmax(ca.vertcat(*(bend(x, c, at) for at in ca.vertsplit(times))))
     calm = limit - ca.fabs(model.calm_force(x, p, u, t))
@@ -71,7 +70,7 @@ class Resting:
             return 0.0, x, force
         onset = None
         if limit > 0.0:
-            onset = self._by_newton(limit) if self._concave(limit) else self._by_scan(limit)
+            onset = self._by_bisection(limit) if self._concave(limit) else self._by_scan(limit)
         row = self._at(limit if onset is None else onset)
         return onset, row[RESTED:].copy(), float(row[DRIVE])
 
@@ -93,20 +92,11 @@ class Resting:
         np.multiply(_BENDS, limit, out=self._bends)
         return bool(self._bend()[0] <= 0.0)
 
-    def _by_newton(self, limit: float) -> float | None:
-        """The only zero of a concave margin that is positive at the start, from the right."""
-        t, last = limit, np.inf
-        for _ in range(NEWTON_STEPS):
-            row = self._at(t)
-            value, slope = float(row[MARGIN]), float(row[SLOPE])
-            if t == limit and value > 0.0:
-                return None
-            step = value / slope if slope < 0.0 else 0.0
-            # Beyond the last digits the steps no longer shrink, or change sign.
-            if step <= 1e-15 * abs(t) or (step >= last and step <= 1e-12 * limit):
-                return max(t - max(step, 0.0), 0.0)
-            t, last = max(t - step, 0.0), step
-        return t
+    def _by_bisection(self, limit: float) -> float | None:
+        """The only zero of a concave margin that is positive at the start, to the last digits (Brent's method)."""
+        if self._at(limit)[MARGIN] > 0.0:
+            return None
+        return float(brentq(lambda t: self._at(t)[MARGIN], 0.0, limit, xtol=1e-300, rtol=4.0 * np.finfo(float).eps))
 
     def _by_scan(self, limit: float) -> float | None:
         """The first zero of the margin; where it is positive without what oscillates, by more than the force of that,

@@ -20,7 +20,7 @@ from identify.base import native
 from identify.base.compiled import Compiled, compiled
 from identify.model.model import SPEED, Model
 from identify.model.modes import GUARDS, ModeName, sliding_modes
-from identify.simulation.steppers import Expression, Method, StepProblem
+from identify.simulation.steppers import Method, StepProblem
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ class Situated:
         return np.array([self.drive_speed, self.normal_force + self.force_slope * t, direction, self.time + t])
 
 
-def inputs(drive: Expression, t: Expression) -> Expression:
+def inputs(drive: ca.SX, t: ca.SX) -> ca.SX:
     """u (4,) of the model at time t of a phase, from `Situated.numbers` (5,)."""
     return ca.vertcat(drive[0], drive[2] + drive[3] * t, drive[1], drive[4] + t)
 
@@ -108,9 +108,9 @@ def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
 
     One vector; constants: p, then the numbers of `Situated`; tolerances: rtol, atol (n_x,).
     """
-    kind, n = method.kind, len(model.states)
-    z = kind.sym("z", n + 2)
-    c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", n + 1)
+    n = len(model.states)
+    z = ca.SX.sym("z", n + 2)
+    c, tolerances = ca.SX.sym("c", len(model.parameters) + 5), ca.SX.sym("tolerances", n + 1)
     x, t, h = z[:n], z[n], z[n + 1]
     after, norm = method.step(_problem(model, method, mode, z, c, tolerances), x, t, h)
     # A largest value hides what is not a number: such a step is refused.
@@ -130,33 +130,26 @@ def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
 def within(model: Model, method: Method, mode: ModeName) -> ca.Function:
     """(x and t and h and part and x after, constants, tolerances) -> x at t + part [s], inside a step of length h [s]
     from t."""
-    kind, n = method.kind, len(model.states)
-    z = kind.sym("z", 2 * n + 3)
-    c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", n + 1)
+    n = len(model.states)
+    z = ca.SX.sym("z", 2 * n + 3)
+    c, tolerances = ca.SX.sym("c", len(model.parameters) + 5), ca.SX.sym("tolerances", n + 1)
     x, t, h, part = z[:n], z[n], z[n + 1], z[n + 2]
     inside = method.within(_problem(model, method, mode, z, c, tolerances), x, t, h, part, z[n + 3 :])
     return ca.Function(f"within_{mode}", [z, c, tolerances], [ca.cse(ca.densify(inside))])
 
 
-def _problem(
-    model: Model, method: Method, mode: ModeName, xth: Expression, c: Expression, tolerances: Expression
-) -> StepProblem:
+def _problem(model: Model, method: Method, mode: ModeName, xth: ca.SX, c: ca.SX, tolerances: ca.SX) -> StepProblem:
     """A step of a mode from state, time and length xth, with what it is tolerated to be wrong by."""
     n, moving = len(model.states), rate(model, mode)
     x, t, h = xth[:n], xth[n], xth[n + 1]
     # What a state moves by in the step counts as its size: a speed that falls through zero is not chased to zero.
     size = ca.fabs(x) + h * ca.fabs(moving(x, c, t))
-    blur = type(x).zeros(n)
+    blur = ca.SX.zeros(n)
     # Forces have so many digits: what their rounding makes of the speed, until it decays, is no error of the step.
-    lasts = h if method.smooth else h / (1.0 + h * ca.fabs(_speed_decay(moving)(x, c, t)))
+    decay = 0.0 if method.smooth else ca.jacobian(moving(x, c, t)[SPEED], x[SPEED])
+    lasts = h / (1.0 + h * ca.fabs(decay))
     blur[SPEED] = lasts * ROUNDING * ca.fabs(_load(model)(x, c, t)) / c[model.parameter_names.index("mass")]
     return StepProblem(moving, c, lambda after: tolerances[1:] + blur + tolerances[0] * ca.fmax(size, ca.fabs(after)))
-
-
-def _speed_decay(moving: ca.Function) -> ca.Function:
-    """(x, constants, t) -> change of the acceleration with the speed [1/s]."""
-    x, c, t = (ca.SX.sym(name, moving.numel_in(i)) for i, name in enumerate("xct"))
-    return ca.Function("speed_decay", [x, c, t], [ca.densify(ca.jacobian(moving(x, c, t)[SPEED], x[SPEED]))])
 
 
 def _load(model: Model) -> ca.Function:
@@ -236,9 +229,9 @@ def burst(model: Model, method: Method) -> ca.Function:
 
 def paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.Function:
     """One trial in one mode, walking on or locating a switch: (z, bounds, constants, tolerances) -> z after it."""
-    kind, at = method.kind, BurstState(len(model.states))
-    z, bounds = kind.sym("z", at.size), kind.sym("bounds", 5)
-    c, tolerances = kind.sym("c", len(model.parameters) + 5), kind.sym("tolerances", at.n + 1)
+    at = BurstState(len(model.states))
+    z, bounds = ca.SX.sym("z", at.size), ca.SX.sym("bounds", 5)
+    c, tolerances = ca.SX.sym("c", len(model.parameters) + 5), ca.SX.sym("tolerances", at.n + 1)
     x, t, ends, control = z[: at.n], z[at.t], z[at.ends], z[at.control]
     exits = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
     h = z[at.h] if locating else _length(model, at, z, exits, bounds)
@@ -259,7 +252,7 @@ def paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.Fu
     return ca.Function("paced", [z, bounds, c, tolerances], [ca.cse(ca.densify(new))])
 
 
-def _length(model: Model, at: BurstState, z: Expression, exits: list[int], bounds: Expression) -> Expression:
+def _length(model: Model, at: BurstState, z: ca.SX, exits: list[int], bounds: ca.SX) -> ca.SX:
     """Length of the next step: what the error suggests, within its bounds."""
     ends, h = z[at.ends], ca.fmin(ca.fmin(z[at.h], bounds[1]), bounds[0] - z[at.t])
     for i in exits:
@@ -274,13 +267,13 @@ def _length(model: Model, at: BurstState, z: Expression, exits: list[int], bound
 
 def _walking(
     at: BurstState,
-    z: Expression,
-    h: Expression,
-    trial_end: Expression,
+    z: ca.SX,
+    h: ca.SX,
+    trial_end: ca.SX,
     exits: list[int],
-    bounds: Expression,
+    bounds: ca.SX,
     method: Method,
-) -> tuple[Expression, ...]:
+) -> tuple[ca.SX, ...]:
     """Whether a trial of length h towards the next node is taken, and the control after it."""
     t, before, control, ends = z[at.t], z[at.ends], z[at.control], trial_end[1:]
     error, step, watch = control[1], control[2], control[6]
@@ -296,7 +289,7 @@ def _walking(
         down = ca.logic_or(ends[i] < 0.0, ca.logic_and(ends[i] <= 0.0, t > 0.0))
         fallen = ca.logic_or(fallen, down)
         risen = ca.logic_or(risen, ca.logic_and(down, before[i] <= 0.0))
-        guess = ca.fmin(guess, ca.if_else(down, _first_guess(h, before, ends, i), h))
+        guess = ca.fmin(guess, ca.if_else(down, h * before[i] / (before[i] - ends[i]), h))
         dip = ca.fmin(dip, _dip(h, before, ends, i))
     met, dips = ca.logic_and(good, fallen), ca.logic_and(ca.logic_and(good, watch > 0.5), dip < h)
     taken = ca.logic_and(good, ca.logic_not(ca.logic_or(fallen, dips)))
@@ -311,25 +304,14 @@ def _walking(
     return taken, next_h, *last, 0, ca.if_else(met, h, 0), 0, next_watch, stop
 
 
-def _root(value: Expression, degree: int) -> Expression:
+def _root(value: ca.SX, degree: int) -> ca.SX:
     """value^(1/degree), by square roots where they do."""
     if degree == 1:
         return value
     return ca.sqrt(_root(value, degree // 2)) if degree % 2 == 0 else value ** (1.0 / degree)
 
 
-def _first_guess(h: Expression, before: Expression, ends: Expression, i: int) -> Expression:
-    """Where within a step of length h event function i, which falls to zero in it, is zero: Hermite's cubic for time as
-    a function of its value where it falls at both ends, else the chord."""
-    v0, s0, v1, s1 = before[i], before[N_GUARDS + i], ends[i], ends[N_GUARDS + i]
-    share, falls = v0 / (v0 - v1), ca.logic_and(s0 < 0.0, s1 < 0.0)
-    a, b = (v1 - v0) / (ca.if_else(falls, s0, 1.0) * h), (v1 - v0) / (ca.if_else(falls, s1, 1.0) * h)
-    cubic = share * share * (3.0 - 2.0 * share) + share * (1.0 - share) * ((1.0 - share) * a - share * b)
-    inside = ca.logic_and(falls, ca.logic_and(cubic > 0.0, cubic < 1.0))
-    return h * ca.if_else(inside, cubic, share)
-
-
-def _dip(h: Expression, before: Expression, ends: Expression, i: int) -> Expression:
+def _dip(h: ca.SX, before: ca.SX, ends: ca.SX, i: int) -> ca.SX:
     """Where within a step of length h event function i has a minimum near zero, by Hermite's cubic; h if none."""
     v0, s0, v1, s1 = before[i], h * before[N_GUARDS + i], ends[i], h * ends[N_GUARDS + i]
     turning = ca.logic_and(v0 > 0.0, ca.logic_and(s0 < 0.0, s1 > 0.0))
@@ -341,9 +323,7 @@ def _dip(h: Expression, before: Expression, ends: Expression, i: int) -> Express
     return ca.if_else(ca.logic_and(turning, near), share * h, h)
 
 
-def _locating(
-    control: Expression, h: Expression, ends: Expression, exits: list[int], rtol: Expression
-) -> tuple[Expression, ...]:
+def _locating(control: ca.SX, h: ca.SX, ends: ca.SX, exits: list[int], rtol: ca.SX) -> tuple[ca.SX, ...]:
     """Whether a trial of length h ends at the switch looked for, and the control after it: Newton within a bracket."""
     newton, hit, fallen = ca.inf, 0.0, 0.0
     for i in exits:

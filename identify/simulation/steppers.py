@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -13,22 +13,20 @@ import numpy as np
 from identify.base import tableaus
 from identify.base.tableaus import Tableau, step, weighted
 
-Expression = Any  # a CasADi SX or MX
-
 
 @dataclass(frozen=True)
 class StepProblem:
     """What a step is taken of.
 
     rate: (x (n_x,), constants, t [s]) -> dx/dt. scale: from the state after a step to the tolerated error of each state
-    (n_x,).
+    (n_x,). States at the start of a step are symbols.
     """
 
     rate: ca.Function
-    constants: Expression
-    scale: Callable[[Expression], Expression]
+    constants: ca.SX
+    scale: Callable[[ca.SX], ca.SX]
 
-    def __call__(self, x: Expression, t: Expression) -> Expression:
+    def __call__(self, x: ca.SX, t: ca.SX) -> ca.SX:
         """dx/dt (n_x,) in state x at time t [s]."""
         return self.rate(x, self.constants, t)
 
@@ -36,39 +34,34 @@ class StepProblem:
 class Method(ABC):
     """One way to take a step. Immutable and hashable: compiled functions are kept per model and method.
 
-    name, says, source: for tables. order: of the error that is left at a fixed time. measured: the power of the step
-    length with which the error measure falls, for the step control. kind: CasADi type it is written in. smooth: its
-    steps are so short that nothing decays within a small part of one. reach: longest step in natural times sqrt(m/k),
-    where no error estimate would ask for a shorter one. trials: steps tried in one call.
+    order: of the error that is left at a fixed time. measured: the power of the step length with which the error
+    measure falls, for the step control. smooth: its steps are so short that nothing decays within a small part of one.
+    reach: longest step in natural times sqrt(m/k), where no error estimate would ask for a shorter one. trials: steps
+    tried in one call.
     """
 
     name: str
     order: int
     measured: int
-    says: str
-    source: str
-    kind: ClassVar[Any] = ca.SX
     smooth: ClassVar[bool] = False
     reach: float = float("inf")
     trials: int = 20
 
     @abstractmethod
-    def step(self, problem: StepProblem, x: Expression, t: Expression, h: Expression) -> tuple[Expression, Expression]:
+    def step(self, problem: StepProblem, x: ca.SX, t: ca.SX, h: ca.SX) -> tuple[ca.SX, ca.SX]:
         """One step of length h [s] from x (n_x,) at time t [s].
 
         Returns:
             the state after it (n_x,), and the size of its local error: at most 1 is acceptable.
         """
 
-    def within(
-        self, problem: StepProblem, x: Expression, t: Expression, h: Expression, part: Expression, after: Expression
-    ) -> Expression:
+    def within(self, problem: StepProblem, x: ca.SX, t: ca.SX, h: ca.SX, part: ca.SX, after: ca.SX) -> ca.SX:
         """The state (n_x,) at time t + part [s] inside a step of length h [s] that was good, to the state `after`: a
         step of that length."""
         return self.step(problem, x, t, part)[0]
 
 
-def largest(error: Expression, tolerated: Expression) -> Expression:
+def largest(error: ca.SX, tolerated: ca.SX) -> ca.SX:
     """The largest error in units of what is tolerated."""
     return ca.mmax(ca.fabs(error) / tolerated)
 
@@ -115,11 +108,9 @@ class Radau(Method):
     name: str = "radau"
     order: int = 5
     measured: int = 4
-    says: str = "implicit collocation, stiffly accurate"
-    source: str = "Radau IIA, Hairer and Wanner II, IV.8"
     trials: int = 8
 
-    def step(self, problem: StepProblem, x: Expression, t: Expression, h: Expression) -> tuple[Expression, Expression]:
+    def step(self, problem: StepProblem, x: ca.SX, t: ca.SX, h: ca.SX) -> tuple[ca.SX, ca.SX]:
         """One step; the error is filtered through the real factor, so that fast decays do not inflate it.
 
         What follows the drive at once has no such error at the end of a step, but inside it: there the polynomial is
@@ -135,9 +126,7 @@ class Radau(Method):
         norm = ca.fmax(largest(error, tolerated), largest(defect, tolerated))
         return after, ca.fmax(norm, largest(move[:, 2], SOLVED * tolerated))
 
-    def within(
-        self, problem: StepProblem, x: Expression, t: Expression, h: Expression, part: Expression, after: Expression
-    ) -> Expression:
+    def within(self, problem: StepProblem, x: ca.SX, t: ca.SX, h: ca.SX, part: ca.SX, after: ca.SX) -> ca.SX:
         """The collocation polynomial of the whole step: a part of an implicit step need not be good, for it may
         show what the whole one has damped away.
 
@@ -152,14 +141,12 @@ class Radau(Method):
         return ca.if_else(largest(x + z[:, 2] - after, problem.scale(after)) <= 1, curve, cubic)
 
     @staticmethod
-    def _stages(
-        problem: StepProblem, x: Expression, t: Expression, h: Expression
-    ) -> tuple[Expression, Expression, Expression]:
+    def _stages(problem: StepProblem, x: ca.SX, t: ca.SX, h: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Moves from x to the three stages (n_x, 3), what the last Newton step moved them by, and the inverse of the
         real factor."""
         n, one = x.numel(), ca.DM.eye(x.numel())
         # In equations times h: inverses without pivoting lose no digits.
-        scaled = h * _slope(problem.rate)(x, problem.constants, t)
+        scaled = h * ca.densify(ca.jacobian(problem(x, t), x))
         mixed = ca.blockcat([[PAIR[0] * one - scaled, -PAIR[1] * one], [PAIR[1] * one, PAIR[0] * one - scaled]])
         real_inverse, mixed_inverse = h * ca.inv(REAL * one - scaled), h * ca.inv(mixed)
         z = ca.SX.zeros(n, 3)
@@ -174,12 +161,6 @@ class Radau(Method):
             move = ca.horzcat(real_inverse @ first, pair[:n], pair[n:]) @ FORWARD.T
             z = z + move
         return z, move, real_inverse
-
-
-def _slope(rate: ca.Function) -> ca.Function:
-    """d rate/dx of (x, constants, t)."""
-    inputs = [ca.SX.sym(name, rate.numel_in(i)) for i, name in enumerate(("x", "c", "t"))]
-    return ca.Function("slope", inputs, [ca.densify(ca.jacobian(rate(*inputs), inputs[0]))])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -197,16 +178,14 @@ class Explicit(Method):
     name: str
     order: int
     measured: int
-    says: str
-    source: str
     smooth: ClassVar[bool] = True
 
     @classmethod
-    def of(cls, tableau: Tableau, says: str, source: str) -> Explicit:
+    def of(cls, tableau: Tableau) -> Explicit:
         """The method of a tableau that has an embedded formula."""
-        return cls(tableau, tableau.name, tableau.order, tableau.order, says, source)
+        return cls(tableau, tableau.name, tableau.order, tableau.order)
 
-    def step(self, problem: StepProblem, x: Expression, t: Expression, h: Expression) -> tuple[Expression, Expression]:
+    def step(self, problem: StepProblem, x: ca.SX, t: ca.SX, h: ca.SX) -> tuple[ca.SX, ca.SX]:
         """One step of the tableau."""
         after, error, stages = step(self.tableau, lambda state, at: problem(state, t + at), x, h)
         tolerated = problem.scale(after)
@@ -223,5 +202,5 @@ class Explicit(Method):
 # The integration methods that a plan chooses among; those it is compared with stand in `experiments`.
 # ----------------------------------------------------------------------------------------------------------------------
 
-HIGH = Explicit.of(tableaus.DOP853, "explicit, high order", "Hairer, Norsett and Wanner I, II.10")
+HIGH = Explicit.of(tableaus.DOP853)  # Hairer, Norsett and Wanner I, II.10
 STIFF = Radau()

@@ -71,15 +71,9 @@ def rest_edges(duration: float, rates: Array, omegas: Array) -> Array:
 SHOWN = 2  # what follows the states in a row: force of the load cell [N], friction over normal force
 
 
-def moments(model: Model, phases: Sequence[Phase], t: Array) -> dict[str, Array]:
-    """Samples (n,) at rising times t (n,) [s]: states by name, "force", "coefficient", "normal_force", "sliding"."""
-    starts = np.array([phase.start for phase in phases])
-    which = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, None)
-    return inside(model, phases, which, t - starts[which])
-
-
 def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local: Array) -> dict[str, Array]:
-    """The same in phases `which` (n,), rising, at times from the start of each (n,) [s]: late phases lose no digits."""
+    """Samples (n,): states by name, "force", "coefficient", "normal_force", "sliding"; in phases `which` (n,), rising,
+    at times from the start of each (n,) [s]: late phases lose no digits."""
     local = np.clip(local, 0.0, np.array([phase.duration for phase in phases])[which])
     numbers = np.array([phase.situated.numbers for phase in phases])[which]
     n = len(model.states)
@@ -115,9 +109,9 @@ def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local
 @lru_cache(maxsize=64)
 def _row(model: Model, method: Method | None, mode: ModeName) -> Mapped:
     """(as in `within`, inputs (5,), p, tolerances) -> state, force, coefficient."""
-    kind, n = ca.SX if method is None else method.kind, len(model.states)
-    xth, drive = kind.sym("xth", 2 * n + 3), kind.sym("drive", 5)
-    p, tolerances = kind.sym("p", len(model.parameters)), kind.sym("tolerances", n + 1)
+    n = len(model.states)
+    xth, drive = ca.SX.sym("xth", 2 * n + 3), ca.SX.sym("drive", 5)
+    p, tolerances = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("tolerances", n + 1)
     t = xth[n] + xth[n + 2]
     u = inputs(drive, t)
     if method is None:
@@ -287,7 +281,9 @@ class Trajectory:
 
     def _moments(self, t: Array) -> dict[str, Array]:
         """The samples at rising times t (n,) [s], the force of the moment."""
-        return moments(self.model, self.phases, t)
+        starts = np.array([phase.start for phase in self.phases])
+        which = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, None)
+        return inside(self.model, self.phases, which, t - starts[which])
 
 
 def distance(trajectory: Trajectory, other: Trajectory) -> Achieved:
