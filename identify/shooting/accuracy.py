@@ -102,9 +102,8 @@ def accuracy_table(
     finest = next((s for _, s, _, _ in reversed(reached) if s.solution.success), answer)
     rows = []
     for level, at_level, seconds, spent in reached:
-        good = at_level.solution.success
-        shift = (at_level.theta - finest.theta)[unknowns.free] / size if good else None
-        left = at_level.discretisation_error / size if good else None
+        errors = (at_level.theta - finest.theta)[unknowns.free] / size, at_level.discretisation_error / size
+        shift, left = errors if at_level.solution.success else (None, None)
         rows.append(AccuracyRow(level, seconds, spent, at_level.grid.steps, shift, left))
     return rows
 
@@ -157,22 +156,17 @@ def effect_shares(model: Model) -> dict[str, float]:
     """By effect, the share of the time of a model's functions that it takes: of the instructions of a slip with its
     derivatives, those that are not there without the effect. An effect that others need is left out, and inertia:
     without it there is no slip to integrate."""
-    whole, shares = _instructions(model), {}
+
+    def instructions(of: Model) -> int:
+        return block(of, SlideBlock(FEWEST_STEPS)).derivatives.instructions
+
+    whole, shares = instructions(model), {}
     for name in model.effects:
         with suppress(SceneError):
             less = assemble(tuple(other for other in model.effects if other != name))
             if less.inertial:
-                shares[name] = max(1.0 - _instructions(less) / whole, 0.0)
+                shares[name] = max(1.0 - instructions(less) / whole, 0.0)
     return shares
-
-
-def _instructions(model: Model) -> int:
-    return block(model, SlideBlock(FEWEST_STEPS)).derivatives.instructions
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What a user asks of a fit beyond its values: how finely, and which further looks at how sure it is.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -196,12 +190,10 @@ class FitOptions:
         Args:
             document: "asked" of its provenance, or whatever stands there.
         """
-        told = document if isinstance(document, Mapping) else {}
-        try:
-            accuracy = accuracy_of(str(told.get("accuracy", DEFAULT.name)))
-        except FitError:
-            accuracy = DEFAULT
-        return FitOptions(accuracy=accuracy, profile=told.get("profile") is True)
+        stored, accuracy = document if isinstance(document, Mapping) else {}, DEFAULT
+        with suppress(FitError):
+            accuracy = accuracy_of(str(stored.get("accuracy", DEFAULT.name)))
+        return FitOptions(accuracy=accuracy, profile=stored.get("profile") is True)
 
 
 DEFAULT_OPTIONS = FitOptions()

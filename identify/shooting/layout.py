@@ -67,19 +67,12 @@ class Places:
     def read(self, trajectory: ShootingTrajectory, x: Array) -> ShootingTrajectory:
         """The trajectory moved to the unknowns x (n,), in physical units."""
 
-        def state(index: Indices, old: Array) -> Array:
-            return np.where(index >= 0, x[index], old)
-
-        return replace(
-            trajectory,
-            start=state(self.start, trajectory.start),
-            until=trajectory.until + np.where(self.until >= 0, x[self.until], 0.0),
-            nodes=state(self.nodes, trajectory.nodes),
-            deviation=state(self.deviation, trajectory.deviation),
-            own=state(self.own, trajectory.own) if trajectory.own.size else trajectory.own,
-            slip_deviation=x[self.slip_deviation],
-            strength=x[self.strength],
-        )
+        names = ("start", "nodes", "deviation", "own")
+        pairs = [(getattr(self, name), getattr(trajectory, name)) for name in names]
+        start, nodes, deviation, own = (np.where(i >= 0, x[i], old) if old.size else old for i, old in pairs)
+        until = trajectory.until + np.where(self.until >= 0, x[self.until], 0.0)
+        moved = replace(trajectory, start=start, until=until, nodes=nodes, deviation=deviation, own=own)
+        return replace(moved, slip_deviation=x[self.slip_deviation], strength=x[self.strength])
 
 
 @dataclass(frozen=True)
@@ -122,18 +115,15 @@ class Layout:
 
     def beside(self, x: Array) -> Array:
         """Unknowns x (n, ...), those whose prior is about another one less that one."""
-        if not self.varied.size:
-            return x
         out = x.copy()
         out[self.varied] -= x[self.prior_about[self.varied]]
         return out
 
-    def prior_pull(self, off: Array) -> Array:
+    def prior_gradient(self, off: Array) -> Array:
         """Gradient (n,) of half the squares of what `off_prior` gives."""
-        pull = off / self.prior_sd
-        if self.varied.size:
-            np.subtract.at(pull, self.prior_about[self.varied], pull[self.varied])
-        return pull
+        out = off / self.prior_sd
+        np.subtract.at(out, self.prior_about[self.varied], out[self.varied])
+        return out
 
     @property
     def prior_hessian(self) -> tuple[Array, Array]:

@@ -161,7 +161,7 @@ class Problem:
         x, scale = z * layout.scale, layout.scale
         prior = layout.off_prior(x)
         rows, cost = np.zeros(layout.rows), 0.5 * float(np.sum(prior**2))
-        gradient = layout.prior_pull(prior) * scale
+        gradient = layout.prior_gradient(prior) * scale
         curves, in_jacobian, in_hessian = list[Array](), list[Array](), list[Array]()
         for family, moments, scatter in zip(layout.families, self.moments, self.pattern.families, strict=True):
             slots, curve, pull = family.slot_values(x), np.empty_like(moments.reference), np.empty(family.slots.shape)

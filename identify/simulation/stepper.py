@@ -289,7 +289,7 @@ def _walking(
         down = ca.logic_or(ends[i] < 0.0, ca.logic_and(ends[i] <= 0.0, t > 0.0))
         fallen = ca.logic_or(fallen, down)
         risen = ca.logic_or(risen, ca.logic_and(down, before[i] <= 0.0))
-        guess = ca.fmin(guess, ca.if_else(down, h * before[i] / (before[i] - ends[i]), h))
+        guess = ca.fmin(guess, ca.if_else(down, _first_guess(h, before, ends, i), h))
         dip = ca.fmin(dip, _dip(h, before, ends, i))
     met, dips = ca.logic_and(good, fallen), ca.logic_and(ca.logic_and(good, watch > 0.5), dip < h)
     taken = ca.logic_and(good, ca.logic_not(ca.logic_or(fallen, dips)))
@@ -309,6 +309,17 @@ def _root(value: ca.SX, degree: int) -> ca.SX:
     if degree == 1:
         return value
     return ca.sqrt(_root(value, degree // 2)) if degree % 2 == 0 else value ** (1.0 / degree)
+
+
+def _first_guess(h: ca.SX, before: ca.SX, ends: ca.SX, i: int) -> ca.SX:
+    """Where within a step of length h event function i, which falls to zero in it, is zero: Hermite's cubic for time as
+    a function of its value where it falls at both ends, else the chord."""
+    v0, s0, v1, s1 = before[i], before[N_GUARDS + i], ends[i], ends[N_GUARDS + i]
+    share, falls = v0 / (v0 - v1), ca.logic_and(s0 < 0.0, s1 < 0.0)
+    a, b = (v1 - v0) / (ca.if_else(falls, s0, 1.0) * h), (v1 - v0) / (ca.if_else(falls, s1, 1.0) * h)
+    cubic = share * share * (3.0 - 2.0 * share) + share * (1.0 - share) * ((1.0 - share) * a - share * b)
+    inside = ca.logic_and(falls, ca.logic_and(cubic > 0.0, cubic < 1.0))
+    return h * ca.if_else(inside, cubic, share)
 
 
 def _dip(h: ca.SX, before: ca.SX, ends: ca.SX, i: int) -> ca.SX:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +58,7 @@ QUANTITIES: Mapping[str, tuple[str, Mapping[str, float], float]] = {
     "damping": ("N/m", {"damping": 1.0}, 1.0),
 }
 BY_LAW = ("strength", "strength_scatter", "weakening_length")
+MAY_BE_ZERO = ("level_wander", "level_roughness", "strength_scatter", "damping")
 
 
 @dataclass(frozen=True)
@@ -80,27 +80,21 @@ class UnevenEstimator:
     def estimate(self, task: EstimationTask) -> Estimated:
         """Strength, its scatter, weakening length, mass, wander and roughness of the level, creep time as a bound, and
         distributions of static peak, drop and period."""
-        left_out: dict[int, str] = {}
-        taken: list[tuple[int, Sticks]] = []
+        left_out, taken = dict[int, str](), dict[int, Sticks]()
         for number, log in enumerate(task.logs):
-            sticks, reason = None, log.left_out
-            if reason is None and log.fit_mode.name != "cycles":
-                reason = wording.not_cycling(log.name)
-            elif reason is None and log.segmentation.samples_per_slip < LEAST_SAMPLES:
-                reason = wording.not_resolved(log.name, log.segmentation.samples_per_slip, LEAST_SAMPLES)
-            elif reason is None:
+            reason = wording.why_left_out(log, FEWEST, LEAST_SAMPLES, FEWEST)
+            if not reason:
                 sticks = sticks_of(log, in_series=bool(task.unknowns.model.series_state))
-                if sticks.count < FEWEST:
-                    reason = wording.too_few(log.name, sticks.count, log.segmentation.count, FEWEST)
-            if sticks is None or reason is not None:
-                left_out[number] = reason or ""
-            else:
-                taken.append((number, sticks))
+                reason = wording.why_left_out(log, sticks.count, LEAST_SAMPLES, FEWEST)
+                if not reason:
+                    taken[number] = sticks
+            if reason:
+                left_out[number] = reason
         if not taken:
             return Estimated(Status.NO_CYCLES, "; ".join(left_out.values()), (), left_out=left_out)
         task.progress("cycles that differ", 0.6)
         stated = stated_rig(task.scene, task.unknowns)
-        records = of_one_body([sticks for _, sticks in taken], task.scene.rig.tolerances.get("stiffness"))
+        records = of_one_body(list(taken.values()), task.scene.rig.tolerances.get("stiffness"))
         maximum = maximise(records, stated)
         if not maximum.converged:
             if not maximum.in_time:
@@ -109,7 +103,7 @@ class UnevenEstimator:
             return Estimated(Status.SOLVER_FAILED, why, (), left_out=left_out)
         logs = [
             UnevenLog(number, task.logs[number], sticks, Likelihood(sticks, nodes)(maximum.theta))
-            for (number, _), sticks, nodes in zip(taken, records, maximum.nodes, strict=True)
+            for number, sticks, nodes in zip(taken, records, maximum.nodes, strict=True)
         ]
         return described(logs, maximum, task, stated, left_out)
 
@@ -135,7 +129,7 @@ def described(
     left_out: Mapping[int, str],
 ) -> Estimated:
     """What follows from the maximum of the posterior, quantity by quantity."""
-    records, rest = [log.sticks for log in logs], logs[0].sticks.usual_rest
+    records, prepared = [log.sticks for log in logs], [log.log for log in logs]
     maxima: list[Maximum] = []
     if len(logs) > 1 and in_time(wording.COMPARED):
         maxima = [maximise([sticks], stated, maximum.theta) for sticks in records]
@@ -143,14 +137,18 @@ def described(
             no_time_for(wording.COMPARED)
         maxima = maxima if all(m.in_time and m.converged for m in maxima) else []
     mass = pooled_mass(records, maxima) if maxima else mass_of(maximum, records[0].rig.error)
-    apart = _apart(logs, maxima) if maxima and agreement(maximum, maxima) < APART else ""
+    apart = ""
+    if maxima and agreement(maximum, maxima) < APART:
+        values = [(*np.exp(m.theta[:2]).tolist(), float(np.sqrt(m.covariance[0, 0]))) for m in maxima]
+        apart = wording.apart([(p.name, s, s / w, sd) for p, (s, w, sd) in zip(prepared, values, strict=True)])
     withheld = apart or why_withheld(maximum, records)
     refused = dict.fromkeys(set(QUANTITIES) - {"mass"} if apart else BY_LAW, withheld) if withheld else {}
+    scatter = wording.scatter_of_masses(*mass.scatter) if mass.scatter else ""
     if mass.scatter and mass.scatter[-1] < APART:
-        refused["mass"] = wording.no_one_mass(*mass.scatter)
+        refused["mass"] = wording.no_one_mass(scatter)
     own, names, covariance = _quantities(maximum, records, mass, refused, bool(withheld))
-    creep_told = not withheld and in_time(wording.CREEP)
-    creep = creep_interval(records, maximum) if creep_told else (None, None)
+    has_creep = not withheld and in_time(wording.CREEP)
+    creep = creep_interval(records, maximum) if has_creep else (None, None)
     drawn = not withheld and in_time(wording.DRAWN)
     none = {"reason": withheld or wording.CUT_SHORT}
     more = {
@@ -159,18 +157,17 @@ def described(
         "log_likelihood": maximum.log_likelihood,
         "starts": [value if np.isfinite(value) else None for value in maximum.starts],
         "uneven_cycles": [_cycle_table(log) for log in logs],
-        "mass_homogeneity": _homogeneity(mass) or {"reason": wording.ONE_RECORD},
     }
-    velocity_laws = {effect.name for effect in ALL if effect.role == "velocity law"}
-    unused = [name for name in task.unknowns.model.effects if name not in USED]
+    effects, speed_laws = task.unknowns.model.effects, {effect.name for effect in ALL if effect.role == "velocity law"}
+    laws = [name for name in effects if name in speed_laws and name not in USED]
+    others = [name for name in effects if name not in speed_laws and name not in USED]
     bounded = [name for name in RIG_PARAMETERS if name in task.scene.parameters and name not in stated]
-    prepared = [log.log for log in logs]
-    untold = withheld or ("" if creep_told else wording.CUT_SHORT)
-    by_speed = not velocity_laws.isdisjoint(task.unknowns.model.effects)
+    bound = creep_estimate(creep, records[0].usual_rest, not speed_laws.isdisjoint(effects))
+    no_creep = withheld or ("" if has_creep else wording.CUT_SHORT)
     return Estimated(
         status=Status.CONVERGED,
         message=wording.answered(prepared, sum(sticks.count for sticks in records), withheld),
-        estimates=[*own, *_of_a_uniform_pair(task.unknowns, creep_estimate(creep, rest, by_speed), untold)],
+        estimates=[*own, *_of_a_uniform_pair(task.unknowns, _without("t_cr", "s", no_creep) if no_creep else bound)],
         names=names,
         covariance=covariance,
         curves=[None for _ in task.logs],
@@ -178,29 +175,11 @@ def described(
         more=more,
         notes=[
             *wording.notes(prepared, records, None if "mass" in refused else (mass.value, mass.lower, mass.upper)),
-            *wording.of_scene(bounded, unused, velocity_laws),
-            *([wording.one_mass([log.name for log in prepared], mass.each, *mass.scatter)] if mass.scatter else []),
+            *wording.of_scene(bounded, laws, others),
+            *([wording.masses([log.name for log in prepared], mass.each, scatter)] if scatter else []),
             wording.EXTRAPOLATED,
         ],
     )
-
-
-def _apart(logs: Sequence[UnevenLog], maxima: Sequence[Maximum]) -> str:
-    """A sentence on records that do not share their parameters."""
-    values = []
-    for log, maximum in zip(logs, maxima, strict=True):
-        strength, weakening = np.exp(maximum.theta[:2]).tolist()
-        values.append((log.log.name, strength, strength / weakening, float(np.sqrt(maximum.covariance[0, 0]))))
-    return wording.apart(values)
-
-
-def _homogeneity(mass: Mass) -> dict[str, Any] | None:
-    """As in `mass_homogeneity` of result.json."""
-    if not mass.scatter:
-        return None
-    each = [{"value": value, "interval": [low, high]} for value, low, high in mass.each]
-    names = ("chi2", "degrees_of_freedom", "probability")
-    return {"masses": each, **dict(zip(names, mass.scatter, strict=True))}
 
 
 def why_withheld(maximum: Maximum, records: Sequence[Sticks]) -> str:
@@ -239,7 +218,7 @@ def _quantities(
             value, low, high = mass.value, mass.lower, mass.upper
         sd = float(np.log(high / low)) / (2.0 * maximum.quantile)
         if name in refused:
-            estimate = _untold(name, unit, refused[name])
+            estimate = _without(name, unit, refused[name])
         else:
             estimate = _estimate(name, unit, value, (low, high), sd, rest)
         if name == "mass" and withheld and estimate.verdict == "identified":
@@ -252,7 +231,7 @@ def _quantities(
     return estimates, names, matrix @ maximum.covariance @ matrix.T
 
 
-def _untold(name: str, unit: str, reason: str) -> Estimate:
+def _without(name: str, unit: str, reason: str) -> Estimate:
     return Estimate(name, unit, None, None, None, None, "not identifiable", reason)
 
 
@@ -263,26 +242,25 @@ def _estimate(name: str, unit: str, value: float, ends: tuple[float, float], sd:
     if widest <= WEAK:
         verdict = "identified" if widest <= IDENTIFIED else "weak"
         return Estimate(name, unit, value, value * sd, low, high, verdict, wording.reason(name, verdict, rest))
-    if name in ("level_wander", "level_roughness", "strength_scatter", "damping"):
+    if name in MAY_BE_ZERO:
         return Estimate(name, unit, None, None, None, high, "bounded", wording.reason(name, "bounded", rest))
-    return _untold(name, unit, wording.reason(name, "not identifiable", rest))
+    return _without(name, unit, wording.reason(name, "not identifiable", rest))
 
 
-def _of_a_uniform_pair(unknowns: Unknowns, creep: Estimate, untold: str) -> list[Estimate]:
-    """The parameters of a pair whose cycles are alike: without values, each with its reason; the creep time as far as
-    the record bounds it."""
+def _of_a_uniform_pair(unknowns: Unknowns, creep: Estimate) -> list[Estimate]:
+    """The parameters of a pair whose cycles are alike: without values, each with its reason, but the creep time."""
     out, tied = [], {unknowns.names[j] for j, _, _ in unknowns.ties}
     for i, quantity in enumerate(unknowns.model.parameters):
         if quantity.name in RIG_PARAMETERS:
             continue
         if not unknowns.free[i] and quantity.name not in tied:
             value = float(unknowns.values(unknowns.start, np.where(unknowns.logarithmic, 1.0, 0.0))[i])
-            fixed = Estimate(quantity.name, quantity.unit, value, None, None, None, "fixed", wording.FIXED_NOT_USED)
-            out.append(fixed)
+            fixed = value, None, None, None, "fixed", wording.FIXED_NOT_USED
+            out.append(Estimate(quantity.name, quantity.unit, *fixed))
         elif quantity.name == "t_cr":
-            out.append(_untold("t_cr", "s", untold) if untold else creep)
+            out.append(creep)
         else:
-            out.append(_untold(quantity.name, quantity.unit, wording.of_a_uniform_pair(quantity.name)))
+            out.append(_without(quantity.name, quantity.unit, wording.of_a_uniform_pair(quantity.name)))
     return out
 
 
@@ -306,19 +284,17 @@ def creep_estimate(creep: tuple[float | None, float | None], rest: float, by_spe
     strong as longer ones bound nothing; strength that grows with rest still bounds it from below."""
     low, high = creep
     reason = wording.creep(low, high, rest, by_speed)
-    if by_speed:
-        high = None
-    if low is None and high is None:
-        return _untold("t_cr", "s", reason)
+    high = None if by_speed else high
     if low is None or high is None:
-        return Estimate("t_cr", "s", None, None, low, high, "bounded", reason)
+        verdict = "not identifiable" if low is high else "bounded"
+        return Estimate("t_cr", "s", None, None, low, high, verdict, reason)
     value, factor = float(np.sqrt(low * high)), float(np.sqrt(high / low))
     if factor > WEAK:
         return Estimate("t_cr", "s", None, None, low, high, "not identifiable", wording.creep(None, None, rest, False))
     return _estimate("t_cr", "s", value, (low, high), float(np.log(factor)) / NORMAL, rest)
 
 
-def _distributions(log: UnevenLog, maximum: Maximum, seed: int) -> dict[str, Any]:
+def _distributions(log: UnevenLog, maximum: Maximum, seed: int) -> dict[str, object]:
     """As in `distributions` of result.json, of the first log."""
     sticks = log.sticks
     begin = Begin(log.cycles.level_after, sticks.arrest, float(np.min(sticks.drop)), sticks.usual_rest)
@@ -326,7 +302,7 @@ def _distributions(log: UnevenLog, maximum: Maximum, seed: int) -> dict[str, Any
     return {distribution.name: distribution.to_dict() for distribution in drawn}
 
 
-def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[str, Any]:
+def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[str, object]:
     """Usual strength over the load after rests within the observed range (5 to 95 %), with its 95 % band."""
     rests = np.concatenate([sticks.rest[np.isfinite(sticks.rest)] for sticks in records])
     shortest, longest = np.quantile(rests, (0.05, 0.95)).tolist()
@@ -343,7 +319,7 @@ def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[s
     return {"rest_s": at.tolist(), **{name: values.tolist() for name, values in curves.items()}}
 
 
-def _cycle_table(log: UnevenLog) -> dict[str, Any]:
+def _cycle_table(log: UnevenLog) -> dict[str, object]:
     """What is known of every cycle of a log."""
     sticks, cycles = log.sticks, log.cycles
     columns = {

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from identify.logs.prepare import Prepared
 from identify.logs.segment import DetectedCycles
@@ -93,7 +94,9 @@ class Sticks:
 
     def part(self, rows: NDArray[np.int64]) -> Sticks:
         """Some of the cycles, in the order given; the chain is broken where a predecessor is left out."""
-        kept: dict[str, Any] = {n: value[rows] for n, value in vars(self).items() if isinstance(value, np.ndarray)}
+        kept: dict[str, Any] = {
+            name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)
+        }
         kept["follows"] = kept["follows"] & np.append(False, np.diff(rows) == 1)
         return replace(self, **kept)
 
@@ -113,14 +116,14 @@ def sticks_of(log: Prepared, in_series: bool = False) -> Sticks:
     time, force = data.time[used], (data.force / data.normal_force.at(data.time))[used]
     error = float(np.linalg.norm([STIFFNESS_ERROR, scatter, np.log(rate / speed / stated)]))
     rig = RigConstants(rate / speed, rate, mean, stated, error, _pace(time, force, cycles))
-    trace = _Trace(time, force, data.noise / mean, rig)
-    rows = []
+    rows, noise = list[_Row](), data.noise / mean
     if log.segmentation.samples_per_slip >= LEAST_SAMPLES:
+        trace = _Trace(time, force, noise, rig)
         for j in range(log.entry.skip_cycles, cycles.count):
             before = cycles.arrest[j - 1] if j else None
             after = cycles.onset[j + 1] if j + 1 < cycles.count else data.time[-1]
             rows += trace.rows(j + 1, before, (cycles.onset[j], cycles.fall[j], cycles.arrest[j]), after)
-    return _assembled(rows, trace.noise, rig)
+    return _assembled(rows, noise, rig)
 
 
 def of_one_body(records: Sequence[Sticks], tolerance: float | None = None) -> list[Sticks]:
@@ -153,8 +156,7 @@ def _pace(time: Array, force: Array, cycles: DetectedCycles) -> float:
     return float(np.median(cycles.arrest - cycles.onset)) / np.pi if cycles.count else 1.0
 
 
-@dataclass(frozen=True)
-class _Row:
+class _Row(NamedTuple):
     """One cycle as `Sticks` has them; stopped: the arrest [s]; averaged: samples per mean."""
 
     number: int
@@ -196,7 +198,7 @@ class _Trace:
         if any(line.size == 0 for line in lines) or not SMOOTHED <= middle <= time.size - SMOOTHED:
             return []
         rising, settled = lines
-        smooth = np.convolve(np.pad(force, SMOOTHED // 2, mode="edge"), np.full(SMOOTHED, 1.0 / SMOOTHED), "valid")
+        smooth = uniform_filter1d(force, SMOOTHED, mode="nearest")
         drop = float(np.polyval(rising, fall) - np.polyval(settled, fall))
         clear = max(CLEAR * self.noise / np.sqrt(SMOOTHED), LEAST * drop)
         off, height = np.polyval(rising, time) - smooth, smooth - np.polyval(settled, time)
@@ -236,21 +238,18 @@ class _Trace:
 
 def _assembled(rows: Sequence[_Row], noise: float, rig: RigConstants) -> Sticks:
     """Rows side by side, and the rest before each."""
-    size = len(rows)
     samples = np.array([row.time.size for row in rows], dtype=np.int64)
-    time, force = np.zeros((2, size, int(samples.max(initial=0))))
+    time, force = np.zeros((2, len(rows), int(samples.max(initial=0))))
     for j, row in enumerate(rows):
         time[j], force[j, : samples[j]] = row.time[-1], row.force
         time[j, : samples[j]] = row.time
-    number = np.array([row.number for row in rows], dtype=np.int64)
-    stopped = np.array([row.stopped for row in rows])
-    names = ("anchor", "line", "fallen", "above", "arrest")
-    column = {name: np.array([getattr(row, name) for row in rows]) for name in names}
-    follows = np.append(False, np.diff(number) == 1)[:size]
-    rest = np.append(np.nan, column["anchor"][1:] - stopped[:-1])[:size]
-    rest[~(follows & (rest > 0.0))] = np.nan
-    if np.isfinite(rest).any():
-        rest[rest > LOST * np.nanmedian(rest)] = np.nan
+    numbers = np.array([row[:7] for row in rows]).reshape(-1, 7)
+    column = dict(zip(_Row._fields[1:7], numbers[:, 1:].T.copy(), strict=True))
+    stopped, number = column.pop("stopped"), numbers[:, 0].astype(np.int64)
+    rest = np.append(np.nan, column["anchor"][1:] - stopped[:-1])[: len(rows)]
+    rest[~((np.diff(number, prepend=-1) == 1) & (rest > 0.0))] = np.nan
+    usual = float(np.nanmedian(rest)) if np.isfinite(rest).any() else 1.0
+    rest[rest > LOST * usual] = np.nan
     return Sticks(
         number=number,
         follows=np.isfinite(rest),

@@ -18,7 +18,6 @@ NO_MAXIMUM = (
     "cycles differ, and no most likely answer was found for uneven records: look for events that are no slips "
     "(stickslip inspect --plot), or take a window of steady stick-slip"
 )
-ONE_RECORD = "one record alone; several of the same slider are needed to compare their masses"
 CUT_SHORT = "the time limit ended the estimate of uneven records: set a longer one, or take a window of fewer cycles"
 # Parts of an answer that are left out, and named, where there is no time for them.
 DESCRIBED, COMPARED = "cycles described one by one", "records compared with each other"
@@ -39,22 +38,18 @@ _MEANING = {
     "weakening scales with the strength, which moves it by about 13 %",
     "strength_scatter": "scatter of the strength from stick to stick, as a share",
     "weakening_length": "sliding in which the strength is lost",
-    "mass": "from the course of the slips, whatever [rig] states as nominal; the interval includes the uncertainty of "
-    "damping, stiffness, speed dependence and the law of weakening",
+    "mass": "from the course of the slips; the interval includes damping, stiffness, speed dependence and the law",
     "stiffness": "from the slope of the sticks over the drive speed; its error includes the difference from [rig]",
     "damping": "h of the rig, from the course of the slips; friction that rises with sliding speed looks alike",
     "level_wander": "random walk of the friction level along the track",
     "level_roughness": "scatter of the friction level over a few micrometres",
     "t_cr": "from the strength against the rest of each stick",
-}
-_SPEED = "not separable from the wander of the level within these slips; record several drive speeds on the same track"
-_UNIFORM = {
     "mu_s": "the level wanders along the track: there is no one static coefficient; see strength and the static peak",
     "mu_k0": "the level wanders along the track: there is no one kinetic coefficient; see level_wander",
-    "delta_mu_k": _SPEED,
-    "a": _SPEED,
     "D": "see weakening_length, which does not depend on the law of a uniform pair",
 }
+_SPEED = "not separable from the wander of the level within these slips; record several drive speeds on the same track"
+_UNIFORM = {name: _MEANING[name] for name in ("mu_s", "mu_k0", "D")} | {"delta_mu_k": _SPEED, "a": _SPEED}
 
 
 def reason(name: str, verdict: str, rest: float) -> str:
@@ -97,34 +92,34 @@ def creep(lower: float | None, upper: float | None, rest: float, by_speed: bool)
     )
 
 
-def too_few(name: str, usable: int, detected: int, fewest: int) -> str:
-    """Too few cycles for a scatter."""
-    return (
-        f"{name} shows {usable} cycles whose stick and slip can be made out, of {detected} detected; at least {fewest} "
-        "are needed: record longer, or take a window of clear stick-slip"
-    )
-
-
-def not_resolved(name: str, samples: float, fewest: int) -> str:
-    """Too few samples in a slip for its course."""
-    return f"{name}: a slip has {samples:.2g} samples, at least {fewest} are needed; use a higher sampling rate"
-
-
-def not_cycling(name: str) -> str:
-    """A record that is no row of sticks and slips."""
-    return f"{name} does not stick and slip at one drive speed; take a window of it that does"
+def why_left_out(log: Prepared, usable: int, fewest_samples: int, fewest: int) -> str:
+    """Why a log takes no part in the estimate, "" where it does; usable: cycles with a stick and a slip."""
+    samples = log.segmentation.samples_per_slip
+    if log.left_out is not None:
+        return log.left_out
+    if log.fit_mode.name != "cycles":
+        return f"{log.name} does not stick and slip at one drive speed; take a window of it that does"
+    if samples < fewest_samples:
+        return (
+            f"{log.name}: a slip has {samples:.2g} samples, at least {fewest_samples} are needed; use a higher "
+            "sampling rate"
+        )
+    if usable < fewest:
+        return (
+            f"{log.name} shows {usable} cycles whose stick and slip can be made out, of {log.segmentation.count} "
+            f"detected; at least {fewest} are needed: record longer, or take a window of clear stick-slip"
+        )
+    return ""
 
 
 def answered(logs: Sequence[Prepared], cycles: int, withheld: str) -> str:
     """The sentence of an answer."""
     worst = max(logs, key=lambda log: log.scatter)
-    differ = (
+    last = "; strength, weakening length and scatter hold for this drive speed, stiffness and load only"
+    return (
         f"friction differs from cycle to cycle (in {worst.name} the drop changes by {100 * worst.scatter:.0f} % from "
         f"one to the next), so {cycles} cycles were described one by one instead of by one friction pair"
-    )
-    if withheld:
-        return f"{differ}; strength and weakening length are not given: {withheld}"
-    return f"{differ}; strength, weakening length and scatter hold for this drive speed, stiffness and load only"
+    ) + (f"; strength and weakening length are not given: {withheld}" if withheld else last)
 
 
 def apart(values: Sequence[tuple[str, float, float, float]]) -> str:
@@ -141,38 +136,36 @@ def apart(values: Sequence[tuple[str, float, float, float]]) -> str:
     )
 
 
-def one_mass(
-    names: Sequence[str], each: Sequence[tuple[float, float, float]], chi2: float, freedom: int, probability: float
-) -> str:
-    """The masses of records of one slider [kg], and how they scatter."""
-    masses = "; ".join(
-        f"{name} {three_figures(1e3 * value)} ({three_figures(1e3 * low)} to {three_figures(1e3 * high)}) g"
-        for name, (value, low, high) in zip(names, each, strict=True)
-    )
-    return f"Mass by record: {masses}; {_scatter(chi2, freedom, probability)}."
+def masses(names: Sequence[str], each: Sequence[tuple[float, float, float]], scatter: str) -> str:
+    """The masses of records of one slider [kg], each with its interval, and how they scatter."""
+    told = "; ".join(f"{name} {_grams(mass)}" for name, mass in zip(names, each, strict=True))
+    return f"Mass by record: {told}; {scatter}."
 
 
-def no_one_mass(chi2: float, freedom: int, probability: float) -> str:
+def no_one_mass(scatter: str) -> str:
     """Why there is no mass where records of one slider differ in it."""
-    scatter = _scatter(chi2, freedom, probability)
     return f"these records do not show one mass ({scatter}): fit them by themselves, and weigh what moves"
 
 
-def _scatter(chi2: float, freedom: int, probability: float) -> str:
+def scatter_of_masses(chi2: float, freedom: int, probability: float) -> str:
+    """How the masses of records scatter."""
     return f"their scatter has χ² {three_figures(chi2)} for {freedom} degree(s) of freedom, p {probability:.2g}"
 
 
-def of_scene(bounded: Sequence[str], unused: Sequence[str], velocity_laws: set[str]) -> list[str]:
-    """What becomes of rig quantities under [parameters] without a prior, and of effects that are not followed."""
+def _grams(mass: tuple[float, float, float]) -> str:
+    value, low, high = (three_figures(1e3 * number) for number in mass)
+    return f"{value} ({low} to {high}) g"
+
+
+def of_scene(bounded: Sequence[str], laws: Sequence[str], others: Sequence[str]) -> list[str]:
+    """What becomes of rig quantities under [parameters] without a prior, and of effects that are not followed: laws of
+    speed, and others."""
     out = []
     if bounded:
         out.append(f"{', '.join(bounded)} under [parameters]: estimated from the data alone, without start and bounds.")
-    if laws := [name for name in unused if name in velocity_laws]:
-        out.append(
-            f"{', '.join(laws)}: within these slips only a change of friction in proportion to sliding speed is "
-            "estimated, of either sign; its uncertainty is in the intervals."
-        )
-    if others := [name for name in unused if name not in velocity_laws]:
+    if laws:
+        out.append(f"{', '.join(laws)}: only a change of friction in proportion to sliding speed is estimated.")
+    if others:
         out.append(f"Not used for uneven records: {', '.join(others)}; what they do to the force counts as friction.")
     return out
 
@@ -180,12 +173,11 @@ def of_scene(bounded: Sequence[str], unused: Sequence[str], velocity_laws: set[s
 def notes(logs: Sequence[Prepared], records: Sequence[Sticks], mass: tuple[float, float, float] | None) -> list[str]:
     """Where rig and records disagree, and cycles that were left out; mass: with its interval [kg]."""
     out = []
-    stated_mass = logs[0].rig.mass
-    if mass is not None and not mass[1] <= stated_mass <= mass[2]:
-        value, low, high = (three_figures(1e3 * number) for number in mass)
+    stated = logs[0].rig.mass
+    if mass is not None and not mass[1] <= stated <= mass[2]:
         out.append(
-            f"The slips show a moving mass of {value} g ({low} to {high}), while [rig] states "
-            f"{three_figures(1e3 * stated_mass)} g: weigh what moves, or judge it from a ringing of the rig."
+            f"The slips show a moving mass of {_grams(mass)}, while [rig] states {three_figures(1e3 * stated)} g: "
+            "weigh what moves, or judge it from a ringing of the rig."
         )
     for log, sticks in zip(logs, records, strict=True):
         ratio = sticks.rig.rate / (log.rig.stiffness * log.data.drive_speed / log.data.mean_normal_force)
