@@ -20,8 +20,7 @@ from identify.base.linear import Factors, optimality_matrix
 from identify.logs.log_data import LogData
 from identify.shooting.layout import Layout
 from identify.shooting.passes import Solved
-from identify.shooting.pattern import samples_of
-from identify.shooting.shooting import Problem
+from identify.shooting.shooting import Problem, samples_of
 from identify.shooting.transcription import transcribe
 
 Array = NDArray[np.float64]

@@ -29,8 +29,7 @@ from identify.logs.vibration import rhythmic
 from identify.prediction.wording import said
 from identify.shooting.layout import kept_parameters
 from identify.shooting.passes import Solved, solve_in_passes
-from identify.shooting.pattern import samples_of
-from identify.shooting.shooting import Problem
+from identify.shooting.shooting import Problem, samples_of
 
 Array = NDArray[np.float64]
 
