@@ -20,7 +20,6 @@ from identify.shooting.passes import ORDER, Solved, solve_in_passes
 
 Array = NDArray[np.float64]
 
-OFFSET = 0.1  # of the spread: how far from the answer the solves of the table start
 FINEST = 1e-4
 FEWEST_STEPS = 4  # of the fine passes
 HALVING = 4.0  # times the Newton step that gives their error: what an answer with half the steps costs
@@ -86,7 +85,8 @@ def accuracy_table(
     Args:
         size: standard errors (f,) of the free parameters; levels: from coarse to fine.
     """
-    begin = np.clip(answer.theta + OFFSET * unknowns.spread * unknowns.free, unknowns.lower, unknowns.upper)
+    # Started a little beside the answer.
+    begin = np.clip(answer.theta + 0.1 * unknowns.spread * unknowns.free, unknowns.lower, unknowns.upper)
     data, since = [log.data for log in logs], time.process_time()
     begin = np.where(unknowns.free, begin, answer.theta)
     solved = solve_in_passes(data, answer.trajectories, replace(unknowns, start=begin).with_weak_priors())

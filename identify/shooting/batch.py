@@ -24,7 +24,6 @@ Indices = NDArray[np.int64]
 
 LONGEST = 14.0  # half periods: a slip that takes longer counts as sliding
 STRIDE = 8  # steps of a slip between two looks at which rows still slide
-NEWTON_STEPS = 40
 
 
 @dataclass(frozen=True)
@@ -209,7 +208,7 @@ def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):
         t = (rested + rate * 1e12) / rate  # the static limit of a contact that rested for ever
         t = np.where(np.isfinite(t), np.maximum(t, 0.0), 0.0)
-        for _ in range(NEWTON_STEPS):
+        for _ in range(40):
             margin, slope, _state = margin_after([x, p, u, t])
             move, last = -margin[:, 0] / slope[:, 0], t
             t = np.maximum(np.where(np.isfinite(move), t + move, t), 0.0)

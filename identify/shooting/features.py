@@ -101,9 +101,7 @@ class Waves:
 BINS = 40  # per half natural period
 BEFORE, AFTER = 2.5, 2.0  # half periods around the middle of the fall
 SHARE = 0.42  # of the period: the window never reaches the next fall
-MODEL_ERROR = 0.01  # of the drop: what the features of an ideal log still miss
 TIMING = 0.3  # of the time between samples: how well they tell a time
-MOST_SAMPLES = 1 << 14  # of one log in the fold: enough for any mean
 
 
 @dataclass(frozen=True)
@@ -177,7 +175,7 @@ def extract(log: LogData, falls: Array, half_period: float) -> Features | None:
         float(np.mean(log.normal_force.at(settled))),
         times,
         mean,
-        np.hypot(np.hypot(count[used] ** -0.5, MODEL_ERROR * drop), smeared),
+        np.hypot(np.hypot(count[used] ** -0.5, 0.01 * drop), smeared),
         period,
         float(period_sd),
         float(np.min(mean)),
@@ -191,7 +189,7 @@ def _fold(log: LogData, falls: Array, edges: Array) -> tuple[Array, Array, Array
     first = np.searchsorted(log.time, falls + edges[0])
     lengths = np.maximum(np.searchsorted(log.time, falls + edges[-1]) - first, 0)
     ends = np.cumsum(lengths)
-    number = np.arange(0, int(ends[-1]), max(int(ends[-1]) // MOST_SAMPLES, 1))
+    number = np.arange(0, int(ends[-1]), max(int(ends[-1]) // (1 << 14), 1))
     cycle = np.searchsorted(ends, number, side="right")
     index = number + (first - (ends - lengths))[cycle]
     cycle, index = cycle[log.weight[index] > 0], index[log.weight[index] > 0]

@@ -35,7 +35,6 @@ from identify.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-7  # of a simulation step
 BLOCK = 64  # knots of the load under the least of which a rest is looked at first
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -120,7 +119,7 @@ class LogContext:
         load = self.log.normal_force
         times = np.array([t, *load.between(t, t + duration)[0], t + duration])
         start = dict(zip((s.name for s in self.model.states), x.tolist(), strict=True))
-        force, stepping = NormalForce.of((times - t, load.at(times))), Stepping(TOLERANCE)
+        force, stepping = NormalForce.of((times - t, load.at(times))), Stepping(1e-7)  # of a simulation step
         return run(self.model, self.values, self.log.speed_at(t), force, duration, start=start, accuracy=stepping)
 
     def samples(self, begin: float, end: float) -> NDArray[np.intp]:
@@ -135,7 +134,6 @@ class LogContext:
 
 REACH = 4.0  # half periods by which an onset is moved around where it is expected, or the force falls
 PER_HALF_PERIOD = 12  # places per half period that are tried
-COMPARED = 400  # samples that vote on a place
 BY_CHANCE = 12.0  # squared deviations by which noise makes one of some hundred places the best
 UNSURE = 0.05  # of a cycle: how far off its end is expected by parameters that are not the answer yet
 SEARCHED = 0.5  # of a rest: how far beyond its expected end the steepest fall is looked for
@@ -174,7 +172,7 @@ def onset_on_data(context: LogContext, since: float, onset: float, x: Array, spr
     best, lowest, least = onset, np.inf, np.inf
     for centre in centres:
         index = context.samples(max(centre - reach - half, np.nextafter(since, np.inf)), centre + reach + local[-1])
-        index = index[:: max(index.size // COMPARED, 1)]
+        index = index[:: max(index.size // 400, 1)]  # samples that vote on a place
         index = index[log.time[index] < latest]  # the simulated wave does not know another speed of the drive
         if index.size < 2:
             continue
@@ -211,7 +209,6 @@ def _steepest_fall(log: LogData, index: NDArray[np.intp], width: int) -> float |
 # ----------------------------------------------------------------------------------------------------------------------
 
 PEAK_WINDOW = 0.2  # of half a period: width of the mean whose highest value is the first peak
-RISEN = 0.5  # share of the rise to the first peak on which the mass rests for sure
 FIRST_SWINGS = 8.0  # half periods about the first peak that are compared
 AGES = np.linspace(0.0, 1.0, 41)  # states of the contact that are tried
 
@@ -227,7 +224,7 @@ def first_state(context: LogContext) -> Array:
         width = max(min(int(PEAK_WINDOW * context.half / log.interval), index.size // 3), 1)
         smooth = uniform_filter1d(log.force[index], width, mode="nearest")
         peak = float(log.time[index[int(np.argmax(smooth))]])
-        until = float(log.time[index[int(np.argmax(smooth >= smooth[0] + RISEN * (smooth.max() - smooth[0])))]])
+        until = float(log.time[index[int(np.argmax(smooth >= smooth[0] + 0.5 * np.ptp(smooth)))]])  # rests until there
     index = context.samples(log.begin, np.nextafter(until, np.inf))
     if index.size == 0:
         index = np.array([min(int(np.searchsorted(log.time, log.begin)), log.time.size - 1)])
@@ -286,8 +283,6 @@ CHUNK = 6.0  # half periods that are simulated at a time
 FADED = 0.2  # of the noise: an oscillation that is smaller is not followed
 LONGEST = 120  # half periods of one slide that are followed
 AFTER = 0.1  # of a slide: how much of the rest after it is taken where the motion is not followed further
-MOST_STRETCHES = 1200
-PIECES = 200  # of steady sliding, at most
 
 
 @dataclass(frozen=True)
@@ -342,7 +337,7 @@ class _Motion:
         else:
             self.start = first_state(self.context)
         x = self.start
-        while t < self.log.end and len(self.stretches) < MOST_STRETCHES:
+        while t < self.log.end and len(self.stretches) < 1200:
             t, x, sliding = self.slide(t, x) if sliding else self.rest(t, x)
             if np.isnan(t):
                 return self._followed(self.stretches[-1].until) if self.stretches else None
@@ -450,7 +445,7 @@ class _Motion:
 
     def glide(self, since: float, until: float) -> None:
         """Steady sliding between two times, in as many pieces as the normal force has."""
-        count = min(max(2 * self.log.normal_force.between(since, until)[0].size, 1), PIECES)
+        count = min(max(2 * self.log.normal_force.between(since, until)[0].size, 1), 200)  # of steady sliding, at most
         edges = np.linspace(since, until, count + 1).tolist()
         steady = [self.context.steady(t, just_before=i == count) for i, t in enumerate(edges)]
         states = [s for s in steady if s is not None]

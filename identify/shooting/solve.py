@@ -16,9 +16,6 @@ from identify.shooting.shooting import Problem
 Array = NDArray[np.float64]
 Ports = Sequence[tuple[str, ca.Sparsity]]  # of a function: names and shapes
 
-STANDSTILL = 1e-3  # of half chi^2 per iteration
-AT_LEAST = 0.05  # s: what a solve that begins at the last moment may still take
-QAMD = 6  # MUMPS: approximate minimum degree that looks for rows which are all but dense
 OUT_OF_ORDER = "Events_Out_Of_Order"
 ALWAYS = {  # options of every solve
     "print_time": False,
@@ -40,7 +37,7 @@ ALWAYS = {  # options of every solve
     "ipopt.acceptable_compl_inf_tol": 1e-2,
     "ipopt.nlp_scaling_method": "none",
     # Rows and columns of the parameters meet all others: an ordering that sets them apart, and no permutation.
-    "ipopt.mumps_pivot_order": QAMD,
+    "ipopt.mumps_pivot_order": 6,  # MUMPS: approximate minimum degree that looks for rows which are all but dense
     "ipopt.mumps_permuting_scaling": 0,
     "ipopt.bound_push": 1e-8,
     "ipopt.bound_frac": 1e-8,
@@ -167,12 +164,12 @@ def solve(
     options = ALWAYS | {name: callbacks[name] for name in ("grad_f", "jac_g", "hess_lag")}
     options |= {
         "ipopt.tol": tolerance,
-        "ipopt.acceptable_obj_change_tol": STANDSTILL / max(1.0, problem.samples / 2),
+        "ipopt.acceptable_obj_change_tol": 1e-3 / max(1.0, problem.samples / 2),  # of half chi^2 per iteration
         "ipopt.mu_init": mu_init,
         "ipopt.max_iter": iterations,
     }
     if math.isfinite(left := seconds_left()):
-        options["ipopt.max_wall_time"] = max(left, AT_LEAST)
+        options["ipopt.max_wall_time"] = max(left, 0.05)  # [s] also at the last moment
     solver = ca.nlpsol("identify", "ipopt", callbacks["nlp"], options)
     lower, upper = layout.lower / layout.scale, layout.upper / layout.scale
     result = solver(x0=first, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)

@@ -18,9 +18,6 @@ from identify.simulation.drive import Drive
 
 Array = NDArray[np.float64]
 
-TAIL = 0.4  # of a stretch of constant speed: where its level is taken
-STEP = 0.15  # of a static coefficient above the kinetic one where no peak is seen
-LEAST_STEP = 0.02
 LENGTHS = (10e-6, 40e-6)  # D [m]
 TIMES = (0.2, 1.0, 5.0)  # t_cr [s]
 
@@ -34,7 +31,8 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
         quantiles.append(np.nanquantile(coefficient[counted], (0.5, 0.999)))
         drive = data.programme or Drive((0.0,), (data.drive_speed,))
         for start, stop, speed in moving_pieces(drive, data.begin, data.end):
-            mine = (data.time >= stop - TAIL * (stop - start)) & (data.time <= stop) & (data.weight > 0)
+            # The level at the end of a stretch of constant speed.
+            mine = (data.time >= stop - 0.4 * (stop - start)) & (data.time <= stop) & (data.weight > 0)
             if np.count_nonzero(mine) >= 3:
                 speeds.append(speed)
                 levels.append(float(np.median(coefficient[mine])))
@@ -50,7 +48,7 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
     share = 1.0 - float(np.exp(-told.get("a", 0.0) * speeds[slow]))
     mu_k0 = max(levels[slow] - told.get("delta_mu_k", 0.0) * share, 0.01)
     peaked = any(log.fit_mode.name == "continuous" for log in logs)
-    mu_s = max(float(np.max(quantiles)), mu_k0 + LEAST_STEP) if peaked else mu_k0 + STEP
+    mu_s = max(float(np.max(quantiles)), mu_k0 + 0.02) if peaked else mu_k0 + 0.15
     rows = []
     for length, time in product(LENGTHS, TIMES) if peaked else [(LENGTHS[0], TIMES[0])]:
         one = told | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time}
@@ -73,7 +71,6 @@ def _inside(unknowns: Unknowns, theta: Array) -> Array:
 # ----------------------------------------------------------------------------------------------------------------------
 
 PER_HALF_PERIOD = 24  # steps of a slip in the start fit
-ITERATIONS = 14
 CLOSURE = 0.01  # of the drop: how well arrest forces must agree
 GOOD = 1.0  # cost per residual of a start that is right
 KEPT = 3  # candidates that are followed to the end; as soon as so many leave nothing to explain, the others no further
@@ -211,7 +208,7 @@ def fit_features(
     arrest = np.tile([f.arrest for f in features], (theta.shape[0], 1)).astype(float)
     moving = [theta, arrest, np.zeros((theta.shape[0], n_l))]
     point, damping = [*fold.linearised((soft_mean, soft_sd), *moving)], np.full(theta.shape[0], 1e-2)
-    for iteration in range(ITERATIONS):
+    for iteration in range(14):
         cost, gradient, curvature = point
         scale = np.einsum("sii->si", curvature)
         damped = curvature + (damping[:, None] * scale + 1e-12)[:, :, None] * np.eye(scale.shape[1])

@@ -25,8 +25,6 @@ Array = NDArray[np.float64]
 
 BOUNDED_START, BOUNDED_START_SD = 0.5, 0.5  # of a state with bounds, such as a saturation, where a record begins
 DECAYED = (3.0, 8.0, 18.0)  # time constants at which a rest is cut: what decays is followed until it is gone
-CELLS_PER_PERIOD = 8  # of an oscillation while the mass rests
-MOST_PARTS = 4000  # of one rest
 CONSTANT = np.array([[float(KNOWN)], [0.0]])  # an event time or a load that is known
 
 
@@ -336,9 +334,10 @@ def parts_of_rest(model: Model, p: Array, duration: float) -> list[tuple[float, 
         return [(0.0, 1.0)]
     rates, frequencies = (np.array(f(p)).ravel() for f in (model.decays, model.waves))
     ends = [c / r for r in rates for c in DECAYED if c / r < duration]
-    longest = min((REST_CELLS * 2 * np.pi / (CELLS_PER_PERIOD * w) for w in frequencies), default=np.inf)
+    # Eight cells on a period of what oscillates.
+    longest = min((REST_CELLS * 2 * np.pi / (8 * w) for w in frequencies), default=np.inf)
     cuts = [
-        np.linspace(a, b, 1 + min(max(int(np.ceil((b - a) / longest)), 1), MOST_PARTS))[:-1]
+        np.linspace(a, b, 1 + min(max(int(np.ceil((b - a) / longest)), 1), 4000))[:-1]  # of one rest
         for a, b in pairwise(np.unique([0.0, *ends, duration]))
     ]
     inner = np.append(np.concatenate(cuts), duration) / duration

@@ -18,12 +18,8 @@ from identify.scene import Scene
 from identify.simulation.simulate import simulate
 from identify.simulation.trajectory import Trajectory
 
-FACTOR = 100.0  # by which coarse and tight differ from the accuracy taken
 FINEST, COARSEST = 1e-12, 0.1
-SOON = 2.0  # [s] of processor time: a motion that took no longer is simulated again as a whole
 CYCLES = 20  # of the part of a longer one
-RUNS = 3
-LONG = 0.3  # [s] of processor time in all after which no further run makes a figure better
 
 
 @dataclass(frozen=True)
@@ -54,11 +50,12 @@ def cost(scene: Scene, motion: Trajectory, seconds: float) -> SimulationCost:
         SimulationError: as `simulate`.
     """
     taken, part = motion.accuracy or COARSEST, motion.duration
-    if seconds > SOON and min(motion.onsets.size, motion.arrests.size) > CYCLES:
+    # A long one is simulated again by its first cycles.
+    if seconds > 2.0 and min(motion.onsets.size, motion.arrests.size) > CYCLES:
         # Cut in the middle of a rest, so that no tolerance decides whether a slip is still inside.
         arrest = float(motion.arrests[CYCLES - 1])
         part = 0.5 * (arrest + float(motion.onsets[motion.onsets > arrest][0]))
-    levels = (min(taken * FACTOR, COARSEST), taken, max(taken / FACTOR, FINEST))
+    levels = (min(taken * 100.0, COARSEST), taken, max(taken / 100.0, FINEST))
     motions, spent = _timed({a: lambda a=a: simulate(scene, part, accuracy=a).refined() for a in levels})  # type: ignore[misc]
     parts = len(motion.phases) / len(motions[taken].phases)
     rising = dict(zip(spent, np.maximum.accumulate(list(spent.values())).tolist(), strict=True))
@@ -80,11 +77,11 @@ def _timed(runs: Mapping[float, Callable[[], Trajectory]]) -> tuple[dict[float, 
     """The motions, and the processor seconds of each: the least of several, taken in turns, where they are short."""
     motions = {key: run() for key, run in runs.items()}  # builds the functions
     spent, begun = dict.fromkeys(runs, np.inf), process_time()
-    for _ in range(RUNS):
+    for _ in range(3):
         for key, run in runs.items():
             since = process_time()
             run()
             spent[key] = min(spent[key], process_time() - since)
-        if process_time() - begun > LONG:
+        if process_time() - begun > 0.3:
             break
     return motions, spent

@@ -94,14 +94,10 @@ def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: floa
 # ----------------------------------------------------------------------------------------------------------------------
 
 MAX_STEPS = 200_000  # of one sliding phase: a bound, so that no scene runs for ever
-STEPS_PER_PHASE = 2000  # earned by every phase; together they spend MAX_STEPS more at most, so that time is bounded
-RUNAWAY = 1e9  # times the speed at which one normal force stops the mass: no bounded friction gets there
 PATIENCE = 3000  # trials of one slide after which the next method takes over, where there is one
 FIRST = 1e-3  # of the natural time: the very first step
-FREEING = 8  # doublings of the last digit of the elongation that set a mass free which only rounding holds
 FLOOR = 1e-6  # absolute over relative tolerance, of typical states
 ROUNDING = 1e-12  # what the rounding of the forces makes of the speed within a thousandth of the natural time
-LEAST = 1e-9  # friction coefficients within this of zero are rounding
 
 
 class Machine:
@@ -178,14 +174,14 @@ class Machine:
                 break
             by = None if stop == Stop.TIME_IS_UP else self._end(mode, row, times, states)
             self._pace = self.stepper.pace if by in ("clearance", "release") else 0.0
-            self._steps = min(MAX_STEPS, self._steps - len(times) + STEPS_PER_PHASE)
+            self._steps = min(MAX_STEPS, self._steps - len(times) + 2000)  # earned by every phase
             return Slide(mode, situated.time, situated, times, states, by, self.stepper.method, self.tolerances)
         if len(self._left) > 1:  # the next method takes over for good
             del self._left[0]
             self.stepper = self._next()
             return self.slide(mode, x, situated, limit)
         phase, speed = f"the {mode} phase at {situated.time:.6g} s", abs(states[-1][SPEED])
-        if not speed < RUNAWAY * self.scale.state[SPEED]:
+        if not speed < 1e9 * self.scale.state[SPEED]:  # no bounded friction gets there
             raise SimulationError(
                 f"{phase} runs away (it reached {speed:.3g} m/s): friction falls with speed without a floor; make the "
                 "slope smaller, or take the law velocity_weakening"
@@ -197,7 +193,7 @@ class Machine:
 
     def _begin(self, mode: ModeName, x: Array, situated: Situated, limit: float) -> Array:
         """The state from which a slide goes on: the last digits of the forces may hold back a slip that begins."""
-        for doublings in range(-1, FREEING):
+        for doublings in range(-1, 8):  # of the last digit of the elongation
             near = x.copy()
             if doublings >= 0:
                 near[ELONGATION] += situated.direction * 2.0**doublings * np.spacing(abs(x[ELONGATION]))
@@ -242,7 +238,7 @@ class Machine:
         if i == len(slide.times) - 1 and slide.ended_by not in (None, "speed"):
             return  # it gets faster in the next mode
         coefficient = self.stepper.coefficient(slide.mode, slide.states[i], slide.times[i])
-        if coefficient < -LEAST:
+        if coefficient < -1e-9:  # friction coefficients within this of zero are rounding
             raise SimulationError(
                 f"friction pushes at {slide.start + slide.times[i]:.6g} s (coefficient {coefficient:.3g} at "
                 f"{abs(slide.states[i][SPEED]):.3g} m/s): a law has left its range; let friction fall less with speed "
@@ -261,7 +257,6 @@ def from_zero(value: Callable[[float], float], h: float) -> float:
 # ----------------------------------------------------------------------------------------------------------------------
 
 MAX_PHASES = 2_000_000
-STALLED = 1000  # rests and slides within one moment of the machine: chatter, refused by name
 
 
 def _chatter(t: float, longest: float) -> str:
@@ -303,7 +298,7 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
             phase = slide = machine.slide(mode, x, situated, limit)
             machine.check_braking(slide)
         end, longest = phase.start + phase.duration, max(longest, phase.duration)
-        if number % STALLED == STALLED - 1:
+        if number % 1000 == 999:  # rests and slides within one moment: chatter, refused by name
             if t - marked < machine.scale.time:
                 raise SimulationError(_chatter(t, longest))
             marked, longest = t, 0.0

@@ -24,7 +24,6 @@ Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # by which a state may start outside its bounds
 LARGE = 1e100
-PHASE = 1e-3  # [rad]: what rounding may make of the phase of a vibration at the end of a record
 
 
 def admit(model: Model, values: Mapping[str, float], duration: float, start: Mapping[str, float]) -> None:
@@ -50,7 +49,7 @@ def admit(model: Model, values: Mapping[str, float], duration: float, start: Map
             shown = f"{value:g} {parameter.unit}".rstrip()
             raise SimulationError(f"the parameter {parameter.name} is {shown}; expected {expected}")
     period = swing(model, np.array([values[name] for name in model.parameter_names], float))[0]
-    if 2.0 * np.pi * np.finfo(float).eps * duration / period > PHASE:
+    if 2.0 * np.pi * np.finfo(float).eps * duration / period > 1e-3:  # [rad] of rounding at the end
         raise SimulationError(
             f"the drive vibrates {duration / period:.1g} times within {duration:g} s: no digits are "
             "left of the phase of the vibration; shorten the record, or leave out that vibration"
@@ -73,7 +72,6 @@ def admit(model: Model, values: Mapping[str, float], duration: float, start: Map
 # Typical sizes of a scene: they set first steps and absolute tolerances.
 # ----------------------------------------------------------------------------------------------------------------------
 
-SHARE = 4.0  # steps on one period or wave, at least
 BEGINNING = 0.1  # of the time in which a slip that has just begun grows e-fold: no first step is longer
 STIFF_FROM = 300.0  # decay rates times the natural time: explicit steps would be held back by them, not by their error
 SPEEDS = (1e-3, 1e-1)  # of the speed at which one normal force stops the mass: where decays are looked at
@@ -120,18 +118,16 @@ def _scales(model: Model, parameters: bytes, normal_force: float) -> Scales:
     rates = np.linalg.eigvals(slopes).real
     growth, decay = float(np.max(rates[0])), -float(np.min(rates[1:]))
     first = BEGINNING / growth if growth > 0.0 else np.inf
-    return Scales(time, state, swing(model, p)[0] / SHARE, farthest / SHARE, first, decay * time > STIFF_FROM)
+    # Four steps on one period or wave, at least.
+    return Scales(time, state, swing(model, p)[0] / 4.0, farthest / 4.0, first, decay * time > STIFF_FROM)
 
 
 ACCURACY = 1e-10  # where nobody asks and no noise is known
-BELOW_NOISE = 0.1  # of the noise: what the integration may be wrong by
-LOOSEST = 1e-4  # where the noise would allow more: a record stays free of visible errors
 SAFETY = 10.0  # tolerance of a step: this much finer than the accuracy of the record
 FINEST, COARSEST = 1e-14, 1e-2  # tolerances of a step
 APART = 100.0  # tolerances of two runs whose distance tells the error
 LOOSER_SHARE = 0.1  # of the distance to the looser one of them is at most the error of the tighter one
 TIGHT_SHARE = 1.5  # of it that of the looser one: the tighter one has an error too
-TIGHTEST = 1e-13  # rounding takes over below
 
 
 @dataclass(frozen=True)
@@ -154,7 +150,7 @@ class Plan:
     def other(self) -> tuple[Plan, float]:
         """A plan to judge this one by, and the share of the distance between the two that is the error of this one:
         a tighter one where there is room for it, else a looser one."""
-        if self.rtol / APART >= TIGHTEST:
+        if self.rtol / APART >= 1e-13:  # rounding takes over below
             return Plan(self.rtol / APART, self.methods), TIGHT_SHARE
         return Plan(self.rtol * APART, self.methods), LOOSER_SHARE
 
@@ -163,7 +159,7 @@ def accuracy_for(noise: float | None, force: float) -> float:
     """The accuracy a record deserves: an order below its noise [N] over its force [N]; without noise `ACCURACY`."""
     if not noise:
         return ACCURACY
-    return float(np.clip(BELOW_NOISE * noise / force, ACCURACY, LOOSEST))
+    return float(np.clip(0.1 * noise / force, ACCURACY, 1e-4))
 
 
 def plan(scale: Scales, stepping: Stepping) -> Plan:

@@ -22,7 +22,6 @@ Array = NDArray[np.float64]
 
 _BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
 MARGIN, DRIVE, RESTED = 0, 1, 2  # places in a row
-SAFETY = 1e-12  # of the force of what oscillates
 
 
 @lru_cache(maxsize=32)
@@ -109,7 +108,7 @@ class Resting:
             return self._at_times(self._margins, times)
 
         def least(times: Array) -> Array:
-            return self._at_times(self._calm, times) - (1.0 + SAFETY) * force
+            return self._at_times(self._calm, times) - (1.0 + 1e-12) * force  # of the force of what oscillates
 
         return first_zero(margin, limit, period, least)
 

@@ -15,8 +15,6 @@ from identify.model.model import SPEED, Model
 
 Array = NDArray[np.float64]
 
-NEWTON_STEPS = 30
-
 
 @dataclass(frozen=True)
 class Sliding:
@@ -75,7 +73,7 @@ def _steady(model: Model, p: Array, u: Array, worn: bool) -> tuple[Array, Array]
     if worn and model.clamped is not None:
         x[:, model.clamped] = model.states[model.clamped].lower or 0.0
     slope = np.empty(0)
-    for _ in range(NEWTON_STEPS):  # one is enough where the rates are linear in the states
+    for _ in range(30):  # one is enough where the rates are linear in the states
         rate, slope = linearised(model, worn, x, p, u)
         step = np.linalg.solve(slope[:, rates[:, None], unknown], rate[:, rates][..., None])[..., 0]
         x[:, unknown] -= step

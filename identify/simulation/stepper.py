@@ -26,8 +26,6 @@ Array = NDArray[np.float64]
 
 N_GUARDS = len(GUARDS)
 ROUNDING = 1e-15  # of the forces: a few last digits
-ABOVE = 1e-3  # of its reach: by so much a bounded state may err beyond its upper bound
-LARGEST = 1e150  # of a state: beyond, squares overflow
 
 # ----------------------------------------------------------------------------------------------------------------------
 # What stays the same during one phase of motion.
@@ -114,12 +112,12 @@ def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
     x, t, h = z[:n], z[n], z[n + 1]
     after, norm = method.step(_problem(model, method, mode, z, c, tolerances), x, t, h)
     # A largest value hides what is not a number: such a step is refused.
-    good = ca.sum1(ca.fabs(after)) < LARGEST
+    good = ca.sum1(ca.fabs(after)) < 1e150  # of a state: beyond, squares overflow
     # So is one to where no motion leads: the equations of an implicit step have other solutions, too.
     for i, state in enumerate(model.states):
         if state.lower is not None and state.upper is not None:
             reach = state.upper - state.lower
-            inside = ca.logic_and(after[i] < state.upper + ABOVE * reach, after[i] > state.lower - reach)
+            inside = ca.logic_and(after[i] < state.upper + 1e-3 * reach, after[i] > state.lower - reach)
             good = ca.logic_and(good, inside)
     norm = ca.if_else(good, norm, ca.inf)
     row = ca.vertcat(after, norm, event_functions(model, mode)(after, c, t + h))
@@ -173,11 +171,8 @@ def coefficient(model: Model, mode: ModeName) -> ca.Function:
 MODES: tuple[ModeName, ...] = ("slip", "worn")  # numbered so in a burst
 SHORTEST = 1e-14  # of the natural time: a step shorter than that is no step
 GROWTH, SHRINKING, SAFETY = 10.0, 0.2, 0.9  # of the step length from one trial to the next
-WRONG = 1e30  # an error as large as this, or none at all, shrinks the step as far as it goes
-LAST = 1e-15  # moves of Newton's method, of a step: nothing follows
 NEAR = 0.1  # the same, of the root of the tolerance: one more is as exact as the step itself
 BEYOND = 2.0  # times the time in which an event function would fall to zero as it falls: no step is longer
-CLOSE = 0.25  # of the event function before it: a minimum as low as this within a step is looked at
 DIPS = 3  # times in a row that a dip is sought more closely
 
 
@@ -277,7 +272,7 @@ def _walking(
     """Whether a trial of length h towards the next node is taken, and the control after it."""
     t, before, control, ends = z[at.t], z[at.ends], z[at.control], trial_end[1:]
     error, step, watch = control[1], control[2], control[6]
-    norm = ca.if_else(trial_end[0] <= WRONG, ca.fmax(trial_end[0], 1e-10), WRONG)
+    norm = ca.if_else(trial_end[0] <= 1e30, ca.fmax(trial_end[0], 1e-10), 1e30)
     good, fallen, risen, guess, dip = norm <= 1.0, 0.0, 0.0, h, h
     # The step after it: as the error says, and as its trend says where it grows (Gustafsson's predictive control).
     root = _root(norm, method.measured)
@@ -330,7 +325,7 @@ def _dip(h: ca.SX, before: ca.SX, ends: ca.SX, i: int) -> ca.SX:
     root = b + ca.sqrt(ca.fmax(b * b - a * s0, 0.0))
     share = ca.if_else(ca.logic_and(turning, root > 0.0), -s0 / ca.if_else(root > 0.0, root, 1.0), 1.0)
     lowest = v0 + share * (s0 + share * (b + share * a / 3.0))
-    near = ca.logic_and(lowest < CLOSE * ca.fmin(v0, v1), ca.logic_and(share > 0.0, share < 1.0))
+    near = ca.logic_and(lowest < 0.25 * ca.fmin(v0, v1), ca.logic_and(share > 0.0, share < 1.0))
     return ca.if_else(ca.logic_and(turning, near), share * h, h)
 
 
@@ -345,7 +340,7 @@ def _locating(control: ca.SX, h: ca.SX, ends: ca.SX, exits: list[int], rtol: ca.
     inside = ca.logic_and(newton > low, newton < high)
     following = ca.if_else(inside, newton, 0.5 * (low + high))
     move, length = ca.fabs(newton - h), ca.sqrt(rtol) * control[4]
-    done = ca.logic_or(ca.logic_or(hit, control[5] > 0.5), ca.logic_or(move <= LAST * h, high - low <= LAST * high))
+    done = ca.logic_or(ca.logic_or(hit, control[5] > 0.5), ca.logic_or(move <= 1e-15 * h, high - low <= 1e-15 * high))
     near = ca.logic_and(inside, move <= NEAR * length)
     return done, following, control[1], control[2], low, high, near, 0, Stop.LOCATED * done
 
@@ -354,7 +349,6 @@ def _locating(control: ca.SX, h: ca.SX, ends: ca.SX, exits: list[int], rtol: ca.
 # Steps of one scene with one method: the compiled trials and bursts with their buffers.
 # ----------------------------------------------------------------------------------------------------------------------
 
-SOME = 100  # bursts: before them nobody looks for machine code
 MUCH = 20_000  # bursts: some seconds of the virtual machine, what the compiler takes
 
 
@@ -380,7 +374,7 @@ class Stepper:
                 calls[mode].bind(given)
         self._function = burst(model, method)
         self._bind(self._function)
-        self._count, self._look, self.native = 0, float(SOME), False
+        self._count, self._look, self.native = 0, float(100), False  # bursts: before them nobody looks for machine code
 
     def _bind(self, function: ca.Function) -> None:
         """Take this function for the bursts."""

@@ -93,7 +93,6 @@ ERROR = np.array([-13 - 7 * S6, -13 + 7 * S6, -1.0]) / 3
 # Row i: coefficients of share, share^2, share^3 of the polynomial that is one at node i, zero at 0 and the others.
 LAGRANGE = np.linalg.inv(NODES[:, None] ** np.arange(1, 4)).T
 INSIDE = 0.4  # of a step, between two nodes: where its polynomial is farthest from the motion, nearly
-NEWTON_STEPS = 8
 SOLVED = 0.1  # a stage may be wrong by that share of what the step may be
 
 
@@ -151,7 +150,7 @@ class Radau(Method):
         real_inverse, mixed_inverse = h * ca.inv(REAL * one - scaled), h * ca.inv(mixed)
         z = ca.SX.zeros(n, 3)
         move = z
-        for _ in range(NEWTON_STEPS):
+        for _ in range(8):
             rates = [problem(x + z[:, i], t + NODES[i] * h) for i in range(3)]
             turned, w = ca.horzcat(*rates) @ BACK.T, z @ BACK.T
             first = turned[:, 0] - REAL / h * w[:, 0]
@@ -166,8 +165,6 @@ class Radau(Method):
 # ----------------------------------------------------------------------------------------------------------------------
 # Explicit Runge-Kutta methods: any tableau with an embedded formula.
 # ----------------------------------------------------------------------------------------------------------------------
-
-NOTHING = 1e-300  # keeps 0/0 of an exact step a number
 
 
 @dataclass(frozen=True)
@@ -194,7 +191,7 @@ class Explicit(Method):
             # Mostly the weights of the step itself: what differs is summed, and the way of the step taken off.
             other = tuple(c - b for c, b in zip(self.tableau.coarse, self.tableau.b, strict=True))
             coarse = largest((after - x) + h * weighted(other, stages), tolerated)
-            norm = norm**2 / ca.sqrt(norm**2 + 0.01 * coarse**2 + NOTHING)
+            norm = norm**2 / ca.sqrt(norm**2 + 0.01 * coarse**2 + 1e-300)  # keeps 0/0 of an exact step a number
         return after, norm
 
 

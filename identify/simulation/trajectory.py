@@ -33,7 +33,6 @@ Array = NDArray[np.float64]
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 TURN = 2.0  # length of a piece in time constants, or radians: the rule is exact to rounding on it
-GONE = 40.0  # time constants after which a decay is below rounding
 
 
 def averaged(force: Callable[[Array], Array], edges: Array, times: Array, span: float) -> Array:
@@ -57,7 +56,7 @@ def rest_edges(duration: float, rates: Array, omegas: Array) -> Array:
     """Times [s] from the start of a rest between which its force is smooth: decay rates [1/s], frequencies [rad/s]."""
     pieces = [np.array([0.0, duration])]
     for rate in rates:
-        pieces.append(np.arange(0.0, min(duration, GONE / rate), TURN / rate))
+        pieces.append(np.arange(0.0, min(duration, 40.0 / rate), TURN / rate))  # then below rounding
     fastest = float(np.max(omegas, initial=0.0))
     if fastest > 0.0:
         pieces.append(np.linspace(0.0, duration, 2 + int(duration * fastest / TURN)))
@@ -67,8 +66,6 @@ def rest_edges(duration: float, rates: Array, omegas: Array) -> Array:
 # ----------------------------------------------------------------------------------------------------------------------
 # The motion at any times: rests in closed form, slips inside the steps they were taken by, many in one call.
 # ----------------------------------------------------------------------------------------------------------------------
-
-SHOWN = 2  # what follows the states in a row: force of the load cell [N], friction over normal force
 
 
 def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local: Array) -> dict[str, Array]:
@@ -93,7 +90,7 @@ def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local
         xth[rows, :n], xth[rows, n] = phase.x[node], phase.t[node]
         xth[rows, n + 1], xth[rows, n + 2] = phase.t[beyond] - phase.t[node], at - phase.t[node]
         xth[rows, n + 3 :] = phase.x[beyond]
-    shown = np.empty((local.size, n + SHOWN))
+    shown = np.empty((local.size, n + 2))
     tolerances = next((phase.tolerances for phase in phases if isinstance(phase, Slide)), np.ones(n + 1))
     for (method, mode), parts in kinds.items():
         rows = np.concatenate(parts)
@@ -124,8 +121,6 @@ def _row(model: Model, method: Method | None, mode: ModeName) -> Mapped:
     return Mapped(ca.Function("row", [xth, drive, p, tolerances], [row]))
 
 
-LAST_DIGITS = 1e-13  # no estimate says less
-COMPARED = 2000  # times at which forces are compared
 EVEN = 2001  # times of a table beside those of the solver
 
 
@@ -173,7 +168,7 @@ class Trajectory:
             return None
         apart = distance(self, self._other)
         share = self.second.share
-        return Achieved(share * apart.switches + LAST_DIGITS, share * apart.forces + LAST_DIGITS)
+        return Achieved(share * apart.switches + 1e-13, share * apart.forces + 1e-13)  # no estimate says less
 
     @cached_property
     def _other(self) -> Trajectory:
@@ -296,7 +291,7 @@ def distance(trajectory: Trajectory, other: Trajectory) -> Achieved:
     apart = max((float(np.max(np.abs(a - b))) for a, b in pairs if a.size), default=0.0)
     # Where a drive speed or a switch makes the force jump or bend, a shift in time is not an error of the force.
     starts = np.array([phase.start for phase in trajectory.phases[1:]])
-    times = np.linspace(0.0, trajectory.duration, COMPARED)
+    times = np.linspace(0.0, trajectory.duration, 2000)  # times at which forces are compared
     beside = np.searchsorted(starts, times)
     edges = np.concatenate([[-np.inf], starts, [np.inf]])
     times = times[np.minimum(times - edges[beside], edges[beside + 1] - times) > 2.0 * apart]

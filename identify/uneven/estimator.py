@@ -20,10 +20,7 @@ from identify.uneven.slip_functions import PARAMETERS, THETA
 Array = NDArray[np.float64]
 
 ROUNDS, STEPS, SCREENING = 8, 60, 10  # narrowings of the nodes; steps between them, and of a start that is screened
-SETTLED = 0.05  # deviations by which parameters move in the last round
-LEAST_SD = 0.03  # of the logarithm of a strength: nodes lie no closer together, unless strengths scatter by less
 WEAK = 3.0  # sd of the prior about the features: it stops what the record does not show, and nothing else
-SEARCH_SHARE = 0.7  # of the time that is left: the rest is for the covariance
 DAMPING = (float(np.log(0.05)), float(np.log(3.0)))  # prior on the logarithm of the damping ratio, where none is stated
 SPEED_TERM = 0.3  # sd of the prior on the damping ratio that friction in proportion to sliding speed makes
 SHAPE = 0.7  # sd of that on the shape of the weakening: 0.6 of the way to exponential, or to staying and then falling
@@ -141,7 +138,7 @@ class Objective:
         self.passes += 1
         cycles = [likelihood(theta) for likelihood in self.likelihoods]
         # Of nodes farther apart than strengths scatter a single one would count.
-        least = min(LEAST_SD, float(np.exp(theta[PARAMETERS.index("strength_scatter")])))
+        least = min(0.03, float(np.exp(theta[PARAMETERS.index("strength_scatter")])))
         self._place([Nodes.about(c.log_strength, np.maximum(c.log_strength_sd, least)) for c in cycles])
 
     def climb(self, theta: Array, free: NDArray[np.bool_], until: float = np.inf, steps: int = STEPS) -> Ascent:
@@ -222,7 +219,7 @@ def maximise(
         stated: mean and sd of entries of theta that the scene states, by name.
     """
     prior = Prior.of(records, stated or {})
-    until, everything = now() + SEARCH_SHARE * seconds_left(), np.ones(len(THETA), bool)
+    until, everything = now() + 0.7 * seconds_left(), np.ones(len(THETA), bool)  # the rest: covariance
     screened: list[tuple[Objective, Ascent]] = []
     for theta in starts(records) if start is None else [start]:
         if screened and now() >= until:
@@ -241,7 +238,7 @@ def maximise(
                 break
             moved, theta = float(np.max(np.abs(best.theta - theta) / best.sd)), best.theta
             objective.narrow(theta)
-            if best.converged and moved < SETTLED:
+            if best.converged and moved < 0.05:  # deviations by which parameters move in the last round
                 break
     maximum = Maximum(
         prior=prior,

@@ -22,7 +22,6 @@ from identify.uneven.slip_functions import CYCLE, ONSET, chain_functions, slip_f
 Array = NDArray[np.float64]
 
 NODES, REACH = 9, 4.0  # of a stick's strength where it is about known, and its deviations to either side
-LEAST_WANDER = 1e-4  # of the variance that the wander makes of the level in a slip: it is not known better after it
 
 
 @dataclass(frozen=True)
@@ -138,7 +137,7 @@ class Likelihood:
 
     def _given(self, j: int, before: Array, onset: Array, slips: Array, theta: Array) -> list[Array]:
         eta, sticks = self.nodes[j], self.sticks
-        least = np.array([LEAST_WANDER * sticks.drop[j] / sticks.rig.stiffness])
+        least = np.array([1e-4 * sticks.drop[j] / sticks.rig.stiffness])
         return [before, onset, slips, theta, eta, np.diff(eta[:2]), self.rig, least]
 
     def _backward(self, theta: Array, forward: _Forward) -> Array:

@@ -40,7 +40,6 @@ ROUGHNESS_LENGTH = 6e-6  # [m] 3 to 8 um fit measured records about equally
 ROUNDED = 0.05  # share over which the end of the weakening is rounded, for smooth derivatives
 START_SPEED = (0.5, 0.3)  # sd of the speed at the first sample: of itself, and of the drive speed
 HUBER = 4.0  # sd beyond which an innovation counts by its size, not its square
-LEAST_HAZARD = 0.02  # of rate / strength: a spot is met, however fast the contact strengthens
 FIRST_SLID, ONSET_STEPS = 1e-6, 32  # share of the sliding at the first sample where the onset begins, and steps to it
 
 
@@ -300,7 +299,7 @@ def _chain(nodes: int) -> tuple[ca.Function, ca.Function]:
     # The rate at which spots of that strength are met while the contact strengthens: long sticks are strong spots.
     usual = rig["rate"] / strength
     hazard = usual - onset["growth"] / onset["regained"]
-    hazard = 0.5 * (hazard + ca.sqrt(hazard**2 + (LEAST_HAZARD * usual) ** 2))
+    hazard = 0.5 * (hazard + ca.sqrt(hazard**2 + (0.02 * usual) ** 2))
     joint = ca.log(hazard) - 0.5 * z**2 - ca.log(scatter) + eta + ca.log(weight)
     joint += -0.5 * (level - before[0]) ** 2 / before[1] - 0.5 * ca.log(before[1])
     likelihood, change, variance = ca.vertsplit(slips, nodes)
