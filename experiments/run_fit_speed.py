@@ -47,7 +47,7 @@ from identify.effects import MAIN  # noqa: E402
 from identify.logs.prepare import prepare  # noqa: E402
 from identify.logs.unknowns import from_scene  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
-from identify.shooting.grid import COARSE_GRID  # noqa: E402
+from identify.shooting.layout import COARSE_GRID  # noqa: E402
 from identify.shooting.passes import solve_in_passes  # noqa: E402
 from identify.shooting.placing import place  # noqa: E402
 from identify.simulation.simulate import run  # noqa: E402

@@ -14,7 +14,7 @@ from identify.estimation.goodness_of_fit import Gate, pass_gate
 from identify.logs.prepare import Prepared, beginning, cut_in_last_stick
 from identify.logs.unknowns import Unknowns
 from identify.shooting.following import follow, glide
-from identify.shooting.grid import COARSE_GRID
+from identify.shooting.layout import COARSE_GRID
 from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.placing import place
 from identify.shooting.shooting_trajectory import ShootingTrajectory, turned_back

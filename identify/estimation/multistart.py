@@ -21,7 +21,7 @@ from identify.estimation.strategies import Strategy, no_time_for, run_strategy
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import quieted, rhythmic
-from identify.shooting.grid import COARSE_GRID
+from identify.shooting.layout import COARSE_GRID
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.solve import Solution, solve

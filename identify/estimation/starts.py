@@ -20,11 +20,19 @@ from identify.logs.prepared_scene import prepare_scene
 from identify.logs.unknowns import Unknowns, user_start
 from identify.logs.vibration import quieted
 from identify.scene import Scene
-from identify.shooting.features import Features, extract
-from identify.shooting.grid import COARSE_GRID
+from identify.shooting.layout import COARSE_GRID
 from identify.shooting.placing import place
 from identify.shooting.shooting import shooting_problem
-from identify.shooting.starts import GOOD, Start, candidates, fit_features, level_starts, random_starts
+from identify.shooting.starts import (
+    GOOD,
+    Features,
+    Start,
+    candidates,
+    extract,
+    fit_features,
+    level_starts,
+    random_starts,
+)
 
 Array = NDArray[np.float64]
 Sources = Literal["data", "user", "both"]

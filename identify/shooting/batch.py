@@ -215,3 +215,80 @@ def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
             if np.all(np.abs(t - last) <= 1e-12 * np.maximum(last, 1e-9)):
                 break
     return t, margin_after([x, p, u, t])[2]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The force of one simulated cycle as a function of time: stick line, slip, stick line.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def middle_of_fall(force: Array, h: Array, duration: Array) -> Array:
+    """Time of the mid-fall crossing of each row's simulated force (n, steps) [s]."""
+    steps, rows = np.arange(force.shape[1])[None, :], np.arange(force.shape[0])
+    inside = steps * h[:, None] <= duration[:, None] + h[:, None]
+    highest, lowest = (np.where(inside & np.isfinite(force), force, end) for end in (-np.inf, np.inf))
+    with np.errstate(all="ignore"):
+        level = 0.5 * (np.max(highest, axis=1) + np.min(lowest, axis=1))
+    below = (force <= level[:, None]) & (steps > np.argmax(highest, axis=1)[:, None]) & inside
+    after = np.maximum(np.argmax(below, axis=1), 1)
+    f0, f1 = force[rows, after - 1], force[rows, after]
+    w = np.clip(np.where(f0 > f1, (f0 - level) / np.where(f0 > f1, f0 - f1, 1.0), 0.5), 0.0, 1.0)
+    return np.asarray((after - 1 + w) * h)
+
+
+@dataclass(frozen=True)
+class Waves:
+    """The force of simulated cycles as a function of time from their onset: stick line, slip, stick line.
+
+    h (n,) step lengths [s]; duration (n,) of the slips [s]; start, end (n,) force at their ends [N]; slope (n,) of the
+    sticks [N/s]; cubics (4, n * s): coefficients of the powers of the share of every step that has passed.
+    """
+
+    h: Array
+    duration: Array
+    start: Array
+    end: Array
+    slope: Array
+    cubics: Array
+
+    @staticmethod
+    def of(force: Array, h: Array, duration: Array, end: Array, slope: Array) -> Waves:
+        """From the force at the steps (n, s + 1); cubic through the neighbours' slopes: the steps are coarse."""
+        around = np.pad(force, ((0, 0), (1, 1)), mode="edge")
+        tilt = 0.5 * (around[:, 2:] - around[:, :-2])
+        rise, first, last = np.diff(force, axis=1), tilt[:, :-1], tilt[:, 1:]
+        cubics = [force[:, :-1], first, 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise]
+        return Waves(h, duration, force[:, 0], end, slope, np.stack(cubics).reshape(4, -1))
+
+    @staticmethod
+    def of_slips(model: Model, slips: Slips, p: Array, u: Array, rested: NDArray[np.bool_]) -> tuple[Waves, Array]:
+        """Of slips with parameters p (n, n_p) and inputs u (n, 4), those that have not rested a step long; and the time
+        of the middle of their falls (n,) [s]."""
+        n, steps = slips.h.size, slips.states.shape[0]
+        flat = slips.states.transpose(1, 0, 2).reshape(n * steps, -1)
+        force = load_cell(model, flat, np.repeat(p, steps, axis=0), np.repeat(u, steps, axis=0)).reshape(n, steps)
+        duration = np.where(rested, slips.arrest, slips.h)
+        end = load_cell(model, np.nan_to_num(slips.at_arrest), p, u)
+        slope = p[:, model.parameter_names.index("stiffness")] * u[:, 0]
+        return Waves.of(force, slips.h, duration, end, slope), middle_of_fall(force, slips.h, duration)
+
+    def values(self, t: Array) -> Array:
+        """Force (n, b) at times t (n, b) from the onset of each cycle."""
+        return self._at(t)[0]
+
+    def with_rates(self, t: Array) -> tuple[Array, Array]:
+        """Force (n, b) at times t (n, b) from the onset of each cycle, and its rates [N/s]."""
+        value, c, w = self._at(t)
+        rate = ((3.0 * c[3] * w + 2.0 * c[2]) * w + c[1]) / self.h[:, None]
+        return value, np.where((t < 0.0) | (t > self.duration[:, None]), self.slope[:, None], rate)
+
+    def _at(self, t: Array) -> tuple[Array, Array, Array]:
+        """The force (n, b), the coefficients (4, n, b) of the step each time is in, and the share of it that passed."""
+        rows, s = self.h.size, self.slope[:, None]
+        steps = self.cubics.shape[1] // rows
+        u = np.clip(t / self.h[:, None], 0.0, steps - 1e-6)
+        i = u.astype(np.int64)
+        c, w = np.take(self.cubics, i + steps * np.arange(rows)[:, None], axis=1), u - i
+        late = t - self.duration[:, None]
+        value = np.where(late > 0.0, self.end[:, None] + s * late, ((c[3] * w + c[2]) * w + c[1]) * w + c[0])
+        return np.where(t < 0.0, self.start[:, None] + s * t, value), c, w

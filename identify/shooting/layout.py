@@ -14,13 +14,25 @@ from numpy.typing import NDArray
 
 from identify.logs.unknowns import Unknowns
 from identify.shooting.blocks import Block
-from identify.shooting.grid import Grid
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 KNOWN = -1  # index of a slot that holds a constant
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Shooting intervals and RK4 steps per interval in the two parts of a slip: while the bounded state
+    falls (`slip`), and once it is at its bound (`worn`)."""
+
+    slip: int
+    worn: int
+    steps: int
+
+
+COARSE_GRID = Grid(slip=8, worn=8, steps=2)
 
 
 @dataclass(frozen=True)

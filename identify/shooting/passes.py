@@ -19,7 +19,7 @@ from identify.base.budget import time_is_up
 from identify.base.linear import optimality_matrix, solve_equilibrated
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
-from identify.shooting.grid import COARSE_GRID, Grid, fine_grid
+from identify.shooting.layout import COARSE_GRID, Grid
 from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.solve import Solution, solve
@@ -38,6 +38,9 @@ NEAR = 0.1  # largest row of a motion from which the exact Hessian leads on
 LOST = 10.0  # times the misfit with which a pass began, or the noise: one that ends with more has lost its way
 FIRST_WEIGHT, FACTOR = 100.0, 10.0  # of the trust region, in units of the weakest prior, and its change
 REJECTED = 3  # passes in a trust region that fail before the start is given up
+STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
+FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
+SLACK = 0.5  # a linear decay is followed well with twice the step
 
 
 @dataclass(frozen=True)
@@ -144,6 +147,23 @@ def solve_in_passes(
             fitting = fine_grid(logs, moved, unknowns)
             grid = replace(fitting, steps=max(fitting.steps, steps))
     return failed or accepted  # type: ignore[return-value]  # there is a pass at least
+
+
+def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns) -> Grid:
+    """The grid of the fine passes: as many steps as the fastest rate of the worn slips asks for."""
+    names = unknowns.names
+    needed = 0.0
+    for log, trajectory in zip(logs, trajectories, strict=True):
+        p = dict(zip(names, unknowns.values(trajectory.theta(unknowns.start), log.base).tolist(), strict=True))
+        rate = abs(p.get("delta_mu_k", 0.0)) * p.get("a", 0.0) * log.mean_normal_force / p["mass"]
+        decays = np.array(unknowns.model.decays(np.array(list(p.values())))).ravel()
+        rate = max([rate, *(SLACK * decays).tolist()])
+        longest = np.nanmax(
+            np.concatenate([trajectory.arrest - trajectory.wear, (trajectory.arrest - trajectory.onset) / 2, [0.0]])
+        )
+        needed = max(needed, rate * float(longest) / COARSE_GRID.worn / FASTEST)
+    steps = next((s for s in STEPS if s >= needed), STEPS[-1])
+    return replace(COARSE_GRID, steps=steps)
 
 
 def _solve(problem: Problem, *, coarse: bool, exact: bool) -> tuple[Solution, int, bool]:

@@ -15,9 +15,8 @@ from data_io.arrays import thinned
 from identify.logs.log_data import LogData
 from identify.model.model import ELONGATION, Model
 from identify.shooting import batch
-from identify.shooting.batch import Slips
-from identify.shooting.features import Waves
-from identify.shooting.grid import Grid
+from identify.shooting.batch import Slips, Waves
+from identify.shooting.layout import Grid
 from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 
 Array = NDArray[np.float64]

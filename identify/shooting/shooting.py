@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
-from identify.shooting.grid import Grid
-from identify.shooting.layout import Family, Indices, Layout
+from identify.shooting.layout import Family, Grid, Indices, Layout
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.transcription import transcribe
 

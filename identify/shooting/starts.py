@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.logs.fit_mode import moving_pieces
+from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting import batch
-from identify.shooting.features import Features, Waves
+from identify.shooting.batch import Waves
 from identify.simulation.drive import Drive
 
 Array = NDArray[np.float64]
@@ -60,6 +61,111 @@ def _inside(unknowns: Unknowns, theta: Array) -> Array:
     """Theta within its bounds, and fixed where it is not free."""
     finite = np.where(np.isfinite(theta), theta, unknowns.start)
     return np.where(unknowns.free, np.clip(finite, unknowns.lower, unknowns.upper), unknowns.start)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Drift-free features of a log: what one settled cycle of it looks like. The period, and the mean waveform folded around
+# the fall, every cycle shifted onto the mean by its own samples: drifting levels and loads leave them alone.
+# ----------------------------------------------------------------------------------------------------------------------
+
+BINS = 40  # per half natural period
+BEFORE, AFTER = 2.5, 2.0  # half periods around the middle of the fall
+SHARE = 0.42  # of the period: the window never reaches the next fall
+TIMING = 0.3  # of the time between samples: how well they tell a time
+
+
+@dataclass(frozen=True)
+class Features:
+    """One settled cycle of one log. times (b,) [s] from the middle of the fall, waveform (b,) [N] at the mean
+    normal force, sd (b,); period [s] and its sd (period_sd infinite where a log shows one fall only); arrest:
+    valley force [N]; drop [N]; time of its middle cycle [s]."""
+
+    drive_speed: float
+    normal_force: float
+    times: Array
+    waveform: Array
+    sd: Array
+    period: float
+    period_sd: float
+    arrest: float
+    drop: float
+    time: float
+
+
+def extract(log: LogData, falls: Array, half_period: float) -> Features | None:
+    """The features of a log, or None without a fall that can be folded.
+
+    Args:
+        falls: mid-fall times of its cycles (c,) [s].
+        half_period: half the natural period [s].
+    """
+    if falls.size == 0:
+        return None
+    settled, periods = falls[1:] if falls.size >= 3 else falls, np.diff(falls)
+    period = float(np.median(periods)) if periods.size else np.inf
+    width = half_period / BINS
+    lower, upper = -min(BEFORE * half_period, SHARE * period), min(AFTER * half_period, SHARE * period)
+    edges = np.arange(np.floor(lower / width), np.ceil(upper / width) + 1) * width
+    centres, bins = 0.5 * (edges[:-1] + edges[1:]), edges.size - 1
+    local, force, weight, cycle = _fold(log, settled, edges)
+    if local.size < 4:
+        return None
+
+    def per_cycle(values: Array) -> Array:
+        return np.asarray(np.bincount(cycle, weights=values, minlength=settled.size), float)
+
+    shift = np.zeros(settled.size)
+    for sweep in range(4):
+        index = np.floor((local - shift[cycle] - edges[0]) / width).astype(int)
+        inside = (index >= 0) & (index < bins)
+        count = np.bincount(index[inside], weights=weight[inside], minlength=bins)
+        used = count > 0
+        if np.count_nonzero(used) < 4:
+            return None
+        summed = np.bincount(index[inside], weights=(weight * force)[inside], minlength=bins)
+        mean, times = summed[used] / count[used], centres[used]
+        if sweep == 3:
+            break
+        # The level of every cycle onto the mean, then a Gauss-Newton step of its shift; their averages stay.
+        value = np.interp(local - shift[cycle], times, mean)
+        slope = np.interp(local - shift[cycle], times, np.gradient(mean, times))
+        level = per_cycle(weight * (force - value)) / np.maximum(per_cycle(weight), 1e-300)
+        force = force - (level - np.mean(level))[cycle]
+        move = per_cycle(weight * slope * (value - force)) / np.maximum(per_cycle(weight * slope**2), 1e-300)
+        move = np.clip(move, -5 * width, 5 * width)
+        shift = shift + move - np.mean(move)
+    drop, interval = float(np.ptp(mean)), log.interval
+    # Where a fall holds few samples they do not tell when it was, and the mean of many is smeared.
+    smeared = TIMING * interval * min(interval / half_period, 1.0) ** 2 * np.gradient(mean, edges[:-1][used])
+    period_sd = 0.003 * period + TIMING * interval / np.sqrt(max(periods.size, 1)) if periods.size else np.inf
+    if periods.size > 2:
+        period_sd = max(period_sd, 1.25 * float(np.std(periods[1:])) / np.sqrt(periods.size - 1))
+    return Features(
+        log.drive_speed,
+        float(np.mean(log.normal_force.at(settled))),
+        times,
+        mean,
+        np.hypot(np.hypot(count[used] ** -0.5, 0.01 * drop), smeared),
+        period,
+        float(period_sd),
+        float(np.min(mean)),
+        drop,
+        float(np.mean(settled)),
+    )
+
+
+def _fold(log: LogData, falls: Array, edges: Array) -> tuple[Array, Array, Array, NDArray[np.int64]]:
+    """Samples around each fall: local time, force at the mean normal force, weight, cycle."""
+    first = np.searchsorted(log.time, falls + edges[0])
+    lengths = np.maximum(np.searchsorted(log.time, falls + edges[-1]) - first, 0)
+    ends = np.cumsum(lengths)
+    number = np.arange(0, int(ends[-1]), max(int(ends[-1]) // (1 << 14), 1))
+    cycle = np.searchsorted(ends, number, side="right")
+    index = number + (first - (ends - lengths))[cycle]
+    cycle, index = cycle[log.weight[index] > 0], index[log.weight[index] > 0]
+    load = log.normal_force.at(falls)
+    force = log.force[index] * (np.mean(load) / load)[cycle]
+    return log.time[index] - falls[cycle], force, log.weight[index], cycle
 
 
 # ----------------------------------------------------------------------------------------------------------------------

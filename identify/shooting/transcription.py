@@ -16,8 +16,7 @@ from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION, SPEED, Model
 from identify.shooting.blocks import REST_CELLS, AgeingBlock, BlockKind, RestBlock, SlideBlock, SteadyBlock, block
-from identify.shooting.grid import Grid
-from identify.shooting.layout import KNOWN, Family, Indices, Layout, Places
+from identify.shooting.layout import KNOWN, Family, Grid, Indices, Layout, Places
 from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
 from identify.simulation.sliding import linearised
 

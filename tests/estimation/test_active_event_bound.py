@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from identify.estimation.certainty import active_event_bound
-from identify.shooting.grid import COARSE_GRID
+from identify.shooting.layout import COARSE_GRID
 from identify.shooting.passes import Solved
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.solve import solve

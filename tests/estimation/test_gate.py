@@ -11,7 +11,7 @@ import pytest
 from identify.base.outcome import Status
 from identify.estimation.goodness_of_fit import inconsistency, pass_gate
 from identify.model.model import SPEED
-from identify.shooting.grid import COARSE_GRID
+from identify.shooting.layout import COARSE_GRID
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from tests.support import shooting_case as case

@@ -13,7 +13,7 @@ from identify.estimation.bootstrap import _drawn, bootstrap
 from identify.estimation.covariance import information_at
 from identify.estimation.influence import influence
 from identify.estimation.residual_autocorrelation import WHITE, ArModel, autoregression
-from identify.shooting.grid import COARSE_GRID
+from identify.shooting.layout import COARSE_GRID
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting import Problem
 from identify.shooting.solve import solve

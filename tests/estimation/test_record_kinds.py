@@ -27,7 +27,7 @@ from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.shooting.following import follow
-from identify.shooting.grid import COARSE_GRID
+from identify.shooting.layout import COARSE_GRID
 from identify.shooting.shooting import shooting_problem
 from identify.simulation.drive import Drive
 from identify.simulation.simulate import run

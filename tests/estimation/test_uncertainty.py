@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identify.estimation.covariance import ENOUGH, Interval, estimates, information, inverse, widened
-from identify.shooting.grid import COARSE_GRID, Grid
+from identify.shooting.layout import COARSE_GRID, Grid
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting import shooting_problem
 from tests.support import shooting_case as case

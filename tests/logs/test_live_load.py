@@ -21,7 +21,7 @@ from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.report.log_document import _quality
 from identify.scene import Scene
-from identify.shooting.grid import COARSE_GRID
+from identify.shooting.layout import COARSE_GRID
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.placing import place
 from identify.simulation.drive import NormalForce

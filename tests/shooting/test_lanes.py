@@ -7,7 +7,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from identify.shooting import batch as lanes
 from identify.shooting import batch as sliding_lanes
-from identify.shooting.features import Waves
+from identify.shooting.batch import Waves
 from tests.support import shooting_case as case
 
 PER_HALF_PERIOD = 60

@@ -10,7 +10,7 @@ import pytest
 from identify.logs.unknowns import FORGOTTEN
 from identify.model.model import SPEED, assemble
 from identify.shooting.blocks import AgeingBlock
-from identify.shooting.grid import COARSE_GRID, Grid
+from identify.shooting.layout import COARSE_GRID, Grid
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.solve import solve

@@ -10,8 +10,7 @@ import scipy.sparse.linalg as sla
 
 from identify.estimation.influence import sample_moves
 from identify.shooting import blocks
-from identify.shooting.grid import Grid
-from identify.shooting.layout import KNOWN
+from identify.shooting.layout import KNOWN, Grid
 from identify.shooting.shooting import shooting_problem
 from tests.support import oracle
 from tests.support import shooting_case as case

@@ -15,7 +15,7 @@ from identify.logs.log_data import LogData
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
 from identify.shooting.blocks import AgeingBlock, RestBlock
-from identify.shooting.grid import COARSE_GRID
+from identify.shooting.layout import COARSE_GRID
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.placing import place
 from identify.shooting.shooting import shooting_problem

@@ -12,7 +12,7 @@ from identify.effects import MAIN
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS, Model, assemble
-from identify.shooting.grid import Grid
+from identify.shooting.layout import Grid
 from identify.shooting.placing import place
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.simulation.drive import NormalForce
