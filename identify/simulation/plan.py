@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,17 +95,10 @@ class Scales:
 
 def scales(model: Model, p: Array, normal_force: float) -> Scales:
     """Natural time scale sqrt(m/k), and the states a load of one normal force [N] gives; p (n_p,)."""
-    return _scales(model, np.asarray(p, float).tobytes(), float(normal_force))
-
-
-@lru_cache(maxsize=256)
-def _scales(model: Model, parameters: bytes, normal_force: float) -> Scales:
-    p = np.frombuffer(parameters)
     values = dict(zip(model.parameter_names, p.tolist(), strict=True))
     k, m = values["stiffness"], values["mass"]
     state, time = np.ones(len(model.states)), float(np.sqrt(m / k))
     state[ELONGATION], state[SPEED] = normal_force / k, normal_force / np.sqrt(k * m)
-    state.setflags(write=False)
     farthest = float(np.min(np.array(model.finest(p)))) if model.finest.numel_out(0) else np.inf
     # A slip that begins, its contact saturated: it grows from nothing. Then slow and fast sliding.
     begin = [s.start if s.upper is None else s.upper for s in model.states]

@@ -21,7 +21,6 @@ from identify.simulation.stepper import Situated, symbols
 Array = NDArray[np.float64]
 
 _BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
-MARGIN, DRIVE, RESTED = 0, 1, 2  # places in a row
 
 
 @lru_cache(maxsize=32)
@@ -71,14 +70,14 @@ class Resting:
         if limit > 0.0:
             onset = self._by_bisection(limit) if self._concave(limit) else self._by_scan(limit)
         row = self._at(limit if onset is None else onset)
-        return onset, row[RESTED:].copy(), float(row[DRIVE])
+        return onset, row[2:].copy(), float(row[1])
 
     def margin(self, x: Array, situated: Situated) -> tuple[float, float]:
         """By how much a mass at rest in x (n_x,) withstands the drive [N], and the force of the drive [N]."""
         self._x[:] = x
         self._c[:-5], self._c[-5:] = situated.p, situated.numbers
         row = self._at(0.0)
-        return float(row[MARGIN]), float(row[DRIVE])
+        return float(row[0]), float(row[1])
 
     def _at(self, t: float) -> Array:
         self._t[0] = t
@@ -93,9 +92,9 @@ class Resting:
 
     def _by_bisection(self, limit: float) -> float | None:
         """The only zero of a concave margin that is positive at the start, to the last digits (Brent's method)."""
-        if self._at(limit)[MARGIN] > 0.0:
+        if self._at(limit)[0] > 0.0:
             return None
-        return float(brentq(lambda t: self._at(t)[MARGIN], 0.0, limit, xtol=1e-300, rtol=4.0 * np.finfo(float).eps))
+        return float(brentq(lambda t: self._at(t)[0], 0.0, limit, xtol=1e-300, rtol=4.0 * np.finfo(float).eps))
 
     def _by_scan(self, limit: float) -> float | None:
         """The first zero of the margin; where it is positive without what oscillates, by more than the force of that,
@@ -104,7 +103,7 @@ class Resting:
 
         def margin(times: Array) -> Array:
             if times.size == 1:
-                return self._at(float(times[0]))[MARGIN : MARGIN + 1]
+                return self._at(float(times[0]))[:1]
             return self._at_times(self._margins, times)
 
         def least(times: Array) -> Array:

@@ -20,7 +20,7 @@ from identify.scene.tables import quantity
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.phases import Machine, phases
 from identify.simulation.plan import ACCURACY, SAFETY, Plan, Stepping, accuracy_for, admit, plan, scales
-from identify.simulation.trajectory import Second, Trajectory
+from identify.simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from identify.scene import Scene
@@ -93,9 +93,7 @@ def run(
         with closing(Machine(model, p, scale, steps, locate=asked.locate)) as machine:
             motion = tuple(phases(machine, programme, load, duration, x))
         other, share = steps.other()
-        return Trajectory(
-            model, motion, duration, accuracy, Second(lambda: made(other), share, other.rtol < steps.rtol)
-        )
+        return Trajectory(model, motion, duration, accuracy, lambda: made(other), share)
 
     return made(plan(scale, asked))
 

@@ -52,17 +52,6 @@ def averaged(force: Callable[[Array], Array], edges: Array, times: Array, span: 
     return np.where(length > 0.0, mean, force(times))
 
 
-def rest_edges(duration: float, rates: Array, omegas: Array) -> Array:
-    """Times [s] from the start of a rest between which its force is smooth: decay rates [1/s], frequencies [rad/s]."""
-    pieces = [np.array([0.0, duration])]
-    for rate in rates:
-        pieces.append(np.arange(0.0, min(duration, 40.0 / rate), TURN / rate))  # then below rounding
-    fastest = float(np.max(omegas, initial=0.0))
-    if fastest > 0.0:
-        pieces.append(np.linspace(0.0, duration, 2 + int(duration * fastest / TURN)))
-    return np.unique(np.concatenate(pieces))
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # The motion at any times: rests in closed form, slips inside the steps they were taken by, many in one call.
 # ----------------------------------------------------------------------------------------------------------------------
@@ -137,28 +126,20 @@ class Achieved:
         return self.switches <= accuracy and self.forces <= accuracy
 
 
-@dataclass(frozen=True)
-class Second:
-    """Another run of the same scene, the share of the distance to it that is the first one's error, and whether it is
-    the finer one of the two."""
-
-    run: Callable[[], Trajectory]
-    share: float
-    finer: bool
-
-
 @dataclass(frozen=True, repr=False)
 class Trajectory:
     """A simulated motion: its phases in order, and everything that can be sampled from them.
 
-    `duration` [s] counts from the start of the simulation; all quantities are SI. `accuracy` was asked for.
+    `duration` [s] counts from the start of the simulation; all quantities are SI. `accuracy` was asked for. second:
+    another run of the same scene, of the distance to which `share` is the error of this one (above 1: it is finer).
     """
 
     model: Model
     phases: Sequence[Phase]
     duration: float
     accuracy: float | None = None
-    second: Second | None = field(default=None, repr=False, compare=False)
+    second: Callable[[], Trajectory] | None = field(default=None, repr=False, compare=False)
+    share: float = 0.0
 
     @cached_property
     def achieved(self) -> Achieved | None:
@@ -167,13 +148,13 @@ class Trajectory:
         if self.second is None:
             return None
         apart = distance(self, self._other)
-        share = self.second.share
-        return Achieved(share * apart.switches + 1e-13, share * apart.forces + 1e-13)  # no estimate says less
+        # No estimate says less than the last digits.
+        return Achieved(self.share * apart.switches + 1e-13, self.share * apart.forces + 1e-13)
 
     @cached_property
     def _other(self) -> Trajectory:
         assert self.second is not None
-        return self.second.run()
+        return self.second()
 
     def refined(self) -> Trajectory:
         """The same scene as finely as its accuracy asks for: this motion where its estimated errors are within the
@@ -181,14 +162,14 @@ class Trajectory:
 
         A motion that nearly does two things needs more than a plan can know beforehand.
         """
-        if self.second is None or self.accuracy is None or not self.second.finer:
+        if self.second is None or self.accuracy is None or self.share < 1.0:
             return self
         apart = distance(self, self._other)
-        if apart.within(self.accuracy / self.second.share):
+        if apart.within(self.accuracy / self.share):
             return self
         # The finer one was compared already: its own error is a small share of the same distance.
         if apart.within(self.accuracy / LOOSER_SHARE):
-            return replace(self._other, second=Second(lambda: self, LOOSER_SHARE, False))
+            return replace(self._other, second=lambda: self, share=LOOSER_SHARE)
         return self._other.refined()
 
     @property
@@ -269,10 +250,16 @@ class Trajectory:
     @cached_property
     def _edges(self) -> Array:
         """Times between which the force is smooth [s]."""
-        p = self.phases[0].situated.p
+        p, pieces = self.phases[0].situated.p, [np.array([0.0, self.duration])]
         rates, omegas = (np.array(f(p)).ravel() for f in (self.model.decays, self.model.waves))
-        inner = [p.start + (rest_edges(p.duration, rates, omegas) if p.mode == "stick" else p.t) for p in self.phases]
-        return np.unique(np.concatenate([[0.0, self.duration], *inner]))
+        fastest = float(np.max(omegas, initial=0.0))
+        for phase in self.phases:
+            local = [phase.t]
+            if phase.mode == "stick":  # a decay until it is below rounding
+                local += [np.arange(0.0, min(phase.duration, 40.0 / rate), TURN / rate) for rate in rates]
+                local.append(np.linspace(0.0, phase.duration, 2 + int(phase.duration * fastest / TURN)))
+            pieces += [phase.start + times for times in local]
+        return np.unique(np.concatenate(pieces))
 
     def _moments(self, t: Array) -> dict[str, Array]:
         """The samples at rising times t (n,) [s], the force of the moment."""
