@@ -10,7 +10,7 @@ the polynomial is composed with that affine map and the residuals stay exact fun
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import ClassVar, Literal
 
 import casadi as ca
@@ -333,10 +333,7 @@ class Block:
     values: Mapped
     derivatives: Mapped
     expressions: tuple[ca.SX, ca.SX, ca.SX, ca.SX]  # slots, constants, rows, curve
-    drive_speed: int  # its place among the constants
-    n_states: int
-    moving: tuple[int, ...]  # states that are not held at their bounds
-    curved: tuple[int, ...]  # slots on which rows and curve depend not only linearly: not the end of a slide
+    model: Model
     one_step: tuple[Block, Block] | None = None  # of a slide in several: a step of it, and the last one
 
     def evaluate(self, slots: Array, constants: Array, *, derivatives: bool) -> tuple[Array, ...]:
@@ -357,20 +354,34 @@ class Block:
         (B, n_cells * order). Built on first use: only solves that need the exact Hessian ask for it."""
         if self.one_step is not None:
             return self._hessian_by_steps(slots, constants, on_rows, on_curve)
-        out = np.zeros((slots.shape[0], self.n_slots, self.n_slots))
-        index = np.array(self.curved)
-        some = _second(self)([slots, constants, on_rows, on_curve])[0]
+        out, index = np.zeros((slots.shape[0], self.n_slots, self.n_slots)), np.array(self._curved)
+        some = self._second([slots, constants, on_rows, on_curve])[0]
         out[:, index[:, None], index] = some.reshape(-1, index.size, index.size)
         return out
+
+    @property
+    def _curved(self) -> list[int]:
+        """Slots on which rows and curve depend not only linearly: not the end of a slide."""
+        end = range(len(self.model.states), 2 * len(self.model.states)) if isinstance(self.kind, SlideBlock) else ()
+        return [i for i in range(self.n_slots) if i not in end]
+
+    @cached_property
+    def _second(self) -> Mapped:
+        slots, constants, rows, curve = self.expressions
+        on_rows, on_curve = ca.SX.sym("on_rows", self.n_rows), ca.SX.sym("on_curve", curve.numel())
+        weighted = ca.dot(on_rows, rows) + ca.dot(on_curve, curve)
+        second, _ = ca.hessian(weighted, ca.vertcat(*(slots[i] for i in self._curved)))
+        return Mapped(ca.Function("block_second", [slots, constants, on_rows, on_curve], [ca.densify(second)]))
 
     def _hessian_by_steps(self, slots: Array, constants: Array, on_rows: Array, on_curve: Array) -> Array:
         """As `hessian`, from the second derivatives of single steps: sensitivities of the states forwards, adjoints
         backwards (Griewank and Walther, Evaluating Derivatives, 2008, ch. 3). The code of a step is a tenth of that of
         the steps written out, so that it is compiled in a second, and is the same for any number of them."""
         assert self.one_step is not None and isinstance(self.kind, SlideBlock)
-        (inner, last), steps, n_x = self.one_step, self.kind.steps, self.n_states
-        count, moving = slots.shape[0], np.array(self.moving)
-        end, scale = slice(n_x, 2 * n_x), slice(self.drive_speed - n_x, self.drive_speed)
+        (inner, last), steps, n_x = self.one_step, self.kind.steps, len(self.model.states)
+        clamped, n_p = _clamped(self.model, self.kind.worn), len(self.model.parameters)
+        count, moving = slots.shape[0], np.array([i for i in range(n_x) if i not in clamped])
+        end, scale = slice(n_x, 2 * n_x), slice(n_p, n_p + n_x)
         at, of = (np.repeat(each[None], steps, axis=0) for each in (slots, constants))
         shares = np.arange(steps + 1)[:, None] / steps
         fractions = constants[:, -2] + (constants[:, -1] - constants[:, -2]) * shares
@@ -400,23 +411,13 @@ class Block:
         on_inner = pulls[:, :-1].transpose(1, 0, 2).reshape(-1, self.order)
         second = inner.hessian(at_inner, of_inner, on_steps.reshape(-1, moving.size), on_inner)
         final = last.hessian(at[-1], of[-1], on_rows, pulls[:, -1])
-        bends = np.concatenate([second.reshape(steps - 1, *final.shape), final[None]])
-        by_state = np.matmul(bends[..., :n_x], states)  # (steps, B, n_slots, n_slots)
-        by_state[..., :n_x, n_x:] += bends[..., :n_x, n_x:]
+        second = np.concatenate([second.reshape(steps - 1, *final.shape), final[None]])
+        by_state = np.matmul(second[..., :n_x], states)  # (steps, B, n_slots, n_slots)
+        by_state[..., :n_x, n_x:] += second[..., :n_x, n_x:]
         out = np.matmul(states.swapaxes(-1, -2), by_state[..., :n_x, :]).sum(axis=0)
         out[:, n_x:] += by_state[..., n_x:, :].sum(axis=0)
-        out[:, n_x:, n_x:] += bends[..., n_x:, n_x:].sum(axis=0)
+        out[:, n_x:, n_x:] += second[..., n_x:, n_x:].sum(axis=0)
         return np.asarray(out)
-
-
-@lru_cache(maxsize=64)
-def _second(of: Block) -> Mapped:
-    """The mapped function behind `Block.hessian`."""
-    slots, constants, rows, curve = of.expressions
-    on_rows, on_curve = ca.SX.sym("on_rows", of.n_rows), ca.SX.sym("on_curve", curve.numel())
-    weighted = ca.dot(on_rows, rows) + ca.dot(on_curve, curve)
-    second, _ = ca.hessian(weighted, ca.vertcat(*(slots[i] for i in of.curved)))
-    return Mapped(ca.Function("block_second", [slots, constants, on_rows, on_curve], [ca.densify(second)]))
 
 
 @lru_cache(maxsize=64)
@@ -428,22 +429,9 @@ def block(model: Model, kind: BlockKind) -> Block:
     # Together they take a fifth less than the two one by one.
     jacobian = ca.densify(ca.jacobian(ca.vertcat(rows, curve), slots))
     derivatives = ca.Function(f"{name}_derivatives", [slots, s.constants], [rows, curve, jacobian])
-    worn, one_step = isinstance(kind, SlideBlock | SteadyBlock) and kind.worn, None
+    one_step = None
     if isinstance(kind, SlideBlock) and kind.steps > 1:
         one_step = block(model, replace(kind, steps=1, released=False)), block(model, replace(kind, steps=1))
-    clamped, n_x, count = _clamped(model, worn), len(model.states), slots.numel()
-    return Block(
-        kind,
-        n_slots=count,
-        n_rows=rows.numel(),
-        n_cells=cells.shape[1],
-        order=cells.shape[0],
-        values=Mapped(values),
-        derivatives=Mapped(derivatives),
-        expressions=(slots, s.constants, rows, curve),
-        drive_speed=len(model.parameters) + n_x,
-        n_states=n_x,
-        moving=tuple(i for i in range(n_x) if i not in clamped),
-        curved=tuple(i for i in range(count) if not (isinstance(kind, SlideBlock) and n_x <= i < 2 * n_x)),
-        one_step=one_step,
-    )
+    sizes = slots.numel(), rows.numel(), cells.shape[1], cells.shape[0]
+    expressions = slots, s.constants, rows, curve
+    return Block(kind, *sizes, Mapped(values), Mapped(derivatives), expressions, model, one_step)
