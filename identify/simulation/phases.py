@@ -259,19 +259,6 @@ def from_zero(value: Callable[[float], float], h: float) -> float:
 MAX_PHASES = 2_000_000
 
 
-def _chatter(t: float, longest: float) -> str:
-    """Why time does not pass at t [s], where no phase is longer than that [s], and what to do."""
-    if longest > 0.0 and t + longest == t:
-        return (
-            f"at {t:.6g} s slips of {longest:.3g} s are less than the last digit of the time: the rest before them is "
-            "too long for their forces to be told; start shortly before the onset, with the elongation it has there"
-        )
-    return (
-        f"the contact sticks and slips without time passing at {t:.6g} s (chatter): "
-        "the static coefficient hardly exceeds the kinetic one; simulate sliding instead"
-    )
-
-
 def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: float, x: Array) -> Iterator[Phase]:
     """The phases of the motion from state x (n_x,), one by one, until `duration` [s].
 
@@ -281,9 +268,8 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
     """
     model, p = machine.model, machine.p
     ends = breaks(drive, normal_force, duration)
-    t, segment, marked, longest = 0.0, 0, -np.inf, 0.0
+    t, segment, marked, direction = 0.0, 0, -np.inf, 1.0
     mode: ModeName = "stick"
-    direction = 1.0
     if x[SPEED] != 0.0:
         direction = float(np.sign(x[SPEED]))
         mode = machine.begins(Situated(p, drive.at(0.0), direction, *normal_force.line(0.0)), x)
@@ -297,14 +283,17 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
         else:
             phase = slide = machine.slide(mode, x, situated, limit)
             machine.check_braking(slide)
-        end, longest = phase.start + phase.duration, max(longest, phase.duration)
-        if number % 1000 == 999:  # rests and slides within one moment: chatter, refused by name
+        if number % 1000 == 999:
             if t - marked < machine.scale.time:
-                raise SimulationError(_chatter(t, longest))
-            marked, longest = t, 0.0
+                raise SimulationError(
+                    f"the contact sticks and slips without time passing at {t:.6g} s (chatter): simulate sliding where "
+                    "the static coefficient hardly exceeds the kinetic one; after a long rest start shortly before its "
+                    "end, with the elongation it has there"
+                )
+            marked = t
         if phase.duration > 0.0:
             yield phase
-        t, x = end, phase.end
+        t, x = phase.start + phase.duration, phase.end
         if phase.ended_by is None:
             t, segment = float(ends[segment]), segment + 1
             if segment == ends.size:
