@@ -380,9 +380,9 @@ def _with_next_logs(findings: Findings, trace: Trace, progress: Progress) -> tup
     if findings.status is not Status.CONVERGED or findings.attempt is None:
         return findings, ()
     progress("the log that would tell more", 0.95)
-    advice = next_logs(findings)
-    if advice is not None:
-        return advised(findings, advice), advice.logs
+    logs = next_logs(findings)
+    if logs is not None:
+        return advised(findings, logs), logs
     if time_is_up():
         trace.not_tried.append("the log that would tell more")
     return findings, ()

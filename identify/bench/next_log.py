@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,29 +14,18 @@ from identify.base.outcome import Status
 from identify.base.result import NextLogResult
 from identify.base.wording import speed_text, three_figures
 from identify.bench.design import Knowledge, LogDesign, choose
-from identify.bench.plan import BUDGET, LONGEST, dialled, drawn_places, driven
-from identify.bench.plan_words import two_figures
+from identify.bench.plan import BUDGET, LONGEST, dialled, drawn_places, driven, two_figures
 from identify.diagnosis.findings import Findings
-from identify.estimation.covariance import IDENTIFIED, Estimate, inverse
+from identify.estimation.covariance import Estimate, inverse
 from identify.estimation.fit_wording import hints, onsets
 from identify.logs.vibration import rhythmic
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Advice:
-    """The logs to add, one after the other; the parameters that no log of one speed, of up to `longest` [s], is
-    expected to identify."""
-
-    logs: tuple[NextLogResult, ...]
-    open: tuple[str, ...]
-    longest: float
-
-
-def next_logs(found: Findings) -> Advice | None:
-    """The logs that would identify what a converged fit calls weak or not identifiable; None where nothing is left,
-    fewer than two sticks end in a slip, or the time is up before they are chosen."""
+def next_logs(found: Findings) -> tuple[NextLogResult, ...] | None:
+    """The logs that would identify what a converged fit calls weak or not identifiable, one after the other; None where
+    nothing is left, fewer than two sticks end in a slip, or the time is up before they are chosen."""
     knowledge = _knowledge(found)
     if knowledge is None:
         return None
@@ -46,13 +36,11 @@ def next_logs(found: Findings) -> Advice | None:
     planned = choose(knowledge, [LogDesign(speed, load) for speed in dialled(speeds)], BUDGET)
     if time_is_up():
         return None
-    proposed = tuple(
+    return tuple(
         NextLogResult(log.design.speed, load, two_figures(log.duration), log.rate, log.slips, log.identifies)
         for log in planned
         if log.identifies
     )
-    open_ = tuple(name for name in knowledge.targets if not any(name in log.expected for log in proposed))
-    return Advice(proposed, open_, knowledge.longest)
 
 
 def _knowledge(found: Findings) -> Knowledge | None:
@@ -96,34 +84,23 @@ def _knowledge(found: Findings) -> Knowledge | None:
     )
 
 
-def advised(found: Findings, advice: Advice) -> Findings:
+def advised(found: Findings, logs: Sequence[NextLogResult]) -> Findings:
     """The findings with the log to add beside every verdict that leaves something open."""
     assert found.attempt is not None and found.sure is not None
     attempt = found.attempt
     shown = hints(attempt.fitted_logs, attempt.solved.trajectories, found.unknowns, attempt.solved.theta)
 
     def with_log(estimate: Estimate) -> Estimate:
-        name, reason, none = estimate.name, estimate.reason, ""
-        remedy, hint = remedy_for(name, advice), shown.get(name)
-        if remedy and hint is not None and str(hint) in reason:
-            return replace(estimate, reason=reason.replace(str(hint), f"{hint.shown}: {remedy}"))
-        if not advice.logs and name in advice.open:  # beside a log that identifies others it is too soon to say so
-            none = (
-                f"as far as these logs show, none of up to {three_figures(advice.longest)} s at one speed, this load "
-                f"and on this rig would identify it to {100.0 * IDENTIFIED:.0f} %"
-            )
-        return replace(estimate, reason="; ".join(filter(None, (reason, remedy, none))))
+        log, hint = next((log for log in logs if estimate.name in log.expected), None), shown.get(estimate.name)
+        if log is None:
+            return estimate
+        remedy = (
+            f"add a log of {log.duration:.6g} s at {speed_text(log.drive_speed, 3)} and "
+            f"{three_figures(log.normal_force)} N, sampled at {log.sampling_rate:.0f} Hz, which is expected to "
+            f"identify it to {math.ceil(100.0 * log.expected[estimate.name])} %"
+        )
+        if hint is not None and str(hint) in estimate.reason:
+            return replace(estimate, reason=estimate.reason.replace(str(hint), f"{hint.shown}: {remedy}"))
+        return replace(estimate, reason="; ".join(filter(None, (estimate.reason, remedy))))
 
     return replace(found, sure=replace(found.sure, estimates=[with_log(each) for each in found.sure.estimates]))
-
-
-def remedy_for(name: str, advice: Advice) -> str:
-    """The log to add for one parameter; "" where none is known."""
-    for log in advice.logs:
-        if name in log.expected:
-            words = (
-                f"a log of {log.duration:.6g} s at {speed_text(log.drive_speed, 3)} and "
-                f"{three_figures(log.normal_force)} N, sampled at {log.sampling_rate:.0f} Hz"
-            )
-            return f"add {words}, which is expected to identify it to {math.ceil(100.0 * log.expected[name])} %"
-    return ""

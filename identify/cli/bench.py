@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from data_io import Record
     from identify.base.result import Result
     from identify.bench.plan import Choices, RecordingPlan
-    from identify.bench.records import Measured
+    from identify.bench.rig import Measured
     from identify.scene import Scene
 
 KNOWN = {"mass": "kg", "stiffness": "N/m"}
@@ -58,8 +58,7 @@ def _rig(arguments: Namespace, terminal: Terminal) -> Answer:
 
     from data_io.atomic import atomic_write
     from identify.base.wording import wrapped
-    from identify.bench.calibration import calibrated
-    from identify.bench.rig_file import NAMED, REMEDIES, disagreement, rig_toml, shown
+    from identify.bench.rig import NAMED, REMEDIES, calibrated, disagreement, rig_toml, shown
 
     measured = [*_measured(arguments), *(_known(text) for text in arguments.known)]
     rig = calibrated(measured, SPEED_TOLERANCE, MASS_TOLERANCE)
@@ -94,7 +93,7 @@ def _rig(arguments: Namespace, terminal: Terminal) -> Answer:
 
 def _measured(arguments: Namespace) -> list[Measured]:
     """What each log tells, by its kind: it rings down, or it rises at stiffness times drive speed."""
-    from identify.bench.records import rings, sticks
+    from identify.bench.rig import rings, sticks
 
     logs = [Path(log) for log in arguments.logs]
     logs += [Path(skin) for skin in arguments.skin if Path(skin).name not in {log.name for log in logs}]
@@ -147,7 +146,7 @@ def _by_log(items: Sequence[str], option: str, logs: Sequence[Path]) -> Mapping[
 
 def _known(text: str) -> Measured:
     """A quantity that was measured otherwise, "mass=180 g ± 2 g"."""
-    from identify.bench.records import Measured
+    from identify.bench.rig import Measured
 
     name, _, stated = text.partition("=")
     value, sign, error = stated.replace("+-", "±").replace("+/-", "±").partition("±")
@@ -189,8 +188,7 @@ def _plan(arguments: Namespace, terminal: Terminal) -> Answer:
     out = None if arguments.out is None else file_to_write(arguments.out, "--out")
 
     from data_io.atomic import atomic_write
-    from identify.bench.plan import Choices
-    from identify.bench.plan_words import plan_document, plan_text, step_table
+    from identify.bench.plan import Choices, plan_document, plan_text, step_table
 
     choices = Choices(
         speeds=positives(arguments.speed, "m/s", "--speed"),

@@ -13,11 +13,18 @@ from identify.cli.common import Answer, CommandLineError, Terminal, file_to_writ
 from identify.cli.points import PairAtPoint, one_pair, operating_points
 from identify.prediction.axes import axis, known_axes
 from identify.prediction.draws import POINT, Draws
-from identify.prediction.maps import Chart, LineMap, around, chart, check_data_path, line_map, write_map
-from identify.prediction.point_prediction import NoAnswer, PointPrediction
-from identify.prediction.predict import predict, predictions
+from identify.prediction.maps import (
+    Chart,
+    LineMap,
+    around,
+    chart,
+    check_data_path,
+    line_map,
+    stabilising_changes,
+    write_map,
+)
+from identify.prediction.predict import NoAnswer, PointPrediction, predict, predictions
 from identify.prediction.sources import Tested, existing_result
-from identify.prediction.stabilising import stabilising_changes
 from identify.prediction.wording import ranges_text, said
 from identify.report.report_wording import OUTCOMES
 from identify.scene.tables import nearest

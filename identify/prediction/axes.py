@@ -11,15 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from identify.base.errors import SimulationError
 from identify.model.model import Model
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 AREA = ("contact_area", "area_force", "area_exponent")
 
@@ -59,9 +59,9 @@ class Axis:
         """The coordinate of a value: its logarithm, or its share of a typical size."""
         return float(np.log(value)) if self.logarithmic else value / self._size
 
-    def value_at(self, place: Any) -> Any:
+    def value_at(self, place: ArrayLike) -> Array:
         """The value at a coordinate; arrays too."""
-        return np.exp(place) if self.logarithmic else place * self._size
+        return np.asarray(np.exp(place) if self.logarithmic else np.multiply(place, self._size))
 
     @property
     def _size(self) -> float:
@@ -92,11 +92,8 @@ EVEN = ("mu_s", "mu_k0", "delta_mu_k")
 
 def known_axes(model: Model) -> tuple[str, ...]:
     """Names of every quantity that can be moved in a model."""
-    names = [name for name in OWN if name != "zeta" or "damping" in model.parameter_names]
-    return (
-        *(name for name in names if name not in FOR_ADVICE),
-        *(p.name for p in model.parameters if p.name not in AREA),
-    )
+    without = (*FOR_ADVICE, *(() if "damping" in model.parameter_names else ("zeta",)))
+    return (*(n for n in OWN if n not in without), *(n for n in model.parameter_names if n not in AREA))
 
 
 def axis(site: Site, name: str) -> Axis:
@@ -117,23 +114,22 @@ def axis(site: Site, name: str) -> Axis:
     return Axis(name, WORDS.get(name, p.symbol), p.unit, value, p.lower, p.upper, powers)
 
 
-def _named(site: Site, settings: Array) -> dict[str, Any]:
-    """Settings (..., n_w) by name: parameters, "normal_force", "drive_speed"."""
-    names = (*site.model.parameter_names, "normal_force", "drive_speed")
-    return dict(zip(names, np.moveaxis(settings, -1, 0), strict=True))
-
-
 def quantity_of(site: Site, name: str, settings: Array) -> Array:
     """The values of a quantity at settings (..., n_w) of a point's contact."""
-    v = _named(site, settings)
+    v = _named(site.model, settings)
     if name == "mu_step":
-        return np.asarray(v["mu_s"] - v["mu_k0"])
+        return v["mu_s"] - v["mu_k0"]
     if name == "zeta":
-        return np.asarray(v["damping"] / (2.0 * v["stiffness"]))
+        return v["damping"] / (2.0 * v["stiffness"])
     if name in ("area", "pressure"):
         area = (site.area or np.nan) * (v["normal_force"] / site.normal_force) ** site.area_exponent
-        return np.asarray(area if name == "area" else v["normal_force"] / area)
-    return np.asarray(v[name.removesuffix("_at_zeta")])
+        return area if name == "area" else v["normal_force"] / area
+    return v[name.removesuffix("_at_zeta")]
+
+
+def _named(model: Model, settings: Array) -> dict[str, Array]:
+    """Settings (..., n_w) by name: parameters, "normal_force", "drive_speed"."""
+    return dict(zip((*model.parameter_names, "normal_force", "drive_speed"), np.moveaxis(settings, -1, 0), strict=True))
 
 
 def check_axes(site: Site, names: Sequence[str]) -> None:
@@ -154,53 +150,46 @@ def check_axes(site: Site, names: Sequence[str]) -> None:
         )
 
 
-def moved(site: Site, changes: Mapping[str, Any], settings: Array | None = None) -> Array:
+def moved(site: Site, changes: Mapping[str, ArrayLike], settings: Array | None = None) -> Array:
     """The settings (..., n_w) of a point, or of others of its contact (n, n_w), with some quantities moved; values may
     be arrays of one shape."""
-    columns = np.broadcast_arrays(*moved_values(site, changes, settings).values())
-    return np.stack([np.asarray(column, float) for column in columns], axis=-1)
+    return np.stack(np.broadcast_arrays(*moved_values(site, changes, settings).values()), axis=-1)
 
 
-def moved_values(site: Site, changes: Mapping[str, Any], settings: Array | None = None) -> dict[str, Any]:
+def moved_values(site: Site, changes: Mapping[str, ArrayLike], settings: Array | None = None) -> dict[str, Array]:
     """The same by name (parameters, "normal_force", "drive_speed")."""
-    now = _named(site, site.setting if settings is None else settings)
-    v = now | {name: value for name, value in changes.items() if name in now}
-    if "mu_k0" in changes and "mu_s" not in changes:
-        v["mu_s"] = changes["mu_k0"] + (now["mu_s"] - now["mu_k0"])
-    if "mu_step" in changes:
-        v["mu_s"] = v["mu_k0"] + changes["mu_step"]
-    if "stiffness_at_zeta" in changes:
-        v["stiffness"] = changes["stiffness_at_zeta"]
+    now = _named(site.model, site.setting if settings is None else settings)
+    new = {name: np.asarray(value, float) for name, value in changes.items()}
+    v = now | {name: value for name, value in new.items() if name in now}
+    if "mu_k0" in new and "mu_s" not in new:
+        v["mu_s"] = new["mu_k0"] + (now["mu_s"] - now["mu_k0"])
+    if "mu_step" in new:
+        v["mu_s"] = v["mu_k0"] + new["mu_step"]
+    if "stiffness_at_zeta" in new:
+        v["stiffness"] = new["stiffness_at_zeta"]
         v["damping"] = v["damping"] * (v["stiffness"] / now["stiffness"])
-    if "zeta" in changes:
-        v["damping"] = 2.0 * changes["zeta"] * v["stiffness"]
-    v["normal_force"], area = _load_and_area(site, now["normal_force"], changes)
-    if "contact_area" in v and area is not None:
+    if "zeta" in new:
+        v["damping"] = 2.0 * new["zeta"] * v["stiffness"]
+    area, pressure = new.get("area"), new.get("pressure")
+    if site.area is None or (area is None and pressure is None):
+        return v
+    if area is None:
+        assert pressure is not None
+        if "normal_force" not in new:  # along A = A_0 (F_n/F_0)^e: p = p_0 (F_n/F_0)^(1 - e)
+            share = pressure * site.area / site.normal_force
+            v["normal_force"] = site.normal_force * share ** (1.0 / (1.0 - site.area_exponent))
+        area = v["normal_force"] / pressure
+    elif "normal_force" not in new:
+        v["normal_force"] = (site.normal_force / site.area if pressure is None else pressure) * area
+    if "contact_area" in v:
         v["contact_area"] = area * (v["normal_force"] / v["area_force"]) ** (-v["area_exponent"])
     return v
 
 
-def _load_and_area(site: Site, now: Any, changes: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Normal force, and the nominal area where it is no longer that of the law at the point."""
-    given: dict[str, Any] = {name: changes.get(name) for name in ("normal_force", "area", "pressure")}
-    load, area, pressure = given.values()
-    if site.area is None or (area is None and pressure is None):
-        return (now if load is None else load), None
-    if load is not None:
-        return load, (load / pressure if area is None else area)
-    if area is None:  # along the area law A = A_0 (F_n/F_0)^e: p = p_0 (F_n/F_0)^(1 - e)
-        share = pressure * site.area / site.normal_force
-        load = site.normal_force * share ** (1.0 / (1.0 - site.area_exponent))
-        return load, load / pressure
-    pressure = site.normal_force / site.area if pressure is None else pressure
-    return pressure * area, area
-
-
-def admissible(model: Model, settings: Array) -> Any:
+def admissible(model: Model, settings: Array) -> Bools:
     """Whether the model takes settings (..., n_w), shape (...): every parameter within its bounds, friction falls and
     stays positive."""
-    p = settings[..., :-2]
-    v = dict(zip(model.parameter_names, np.moveaxis(p, -1, 0), strict=True))
+    v = _named(model, settings)
     inside = np.all([(q.lower <= v[q.name]) & (v[q.name] <= q.upper) for q in model.parameters], axis=0)
     kinetic = v["mu_k0"] + np.minimum(v.get("delta_mu_k", 0.0), 0.0)
-    return inside & (v["mu_s"] > v["mu_k0"]) & (kinetic > 0.0)
+    return np.asarray(inside & (v["mu_s"] > v["mu_k0"]) & (kinetic > 0.0))

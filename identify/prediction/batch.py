@@ -25,9 +25,7 @@ from identify.prediction.orbit import (
     RESOLVED,
     Cycle,
     CycleMap,
-    Orbit,
     bounds_at_rest,
-    close,
     rested,
     slide_limits,
 )
@@ -472,10 +470,3 @@ def _extremes(v0: Array, v1: Array, d0: Array, d1: Array) -> tuple[Array, Array]
     s = np.clip(np.where(np.isfinite(places), places, 0.0), 0.0, 1.0)
     values = v0 + s * (d0 + s * (b + s * a / 3.0))
     return np.max(values, axis=0), np.min(values, axis=0)
-
-
-def settled_orbit(map_: CycleMap, drive_speed: float) -> Orbit | None:
-    """The orbit on which the motion from a rested contact settles at a drive speed [m/s], closed by Newton's method."""
-    batch = CycleBatch(map_.model, map_.setting(drive_speed)[None])
-    found = batch.settle(batch.rested())
-    return close(map_, found.y[0], drive_speed, float(batch.growth[0])) if found.periodic[0] else None

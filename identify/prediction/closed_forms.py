@@ -1,4 +1,4 @@
-"""The paper's closed forms of a cycle in SI (eqs. 8-25), and whether the nonlinear model agrees with them.
+"""Dimensionless groups, and the paper's closed forms of a cycle in SI (eqs. 8-25) beside the nonlinear model's answer.
 
 The linearised slip (docs/equations.md, sections 1 and 4) of a contact that its stick has saturated, from the exact
 breakaway (damper force included); of use where a V_max << 1.
@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from identify.effects import MAIN
 from identify.prediction import amplitude, stability
-from identify.prediction.groups import QUANTITIES, formed
+from identify.prediction.stability import QUANTITIES, settings
 
 Array = NDArray[np.float64]
+Numbers = float | Array
 
 AGREES = 0.05  # relative difference up to which a closed form is called valid at an operating point
 KNOWN = (*MAIN, "driven_damping", "linear_weakening", "varying_normal_force")  # effects, at one operating point
@@ -26,11 +27,85 @@ CYCLE = ("drop", "period", "slip_duration", "peak_speed")
 
 
 @dataclass(frozen=True)
+class Groups:
+    """The groups; units and meanings stand in MEANING. NaN where a rig at rest (v0 = 0) has none.
+
+    Floats, arrays where the arguments were arrays.
+    """
+
+    omega_n: Annotated[Numbers, "rad/s", "natural frequency of the mass on the spring"]
+    zeta: Annotated[Numbers, "", "damping ratio h/2k"]
+    w: Annotated[Numbers, "", "dimensionless load F_n / (v0 sqrt(m k))"]
+    tau_cr: Annotated[Numbers, "", "creep time in units of 1/omega_n"]
+    v_cr: Annotated[Numbers, "m/s", "speed D/t_cr above which sliding wears off all contact ageing"]
+    v_acr: Annotated[Numbers, "", "drive speed over v_cr"]
+    gamma_0: Annotated[Numbers, "", "saturation of the contact in steady sliding"]
+    v_a: Annotated[Numbers, "", "drive speed in units of the speed over which kinetic friction changes"]
+    alpha: Annotated[Numbers, "", "effective damping ratio of the linearised slip; at -1 and below that law runs away"]
+    xi_o: Annotated[Numbers, "", "equilibrium elongation of the linearised slip"]
+    xi_p: Annotated[Numbers, "", "elongation at the onset of slip, damper force included"]
+    xi_p_printed: Annotated[Numbers, "", "elongation at the onset of slip as printed, eq. (12)"]
+    overshoot: Annotated[Numbers, "", "A = xi_p - xi_o"]
+    loading: Annotated[Numbers, "", "loading parameter Phi = 2 alpha + A; stick-slip repeats above Phi_cr(alpha)"]
+    z: Annotated[Numbers, "", "damping of steady sliding with the slope of friction; 2 zeta without it"]
+    Pi: Annotated[Numbers, "", "friction parameter of steady sliding; unstable above Pi_fc"]
+
+
+MEANING: Mapping[str, tuple[str, str]] = {
+    name: hint.__metadata__ for name, hint in get_type_hints(Groups, include_extras=True).items()
+}
+
+
+def _formed(q: Mapping[str, Array]) -> dict[str, Array]:
+    """The groups of `settings` by name."""
+    v, impedance = q["drive_speed"], np.sqrt(q["mass"] * q["stiffness"])
+    ageing = (q["D"] > 0) & (q["t_cr"] > 0)
+    omega, zeta = np.sqrt(q["stiffness"] / q["mass"]), q["damping"] / (2 * q["stiffness"])
+    force = q["normal_force"] / impedance  # w v0: the groups below hardly know the drive speed
+    w, v_a = force / v, q["a"] * v
+    v_acr = np.where(ageing, v * q["t_cr"] / q["D"], np.inf)
+    gamma_0 = np.where(v_acr < 1, 1 - v_acr, 0.0)
+    slope = q["delta_mu_k"] * q["a"] * force
+    step = q["mu_s"] - q["mu_k0"]
+    alpha, loading = zeta + slope / 2, step * w
+    weakened = step + q["delta_mu_k"] * np.expm1(-v_a)
+    return {
+        "omega_n": omega,
+        "zeta": zeta,
+        "w": w,
+        "tau_cr": omega * q["t_cr"],
+        "v_cr": np.where(ageing, q["D"] / q["t_cr"], 0.0),
+        "v_acr": v_acr,
+        "gamma_0": gamma_0,
+        "v_a": v_a,
+        "alpha": alpha,
+        "xi_o": (q["mu_k0"] + q["delta_mu_k"] * v_a) * w,
+        "xi_p": q["mu_s"] * w - 2 * zeta,
+        "xi_p_printed": q["mu_s"] * w,
+        "overshoot": loading - 2 * alpha,
+        "loading": loading,
+        "z": 2 * zeta + slope * np.exp(-v_a) * (1 - gamma_0),
+        "Pi": np.where(ageing, force * weakened * q["t_cr"] / q["D"], np.nan),
+    }
+
+
+def groups(rig: object, friction: object, drive_speed: ArrayLike, normal_force: ArrayLike) -> Groups:
+    """The dimensionless groups of operating points.
+
+    Args:
+        rig, friction, drive_speed [m/s], normal_force [N]: as for `stability.eigenvalues`. All broadcast.
+    """
+    with np.errstate(all="ignore"):
+        found = _formed(settings(rig, friction, drive_speed, normal_force))
+        return Groups(**{name: float(value) if np.ndim(value) == 0 else value for name, value in found.items()})
+
+
+@dataclass(frozen=True)
 class ClosedForms:
     """The closed forms at operating points, SI, NaN where they have no answer; arrays (n,), or of shape ().
 
     status: "restick", "steady" (slides on), "no_slip", "runaway" (alpha <= -1) of the linearised slip. groups: by name
-    (`groups.MEANING`). numbers: "drop", "period", "slip_duration", "peak_speed" of a cycle; "critical_speed"
+    (`MEANING`). numbers: "drop", "period", "slip_duration", "peak_speed" of a cycle; "critical_speed"
     [m/s], below which that slip sticks again; "Pi" and its critical value "Pi_fc" decide
     whether steady sliding is stable (below: stable), "Pi_fc_printed" by the printed eq. (25); "Omega_c". worn: the
     contact does not age in steady sliding.
@@ -47,7 +122,7 @@ def beyond(effects: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in effects if name not in KNOWN)
 
 
-def known_settings(values: Mapping[str, Any]) -> dict[str, Any]:
+def known_settings(values: Mapping[str, Numbers]) -> dict[str, Array]:
     """What the closed forms take (QUANTITIES) of named values [SI] of a model's parameters, "drive_speed" and
     "normal_force"; what is absent is null (no damping, ageing, weakening). Arrays of one shape, or floats.
 
@@ -62,11 +137,11 @@ def known_settings(values: Mapping[str, Any]) -> dict[str, Any]:
     return dict(zip(q, (np.asarray(value, float)[()] for value in np.broadcast_arrays(*q.values())), strict=True))
 
 
-def closed_forms(values: Mapping[str, Any]) -> ClosedForms:
+def closed_forms(values: Mapping[str, Numbers]) -> ClosedForms:
     """The closed forms of named values [SI] (docs/equations.md, sections 4 to 6), as for `known_settings`."""
     q = known_settings(values)
     with np.errstate(all="ignore"):
-        g = formed(q)
+        g = _formed(q)
         slip = amplitude.slip(g["alpha"], g["overshoot"])
         length, time = q["drive_speed"] / g["omega_n"], 1 / g["omega_n"]
         ageing = (q["D"] > 0) & (q["t_cr"] > 0)

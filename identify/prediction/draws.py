@@ -15,17 +15,17 @@ from scipy.special import ndtri
 
 from identify.model.model import Model
 from identify.prediction.axes import Axis, Site, admissible, moved
-from identify.prediction.search import CLOSER, CLOSEST, QUANTILES, StickTest, growing, locate
+from identify.prediction.windows import CLOSEST, COARSE, QUANTILES, StickTest, growing, locate
 from identify.prediction.wording import listed
 
 Array = NDArray[np.float64]
 
-DRAWS = 200
+DRAWS = 400
 LEAST_DRAWS = 40  # that have an answer, for an interval
 WIDEST = 3.0  # standard deviation of a direction, in sizes of its parameters, beyond which it is open
 HALVINGS = 12  # of a move by that much along an open direction, until it is one that a pair can have
 NOTICED = 1e-2  # share of an answer that such a move may change without opening its interval
-NAMED = 0.3  # part in a direction, of the largest, from which a parameter is named
+NAMED = 0.3  # component of a direction, of the largest, from which a parameter is named
 POINT = ("drive_speed", "normal_force")  # what a covariance may name beside the parameters; positive
 
 
@@ -92,7 +92,7 @@ class Draws:
         variances, directions = np.linalg.eigh(0.5 * (scaled + scaled.T))
         sd = np.sqrt(np.maximum(variances, 0.0))
         open_ = [*directions.T[sd >= WIDEST], *np.eye(len(names))[~known]]
-        order = (*model.parameter_names, "normal_force", "drive_speed")
+        order = (*model.parameter_names, *reversed(POINT))
 
         def settings_of(steps: Array) -> Array:
             shifted = np.where(by_log, centre * np.exp(np.where(by_log, steps, 0.0)), centre + sizes * steps)
@@ -100,8 +100,15 @@ class Draws:
             columns |= dict(zip(names, shifted.T, strict=True))
             return np.stack([columns[name] for name in order], axis=1)
 
-        drawn = settings_of(_normal(count, len(names), seed) @ (directions * np.where(sd < WIDEST, sd, 0.0)).T)
-        possible = admissible(model, drawn)
+        # A shifted additive recurrence with the generalised golden ratio (Roberts 2018): quantiles settle on far fewer
+        # of its points than of independent ones.
+        ratio, shift = 1.5, np.random.default_rng(seed).uniform(size=len(names))
+        for _ in range(60):
+            ratio = (1.0 + ratio) ** (1.0 / (len(names) + 1))
+        uniform = (shift + np.arange(1.0, count + 1.0)[:, None] * ratio ** -np.arange(1.0, len(names) + 1.0)) % 1.0
+        steps = ndtri(np.clip(uniform, 1e-12, 1.0 - 1e-12)) @ (directions * np.where(sd < WIDEST, sd, 0.0)).T
+        drawn = settings_of(steps)
+        drawn = drawn[admissible(model, drawn)]
         probes = WIDEST * np.array([sign * each for each in open_ for sign in (1.0, -1.0)]).reshape(-1, len(names))
         for _ in range(HALVINGS):
             probes = np.where(admissible(model, settings_of(probes))[:, None], probes, 0.5 * probes)
@@ -109,12 +116,12 @@ class Draws:
             tuple(n for n, part in zip(names, np.abs(each), strict=True) if part > NAMED * np.max(np.abs(each)))
             for each in open_
         )
-        settings, kept = np.concatenate([drawn[possible], settings_of(probes)]), int(possible.sum())
-        return Draws(model, settings, kept, count - kept, tuple(names), blamed)
+        settings = np.concatenate([drawn, settings_of(probes)])
+        return Draws(model, settings, len(drawn), count - len(drawn), tuple(names), blamed)
 
     def column(self, name: str) -> Array:
         """Values (n + 2 d,) of a parameter, "normal_force" or "drive_speed"."""
-        return self.settings[:, (*self.model.parameter_names, "normal_force", "drive_speed").index(name)]
+        return self.settings[:, (*self.model.parameter_names, *reversed(POINT)).index(name)]
 
     def interval(self, answers: Array, centre: float, size: float = 0.0) -> AnswerInterval:
         """The interval between the outer quantiles of the answers (n + 2 d,), NaN where there is none.
@@ -148,19 +155,7 @@ class Draws:
 
         expected, ahead = np.full(len(self.settings), place), 1.0 if below else -1.0
         if start is None:
-            found = locate(growing(self.model, at), expected, ahead, CLOSEST, self.count)
-        else:
-            states = (np.tile(each, (expected.size, 1)) for each in start)
-            found = locate(StickTest(self.model, at, *states, rested=True), expected, ahead, CLOSER, self.count)
-        return np.asarray(q.value_at(found))
-
-
-def _normal(count: int, dimensions: int, seed: int) -> Array:
-    """Standard normal points (count, dimensions) of a shifted additive recurrence with the generalised golden ratio
-    (Roberts 2018): quantiles settle on far fewer of them than of independent ones."""
-    ratio = 1.5
-    for _ in range(60):
-        ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1))
-    shift = np.random.default_rng(seed).uniform(size=dimensions)
-    uniform = (shift + np.arange(1.0, count + 1.0)[:, None] * ratio ** -np.arange(1.0, dimensions + 1.0)) % 1.0
-    return np.asarray(ndtri(np.clip(uniform, 1e-12, 1.0 - 1e-12)))
+            return q.value_at(locate(growing(self.model, at), expected, ahead, CLOSEST, self.count))
+        states = (np.tile(each, (expected.size, 1)) for each in start)
+        test = StickTest(self.model, at, *states, rested=True)
+        return q.value_at(locate(test, expected, ahead, COARSE, self.count))

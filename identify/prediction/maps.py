@@ -1,23 +1,28 @@
-"""Maps of the nonlinear model over one or two quantities: stick-slip, steady sliding or both, and their borders."""
+"""Maps of the nonlinear model over one or two quantities: stick-slip, steady sliding or both, and their borders; and
+the nearest change of a quantity that makes sliding steady."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from contourpy import contour_generator
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from data_io.atomic import atomic_write
 from identify.base.errors import SimulationError
+from identify.base.result import Number
+from identify.model.model import Model
 from identify.prediction.axes import Axis, Site, admissible, axis, check_axes, moved
-from identify.prediction.draws import AnswerInterval, Draws
+from identify.prediction.batch import CycleBatch
+from identify.prediction.draws import DRAWS, POINT, AnswerInterval, Draws, OperatingPoint
 from identify.prediction.orbit import QUANTITIES, check_calculable
-from identify.prediction.search import CLOSER, Border, Survey
-from identify.prediction.windows import HALVINGS, outcome_of
+from identify.prediction.predict import number, site_at
+from identify.prediction.sources import Tested
+from identify.prediction.windows import COARSE, FINE, Border, Survey, outcome_of
+from identify.prediction.wording import said, with_interval
 from identify.scene import Scene
 from identify.simulation.sliding import slidings
 
@@ -31,6 +36,10 @@ FEWEST, MOST = 2, 1000  # nodes along an axis
 NOT_ADMITTED = "not possible"  # outcome where the model takes no such pair
 NO_ANSWER = "no answer"  # outcome where a motion cannot be integrated
 MIDDLE = 1e-6  # of an edge: how far from its middle an outline of the grid crosses it
+STEP, MARGIN = 1.25, 0.2  # of a change that is advised: factor between the values looked at, distance from the limit
+# What advice is given on, and how far either way it is looked for.
+CHANGED = {"drive_speed": 1e5}
+CHANGED |= dict.fromkeys(("stiffness", "stiffness_at_zeta", "damping", "mass", "normal_force"), 100.0)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -59,12 +68,12 @@ class Plane:
     @property
     def x_values(self) -> Array:
         """Values of the first quantity [SI], shape (n_x,)."""
-        return np.asarray(self.x.value_at(self.x_places))
+        return self.x.value_at(self.x_places)
 
     @property
     def y_values(self) -> Array:
         """Values of the second quantity [SI], shape (n_y,)."""
-        return np.asarray(self.y.value_at(self.y_places))
+        return self.y.value_at(self.y_places)
 
     def survey(self) -> Survey:
         """What motions do at the admitted nodes, row by row, by their coordinates (n, 2)."""
@@ -73,8 +82,14 @@ class Plane:
             np.stack([a.ravel(), b.ravel()], axis=1)[((a >= 0) & (b >= 0)).ravel()]
             for a, b in ((number[:, :-1], number[:, 1:]), (number[:-1], number[1:]))
         ]
+        names = (self.x.name, self.y.name)[: 1 + (self.y_places.size > 1)]
+
+        def settings_at(places: Array) -> Array:
+            columns = zip((self.x, self.y), places.T, strict=True)
+            return moved(self.site, {q.name: q.value_at(column) for q, column in columns if q.name in names})
+
         grid = np.stack(np.meshgrid(self.x_places, self.y_places), axis=-1)
-        return Survey.of(self.site.model, grid[self.admitted], self._settings_at, sides)
+        return Survey.of(self.site.model, grid[self.admitted], settings_at, sides)
 
     def numbers(self) -> NDArray[np.intp]:
         """Numbers of the admitted nodes, -1 elsewhere, with a frame of -1: (n_y + 2, n_x + 2)."""
@@ -82,10 +97,11 @@ class Plane:
         out[1:-1, 1:-1][self.admitted] = np.arange(int(self.admitted.sum()))
         return out
 
-    def _settings_at(self, places: Array) -> Array:
-        changes = {self.x.name: self.x.value_at(places[:, 0])}
-        both = {self.y.name: self.y.value_at(places[:, 1])} if self.y_places.size > 1 else {}
-        return moved(self.site, changes | both)
+    def gridded(self, values: Array, empty: float = np.nan) -> Array:
+        """Values (n,) at the admitted nodes on the grid (n_y, n_x)."""
+        out = np.full(self.shape, empty, dtype=values.dtype)
+        out[self.admitted] = values
+        return out
 
 
 def plane(
@@ -100,33 +116,31 @@ def plane(
         ranges: of each quantity [SI]; None: around its value at the point. points: nodes along each.
 
     Raises:
-        SimulationError: quantities that cannot be moved (together), or a range or number of points that makes no grid.
+        SimulationError: a model without cycles, quantities that cannot be moved (together), or a range or number of
+            points that makes no grid.
     """
+    check_calculable(site.model)
     check_axes(site, names)
-    x = axis(site, names[0])
-    other = names[1] if len(names) > 1 else "normal_force" if names[0] == "drive_speed" else "drive_speed"
-    y = axis(site, other)
-    x_places = _places(x, ranges[0], points[0])
-    y_places = _places(y, ranges[1], points[1]) if len(names) > 1 else np.array([y.place(y.value)])
-    columns = np.meshgrid(x.value_at(x_places), y.value_at(y_places))
-    settings = moved(site, dict(zip((x.name, y.name)[: len(names)], columns, strict=False)))
-    admitted = np.asarray(admissible(site.model, settings))
+    other = "normal_force" if names[0] == "drive_speed" else "drive_speed"
+    x, y = axis(site, names[0]), axis(site, (*names, other)[1])
+    places = []
+    for q, span, count in zip((x, y)[: len(names)], ranges, points, strict=False):
+        if not FEWEST <= count <= MOST:
+            raise SimulationError(f"{count} points were asked for along {q.name}; expected {FEWEST} to {MOST}")
+        low, high = around(q) if span is None else span
+        if not low < high or not q.lower <= low or not high <= q.upper or (q.logarithmic and low <= 0.0):
+            raise SimulationError(
+                f"the range of {q.name} is {low:g} to {high:g}; expected two rising values within {q.lower:g} to "
+                f"{q.upper:g} {q.unit}".rstrip()
+            )
+        places.append(np.linspace(q.place(low), q.place(high), count))
+    x_places, y_places = (*places, np.array([y.place(y.value)]))[:2]
+    columns = zip((x.name, y.name)[: len(names)], np.meshgrid(x.value_at(x_places), y.value_at(y_places)), strict=False)
+    settings = moved(site, dict(columns))
+    admitted = admissible(site.model, settings)
     if not np.any(admitted):
         raise SimulationError(f"no pair of {x.name} and {y.name} in these ranges is one the model admits; move them")
     return Plane(site, x, y, x_places, y_places, settings, admitted)
-
-
-def _places(q: Axis, span: Range | None, points: int) -> Array:
-    """Even coordinates of a quantity over a range [SI], or around its value."""
-    if not FEWEST <= points <= MOST:
-        raise SimulationError(f"{points} points were asked for along {q.name}; expected {FEWEST} to {MOST}")
-    low, high = around(q) if span is None else span
-    if not low < high or not q.lower <= low or not high <= q.upper or (q.logarithmic and low <= 0.0):
-        raise SimulationError(
-            f"the range of {q.name} is {low:g} to {high:g}; expected two rising values within {q.lower:g} to "
-            f"{q.upper:g} {q.unit}".rstrip()
-        )
-    return np.linspace(q.place(low), q.place(high), points)
 
 
 def around(q: Axis) -> Range:
@@ -151,7 +165,7 @@ class Boundary:
     loops: tuple[tuple[Array, Bools], ...]
 
     @staticmethod
-    def of(grid: Plane, has: Bools, border: Border) -> Boundary:
+    def of(grid: Plane, has: Array, border: Border) -> Boundary:
         """Of the nodes (n_y, n_x) that have something, through the places at which edges of the grid are crossed."""
         crossed = {frozenset(pair): place for pair, place in zip(border.nodes.tolist(), border.places, strict=True)}
         number = grid.numbers()
@@ -200,6 +214,27 @@ class Chart:
     sticking: Boundary
     unstable: Boundary
 
+    @staticmethod
+    def of(grid: Plane, survey: Survey, ends: Border, losses: Border) -> Chart:
+        """What a survey of a grid found."""
+        found, growth = survey.motions, survey.batch.growth
+        rows = np.full((growth.size, len(QUANTITIES)), np.nan)
+        if np.any(found.periodic):
+            rows[found.periodic] = survey.batch.take(found.periodic).figures(found.y[found.periodic])
+        answers = zip(found.refused & ~found.sticks, found.periodic, found.sticks, growth < 0.0, strict=True)
+        words = [NO_ANSWER if refused else outcome_of(*answer).value for refused, *answer in answers]
+        outcomes = np.full(grid.shape, NOT_ADMITTED, dtype="<U20")
+        outcomes[grid.admitted] = words
+        return Chart(
+            plane=grid,
+            outcomes=outcomes,
+            growth=grid.gridded(growth),
+            multiplier=grid.gridded(found.multipliers[:, 0].real),
+            figures={name: grid.gridded(column) for name, column in zip(QUANTITIES, rows.T, strict=True)},
+            sticking=Boundary.of(grid, grid.gridded(found.sticks.astype(float), 0.0), ends),
+            unstable=Boundary.of(grid, grid.gridded((growth >= 0.0).astype(float), 0.0), losses),
+        )
+
     @property
     def shares(self) -> dict[str, float]:
         """Share of the map by outcome, of what is possible, largest first."""
@@ -219,157 +254,10 @@ def chart(
     ranges: Sequence[Range | None] = (None, None),
     points: Sequence[int] = (60, 60),
 ) -> Chart:
-    """The map of an operating point over two quantities (`axes.known_axes`); arguments as of `plane`.
-
-    Raises:
-        SimulationError: quantities, ranges or a model that make no map.
-    """
-    check_calculable(site.model)
+    """The map of an operating point over two quantities (`axes.known_axes`); arguments and errors as of `plane`."""
     grid = plane(site, names, ranges, points)
     survey = grid.survey()
-    return _charted(grid, survey, survey.ends(CLOSER), survey.losses())
-
-
-def _charted(grid: Plane, survey: Survey, ends: Border, losses: Border) -> Chart:
-    found, growth, none = survey.motions, survey.batch.growth, np.full(survey.batch.growth.shape, np.nan)
-    rows = np.full((none.size, len(QUANTITIES)), np.nan)
-    if np.any(found.periodic):
-        rows[found.periodic] = survey.batch.take(found.periodic).figures(found.y[found.periodic])
-    answers = zip(found.refused & ~found.sticks, found.periodic, found.sticks, growth < 0.0, strict=True)
-    words = [NO_ANSWER if refused else outcome_of(*answer).value for refused, *answer in answers]
-
-    def gridded(values: NDArray[Any], empty: Any) -> NDArray[Any]:
-        out = np.full(grid.shape, empty, dtype=values.dtype)
-        out[grid.admitted] = values
-        return out
-
-    return Chart(
-        plane=grid,
-        outcomes=gridded(np.array(words, dtype="<U20"), NOT_ADMITTED),
-        growth=gridded(growth, np.nan),
-        multiplier=gridded(found.multipliers[:, 0].real, np.nan),
-        figures={name: gridded(column, np.nan) for name, column in zip(QUANTITIES, rows.T, strict=True)},
-        sticking=Boundary.of(grid, gridded(found.sticks, False), ends),
-        unstable=Boundary.of(grid, gridded(growth >= 0.0, False), losses),
-    )
-
-
-@dataclass(frozen=True)
-class AnswerChange:
-    """Where an answer changes: value of the quantity [SI], whether the answer holds below that value (else above), and
-    its interval, None where nothing is uncertain."""
-
-    value: float
-    below: bool
-    interval: AnswerInterval | None = None
-
-
-@dataclass(frozen=True)
-class LineMap:
-    """Answers over one quantity (n values): a map of one row, the force of steady sliding (n,) [N], where stick-slip
-    ends and where steady sliding becomes unstable."""
-
-    chart: Chart
-    sliding_force: Array
-    ends: tuple[AnswerChange, ...]
-    losses: tuple[AnswerChange, ...]
-
-    @property
-    def quantity(self) -> Axis:
-        """What is moved."""
-        return self.chart.plane.x
-
-    @property
-    def values(self) -> Array:
-        """Its values (n,) [SI], rising."""
-        return self.chart.plane.x_values
-
-
-def line_map(
-    site: Site, name: str, span: Range | None = None, points: int = 120, draws: Draws | None = None
-) -> LineMap:
-    """Orbits and steady sliding of an operating point while one quantity (`axes.known_axes`) moves.
-
-    Args:
-        span: of the quantity [SI]; None: around its value at the point. draws: what is known of the point.
-
-    Raises:
-        SimulationError: a quantity, range or model that makes no map.
-    """
-    check_calculable(site.model)
-    grid = plane(site, (name,), (span,), (points,))
-    survey = grid.survey()
-    ends, losses = survey.ends(HALVINGS), survey.losses()
-    force = np.full(points, np.nan)
-    force[grid.admitted[0]] = [state.force for state in slidings(site.model, survey.batch.settings)]
-    changes = []
-    for border in (ends, losses):
-        found = []
-        for k, place in enumerate(border.places[:, 0].tolist()):
-            below, interval = bool(border.nodes[k, 0] < border.nodes[k, 1]), None
-            if draws is not None and set(draws.names) != {name}:
-                start = (border.y[k], border.scale[k]) if border.y.size else None
-                value = float(grid.x.value_at(place))
-                interval = draws.interval(draws.ends(site, grid.x, place, below, start), value)
-            found.append(AnswerChange(float(grid.x.value_at(place)), below, interval))
-        changes.append(tuple(found))
-    return LineMap(_charted(grid, survey, ends, losses), force, changes[0], changes[1])
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Maps as data.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-def check_data_path(path: Path) -> None:
-    """Refuse a file that is not to be a table.
-
-    Raises:
-        SimulationError: what was expected.
-    """
-    if path.suffix.lower() != ".csv":
-        raise SimulationError(f"{path} is no format of data for a map; expected .csv: rename it")
-
-
-def write_map(made: Chart | LineMap, path: Path) -> list[Path]:
-    """Write a map as CSV, one row per node; the boundaries of two quantities in a second file beside it.
-
-    Returns:
-        the files written.
-
-    Raises:
-        SimulationError: another ending. OSError: a file that cannot be written.
-    """
-    check_data_path(path)
-    drawn = made if isinstance(made, Chart) else made.chart
-    grid = drawn.plane
-    heads = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in (grid.x, grid.y)]
-    columns: dict[str, NDArray[Any]] = dict(zip(heads, np.meshgrid(grid.x_values, grid.y_values), strict=True))
-    columns |= {"outcome": drawn.outcomes, "growth_rate [1/s]": drawn.growth, "multiplier": drawn.multiplier}
-    columns |= {f"{name} [{unit}]": drawn.figures[name] for name, unit in QUANTITIES.items()}
-    if isinstance(made, LineMap):
-        _write_csv(path, columns | {"sliding_force [N]": made.sliding_force})
-        return [path]
-    lines = {"end of stick-slip": drawn.sticking, "loss of stability of sliding": drawn.unstable}
-    pieces = [(words, i + 1, p) for words, b in lines.items() for i, p in enumerate(drawn.values_of(b))]
-    rows = [(words, piece, *point) for words, piece, points in pieces for point in points]
-    beside = path.with_name(f"{path.stem}_boundaries.csv")
-    _write_csv(path, columns)
-    _write_csv(beside, {head: [row[k] for row in rows] for k, head in enumerate(("boundary", "piece", *heads))})
-    return [path, beside]
-
-
-def _write_csv(path: Path, columns: Mapping[str, Any]) -> None:
-    import pandas as pd
-
-    with atomic_write(path) as handle:
-        frame = pd.DataFrame({name: np.ravel(values) for name, values in columns.items()})
-        frame.to_csv(handle, index=False, lineterminator="\n")
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Maps for scripts: of a scene, by the names of the quantities.
-# ----------------------------------------------------------------------------------------------------------------------
+    return Chart.of(grid, survey, survey.ends(COARSE), survey.losses())
 
 
 def site_of(scene: Scene, drive_speed: float | None = None, normal_force: float | None = None) -> Site:
@@ -415,3 +303,276 @@ def stability_map(
     """
     site = site_of(scene) if isinstance(scene, Scene) else scene
     return chart(site, (x, y), (x_range, y_range), (points, points))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Over one quantity.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class AnswerChange:
+    """Where an answer changes: value of the quantity [SI], whether the answer holds below that value (else above), and
+    its interval, None where nothing is uncertain."""
+
+    value: float
+    below: bool
+    interval: AnswerInterval | None = None
+
+
+@dataclass(frozen=True)
+class LineMap:
+    """Answers over one quantity (n values): a map of one row, the force of steady sliding (n,) [N], where stick-slip
+    ends and where steady sliding becomes unstable."""
+
+    chart: Chart
+    sliding_force: Array
+    ends: tuple[AnswerChange, ...]
+    losses: tuple[AnswerChange, ...]
+
+    @property
+    def quantity(self) -> Axis:
+        """What is moved."""
+        return self.chart.plane.x
+
+    @property
+    def values(self) -> Array:
+        """Its values (n,) [SI], rising."""
+        return self.chart.plane.x_values
+
+
+def line_map(
+    site: Site, name: str, span: Range | None = None, points: int = 120, draws: Draws | None = None
+) -> LineMap:
+    """Orbits and steady sliding of an operating point while one quantity (`axes.known_axes`) moves.
+
+    Args:
+        span: of the quantity [SI]; None: around its value at the point. draws: what is known of the point.
+
+    Raises:
+        SimulationError: a quantity, range or model that makes no map.
+    """
+    grid = plane(site, (name,), (span,), (points,))
+    survey, q = grid.survey(), grid.x
+    borders = survey.ends(FINE), survey.losses()
+    changes: list[tuple[AnswerChange, ...]] = []
+    for border in borders:
+        found = []
+        for k, place in enumerate(border.places[:, 0].tolist()):
+            value, below, interval = float(q.value_at(place)), bool(border.nodes[k, 0] < border.nodes[k, 1]), None
+            if draws is not None and set(draws.names) != {name}:
+                start = (border.y[k], border.scale[k]) if border.y.size else None
+                interval = draws.interval(draws.ends(site, q, place, below, start), value)
+            found.append(AnswerChange(value, below, interval))
+        changes.append(tuple(found))
+    force = grid.gridded(np.array([state.force for state in slidings(site.model, survey.batch.settings)]))[0]
+    return LineMap(Chart.of(grid, survey, *borders), force, changes[0], changes[1])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Stabilising changes: small disturbances of sliding die out and no stick-slip is found, neither from a rested contact
+# (the strongest kick a start can give), nor from one that is almost renewed, nor beside what other values have.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ChangeAdvice:
+    """The nearest value of a quantity at which sliding becomes steady, or stops to be: now, its limit and the value
+    advised, which is a least or a most one (at; None without a limit)."""
+
+    quantity: str
+    label: str
+    now: Number
+    limit: Number
+    advised: Number
+    at: str | None
+    kind: str | None
+    extrapolated: bool
+    reason: str
+
+    @property
+    def text(self) -> str:
+        """One line."""
+        unit, advised = self.limit.unit, self.advised.value
+        # each limit stands alone, so each has its own reason why its interval is open
+        reach = (
+            f"{said(self.limit.value, unit)} ({self.limit.reason})" if self.limit.reason else with_interval(self.limit)
+        )
+        if advised is None:
+            return f"- {self.label}: {self.reason}{'' if self.limit.value is None else f' ({reach})'}."
+        notes = [f"limit {reach}, {self.kind}"]
+        notes += ["extrapolated: outside the tested range"] if self.extrapolated else []
+        low, high = self.limit.ends
+        if (high or 0.0) > advised if self.at == "least" else (low or np.inf) < advised:
+            notes.append("the interval of the limit reaches beyond the margin")
+        if advised == self.now.value:
+            return f"- {self.label}: as it is ({said(advised, unit)}); {'; '.join(notes)}."
+        now = said(self.now.value, unit)
+        return f"- {self.label} at {self.at} {said(advised, unit)}, now {now} ({'; '.join(notes)})."
+
+
+@dataclass(frozen=True)
+class StabilisingAdvice:
+    """What to change, one of these, so that sliding is steady with a margin, or stays so."""
+
+    steady: bool
+    margin: float
+    changes: tuple[ChangeAdvice, ...]
+    text: str
+
+
+def stabilising_changes(
+    model: Model,
+    point: OperatingPoint,
+    names: Sequence[str] = (),
+    tested: Tested | None = None,
+    margin: float = MARGIN,
+    draws: int = DRAWS,
+) -> StabilisingAdvice:
+    """What to change so that sliding is steady at an operating point.
+
+    Args:
+        names: what the covariance of the point is of: parameters, "drive_speed", "normal_force".
+        tested: the range in which the pair was tested; what lies outside is marked extrapolated. None: not known.
+        margin: share by which the quantity is to stay away from its limit. draws: for the intervals of the limits.
+
+    Returns:
+        one change per quantity, all but that one held; limits and advised values without a value where there is none.
+
+    Raises:
+        SimulationError: a model or an operating point without an answer.
+    """
+    site = site_at(model, point)
+    if not admissible(model, site.setting):
+        raise SimulationError(
+            "the values at this point are none that the model takes: mu_s above mu_k0, and friction that stays "
+            "positive at speed, were expected; look at the parameters that are not identified"
+        )
+    drawn = None
+    if point.covariance is not None and names:
+        at = {"drive_speed": site.drive_speed, "normal_force": site.normal_force}
+        drawn = Draws.of(model, {**site.values, **at}, names, point.covariance, draws)
+    known = (*model.parameter_names, *POINT, *(["stiffness_at_zeta"] if "damping" in model.parameter_names else []))
+    quantities = [axis(site, name) for name in CHANGED if name in known]
+    changes = tuple(_change(site, q, drawn, tested, margin) for q in quantities if q.value > 0.0)
+    steady = _steady(model, site.setting)
+    goal = "To keep sliding steady" if steady else "To make sliding steady, one of these"
+    where = f"{said(site.drive_speed, 'm/s')} and {said(site.normal_force, 'N')}"
+    head = f"{goal} at {where} with a margin of {100 * margin:.3g} %, all else held:"
+    return StabilisingAdvice(steady, margin, changes, "\n".join([head, *(row.text for row in changes)]))
+
+
+def _steady(model: Model, setting: Array) -> bool:
+    """Whether sliding is steady at a setting (n_w,)."""
+    batch = CycleBatch(model, setting[None])
+    return bool(batch.growth[0] < 0.0) and not batch.settle(batch.rested()).sticks[0]
+
+
+def _change(site: Site, q: Axis, drawn: Draws | None, tested: Tested | None, margin: float) -> ChangeAdvice:
+    """The change of one quantity, looked for over values around that of the point."""
+    own, unit, low, high = q.name.removesuffix("_at_zeta"), q.unit, q.value / CHANGED[q.name], q.value * CHANGED[q.name]
+    if q.name not in POINT:
+        low, high = max(low, site.model.parameter(own).lower), min(high, site.model.parameter(own).upper)
+
+    def settings_at(places: Array) -> Array:
+        return moved(site, {q.name: q.value_at(places[:, 0])})
+
+    def outside(value: float) -> bool:
+        return tested is not None and tested.extrapolated(own, value)
+
+    below, above = (int(abs(np.log(end / q.value)) / np.log(STEP) + 1e-9) for end in (low, high))
+    places = q.place(q.value) + np.log(STEP) * np.arange(-below, above + 1)[:, None]
+    bad = np.flatnonzero(~admissible(site.model, settings_at(places)))
+    first, last = max(bad[bad < below] + 1, default=0), min(bad[bad > below], default=len(places))
+    places, mine = places[first:last], below - first
+    survey = Survey.of(site.model, places, settings_at)
+    steady = (survey.batch.growth < 0.0) & ~survey.motions.sticks
+    other, now = np.flatnonzero(steady != steady[mine]), number(q.value, unit, "")
+    if not other.size:
+        reach = f"from {said(low, unit)} to {said(high, unit)}"
+        reason = f"{'any, it is steady' if steady[mine] else 'cannot be reached, it is not steady'} {reach}"
+        none = number(None, unit, ""), number(None, unit, reason)
+        return ChangeAdvice(q.name, q.label, now, *none, None, None, outside(q.value), reason)
+    far = int(other[np.argmin(np.abs(other - mine) - 0.25 * (other > mine))])  # of two as near the one above
+    near = far - 1 if far > mine else far + 1
+    rising = bool((far > near) != steady[mine])
+    found = []
+    for border, kind in ((survey.ends(FINE), "end of stick-slip"), (survey.losses(), "loss of stability")):
+        for k in np.flatnonzero(np.all(np.sort(border.nodes, axis=1) == sorted((near, far)), axis=1)).tolist():
+            found.append((float(border.places[k, 0]), kind, (border.y[k], border.scale[k]) if border.y.size else None))
+    place, kind, start = (max if rising else min)(found, key=lambda each: each[0])  # steady only beyond both
+    limit, interval, scaled, reason = float(q.value_at(place)), None, None, ""
+    if drawn is not None:
+        ends = drawn.ends(site, q, place, rising, start)
+        # How far off the quantity is now, it will be at the limit: the value to be set is off by as much.
+        interval = drawn.interval(ends * q.value / drawn.column(own) if own in drawn.names else ends, limit)
+    advised = limit * (1 + margin) if rising else limit / (1 + margin)
+    if steady[mine] and (q.value >= advised if rising else q.value <= advised):
+        advised = q.value
+    elif not _steady(site.model, moved(site, {q.name: advised})):
+        reason = "sliding is steady only just beyond this limit: the margin does not fit"
+    elif interval is not None:
+        least, most = (None if end is None else end * advised / limit for end in (interval.low, interval.high))
+        scaled = AnswerInterval(least, most, interval.reason)
+    return ChangeAdvice(
+        quantity=q.name,
+        label=q.label,
+        now=now,
+        limit=number(limit, unit, kind, interval),
+        advised=number(None if reason else advised, unit, reason, scaled),
+        at="least" if rising else "most",
+        kind=kind,
+        extrapolated=outside(limit if reason else advised),
+        reason=reason,
+    )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Maps as data.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def check_data_path(path: Path) -> None:
+    """Refuse a file that is not to be a table.
+
+    Raises:
+        SimulationError: what was expected.
+    """
+    if path.suffix.lower() != ".csv":
+        raise SimulationError(f"{path} is no format of data for a map; expected .csv: rename it")
+
+
+def write_map(made: Chart | LineMap, path: Path) -> list[Path]:
+    """Write a map as CSV, one row per node; the boundaries of two quantities in a second file beside it.
+
+    Returns:
+        the files written.
+
+    Raises:
+        SimulationError: another ending. OSError: a file that cannot be written.
+    """
+    check_data_path(path)
+    drawn = made if isinstance(made, Chart) else made.chart
+    grid = drawn.plane
+    heads = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in (grid.x, grid.y)]
+    columns: dict[str, ArrayLike] = dict(zip(heads, np.meshgrid(grid.x_values, grid.y_values), strict=True))
+    columns |= {"outcome": drawn.outcomes, "growth_rate [1/s]": drawn.growth, "multiplier": drawn.multiplier}
+    columns |= {f"{name} [{unit}]": drawn.figures[name] for name, unit in QUANTITIES.items()}
+    if isinstance(made, LineMap):
+        _write_csv(path, columns | {"sliding_force [N]": made.sliding_force})
+        return [path]
+    lines = {"end of stick-slip": drawn.sticking, "loss of stability of sliding": drawn.unstable}
+    pieces = [(words, i + 1, p) for words, b in lines.items() for i, p in enumerate(drawn.values_of(b))]
+    rows = [(words, piece, *point) for words, piece, points in pieces for point in points]
+    beside = path.with_name(f"{path.stem}_boundaries.csv")
+    _write_csv(path, columns)
+    _write_csv(beside, {head: [row[k] for row in rows] for k, head in enumerate(("boundary", "piece", *heads))})
+    return [path, beside]
+
+
+def _write_csv(path: Path, columns: Mapping[str, ArrayLike]) -> None:
+    import pandas as pd
+
+    with atomic_write(path) as handle:
+        frame = pd.DataFrame({name: np.ravel(values) for name, values in columns.items()})
+        frame.to_csv(handle, index=False, lineterminator="\n")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -39,24 +38,21 @@ def check_calculable(model: Model) -> None:
             "the effect inertia is off: stability and amplitude of stick-slip are those of a moving mass; "
             "add inertia to effects and give the mass under [rig]"
         )
-    for what, why in (
-        (lambda m: m.clocked, "changes with time as such, so that no cycle is like the one before"),
-        (lambda m: m.jumps, "deals every stick its own friction, so that no cycle is like the one before"),
-    ):
-        if what(model):
-            names = _to_blame(model, what)
-            effects, it = f"effect {names[0]}" if len(names) == 1 else f"effects {' and '.join(names)}", names[0]
-            raise SimulationError(
-                f"the {effects} {why}; leave {it if len(names) == 1 else 'them'} out for stability and amplitude "
-                f"({' '.join(f'--without {name}' for name in names)}), or look at a simulation"
-            )
-
-
-def _to_blame(model: Model, what: Callable[[Model], bool]) -> list[str]:
-    """The effects that bring it by themselves; all of them where it takes several."""
-    own = [e for e in ALL if e.name in model.effects and e.name != "inertia"]
-    alone = [e.name for e in own if what(assemble(tuple(dict.fromkeys(("inertia", *e.needs, e.name)))))]
-    return alone or list(model.effects)
+    reasons = {
+        "clocked": "changes with time as such, so that no cycle is like the one before",
+        "jumps": "deals every stick its own friction, so that no cycle is like the one before",
+    }
+    for flag, why in reasons.items():
+        if not getattr(model, flag):
+            continue
+        own = [e for e in ALL if e.name in model.effects]
+        alone = [assemble(tuple(dict.fromkeys(("inertia", *e.needs, e.name)))) for e in own]
+        names = [e.name for e, part in zip(own, alone, strict=True) if getattr(part, flag)] or list(model.effects)
+        effects, them = ("effect", "it") if len(names) == 1 else ("effects", "them")
+        raise SimulationError(
+            f"the {effects} {' and '.join(names)} {why}; leave {them} out for stability and amplitude "
+            f"({' '.join(f'--without {name}' for name in names)}), or look at a simulation"
+        )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -76,7 +72,7 @@ LONGEST_PATIENCE = 100.0  # half periods
 
 
 @lru_cache(maxsize=16)
-def _rest_slopes(model: Model) -> Mapped:
+def rest_slopes(model: Model) -> Mapped:
     """Of a stick, by (x, w, t): derivatives of its breakaway margin and its state by (x, w, t), one column per row."""
     x, w, t = (ca.SX.sym(name, n) for name, n in (("x", len(model.states)), ("w", len(model.parameters) + 2), ("t", 1)))
     p, u = w[:-2], ca.vertcat(w[-1], w[-2], 1, 0)
@@ -87,7 +83,7 @@ def _rest_slopes(model: Model) -> Mapped:
 
 
 @lru_cache(maxsize=16)
-def _load(model: Model) -> Mapped:
+def load_slopes(model: Model) -> Mapped:
     """The force that the load cell sees, by (x, w), and its derivatives by these."""
     x, w = ca.SX.sym("x", len(model.states)), ca.SX.sym("w", len(model.parameters) + 2)
     load = model.load_cell(x, w[:-2], ca.vertcat(w[-1], w[-2], 1, 0))
@@ -117,15 +113,14 @@ class Cycle:
 class Tangent:
     """Derivatives of a cycle by the rest state before it and by its setting, m = n_y + n_w columns in this order.
 
-    end (n_y, m): rest state after it; stick, slip (m,) durations; distance (m,) slid; loads: of the force that the load
-    cell sees at onset and arrest (m,) each.
+    end (n_y, m): rest state after it; stick, slip (m,) durations; nodes: of the states at the nodes of each slide,
+    at fixed times since the onset, (nodes, n_x, m).
     """
 
     end: Array
     stick: Array
     slip: Array
-    distance: Array
-    loads: tuple[Array, Array]
+    nodes: tuple[Array, ...] = field(repr=False)
 
 
 class CycleMap:
@@ -168,7 +163,14 @@ class CycleMap:
         machine = Machine(self.model, w[:-2], self._typical, Plan(self.rtol, (HIGH,)))
         try:
             start = np.insert(np.clip(y, *bounds_at_rest(self.model)), SPEED, 0.0)
-            stick, onset, force = _rested(machine, start, w)
+            # Longer than any stick: by then the spring alone pulls with more than a limit as strong as mu_s says.
+            k = w[self.model.parameter_names.index("stiffness")]
+            longest = 2.0 * (float(np.max(w[:2])) * w[-2] + k * abs(start[ELONGATION])) / (k * w[-1])
+            for _ in range(DOUBLINGS):
+                stick, onset, force = machine.rests.until(start, situated_at(w), longest)
+                if stick is not None:
+                    break
+                longest *= 2.0
             slides, x, t, rests = list[Slide](), onset, 0.0, False
             mode: ModeName = "slip"
             for _ in range(MOST_TURNS):
@@ -185,57 +187,30 @@ class CycleMap:
                     if rests:
                         break
             crept = t < CREEP * float(half_periods(self.model, w[None])[0])
-            return Cycle(start, onset, x, stick, t, w, tuple(slides)) if rests and not crept else None
+            lasted = longest if stick is None else stick
+            return Cycle(start, onset, x, lasted, t, w, tuple(slides)) if rests and not crept else None
         finally:
             machine.close()
 
     def tangent(self, cycle: Cycle) -> Tangent:
         """How a cycle moves with its start and its setting: exact derivatives of the steps that were taken."""
-        w, last = cycle.setting, cycle.slides[-1]
-        stick_slope, onset = self._stick_slopes(cycle)
-        fixed = node_slopes(self.model, cycle.slides, onset)[-1][-1]
+        last = cycle.slides[-1]
+        stick_slope, onset = self.stick_slopes(cycle)
+        nodes = node_slopes(self.model, cycle.slides, onset)
+        fixed = nodes[-1][-1]
         rate = stepped(self.model, last, last.x[-1:], np.zeros(1))[1][0]
         slip_slope = -fixed[SPEED] / rate[SPEED]
-        end = fixed + np.outer(rate, slip_slope)
-        end[SPEED] = 0.0
-        distance = w[-1] * slip_slope - (end[ELONGATION] - onset[ELONGATION])
-        distance[-1] += cycle.slip
-        rows = self._loads(cycle)
-        shown = [row[1 : onset.shape[0] + 1] @ slope for row, slope in zip(rows, (onset, end), strict=True)]
-        for row, force in zip(rows, shown, strict=True):
-            force[-w.size :] += row[-w.size :]
-        return Tangent(np.delete(end, SPEED, 0), stick_slope, slip_slope, distance, (shown[0], shown[1]))
+        end = np.delete(fixed + np.outer(rate, slip_slope), SPEED, 0)
+        return Tangent(end, stick_slope, slip_slope, tuple(nodes))
 
-    def loads(self, cycle: Cycle) -> tuple[float, float]:
-        """Force the load cell sees at the onset of slip and at the arrest [N]."""
-        onset, arrest = self._loads(cycle)[:, 0].tolist()
-        return onset, arrest
-
-    def _loads(self, cycle: Cycle) -> Array:
-        """The same, and its derivatives by state and setting: (2, 1 + n_x + n_w)."""
-        return _load(self.model)([np.stack([cycle.onset, cycle.end]), np.repeat(cycle.setting[None], 2, 0)])[0]
-
-    def _stick_slopes(self, cycle: Cycle) -> tuple[Array, Array]:
+    def stick_slopes(self, cycle: Cycle) -> tuple[Array, Array]:
         """Derivatives of the stick's duration (m,) and of the onset state (n_x, m) by rest state and setting."""
         n, w = cycle.start.size, cycle.setting
         given = [cycle.start[None, :], w[None, :], np.array([cycle.stick])]
-        slope = _rest_slopes(self.model)(given)[0].reshape(n + 1, n + w.size + 1)
+        slope = rest_slopes(self.model)(given)[0].reshape(n + 1, n + w.size + 1)
         free = np.delete(slope[:, :-1], SPEED, 1)
         stick_slope = -free[0] / slope[0, -1] if cycle.stick else np.zeros(free.shape[1])
         return stick_slope, free[1:] + np.outer(slope[1:, -1], stick_slope)
-
-
-def _rested(machine: Machine, start: Array, w: Array) -> tuple[float, Array, float]:
-    """How long a stick from state `start` lasts [s], the state at its end (n_x,), the force of the drive there [N]."""
-    k, load, speed = w[machine.model.parameter_names.index("stiffness")], w[-2], w[-1]
-    # Longer than any stick: by then the spring alone pulls with more than a limit that is as strong as mu_s says.
-    longest = 2.0 * (float(np.max(w[:2])) * load + k * abs(start[ELONGATION])) / (k * speed)
-    for _ in range(DOUBLINGS):
-        onset, x, force = machine.rests.until(start, situated_at(w), longest)
-        if onset is not None:
-            return onset, x, force
-        longest *= 2.0
-    return longest, x, force
 
 
 def rested(model: Model) -> Array:
@@ -360,16 +335,3 @@ def close(map_: CycleMap, y: Array, drive_speed: float, growth: float | None = N
         step = np.asarray(move * min(1.0, FARTHEST / float(np.max(np.abs(move)))))
         y = y + step * map_.scale
     return None
-
-
-def orbit_slopes(map_: CycleMap, orbit: Orbit, names: Sequence[str]) -> Array:
-    """Derivatives of the first five and the seventh and eighth of QUANTITIES along an orbit, by parameters,
-    "drive_speed" or "normal_force": (7, len(names)).
-
-    Each is q_w + q_y (1 - J)^-1 F_w: the cycle moves with the setting, and with the rest state that closes it.
-    """
-    n, t, sizes = map_.scale.size, orbit.tangent, map_.scale[:, None]
-    onset, arrest = t.loads
-    rows = np.stack([onset - arrest, t.stick + t.slip, t.stick, t.slip, t.distance, onset, arrest])
-    closing = np.linalg.lstsq(np.eye(n) - orbit.jacobian, t.end[:, n:] / sizes, rcond=None)[0] * sizes
-    return np.asarray((rows[:, n:] + rows[:, :n] @ closing)[:, [map_.names.index(name) for name in names]])

@@ -1,49 +1,142 @@
-"""Stability and amplitude at operating points: the nonlinear model's answer, the closed forms beside it."""
+"""Stability and amplitude at operating points: the nonlinear model's answer, the closed forms beside it, in words."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identify.base.document import FURTHER
 from identify.base.errors import SimulationError
 from identify.base.quantiles import LEVEL, beta
 from identify.base.result import Number
 from identify.model.model import Model
 from identify.prediction.axes import Site, axis
 from identify.prediction.batch import CycleBatch, Motions, cycle_figures
-from identify.prediction.closed_forms import CYCLE, ClosedForms, beyond, closed_forms, judged
+from identify.prediction.closed_forms import CYCLE, MEANING, beyond, closed_forms, judged
 from identify.prediction.draws import DRAWS, POINT, AnswerInterval, Draws, OperatingPoint
-from identify.prediction.groups import MEANING
 from identify.prediction.orbit import QUANTITIES, CycleMap, Orbit, check_calculable, close
-from identify.prediction.point_prediction import (
-    AmplitudeAnswer,
-    ClosedFormsAnswer,
-    NoAnswer,
-    PointPrediction,
-    SlidingAnswer,
-    SpeedWindow,
-    StabilityAnswer,
-    StickSlipRange,
-    number,
-)
 from identify.prediction.windows import Outcome, SpeedRange, Windows, outcome_of, speed_windows
-from identify.prediction.wording import amplitude_text, closed_form_text, said, stability_text
+from identify.prediction.wording import OPEN, amplitude_text, closed_form_text, said, stability_text
 from identify.simulation.sliding import Sliding, slidings
 
 Array = NDArray[np.float64]
 
 MODEL = "nonlinear model, valid at any speed"
-PERIOD, SLIP, PEAK = (list(QUANTITIES).index(name) for name in ("period", "slip_duration", "peak_speed"))
 SHOWN = QUANTITIES | {"frequency": "Hz", "share_in_slip": ""}  # what is reported of the jumps, and its unit
 QUIET = 1e-3  # natural frequencies: what a growth rate near zero is measured by
+ALIKE = (
+    0.03  # of the logarithm of the normal force, up to which draws of one pair end in the same ratio to the estimate
+)
+FROM, TO = (MappingProxyType({"key": key}) for key in ("from", "to"))  # keys of documents that Python keeps for itself
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What happens at an operating point: stick-slip, steady sliding, or both.
+# The answer as values; its document is what `stickslip stability --json` and result.json hold.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class SlidingAnswer:
+    """Steady sliding: whether small disturbances die out, their growth rate, the friction force, eigenvalues [1/s] as
+    (real, imaginary); worn: the contact does not age while it slides."""
+
+    stable: bool
+    growth_rate: Number
+    friction_force: Number
+    eigenvalues: tuple[tuple[float, float], ...]
+    worn: bool
+
+
+@dataclass(frozen=True)
+class StickSlipRange:
+    """The drive speeds between which stick-slip exists; None where that was not found within the search."""
+
+    low: Number | None = field(metadata=FROM)
+    high: Number | None = field(metadata=TO)
+
+
+@dataclass(frozen=True)
+class SpeedWindow:
+    """What the pair does between two drive speeds [m/s]."""
+
+    low: float = field(metadata=FROM)
+    high: float = field(metadata=TO)
+    outcome: str
+
+
+@dataclass(frozen=True)
+class StabilityAnswer:
+    """What the pair does here and over all drive speeds [m/s]; multipliers: of the orbit here, None without one;
+    probability: that stick-slip exists here, the share of the draws of what is uncertain, with its 95 % interval."""
+
+    outcome: str
+    critical_speed: Number
+    sliding: SlidingAnswer
+    sliding_unstable_between: tuple[tuple[float, float], ...]
+    searched_between: tuple[float, float]
+    stick_slip_between: tuple[StickSlipRange, ...]
+    windows: tuple[SpeedWindow, ...]
+    multiplier: float | None
+    multipliers: tuple[tuple[float, float], ...] | None
+    text: str = ""
+    probability: Number = field(default_factory=lambda: Number(None))
+
+
+@dataclass(frozen=True)
+class AmplitudeAnswer:
+    """Size and timing of the jumps, by name of `orbit.QUANTITIES`, and their frequency and share of slip."""
+
+    numbers: Mapping[str, Number] = field(metadata=FURTHER)
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class ClosedFormsAnswer:
+    """The paper's closed forms, each judged by the nonlinear model's answer; ignores: effects they know nothing of."""
+
+    a_V_max: Number
+    slip: str
+    ignores: tuple[str, ...]
+    numbers: Mapping[str, Number] = field(metadata=FURTHER)
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class PointPrediction:
+    """The whole prediction at one operating point; every number is None where there is none."""
+
+    operating_point: Mapping[str, Number]
+    stability: StabilityAnswer
+    amplitude: AmplitudeAnswer
+    groups: Mapping[str, Number]
+    closed_forms: ClosedFormsAnswer
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class NoAnswer:
+    """Why there is no prediction."""
+
+    text: str
+
+
+def number(value: float | None, unit: str, validity: str, interval: AnswerInterval | None = None) -> Number:
+    """A number as the interface gives it; what is not finite has neither value nor interval."""
+    if value is None or not np.isfinite(value):
+        return Number(None, unit, None, validity)
+    if interval is None:
+        return Number(float(value), unit, None, validity)
+    reason = f"{OPEN}{interval.reason}" if interval.reason else ""
+    return Number(float(value), unit, (interval.low, interval.high), validity, reason)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What happens at an operating point, and at draws of it.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
@@ -70,27 +163,23 @@ def solution_set(map_: CycleMap, drive_speed: float) -> SolutionSet:
     """
     w = map_.setting(drive_speed)
     (steady,) = slidings(map_.model, w)
-    windows, batch = speed_windows(map_.model, w), CycleBatch(map_.model, w[None])
-    found, (low, high) = _settled(batch, drive_speed, windows), windows.searched
+    batch = CycleBatch(map_.model, w[None])
+
+    def settled(windows: Windows) -> Motions:
+        """From a rested contact, else from the nearest stick-slip of the windows."""
+        found, near = batch.settle(batch.rested()), windows.near(drive_speed)
+        return found if found.sticks[0] or near is None else batch.settle(near[None])
+
+    windows = speed_windows(map_.model, w)
+    found, (low, high) = settled(windows), windows.searched
     if bool(found.sticks[0]) != (windows.near(drive_speed) is not None) or not low <= drive_speed <= high:
         # A window narrower than the grid, or a speed at the very edge of one: this speed is a node then.
         windows = speed_windows(map_.model, w, (drive_speed,))
-        found = _settled(batch, drive_speed, windows)
+        found = settled(windows)
     orbit = close(map_, found.y[0], drive_speed, steady.growth) if found.periodic[0] else None
     orbit = orbit if orbit is not None and orbit.stable else None
     outcome = outcome_of(orbit is not None, bool(found.sticks[0]), steady.stable)
     return SolutionSet(outcome, orbit, found.y[0] if found.sticks[0] else None, steady, windows)
-
-
-def _settled(batch: CycleBatch, speed: float, windows: Windows) -> Motions:
-    """What the motion settles on from a rested contact, else from the nearest stick-slip of the windows."""
-    found, near = batch.settle(batch.rested()), windows.near(speed)
-    return found if found.sticks[0] or near is None else batch.settle(near[None])
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What draws of an operating point do.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,34 +198,25 @@ class DrawAnswers:
     @cached_property
     def motions(self) -> Motions:
         """From the stick-slip of the point itself, else from a rested contact."""
-        y = self.answer.y
-        found = self.batch.settle(self.batch.rested() if y is None else np.tile(y, (len(self.draws.settings), 1)))
+        y, batch = self.answer.y, self.batch
+        found = batch.settle(batch.rested() if y is None else np.tile(y, (len(self.draws.settings), 1)))
         left = np.flatnonzero(~found.sticks)
         if y is not None and left.size:
-            part = self.batch.take(left)
-            found.update(left, part.settle(part.rested()))
+            found.update(left, batch.take(left).settle(batch.take(left).rested()))
         return found
 
     @cached_property
-    def jumps(self) -> Mapping[str, Array]:
-        """SHOWN of the orbits, and a V_max where the model has an a; NaN (rows,) without an orbit."""
+    def numbers(self) -> Mapping[str, Array]:
+        """Numbers (rows,) by name: of the jumps, NaN without an orbit; closed forms and groups; of sliding."""
         rows, settles = np.full((len(self.draws.settings), len(QUANTITIES)), np.nan), self.motions.periodic
         if np.any(settles):
             rows[settles] = self.batch.take(settles).figures(self.motions.y[settles])
-        has_a = "a" in self.site.model.parameter_names
-        return _jumps(rows, self.draws.column("a") if has_a else np.zeros(len(rows)))
-
-    @cached_property
-    def forms(self) -> Mapping[str, Array]:
-        """Numbers (rows,) of the closed forms and groups."""
         names = (*self.draws.model.parameter_names, "normal_force", "drive_speed")
-        forms = closed_forms(dict(zip(names, self.draws.settings.T, strict=True)))
-        return {**forms.groups, **forms.numbers}
-
-    @cached_property
-    def sliding_force(self) -> Array:
-        """Force (rows,) [N] that the load cell sees in steady sliding."""
-        return np.array([state.force for state in slidings(self.draws.model, self.draws.settings)])
+        values = dict(zip(names, self.draws.settings.T, strict=True))
+        forms = closed_forms(values)
+        force = np.array([state.force for state in slidings(self.draws.model, self.draws.settings)])
+        formed = {f"closed {name}": column for name, column in {**forms.groups, **forms.numbers}.items()}
+        return {**_jumps(rows, values), **formed, "growth_rate": self.batch.growth, "friction_force": force}
 
     def limit(self, part: SpeedRange, upper: bool) -> Array:
         """The upper or lower end (rows,) [m/s] of a range with stick-slip, NaN where none is found."""
@@ -157,11 +237,19 @@ class DrawAnswers:
         return Number(hits / n if n else None, "", (low, high), f"{n} draws of what is uncertain")
 
 
-def _jumps(rows: Array, a: Array) -> dict[str, Array]:
-    """SHOWN of orbits by their QUANTITIES (n, 9), and "a_V_max" (n,)."""
-    period = rows[:, PERIOD]
-    further = {"frequency": 1.0 / period, "share_in_slip": rows[:, SLIP] / period, "a_V_max": a * rows[:, PEAK]}
-    return dict(zip(QUANTITIES, rows.T, strict=True)) | further
+def _interval(drawn: DrawAnswers | None, name: str, value: float | None, size: float = 0.0) -> AnswerInterval | None:
+    """The interval of one of the numbers; None without one, or where nothing in it is uncertain."""
+    if drawn is None or value is None or not np.isfinite(value):
+        return None
+    rows = drawn.numbers[name]
+    return None if np.all(rows == rows[0]) else drawn.draws.interval(rows, value, size)
+
+
+def _jumps(rows: Array, values: Mapping[str, float | Array]) -> dict[str, Array]:
+    """SHOWN of orbits by their QUANTITIES (n, 9), and "a_V_max" (n,), 0 where the model has no a."""
+    known = dict(zip(QUANTITIES, rows.T, strict=True))
+    further = {"frequency": 1.0 / known["period"], "share_in_slip": known["slip_duration"] / known["period"]}
+    return known | further | {"a_V_max": np.multiply(values.get("a", 0.0), known["peak_speed"])}
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -193,8 +281,7 @@ def predict(
     Raises:
         SimulationError: an operating point without meaning, or a motion that cannot be integrated.
     """
-    point = OperatingPoint(values, drive_speed, normal_force, covariance)
-    return _prediction(model, point, names or (), draws, {})
+    return _prediction(model, OperatingPoint(values, drive_speed, normal_force, covariance), names or (), draws, {})
 
 
 def predictions(
@@ -204,7 +291,7 @@ def predictions(
 
     A point without an answer says why; the others are not held up by it.
     """
-    shared: Shared = {}
+    shared: dict[tuple[object, ...], Array] = {}
     out: list[PointPrediction | NoAnswer] = []
     for point in points:
         try:
@@ -214,49 +301,91 @@ def predictions(
     return out
 
 
-Shared = dict[tuple[object, ...], Array]  # ends of stick-slip of draws over that of the estimate, of points of one pair
-ALIKE = 0.03  # of the logarithm of the normal force, up to which the same ratios serve both
+def site_at(model: Model, point: OperatingPoint) -> Site:
+    """The site of an operating point.
+
+    Raises:
+        SimulationError: a model without an answer, a speed or a load without meaning.
+    """
+    check_calculable(model)
+    speed, load = abs(float(point.drive_speed)), float(point.normal_force)
+    if not (0.0 < speed < np.inf and 0.0 < load < np.inf):
+        raise SimulationError(
+            f"the operating point is {point.drive_speed:g} m/s and {load:g} N; expected a drive speed that is not "
+            "zero and a positive normal force: give both"
+        )
+    return Site(model, {name: float(point.values[name]) for name in model.parameter_names}, speed, load)
 
 
 def _prediction(
-    model: Model, point: OperatingPoint, names: Sequence[str], draws: int, shared: Shared
+    model: Model,
+    point: OperatingPoint,
+    names: Sequence[str],
+    draws: int,
+    shared: dict[tuple[object, ...], Array],
 ) -> PointPrediction:
-    check_calculable(model)
+    """shared: ends of stick-slip of draws over that of the estimate, of points of one pair."""
+    site = site_at(model, point)
     unknown = [n for n in names if n not in model.parameter_names and n not in POINT]
     if unknown:
         raise SimulationError(f"the covariance names {unknown[0]!r}; the model has {', '.join(model.parameter_names)}")
-    map_ = map_of(model, point)
-    speed = abs(float(point.drive_speed))
+    speed, load = site.drive_speed, site.normal_force
+    map_ = CycleMap.of(model, site.setting)
     answer = solution_set(map_, speed)
-    site = Site(model, dict(zip(model.parameter_names, map_.p.tolist(), strict=True)), speed, map_.normal_force)
-    values = {**site.values, "drive_speed": speed, "normal_force": site.normal_force}
+    values = {**site.values, "drive_speed": speed, "normal_force": load}
     drawn = None
     if point.covariance is not None and names:
         drawn = DrawAnswers(Draws.of(model, values, names, point.covariance, draws), site, answer)
+
+    def of_model(value: float | None, unit: str, name: str, size: float = 0.0) -> Number:
+        return number(value, unit, MODEL, _interval(drawn, name, value, size))
 
     def limit(part: SpeedRange, upper: bool) -> Number | None:
         end = part.high if upper else part.low
         if end is None or drawn is None:
             return None if end is None else number(end, "m/s", MODEL)
-        load = round(np.log(site.normal_force) / ALIKE)
-        key = (answer.windows.sticking.index(part), upper, load, map_.p.tobytes(), str(point.covariance))
+        place = answer.windows.sticking.index(part)
+        key = (place, upper, round(np.log(load) / ALIKE), map_.p.tobytes(), str(point.covariance))
         if key not in shared:
             shared[key] = drawn.limit(part, upper) / end
         return number(end, "m/s", MODEL, drawn.draws.interval(shared[key] * end, end))
 
-    amplitude, validity = _amplitude(model, answer, values, drawn)
-    forms = closed_forms(values)
-    beside = {name: amplitude[name].value for name in CYCLE} | {"critical_speed": answer.windows.end}
-    made = PointPrediction(
-        operating_point={"drive_speed": number(speed, "m/s", ""), "normal_force": number(site.normal_force, "N", "")},
-        stability=_stability(answer, drawn, QUIET / map_.time, limit),
-        amplitude=AmplitudeAnswer(amplitude),
-        groups={
-            name: number(float(value), *MEANING[name], _of_form(drawn, name, float(value)))
-            for name, value in forms.groups.items()
-        },
-        closed_forms=_closed_forms(forms, model.effects, beside, validity, drawn),
+    steady, windows, orbit = answer.steady, answer.windows, answer.orbit
+    between = tuple(StickSlipRange(limit(part, False), limit(part, True)) for part in windows.sticking)
+    slowest, fastest = (said(end, "m/s") for end in windows.searched)
+    if between:
+        no_end = f"stick-slip still exists at {fastest}, the highest speed tried"
+    else:
+        no_end = f"no stick-slip was found at any drive speed from {slowest} to {fastest}"
+    stability = StabilityAnswer(
+        outcome=answer.outcome.value,
+        critical_speed=(between[-1].high if between else None) or number(None, "m/s", no_end),
+        sliding=SlidingAnswer(
+            stable=steady.stable,
+            growth_rate=of_model(steady.growth, "1/s", "growth_rate", QUIET / map_.time),
+            friction_force=of_model(steady.force, "N", "friction_force"),
+            eigenvalues=tuple((float(z.real), float(z.imag)) for z in steady.eigenvalues),
+            worn=steady.worn,
+        ),
+        sliding_unstable_between=tuple(windows.unstable),
+        searched_between=windows.searched,
+        stick_slip_between=between,
+        windows=tuple(SpeedWindow(window.low, window.high, window.outcome.value) for window in windows.listed()),
+        multiplier=None if orbit is None else orbit.multiplier,
+        multipliers=tuple((float(z.real), float(z.imag)) for z in orbit.multipliers) if orbit else None,
+        probability=drawn.probability() if drawn else Number(None),
     )
+    if orbit is None:
+        irregular = answer.outcome is Outcome.IRREGULAR
+        why = "it sticks and slips, but not periodically" if irregular else "no stick-slip here"
+        amplitude, peak = {name: number(None, unit, why) for name, unit in QUANTITIES.items()}, None
+    else:
+        now = {name: float(row[0]) for name, row in _jumps(cycle_figures(model, orbit.cycle)[None], values).items()}
+        amplitude, peak = {name: of_model(now[name], unit, name) for name, unit in SHOWN.items()}, now["a_V_max"]
+    validity = replace(of_model(peak, "", "a_V_max"), validity="the closed forms of a slip need this to be far below 1")
+    groups, forms = _closed_forms(model, values, amplitude, windows.end, validity, drawn)
+    at = {"drive_speed": number(speed, "m/s", ""), "normal_force": number(load, "N", "")}
+    made = PointPrediction(at, stability, AmplitudeAnswer(amplitude), groups, forms)
     texts = stability_text(made), amplitude_text(made), closed_form_text(made)
     return replace(
         made,
@@ -267,95 +396,30 @@ def _prediction(
     )
 
 
-def map_of(model: Model, point: OperatingPoint) -> CycleMap:
-    """The return map at an operating point.
-
-    Raises:
-        SimulationError: a speed or a load without meaning.
-    """
-    speed, load = abs(float(point.drive_speed)), float(point.normal_force)
-    if not (0.0 < speed < np.inf and 0.0 < load < np.inf):
-        raise SimulationError(
-            f"the operating point is {point.drive_speed:g} m/s and {load:g} N; expected a drive speed that is not "
-            "zero and a positive normal force: give both"
-        )
-    return CycleMap(model, load, np.array([float(point.values[name]) for name in model.parameter_names]))
-
-
-def _stability(
-    answer: SolutionSet, drawn: DrawAnswers | None, quiet: float, limit: Callable[[SpeedRange, bool], Number | None]
-) -> StabilityAnswer:
-    steady, windows, orbit = answer.steady, answer.windows, answer.orbit
-    low, high = windows.searched
-    if not windows.sticking:
-        why = f"no stick-slip was found at any drive speed from {said(low, 'm/s')} to {said(high, 'm/s')}"
-    else:
-        why = f"stick-slip still exists at {said(high, 'm/s')}, the highest speed tried"
-    between = tuple(StickSlipRange(limit(part, False), limit(part, True)) for part in windows.sticking)
-    growth = drawn.draws.interval(drawn.batch.growth, steady.growth, quiet) if drawn else None
-    force = drawn.draws.interval(drawn.sliding_force, steady.force) if drawn else None
-    return StabilityAnswer(
-        outcome=answer.outcome.value,
-        critical_speed=(between[-1].high if between else None) or number(None, "m/s", why),
-        sliding=SlidingAnswer(
-            stable=steady.stable,
-            growth_rate=number(steady.growth, "1/s", MODEL, growth),
-            friction_force=number(steady.force, "N", MODEL, force),
-            eigenvalues=tuple((float(z.real), float(z.imag)) for z in steady.eigenvalues),
-            worn=steady.worn,
-        ),
-        sliding_unstable_between=tuple(windows.unstable),
-        searched_between=(low, high),
-        stick_slip_between=between,
-        windows=tuple(SpeedWindow(window.low, window.high, window.outcome.value) for window in windows.listed()),
-        multiplier=None if orbit is None else orbit.multiplier,
-        multipliers=tuple((float(z.real), float(z.imag)) for z in orbit.multipliers) if orbit else None,
-        probability=drawn.probability() if drawn else Number(None),
-    )
-
-
-def _amplitude(
-    model: Model, answer: SolutionSet, values: Mapping[str, float], drawn: DrawAnswers | None
-) -> tuple[dict[str, Number], Number]:
-    """The numbers of the jumps, and a V_max."""
-    needs = "the closed forms of a slip need this to be far below 1"
-    if answer.orbit is None:
-        irregular = answer.outcome is Outcome.IRREGULAR
-        why = "it sticks and slips, but not periodically" if irregular else "no stick-slip here"
-        return {name: number(None, unit, why) for name, unit in QUANTITIES.items()}, number(None, "", needs)
-    figures = cycle_figures(model, answer.orbit.cycle)[None]
-    now = {name: float(row[0]) for name, row in _jumps(figures, np.array([values.get("a", 0.0)])).items()}
-    intervals = {name: drawn.draws.interval(drawn.jumps[name], now[name]) if drawn else None for name in now}
-    out = {name: number(now[name], unit, MODEL, intervals[name]) for name, unit in SHOWN.items()}
-    return out, number(now["a_V_max"], "", needs, intervals["a_V_max"] if now["a_V_max"] > 0.0 else None)
-
-
-def _of_form(drawn: DrawAnswers | None, name: str, value: float) -> AnswerInterval | None:
-    """The interval of a number of the closed forms or of a group; None where nothing in it is uncertain."""
-    if drawn is None or not np.isfinite(value):
-        return None
-    rows = drawn.forms[name]
-    return None if np.all(rows == rows[0]) else drawn.draws.interval(rows, value)
-
-
 def _closed_forms(
-    forms: ClosedForms,
-    effects: Sequence[str],
-    beside: Mapping[str, float | None],
+    model: Model,
+    values: Mapping[str, float],
+    amplitude: Mapping[str, Number],
+    end: float | None,
     validity: Number,
     drawn: DrawAnswers | None,
-) -> ClosedFormsAnswer:
-    """The closed forms, each beside what the nonlinear model has."""
-    ignored, numbers = beyond(effects), {name: float(value) for name, value in forms.numbers.items()}
+) -> tuple[dict[str, Number], ClosedFormsAnswer]:
+    """The groups, and the closed forms, each beside what the nonlinear model has."""
+
+    def entry(name: str, value: float | None, unit: str, why: str) -> Number:
+        return number(value, unit, why, _interval(drawn, f"closed {name}", value))
+
+    forms = closed_forms(values)
+    groups = {name: entry(name, float(value), *MEANING[name]) for name, value in forms.groups.items()}
+    ignored, numbers = beyond(model.effects), {name: float(value) for name, value in forms.numbers.items()}
     unaware = f"not valid here: knows nothing of {' and '.join(ignored)}" if ignored else ""
-    local = unaware or "exact for small disturbances of steady sliding"
     out = {}
-    for name, other in beside.items():
+    for name, other in [*((name, amplitude[name].value) for name in CYCLE), ("critical_speed", end)]:
         why = unaware or judged(numbers[name], other, str(forms.status), float(forms.groups["alpha"]))
-        out[name] = number(numbers[name], QUANTITIES.get(name, "m/s"), why, _of_form(drawn, name, numbers[name]))
+        out[name] = entry(name, numbers[name], QUANTITIES.get(name, "m/s"), why)
     for name in ("Pi", "Pi_fc", "Pi_fc_printed", "Omega_c"):
         printed = name == "Pi_fc_printed"
-        value = None if forms.worn and not printed else numbers[name]
-        why = "as printed, eq. (25): too low, as its determinant has zeta where 2 zeta belongs" if printed else local
-        out[name] = number(value, "", why, _of_form(drawn, name, numbers[name]))
-    return ClosedFormsAnswer(validity, str(forms.status), ignored, out)
+        why = unaware or "exact for small disturbances of steady sliding"
+        why = "as printed, eq. (25): too low, as its determinant has zeta where 2 zeta belongs" if printed else why
+        out[name] = entry(name, None if forms.worn and not printed else numbers[name], "", why)
+    return groups, ClosedFormsAnswer(validity, str(forms.status), ignored, out)

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.document import Json, finite
-from identify.base.result import Correlation, ParameterResult, Result, UnevenResult
-from identify.base.wording import three_figures
+from identify.base.document import finite
+from identify.base.result import Correlation, Result
 from identify.prediction.wording import listed, said
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, Tie
@@ -32,14 +31,10 @@ def stated(scene: Scene, values: Mapping[str, float], drive_speed: float) -> tup
     The tolerances of the rig are relative standard deviations, that of the drive speed among them; a prior of a
     parameter is its standard deviation, in SI. They are independent.
     """
-    deviations = {
-        name: share * abs(drive_speed if name == "drive_speed" else values[name])
-        for name, share in scene.rig.tolerances.items()
-        if name == "drive_speed" or name in values
-    }
-    for name, spec in scene.parameters.items():
-        if spec.prior_sd is not None and name in values:
-            deviations[name] = spec.prior_sd
+    size = {**values, "drive_speed": drive_speed}
+    deviations = {name: share * abs(size[name]) for name, share in scene.rig.tolerances.items() if name in size}
+    priors = {name: spec.prior_sd for name, spec in scene.parameters.items() if name in values}
+    deviations |= {name: sd for name, sd in priors.items() if sd is not None}
     known = {name: sd for name, sd in deviations.items() if sd > 0.0}
     return (tuple(known), np.diag(np.square(list(known.values())))) if known else None
 
@@ -70,13 +65,9 @@ class Origins:
     @property
     def text(self) -> str:
         """One line."""
-        kinds = (
-            ("Measured", self.measured, ""),
-            ("stated", self.stated, ""),
-            ("assumed", self.assumed, " (built-in values, over their usual ranges)"),
-        )
-        parts = [f"{kind}: {', '.join(names)}{more}" for kind, names, more in kinds if names]
-        line = "; ".join(parts)
+        usual = " (built-in values, over their usual ranges)"
+        kinds = (("measured", self.measured, ""), ("stated", self.stated, ""), ("assumed", self.assumed, usual))
+        line = "; ".join(f"{kind}: {', '.join(names)}{more}" for kind, names, more in kinds if names)
         return f"{line[:1].upper()}{line[1:]}."
 
 
@@ -93,6 +84,12 @@ def existing_result(scene: Scene) -> Path | None:
 # ----------------------------------------------------------------------------------------------------------------------
 
 Groups = tuple[tuple[str, str], ...]
+
+
+UNEVEN = (
+    "the cycles of this pair differ, and no one friction pair describes them: their distributions hold at the drive "
+    "speed, stiffness and load of the record; anywhere else is extrapolated, not supported by these records"
+)
 
 
 @dataclass(frozen=True)
@@ -115,14 +112,18 @@ def pair_of(result: Result, scene: Scene, log: int) -> Pair:
     """The pair of a log of a result; `log` counts from 0."""
     groups = groups_of(result, log)
     if result.estimator == "uneven":
-        return Pair(groups, untold=_uneven(result))
+        return Pair(groups, untold=UNEVEN)
     mine, entries = dict(groups), result.parameters
     own = {key: entry.parameter or key for key, entry in entries.items()}
     keys = {own[key]: key for key, entry in entries.items() if not entry.per or entry.group == mine[entry.per]}
     missing = [name for name in dict.fromkeys(own.values()) if name not in keys]
     if missing:
         known = [entry for key, entry in entries.items() if own[key] == missing[0]]
-        return Pair(groups, untold=_sentence(known, groups, missing[0]))
+        per, group = known[0].per, mine.get(known[0].per, "")
+        whose = f"this log is of {per} {group}" if group else f"it has no {per}"
+        whose = f"{group} has none" if per == EACH_LOG else whose
+        others, again = ", ".join(entry.group for entry in known), "again with a log of this group that takes part"
+        return Pair(groups, untold=f"this fit has {missing[0]} of {others} only, and {whose}; fit it {again}")
     values = {name: value for name, key in keys.items() if (value := entries[key].value) is not None}
     ties = ties_of(scene)
     values |= {name: tie.factor * values[tie.to] + tie.offset for name, tie in ties.items() if tie.to in values}
@@ -130,20 +131,6 @@ def pair_of(result: Result, scene: Scene, log: int) -> Pair:
     if covariance is not None:
         names, covariance = with_tied(names, covariance, ties)
     return Pair(groups, values, names, covariance)
-
-
-def _uneven(result: Result) -> str:
-    """What is known of a pair whose cycles differ: how they are spread where they were seen, and nothing elsewhere."""
-    spreads = []
-    for name, entry in UnevenResult.of(result).distributions.items():
-        low, middle, high = (three_figures(entry.quantiles[q].value or 0.0) for q in ("5", "50", "95"))
-        unit = f" {entry.unit}" if entry.unit else " of the load"
-        spreads.append(f"{name.replace('_', ' ')} {middle}{unit} ({low} to {high} in nine of ten drawn cycles)")
-    seen = f"at the drive speed, stiffness and load of the record: {', '.join(spreads)}; " if spreads else ""
-    return (
-        f"the cycles of this pair differ, and no one friction pair describes them; {seen}anywhere else: extrapolated, "
-        "not supported by these records"
-    )
 
 
 def groups_of(result: Result, log: int) -> Groups:
@@ -172,14 +159,6 @@ def with_tied(names: Sequence[str], covariance: Array, ties: Mapping[str, Tie]) 
     return (*names, *follow), np.outer(scale, scale) * covariance[np.ix_(source, source)]
 
 
-def _sentence(others: Sequence[ParameterResult], groups: Groups, name: str) -> str:
-    """Why a log has no values."""
-    known = ", ".join(entry.group for entry in others)
-    per, mine = next(((p, v) for p, v in groups if p == others[0].per), ("", ""))
-    whose = f"{mine} has none" if per == EACH_LOG else f"this log is of {per} {mine}" if mine else f"it has no {per}"
-    return f"this fit has {name} of {known} only, and {whose}; fit it again with a log of this group that takes part"
-
-
 def _covariance(result: Result, keys: Mapping[str, str]) -> tuple[tuple[str, ...], Array | None]:
     """Names and covariance [SI] of what was estimated of a pair; None where there is none.
 
@@ -206,13 +185,12 @@ def _covariance(result: Result, keys: Mapping[str, str]) -> tuple[tuple[str, ...
 # ----------------------------------------------------------------------------------------------------------------------
 
 SLACK = 1.1  # beyond the range by this factor still counts as inside
-QUANTITIES = ("drive_speed", "normal_force", "stiffness")
 UNITS = {"drive_speed": "m/s", "normal_force": "N", "stiffness": "N/m"}
 
 
 @dataclass(frozen=True)
 class Tested:
-    """Lowest and highest value [SI] by name (QUANTITIES); a name that is absent was not tested at any known value."""
+    """Lowest and highest value [SI] by name (UNITS); a name that is absent was not tested at any known value."""
 
     ranges: Mapping[str, tuple[float, float]]
 
@@ -220,7 +198,7 @@ class Tested:
     def of(points: Iterable[Mapping[str, float]]) -> Tested:
         """The range of tests, each given by its values."""
         given = list(points)
-        seen = {name: [abs(p[name]) for p in given if name in p] for name in QUANTITIES}
+        seen = {name: [abs(p[name]) for p in given if name in p] for name in UNITS}
         return Tested({name: (min(values), max(values)) for name, values in seen.items() if values})
 
     @staticmethod
@@ -230,20 +208,22 @@ class Tested:
         assert isinstance(entries, Sequence)
         points = []
         for number, log in zip(result.numbers, result.logs, strict=True):
-            if log.reason_left_out:
-                continue
+            own = entries[number] if number < len(entries) else None
+            stated = (table.get("stiffness") for table in (own, rig) if isinstance(table, Mapping))
+            springs = (finite(each.get("value") if isinstance(each, Mapping) else each) for each in stated)
             point = {
                 "drive_speed": log.drive_speed_m_per_s,
                 "normal_force": log.normal_force_N,
-                "stiffness": _stated(entries[number] if number < len(entries) else None) or _stated(rig),
+                "stiffness": next((spring for spring in springs if spring), None),
             }
-            points.append({name: value for name, value in point.items() if value})
+            if not log.reason_left_out:
+                points.append({name: value for name, value in point.items() if value})
         return Tested.of(points)
 
     def beyond(self, values: Mapping[str, float]) -> str:
         """A sentence on what of these values [SI] was not tested; "" where all of it was."""
         out = []
-        for name in QUANTITIES:
+        for name in UNITS:
             if name in values and name in self.ranges and self.extrapolated(name, values[name]):
                 low, high = (said(end, UNITS[name]) for end in self.ranges[name])
                 span = low if low == high else f"{low} to {high}"
@@ -257,15 +237,9 @@ class Tested:
 
     def extrapolated(self, name: str, value: float) -> bool:
         """Whether a value [SI] lies outside the tested range by more than a tenth; False for what is no such name."""
-        if name not in QUANTITIES:
+        if name not in UNITS:
             return False
         if name not in self.ranges:
             return True
         low, high = self.ranges[name]
         return not low / SLACK <= abs(value) <= high * SLACK
-
-
-def _stated(table: Json) -> float | None:
-    """The stiffness [N/m] in a table of a recorded scene."""
-    stiffness = table.get("stiffness") if isinstance(table, Mapping) else None
-    return finite(stiffness.get("value") if isinstance(stiffness, Mapping) else stiffness)

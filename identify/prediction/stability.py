@@ -13,11 +13,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identify.base.roots import rising_root
-from identify.prediction.groups import QUANTITIES, settings
 
 Array = NDArray[np.float64]
 
+RIG = ("mass", "stiffness", "damping")
+FRICTION = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
+QUANTITIES = (*RIG, *FRICTION, "drive_speed", "normal_force")  # what the calculators take
 TINY = 1e-200  # a step into the complex plane
+
+
+def settings(rig: object, friction: object, drive_speed: ArrayLike, normal_force: ArrayLike) -> dict[str, Array]:
+    """The arguments of the calculators by name (QUANTITIES), arrays of one shape or floats; speeds without sign.
+
+    Args:
+        rig: anything with mass [kg], stiffness [N/m] and damping h [N/m].
+        friction: anything with mu_s, mu_k0, delta_mu_k, a [s/m], D [m], t_cr [s]; D = 0 means no contact ageing.
+    """
+    values = [getattr(rig, name) for name in RIG] + [getattr(friction, name) for name in FRICTION]
+    shaped = np.broadcast_arrays(*values, np.abs(drive_speed), normal_force)
+    return {name: np.asarray(q, float)[()] for name, q in zip(QUANTITIES, shaped, strict=True)}
 
 
 def _linearise(q: dict[str, Array]) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
@@ -129,8 +143,9 @@ Form = Literal["derived", "printed"]
 DAMPERS = {"derived": 2.0, "printed": 1.0}  # z over zeta
 
 
-def _tangent_small(alpha: Array, n: Array) -> tuple[Array, Array]:
-    """(psi, ln Phi_cr) from the distance of psi to 2 n pi, for alpha below 0.6."""
+def _tangent(alpha: Array, n: Array) -> tuple[Array, Array]:
+    """(psi, ln Phi_cr), psi = w_d tau of the slip that just reaches the drive speed, from the distance of psi to 2 n pi;
+    0 < alpha < 1."""
     w = np.sqrt((1 - alpha) * (1 + alpha))
     b = alpha / w
 
@@ -145,27 +160,6 @@ def _tangent_small(alpha: Array, n: Array) -> tuple[Array, Array]:
     # Below, the leading term is exact to the last digit, and squares would underflow.
     tiny = alpha < 1e-18
     return np.where(tiny, 2 * np.pi * n, psi), np.where(tiny, 0.5 * (np.log(4 * np.pi * n) + np.log(alpha)), log)
-
-
-def _tangent_large(alpha: Array, n: Array) -> tuple[Array, Array]:
-    """(psi, ln Phi_cr) from the distance of psi to (2 n - 1) pi, for alpha from 0.6 to 1."""
-    w = np.sqrt((1 - alpha) * (1 + alpha))
-    b, start = alpha / w, np.arctan2(w, alpha)
-    eta = start
-    for _ in range(60):
-        before, eta = eta, start + np.arcsin(np.minimum(w * np.exp(-b * ((2 * n - 1) * np.pi + eta)), 1.0))
-        if np.array_equal(before, eta):
-            break
-    psi = (2 * n - 1) * np.pi + eta
-    return psi, b * psi + np.log(np.sin(eta) / w)
-
-
-def _tangent(alpha: Array, n: Array) -> tuple[Array, Array]:
-    """(psi, ln Phi_cr), psi = w_d tau of the slip that just reaches the drive speed; 0 < alpha < 1."""
-    psi, log = np.empty_like(alpha), np.empty_like(alpha)
-    for chosen, solve in ((alpha < 0.6, _tangent_small), (alpha >= 0.6, _tangent_large)):
-        psi[chosen], log[chosen] = solve(alpha[chosen], n[chosen])
-    return psi, log
 
 
 def log_critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = False) -> Any:

@@ -1,7 +1,8 @@
-"""Windows of drive speed in which a pair sticks and slips, slides steadily, or does either.
+"""Stick-slip over a grid of settings, where it or stable sliding ends between nodes, and windows of drive speed.
 
-The whole range of drive speeds is searched on a grid that the pair and the rig alone determine, so that the windows are
-the same whatever speed is asked for; their ends are closed in on by bisection.
+Motions are settled at every node at once; where two neighbours differ the border between them is closed in on by
+bisection: of the motion for the end of stick-slip, of the growth rate for the stability of sliding. The drive speeds
+searched depend on pair and rig alone, so that the windows are the same whatever speed is asked for.
 """
 
 from __future__ import annotations
@@ -15,16 +16,172 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.quantiles import LEVEL
 from identify.model.model import Model
-from identify.prediction.search import CLOSEST, Survey, bisect, growing, in_a_row
+from identify.prediction.batch import CycleBatch, Motions
 from identify.simulation.sliding import growth_rates
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+At = Callable[[Rows, Array], Array]  # settings (k, n_w) of rows (k,) at their places (k,) along a coordinate
+Holds = Callable[[Rows, Array], Bools]  # whether something holds there (k,)
 
-POINTS = 120  # at which it is looked whether steady sliding is stable
+QUANTILES = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)  # of draws: the ends of an interval
+COARSE, FINE = 5, 12  # halvings of a bracket by motions, on a map and along a line
+CLOSEST = 40  # by growth rates, which cost next to nothing
+FIRST, DOUBLINGS = 0.02, 8  # of the coordinate: first step from where an end is expected, and how often it is doubled
 SPACING = 0.3  # of the logarithm of the drive speed between nodes
 SLOWEST, FASTEST = 1e-2, 30.0  # range searched, over the slowest and the typical speed of pair and rig
-HALVINGS = 12  # of the spacing, towards an end of stick-slip
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Over a grid.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Border:
+    """Where along edges between nodes something ends: numbers of both nodes (k, 2), the one that has it first; places
+    (k, d) of the end; rest states (k, n_y) of stick-slip beside it, and the typical ones there; none of sliding."""
+
+    nodes: Rows
+    places: Array
+    y: Array
+    scale: Array
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What motions do at the nodes of a grid.
+
+    places (n, d): their coordinates; settings_at: settings (k, n_w) at coordinates (k, d); sides: for each direction
+    of the grid the pairs (m, 2) of nodes side by side; batch, motions: of all nodes.
+    """
+
+    model: Model
+    places: Array
+    settings_at: Callable[[Array], Array]
+    sides: Sequence[Rows]
+    batch: CycleBatch
+    motions: Motions
+
+    @staticmethod
+    def of(model: Model, places: Array, settings_at: Callable[[Array], Array], sides: Sequence[Rows] = ()) -> Survey:
+        """Settle motions from a rested contact, from one that is almost renewed (small stick-slip may be out of reach
+        from a rested one), and from the stick-slip of the nodes beside. Without sides the nodes are a row."""
+        sides = sides or [np.stack([np.arange(len(places) - 1), np.arange(1, len(places))], axis=1)]
+        batch = CycleBatch(model, settings_at(places))
+        found = batch.settle(batch.rested())
+        left = np.flatnonzero(~found.sticks)
+        if left.size:
+            found.update(left, batch.take(left).settle(batch.take(left).renewed()))
+        fresh = found.sticks.copy()
+        while np.any(fresh):
+            before = found.sticks.copy()
+            for source, rows in (side.T[order] for side in sides for order in ([0, 1], [1, 0])):
+                new = fresh[source] & ~found.sticks[rows]
+                if np.any(new):
+                    near, part = source[new], batch.take(rows[new])
+                    found.update(rows[new], part.settle(found.y[near] * part.scale / batch.scale[near]))
+            fresh = found.sticks & ~before
+        return Survey(model, places, settings_at, sides, batch, found)
+
+    def ends(self, rounds: int) -> Border:
+        """Where stick-slip ends, its brackets halved so many times."""
+        nodes, at = self._edges(self.motions.sticks)
+        scale = self.batch.scale[nodes[:, 0]]
+        test = StickTest(self.model, at, self.motions.y[nodes[:, 0]], scale)
+        return Border(nodes, self._closed_in(test, nodes, rounds), test.shares * scale, scale)
+
+    def losses(self) -> Border:
+        """Where steady sliding becomes unstable."""
+        nodes, at = self._edges(self.batch.growth >= 0.0)
+        return Border(nodes, self._closed_in(growing(self.model, at), nodes, CLOSEST), np.empty(0), np.empty(0))
+
+    def _edges(self, has: Bools) -> tuple[Rows, At]:
+        """Edges (k, 2) of which the first node has something and the other has not, and the settings along them."""
+        pairs = np.concatenate([np.empty((0, 2), dtype=np.intp), *self.sides])
+        pairs = pairs[has[pairs[:, 0]] != has[pairs[:, 1]]]
+        nodes = np.where(has[pairs[:, :1]], pairs, pairs[:, ::-1])
+
+        def at(rows: Rows, shares: Array) -> Array:
+            first, last = self.places[nodes[rows, 0]], self.places[nodes[rows, 1]]
+            return self.settings_at(first + shares[:, None] * (last - first))
+
+        return nodes, at
+
+    def _closed_in(self, holds: Holds, nodes: Rows, rounds: int) -> Array:
+        rows, inside, outside = np.arange(len(nodes)), np.zeros(len(nodes)), np.ones(len(nodes))
+        for _ in range(rounds if rows.size else 0):
+            middle = 0.5 * (inside + outside)
+            now = holds(rows, middle)
+            inside, outside = np.where(now, middle, inside), np.where(now, outside, middle)
+        share = 0.5 * (inside + outside)[:, None]
+        return np.asarray((1.0 - share) * self.places[nodes[:, 0]] + share * self.places[nodes[:, 1]])
+
+
+def growing(model: Model, at: At) -> Holds:
+    """Whether disturbances of steady sliding grow."""
+    return lambda rows, places: growth_rates(model, at(rows, places)) >= 0.0
+
+
+class StickTest:
+    """Whether rows stick and slip at places along a coordinate, each from where it stuck last.
+
+    Args:
+        y (n, n_y), scale (n, n_y): rest states of stick-slip at the start, and the typical ones there. rested: whether
+            a rested contact is tried too, until a row has stuck.
+    """
+
+    def __init__(self, model: Model, at: At, y: Array, scale: Array, *, rested: bool = False) -> None:
+        self._model, self._at, self._strange = model, at, np.full(len(y), rested)
+        self.shares = y / scale
+
+    def __call__(self, rows: Rows, places: Array) -> Bools:
+        """Whether rows (k,) do at their places (k,)."""
+        batch = CycleBatch(self._model, self._at(rows, places))
+        found = batch.settle(self.shares[rows] * batch.scale)
+        left = np.flatnonzero(~found.sticks & self._strange[rows])
+        if left.size:
+            found.update(left, batch.take(left).settle(batch.take(left).rested()))
+        stuck = found.sticks
+        self._strange[rows[stuck]] = False
+        self.shares[rows[stuck]] = (found.y / batch.scale)[stuck]
+        return stuck
+
+
+def locate(holds: Holds, expected: Array, ahead: float, rounds: int, draws: int) -> Array:
+    """Places (n,) at which something ends that holds before them in the direction `ahead` (1 or -1), NaN where there
+    is none near to what is expected (n,).
+
+    Of the first `draws` rows the outer quantiles are closed in on alone, the others are left as wide as they are.
+    """
+    place, inside, outside = expected.copy(), np.full(expected.size, np.nan), np.full(expected.size, np.nan)
+    step = FIRST
+    for turn in range(DOUBLINGS + 1):
+        rows = np.flatnonzero(np.isnan(inside) | np.isnan(outside))
+        if not rows.size:
+            break
+        now = holds(rows, place[rows])
+        inside[rows[now]], outside[rows[~now]] = place[rows[now]], place[rows[~now]]
+        place[rows] += np.where(now, ahead, -ahead) * step
+        step *= 1.0 if turn == 0 else 2.0
+    for _ in range(rounds):
+        middle, (low, high) = 0.5 * (inside + outside), np.sort([inside, outside], axis=0)
+        wanted = np.isfinite(middle)
+        if np.any(wanted[:draws]):  # a quantile lies between two draws: both are closed in on
+            ends = [np.nanquantile(middle[:draws], QUANTILES, method=side) for side in ("lower", "higher")]
+            wanted[:draws] &= np.any([(low <= end) & (end <= high) for end in np.ravel(ends)], axis=0)[:draws]
+        rows = np.flatnonzero(wanted)
+        now = holds(rows, middle[rows])
+        inside[rows[now]], outside[rows[~now]] = middle[rows[now]], middle[rows[~now]]
+    return np.asarray(0.5 * (inside + outside))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Over the drive speed.
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 class Outcome(Enum):
@@ -90,10 +247,8 @@ class Windows:
 
     def near(self, speed: float) -> Array | None:
         """The known rest state (n_y,) nearest to a drive speed [m/s] in the range with stick-slip that holds it."""
-        for part in self.sticking:
-            if part.holds(speed):
-                return np.asarray(part.states[int(np.argmin(np.abs(np.log(part.speeds / speed))))])
-        return None
+        part = next((part for part in self.sticking if part.holds(speed)), None)
+        return None if part is None else np.asarray(part.states[np.argmin(np.abs(np.log(part.speeds / speed)))])
 
     def listed(self) -> tuple[Window, ...]:
         """The windows in rising order, without a gap."""
@@ -113,75 +268,49 @@ class Windows:
         return tuple(out)
 
 
-def _speeds(model: Model, w: Array) -> tuple[float, float]:
-    """Drive speed [m/s] below which neither ageing nor weakening nor the swing of the mass changes any more, and the
-    speed that the whole fall of friction gives the mass, (mu_s - mu_k) F_n / sqrt(m k), at w (n_w,)."""
-    v = dict(zip(model.parameter_names, w[:-2].tolist(), strict=True))
-    kinetic = v["mu_k0"] + min(0.0, v.get("delta_mu_k", 0.0))
-    fall = max(v["mu_s"] - kinetic, 1e-3 * v["mu_s"]) * float(w[-2])
-    typical = fall / float(np.sqrt(v["mass"] * v["stiffness"]))
-    speeds = [typical, *([1.0 / v["a"]] if "a" in v else [])]
-    if "t_cr" in v:
-        speeds += [fall / (v["stiffness"] * v["t_cr"]), *([v["D"] / v["t_cr"]] if "D" in v else [])]
-    return min(speeds), typical
-
-
-def speed_windows(model: Model, setting: Array, asked: Sequence[float] = ()) -> Windows:
+def speed_windows(model: Model, setting: Array, nodes: Sequence[float] = ()) -> Windows:
     """The windows of drive speed of a pair at a setting (n_w,), of whatever drive speed.
 
     Args:
-        asked: drive speeds [m/s] that are nodes too; the range searched is widened to hold them.
+        nodes: drive speeds [m/s] that are looked at too; the range searched is widened to hold them.
 
     Raises:
         SimulationError: the motion cannot be integrated, or there is no steady sliding.
     """
-    return _windows(model, np.append(setting[:-1], 1.0).tobytes(), tuple(asked))
+    return _windows(model, tuple(setting[:-1].tolist()), tuple(nodes))
 
 
 @lru_cache(maxsize=64)  # a fit and its report, and the page with every turn of its speed, ask again for those of a pair
-def _windows(model: Model, setting: bytes, asked: tuple[float, ...]) -> Windows:
-    w = np.frombuffer(setting)
-    slowest, typical = _speeds(model, w)
-    anchor = float(np.log(typical))
-    ends = [np.log(SLOWEST * slowest), anchor + np.log(FASTEST), *np.log(asked)]
-    first, last = (np.floor((min(ends) - anchor) / SPACING), np.ceil((max(ends) - anchor) / SPACING))
-    places = np.union1d(anchor + SPACING * np.arange(first, last + 1), np.log(asked))
+def _windows(model: Model, setting: tuple[float, ...], nodes: tuple[float, ...]) -> Windows:
+    v = dict(zip((*model.parameter_names, "load"), setting, strict=True))
+    kinetic = v["mu_k0"] + min(0.0, v.get("delta_mu_k", 0.0))
+    fall = max(v["mu_s"] - kinetic, 1e-3 * v["mu_s"]) * v["load"]
+    # The speed that the whole fall of friction gives the mass, and those at which weakening and ageing change.
+    typical = fall / float(np.sqrt(v["mass"] * v["stiffness"]))
+    slowest = min([typical, *([1.0 / v["a"]] if "a" in v else [])])
+    if "t_cr" in v:
+        slowest = min(slowest, fall / (v["stiffness"] * v["t_cr"]), v.get("D", np.inf) / v["t_cr"])
+    ends = np.log([SLOWEST * slowest, FASTEST * typical, *nodes]) - np.log(typical)
+    grid = SPACING * np.arange(np.floor(min(ends) / SPACING), np.ceil(max(ends) / SPACING) + 1)
+    places = np.union1d(np.log(typical) + grid, np.log(nodes))
 
     def settings_at(places: Array) -> Array:
-        return np.column_stack([np.tile(w[:-1], (len(places), 1)), np.exp(places)])
+        return np.column_stack([np.tile(setting, (len(places), 1)), np.exp(places)])
 
-    survey = Survey.of(model, places[:, None], settings_at, in_a_row(places.size))
-    border, sticks = survey.ends(HALVINGS), survey.motions.sticks
+    survey = Survey.of(model, places[:, None], settings_at)
+    border, sticks, ranges = survey.ends(FINE), survey.motions.sticks, []
     limits = np.exp(border.places[:, 0])
-    ranges = []
     for part in np.split(np.arange(places.size), np.flatnonzero(np.diff(sticks)) + 1):
         if not sticks[part[0]]:
             continue
-        low, high = (np.flatnonzero(np.all(border.nodes == pair, axis=1)) for pair in _beyond(part))
-        mine = np.concatenate([low, high])
-        speeds = np.append(np.exp(places[part]), limits[mine])
-        order = np.argsort(speeds, kind="stable")
-        states = np.concatenate([survey.motions.y[part], border.y[mine]])[order]
-        found = [float(limits[side[0]]) if side.size else None for side in (low, high)]
-        ranges.append(SpeedRange(found[0], found[1], speeds[order], states))
-    fine = np.linspace(places[0], places[-1], POINTS)
-    unstable = _unstable(model, lambda _, at: settings_at(at[:, None]), fine)
+        below = np.flatnonzero(np.all(border.nodes == (part[0], part[0] - 1), axis=1))
+        above = np.flatnonzero(np.all(border.nodes == (part[-1], part[-1] + 1), axis=1))
+        speeds = np.concatenate([limits[below], np.exp(places[part]), limits[above]])
+        states = np.concatenate([border.y[below], survey.motions.y[part], border.y[above]])
+        low, high = (float(limits[side[0]]) if side.size else None for side in (below, above))
+        ranges.append(SpeedRange(low, high, speeds, states))
+    grows = survey.batch.growth[[0, -1]] >= 0.0
+    losses = np.sort(survey.losses().places[:, 0])
+    speeds = np.exp([*places[:1][grows[:1]], *losses, *places[-1:][grows[1:]]]).tolist()
+    unstable = tuple(zip(speeds[::2], speeds[1::2], strict=True))
     return Windows((float(np.exp(places[0])), float(np.exp(places[-1]))), tuple(ranges), unstable)
-
-
-def _beyond(part: NDArray[np.intp]) -> tuple[tuple[int, int], tuple[int, int]]:
-    """The edges that lead out of a row of nodes below and above."""
-    first, last = int(part[0]), int(part[-1])
-    return (first, first - 1), (last, last + 1)
-
-
-def _unstable(
-    model: Model, at: Callable[[NDArray[np.intp], Array], Array], places: Array
-) -> tuple[tuple[float, float], ...]:
-    """Drive speeds [m/s] between which steady sliding is unstable; one narrower than the grid (n,) is missed."""
-    grows = growth_rates(model, at(np.arange(places.size), places)) >= 0.0
-    edge = np.flatnonzero(grows[1:] != grows[:-1])
-    inside, outside = np.where(grows[edge], edge, edge + 1), np.where(grows[edge], edge + 1, edge)
-    losses = np.mean(bisect(growing(model, at), places[inside], places[outside], CLOSEST), axis=0)
-    ends = np.exp([*places[:1][grows[:1]], *losses, *places[-1:][grows[-1:]]]).tolist()
-    return tuple(zip(ends[::2], ends[1::2], strict=True))

@@ -5,21 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from identify.base.result import Number
-from identify.base.wording import speed_scale
+from identify.base.wording import decimals, interval_text, number, places_of_positive, scale_for
 
 if TYPE_CHECKING:
-    from identify.prediction.point_prediction import PointPrediction, SpeedWindow
-    from identify.prediction.stabilising import ChangeAdvice
+    from identify.prediction.predict import PointPrediction
 
 OPEN = "interval open: "  # how a reason begins
-MOST_PLACES = 8
-LEAST = 0.0999  # of a unit, from which on it is taken
-WHOLE = ("s/m", "1/s", "1/m")  # units that are written as they are
-KILO = ("N", "N/m", "Pa")  # units that are written in thousands
-PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
 def said(value: float | None, unit: str, beside: float | None = None) -> str:
@@ -27,32 +19,13 @@ def said(value: float | None, unit: str, beside: float | None = None) -> str:
     there is one."""
     if value is None:
         return "none"
-    name, factor = _scale(value if beside is None else beside, unit)
-    return f"{_digits(value / factor, 3)} {name}".rstrip()
+    scale = scale_for(value if beside is None else beside, unit)
+    return f"{number(value / scale.factor, 3)} {scale.unit}".rstrip()
 
 
 def listed(names: Sequence[str], word: str = "and") -> str:
     """Names in a sentence: "a", "a and b", "a, b and c"."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}"
-
-
-def _scale(value: float, unit: str) -> tuple[str, float]:
-    """A unit of handy size for a value, and its size in SI."""
-    if unit == "m/s":
-        return speed_scale(value)
-    if not unit or unit in WHOLE or value == 0:
-        return unit, 1.0
-    if unit in KILO and abs(value) >= 1e4:
-        return f"k{unit}", 1e3
-    if unit == "kg":
-        return ("kg", 1.0) if abs(value) >= 1.0 else ("g", 1e-3)
-    usual = 1e-3 if unit == "m" and abs(value) < 1 else 1.0
-    factor, prefix = next(((f, s) for f, s in PREFIXES if abs(value) >= LEAST * f and f <= usual), PREFIXES[-1])
-    return f"{prefix}{unit}", factor
-
-
-def _digits(value: float, digits: int) -> str:
-    return f"{value:.3g}" if value == 0 else np.format_float_positional(value, digits, fractional=False, trim="-")
 
 
 def with_interval(entry: Number) -> str:
@@ -62,16 +35,10 @@ def with_interval(entry: Number) -> str:
         return f"{said(value, entry.unit)} (interval open)"
     if value is None or low is None or high is None or not high > low:
         return said(value, entry.unit)
-    name, factor = _scale(value, entry.unit)
-    shown = [v / factor for v in (value, low, high)]
-    places = max(_places(shown[0]) + 2, _places((shown[2] - shown[1]) / 2))
-    middle, first, last = (f"{v:.{min(max(places, 0), MOST_PLACES)}f}" for v in shown)
-    return f"{middle} {name} (95 %: {first} to {last})".replace("  ", " ")
-
-
-def _places(value: float) -> int:
-    """Decimals at which the first digit of a number stands."""
-    return 0 if value == 0 or not np.isfinite(value) else -int(np.floor(np.log10(abs(value))))
+    scale = scale_for(value, entry.unit)
+    places = places_of_positive((high - low) / 4 / scale.factor, value / scale.factor)
+    shown = f"{decimals(value / scale.factor, places)} {scale.unit}".rstrip()
+    return f"{shown} (95 %: {interval_text((low, high), scale, places)})"
 
 
 def _why_open(entries: Iterable[Number]) -> str:
@@ -116,20 +83,15 @@ def stability_text(prediction: PointPrediction) -> str:
         else:
             lines.append(f"Stick-slip exists from {with_interval(part.low)} to {with_interval(part.high)}.")
     ends = [limit for part in answer.stick_slip_between for limit in (part.low, part.high) if limit]
-    lines += filter(None, [_windows(answer.windows), _probability_text(prediction)])
-    return " ".join(lines) + _why_open(ends)
-
-
-def _windows(windows: Sequence[SpeedWindow]) -> str:
-    """The windows of drive speed in one sentence."""
+    windows = [(WINDOWS[w.outcome], said(w.low, "m/s"), said(w.high, "m/s")) for w in answer.windows]
     if len(windows) == 1:
-        return f"At every drive speed searched: {WINDOWS[windows[0].outcome].rstrip(',')}."
-    parts = []
-    for i, window in enumerate(windows):
-        low, high = said(window.low, "m/s"), said(window.high, "m/s")
-        where = f"up to {high}" if i == 0 else f"above {low}" if i + 1 == len(windows) else f"from {low} to {high}"
-        parts.append(f"{WINDOWS[window.outcome]} {where}")
-    return f"By drive speed: {'; '.join(parts)}."
+        lines.append(f"At every drive speed searched: {windows[0][0].rstrip(',')}.")
+    else:
+        (first, _, low), *between, (last, high, _) = windows
+        middle = [f"{what} from {start} to {end}" for what, start, end in between]
+        lines.append(f"By drive speed: {'; '.join([f'{first} up to {low}', *middle, f'{last} above {high}'])}.")
+    lines += filter(None, [_probability_text(prediction)])
+    return " ".join(lines) + _why_open(ends)
 
 
 SHOWN = ("peak_to_valley", "drop", "period", "peak_speed")  # with their intervals
@@ -196,26 +158,3 @@ def _probability_text(prediction: PointPrediction, silent: tuple[float, ...] = (
         f"Probability of stick-slip here: {100 * chance.value:.3g} % "
         f"({chance.validity}, 95 %: {100 * low:.3g} to {100 * high:.3g} %)."
     )
-
-
-def advice_text(prediction_at: str, steady: bool, margin: float, rows: Sequence[ChangeAdvice]) -> str:
-    """What to change at an operating point, one line per quantity."""
-    goal = "To keep sliding steady" if steady else "To make sliding steady, one of these"
-    head = f"{goal} at {prediction_at} with a margin of {100 * margin:.3g} %, all else held:"
-    return "\n".join([head, *(_change_text(row) for row in rows)])
-
-
-def _change_text(row: ChangeAdvice) -> str:
-    limit, advised = row.limit, row.advised.value
-    # each limit stands alone, so each has its own reason why its interval is open
-    reach = f"{said(limit.value, limit.unit)} ({limit.reason})" if limit.reason else with_interval(limit)
-    if advised is None:
-        return f"- {row.label}: {row.reason}{'' if limit.value is None else f' ({reach})'}."
-    notes = [f"limit {reach}, {row.kind}", *(["extrapolated: outside the tested range"] if row.extrapolated else [])]
-    beyond = limit.ends[1 if row.at == "least" else 0]
-    if beyond is not None and (beyond > advised if row.at == "least" else beyond < advised):
-        notes.append("the interval of the limit reaches beyond the margin")
-    if advised == row.now.value:
-        return f"- {row.label}: as it is ({said(advised, limit.unit)}); {'; '.join(notes)}."
-    now = said(row.now.value, limit.unit)
-    return f"- {row.label} at {row.at} {said(advised, limit.unit)}, now {now} ({'; '.join(notes)})."

@@ -18,8 +18,7 @@ from identify.base.outcome import LogCurves, Status
 from identify.base.result import Result
 from identify.base.wording import wrapped
 from identify.model.model import RIG_PARAMETERS
-from identify.prediction.point_prediction import PointPrediction
-from identify.prediction.predict import predict
+from identify.prediction.predict import PointPrediction, predict
 from identify.prediction.sources import pair_of
 from identify.report.report_page import first_screen
 from identify.report.report_tables import classical_table

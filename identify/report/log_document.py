@@ -19,8 +19,7 @@ from identify.diagnosis.findings import Findings
 from identify.logs.classical import classical_table
 from identify.logs.prepare import Prepared
 from identify.prediction.draws import OperatingPoint
-from identify.prediction.point_prediction import NoAnswer
-from identify.prediction.predict import predictions
+from identify.prediction.predict import NoAnswer, predictions
 from identify.prediction.sources import with_tied
 from identify.scene.values import Tie
 

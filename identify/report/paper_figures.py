@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from identify.base.errors import FitError
 from identify.base.wording import scale_for
 from identify.prediction.draws import Draws
-from identify.prediction.search import QUANTILES
 from identify.prediction.sources import pair_of
+from identify.prediction.windows import QUANTILES
 from identify.report.report_figures import correlation_cells
 from identify.report.report_wording import plain_symbol
 from identify.report.style import FITTED, MEASURED, QUIET, RESIDUAL, SHADE, drawing_style

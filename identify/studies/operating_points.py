@@ -20,8 +20,7 @@ from identify.base.quantiles import LEVEL, NORMAL, student, student_below
 from identify.base.result import Number
 from identify.model.model import RIG_PARAMETERS
 from identify.prediction.draws import DRAWS, OperatingPoint
-from identify.prediction.point_prediction import NoAnswer, PointPrediction
-from identify.prediction.predict import predictions
+from identify.prediction.predict import NoAnswer, PointPrediction, predictions
 from identify.scene import Scene
 from identify.studies.compare import CompareError, Comparison
 from identify.studies.fits import FitEntry

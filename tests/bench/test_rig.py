@@ -12,9 +12,7 @@ from data_io import Record, write_csv
 from experiments.rig_records import pulled, tapped
 from identify import Scene, SceneError
 from identify.base.errors import IdentifyError
-from identify.bench.calibration import calibrated
-from identify.bench.records import Measured, rings
-from identify.bench.rig_file import rig_toml
+from identify.bench.rig import Measured, calibrated, rig_toml, rings
 from identify.bench.ringdown import ring_downs
 from identify.cli import main as cli
 from identify.effects import MAIN

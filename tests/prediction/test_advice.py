@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from identify.cli.main import main
 from identify.prediction import sources
 from identify.prediction.axes import axis
 from identify.prediction.draws import OperatingPoint
-from identify.prediction.stabilising import nearest_turn, stabilising_changes
+from identify.prediction.maps import _change, stabilising_changes
 from tests.support import oracle
 from tests.support.maps_case import DEMO, SITE
 
@@ -67,12 +68,12 @@ def test_a_quantity_that_is_set_wrong_now_is_so_at_its_limit():
 
 
 def test_what_is_steady_is_seen_and_what_cannot_be_reached():
-    far = type(SITE)(MODEL, DEMO, 4e-2, LOAD)
-    steady, turn = nearest_turn(far, axis(far, "drive_speed"))
-    assert steady and turn.rising and np.exp(turn.place) < 4e-2
-    slow = type(SITE)(MODEL, DEMO, 1e-4, LOAD)
-    assert nearest_turn(slow, axis(slow, "mass")) == (False, None)
-    with pytest.raises(SimulationError, match="expected positive numbers"):
+    far, slow = (replace(SITE, drive_speed=speed) for speed in (4e-2, 1e-4))
+    speed = _change(far, axis(far, "drive_speed"), None, None, 0.2)
+    assert speed.at == "least" and speed.limit.value < 4e-2 == speed.advised.value and "as it is" in speed.text
+    mass = _change(slow, axis(slow, "mass"), None, None, 0.2)
+    assert mass.limit.value is None and "cannot be reached" in mass.reason
+    with pytest.raises(SimulationError, match="not zero and a positive"):
         stabilising_changes(MODEL, OperatingPoint(DEMO, 0.0, LOAD))
 
 

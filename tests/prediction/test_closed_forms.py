@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from identify import ageing, amplitude, stability
-from identify.prediction.closed_forms import closed_forms
-from identify.prediction.groups import MEANING, groups
+from identify.prediction.closed_forms import MEANING, closed_forms, groups
 from tests.support import closed_form_case as plain
 from tests.support.maps_case import DEMO
 

@@ -18,7 +18,8 @@ from identify import Scene
 from identify.base.document import to_dict
 from identify.prediction.axes import Site
 from identify.prediction.draws import LEAST_DRAWS, Draws, OperatingPoint
-from identify.prediction.predict import DrawAnswers, map_of, predict, predictions, solution_set
+from identify.prediction.orbit import CycleMap
+from identify.prediction.predict import DrawAnswers, predict, predictions, solution_set
 from identify.prediction.sources import stated
 from identify.prediction.windows import speed_windows
 from tests.support.maps_case import DEMO, SITE
@@ -69,7 +70,7 @@ def test_skew_intervals_are_those_of_an_independent_monte_carlo(change):
 @pytest.mark.slow
 def test_ends_of_draws_are_those_of_their_own_windows():
     """Of pairs far from the estimate, and of the outer draws, which are closed in on; orders of the rest are kept."""
-    answer = solution_set(map_of(MODEL, OperatingPoint(PAIR, 1e-3, 1.0)), 1e-3)
+    answer = solution_set(CycleMap.of(MODEL, Site(MODEL, DEMO, 1e-3, 1.0).setting), 1e-3)
     draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, study.NAMES, known_to(PAIR, 0.1), 10)
     (part,) = answer.windows.sticking
     ends = DrawAnswers(draws, Site(MODEL, DEMO, 1e-3, 1.0), answer).limit(part, True)

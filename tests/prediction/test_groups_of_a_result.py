@@ -10,9 +10,10 @@ import pytest
 from identify import Scene, examples
 from identify.base.result import Result
 from identify.cli.main import main
-from identify.prediction.batch import settled_orbit
+from identify.prediction.batch import cycle_figures
 from identify.prediction.orbit import CycleMap
 from identify.prediction.sources import pair_of
+from tests.support.maps_case import settled_orbit
 
 OFFSET = -0.19  # of mu_k0 from mu_s
 SHARED = {"delta_mu_k": -0.13, "a": 300.0, "t_cr": 0.5}
@@ -65,21 +66,15 @@ def document():
     }
 
 
-def drop_at(group, speed, changed=None):
+def drop_at(group, speed, changed=0.0):
     """The truth: drop [N] of a pair, each parameter of it moved by what `changed` (5,) says."""
-    onset, arrest = loads_at(group, speed, changed)
-    return onset - arrest
-
-
-def loads_at(group, speed, changed=None):
-    """Its forces [N] at the onset of slip and at the arrest."""
     names = [KEYS[i].removesuffix(" (B)") for i in OF_PAIR[group]]
-    moved = np.array([VALUE[i] for i in OF_PAIR[group]]) + (0.0 if changed is None else changed)
+    moved = np.array([VALUE[i] for i in OF_PAIR[group]]) + changed
     scene = Scene.from_toml(examples.SCENE)
     values = scene.values() | dict(zip(names, moved.tolist(), strict=True))
     values["mu_k0"] = values["mu_s"] + OFFSET
     map_ = CycleMap(scene.model, 1.0, np.array([values[name] for name in scene.model.parameter_names]))
-    return map_.loads(settled_orbit(map_, speed).cycle)
+    return cycle_figures(scene.model, settled_orbit(map_, speed).cycle)[0]
 
 
 def spread_of_drop(group, speed):

@@ -11,13 +11,12 @@ import pytest
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction.axes import Site, admissible, axis, check_axes, moved, quantity_of
-from identify.prediction.batch import settled_orbit
 from identify.prediction.draws import Draws
 from identify.prediction.maps import Boundary, chart, line_map, plane
 from identify.prediction.orbit import CycleMap
 from identify.prediction.predict import solution_set
-from identify.prediction.search import Border
-from tests.support.maps_case import ALL, DEMO, SITE, SPANS
+from identify.prediction.windows import Border
+from tests.support.maps_case import ALL, DEMO, SITE, SPANS, settled_orbit
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
 import brute_force
