@@ -11,7 +11,7 @@ widen it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,7 @@ EXPLAINED = 0.9  # share of the power of a ring-down that a damped swing holds
 WORSE = 1.5  # times the mean square of the rest: a swing that does not fit like it
 SLOWEST = 3.0  # periods in the record: what is slower is drift
 DAMPINGS = (0.003, 0.01, 0.03, 0.1, 0.25)  # damping ratios that a fit starts from
+TURNS = (0.0, 0.125, 0.25, 0.375)  # periods since the turning point, of half of which the amplitude changes its sign
 RUBS = 9.0  # by how much dry friction lowers chi square, at least: three standard errors of its force
 BAND = 0.5, 2.0  # times the frequency: where the residual's power counts
 
@@ -125,9 +126,14 @@ def _fitted(time: Array, force: Array, period: float) -> RingDown | None:
         fit = _least_squares(time[mine], force[mine], period)
         if fit is None:
             return None
-        # What has died out informs no more, and drifts; what has not settled yet does not fit like the rest.
-        dies = fit.time[0] + _dies(fit) / (fit.zeta * fit.frequency)
         residual, early = fit.force - fit.fitted, fit.time < begin + period
+        noise = float(np.std(residual)) or 1e-300
+        amplitude = 0.5 * float(np.ptp(fit.fitted[fit.time <= fit.time[0] + 2.0 * np.pi / fit.frequency]))
+        # What has died out informs no more, and drifts: lost in the noise, or two swings before dry friction stops it;
+        # the envelope is (A + line) exp(-zeta w t) - line. What has not settled yet does not fit like the rest.
+        line, least = 2.0 / np.pi * fit.dry / fit.zeta, max(0.3 * noise, 4.0 * fit.dry)
+        left = max((amplitude + line) / (least + line), np.e if not line else 1.0 + 1e-9)
+        dies = fit.time[0] + float(np.log(left)) / (fit.zeta * fit.frequency)
         squares = [float(np.mean(residual[part] ** 2)) for part in (early, ~early) if part.any()]
         if dies < end - period:
             end = dies
@@ -137,114 +143,60 @@ def _fitted(time: Array, force: Array, period: float) -> RingDown | None:
             break
     swung = fit.force - np.mean(fit.force)
     explained = 1.0 - float(np.sum(residual**2) / np.sum(swung**2))
-    clear = _amplitude(fit) > SEEN * _noise(fit) and (fit.zeta_error < 1.0 or fit.dry > 0.0)
+    clear = amplitude > SEEN * noise and (fit.zeta_error < 1.0 or fit.dry > 0.0)
     return fit if explained > EXPLAINED and clear else None
 
 
-def _dies(fit: RingDown) -> float:
-    """zeta w t at which a swing is lost in the noise, or has two swings left until dry friction stops it."""
-    first, least = _amplitude(fit), max(0.3 * _noise(fit), 4.0 * fit.dry)
-    line = 2.0 / np.pi * fit.dry / fit.zeta  # the envelope is (A + line) exp(-z) - line
-    return float(np.log(max((first + line) / (least + line), np.e if not line else 1.0 + 1e-9)))
-
-
-def _noise(fit: RingDown) -> float:
-    return float(np.std(fit.force - fit.fitted)) or 1e-300
-
-
-def _amplitude(fit: RingDown) -> float:
-    """Of the first swing [N]."""
-    first = fit.time <= fit.time[0] + 2.0 * np.pi / fit.frequency
-    return 0.5 * float(np.ptp(fit.fitted[first]))
-
-
-def _basis(t: Array, frequency: float, zeta: float) -> Array:
-    """What a ring-down is a linear combination of, (n, 4): both phases of the damped swing, level and drift."""
-    damped = frequency * np.sqrt(max(1.0 - zeta**2, 1e-12))
-    decay = np.exp(-zeta * frequency * t)
-    return np.column_stack([decay * np.cos(damped * t), decay * np.sin(damped * t), np.ones_like(t), t])
-
-
-def _basis_with_friction(t: Array, frequency: float, zeta: float, turned: float) -> Array:
-    """The same with dry friction, (n, 4): amplitude at the turning point `turned` [s], friction force, level and drift.
+def _least_squares(time: Array, force: Array, period: float) -> RingDown | None:
+    """The best damped swing through all rows, with dry friction where they ask for it.
 
     From turning point n on the mass swings about s F, s = (-1)^n: x = s F + (x_n - s F) d, with x_0 = A and
-    x_n+1 = s F (1 + q) - q x_n, q = exp(-pi zeta/sqrt(1 - zeta^2)).
+    x_n+1 = s F (1 + q) - q x_n, q = exp(-pi zeta/sqrt(1 - zeta^2)); frequency, zeta and the turning point before the
+    first row are searched, A, F, level and drift follow from them (variable projection; Golub and Pereyra 1973).
     """
-    damped = frequency * np.sqrt(max(1.0 - zeta**2, 1e-12))
-    half = np.floor((t - turned) * damped / np.pi)
-    since = t - turned - half * np.pi / damped
-    swing = np.exp(-zeta * frequency * since) * (
-        np.cos(damped * since) + zeta * frequency / damped * np.sin(damped * since)
-    )
-    q = np.exp(-np.pi * zeta * frequency / damped)
-    lost = (1.0 + q) * (1.0 - q**half) / (1.0 - q)
-    side = 1.0 - 2.0 * (half % 2.0)
-    return np.column_stack([side * q**half * swing, side * (1.0 - (1.0 + lost) * swing), np.ones_like(t), t])
+    t, size = time - time[0], float(np.std(force)) or 1.0
 
+    def basis(x: Array) -> Array:
+        frequency, zeta, turned = 2.0 * np.pi / period * np.exp(x[0]), np.exp(x[1]), x[2] * period
+        root = np.sqrt(max(1.0 - zeta**2, 1e-12))
+        half = np.floor((t - turned) * frequency * root / np.pi)
+        since, q = t - turned - half * np.pi / (frequency * root), np.exp(-np.pi * zeta / root)
+        angle = frequency * root * since
+        swing = np.exp(-zeta * frequency * since) * (np.cos(angle) + zeta / root * np.sin(angle))
+        lost, side = (1.0 + q) * (1.0 - q**half) / (1.0 - q), 1.0 - 2.0 * (half % 2.0)
+        return np.column_stack([side * q**half * swing, np.ones_like(t), t, side * (1.0 - (1.0 + lost) * swing)])
 
-def _least_squares(time: Array, force: Array, period: float) -> RingDown | None:
-    """The best damped swing through all rows, with dry friction where they ask for it."""
-    t = time - time[0]
-    size = float(np.std(force)) or 1.0
+    def best(columns: int, starts: Iterable[tuple[float, float, float]]) -> OptimizeResult:
+        def off(x: Array) -> Array:
+            mine = basis(x)[:, :columns]
+            return np.asarray(force - mine @ np.linalg.lstsq(mine, force, rcond=None)[0]) / size
 
-    def plain(x: Array) -> Array:
-        return _basis(t, 2.0 * np.pi / period * np.exp(x[0]), float(np.exp(x[1])))
+        start = min(starts, key=lambda x: float(np.sum(off(np.array(x)) ** 2)))
+        low, high = (-0.7, np.log(1e-6), start[2] - 0.5), (0.7, np.log(0.9), min(start[2] + 0.5, 0.0))
+        return least_squares(off, np.clip(start, low, high), bounds=(low, high), x_scale=(0.1, 1.0, 0.1))
 
-    def rubbing(x: Array) -> Array:
-        return _basis_with_friction(t, 2.0 * np.pi / period * np.exp(x[0]), float(np.exp(x[1])), float(x[2]) * period)
+    def variance(fit: OptimizeResult, unknowns: int) -> float:
+        """Of the residual, with the power around the frequency where that is more than at all: noise with a memory."""
+        square, power = float(fit.fun @ fit.fun), np.abs(np.fft.rfft(fit.fun)) ** 2
+        at = np.fft.rfftfreq(t.size, (t[-1] - t[0]) / (t.size - 1)) * period / np.exp(fit.x[0])
+        near = (at >= BAND[0]) & (at <= BAND[1])
+        memory = max(1.0, float(np.mean(power[near])) / square) if near.any() and square > 0.0 else 1.0
+        return square / max(t.size - unknowns, 1) * memory
 
-    first = np.log(np.array(DAMPINGS))
-    low, high, scale = [-0.7, np.log(1e-6)], [0.7, np.log(0.9)], [0.1, 1.0]
-    viscous = _projected(force / size, plain, np.column_stack([0.0 * first, first]), (low, high), scale)
-    phases, _, _, _ = np.linalg.lstsq(plain(viscous.x), force, rcond=None)
-    turned = float(np.arctan2(phases[1], phases[0])) / (2.0 * np.pi)  # of a period, when the swing is highest
-    turned -= np.ceil(turned)
-    starts = np.column_stack([viscous.x[0] + 0.0 * first, first, turned + 0.0 * first])
-    bounds = [*low, turned - 0.5], [*high, min(turned + 0.5, 0.0)]
-    rubbed = _projected(force / size, rubbing, starts, bounds, [*scale, 0.1])
-    dry = float(np.linalg.lstsq(rubbing(rubbed.x), force, rcond=None)[0][1])
-    variance = _variance(t, rubbed, period, 7)
-    rubs = dry > 0.0 and 2.0 * (viscous.cost - rubbed.cost) > RUBS * variance
-    best, basis, unknowns = (rubbed, rubbing, 7) if rubs else (viscous, plain, 6)
-    frequency, zeta = 2.0 * np.pi / period * float(np.exp(best.x[0])), float(np.exp(best.x[1]))
-    freedom = time.size - unknowns
-    # Variable projection: its Jacobian is that of all parameters with the linear ones eliminated (Golub, Pereyra).
-    information = best.jac.T @ best.jac
+    dampings = np.log(DAMPINGS)
+    viscous = best(3, [(0.0, damping, -turn) for damping in dampings for turn in TURNS])
+    rubbed = best(4, [(viscous.x[0], damping, viscous.x[2]) for damping in dampings])
+    columns = basis(rubbed.x)
+    amplitude, _, _, friction = np.linalg.lstsq(columns, force, rcond=None)[0]
+    dry = float(friction * np.sign(amplitude))
+    rubs = dry > 0.0 and 2.0 * (viscous.cost - rubbed.cost) > RUBS * variance(rubbed, 7)
+    fit, unknowns = (rubbed, 7) if rubs else (viscous, 6)
+    information, freedom = fit.jac.T @ fit.jac, time.size - unknowns
     scales = np.sqrt(np.diag(information))
     if freedom < 4 or not np.all(scales > 0.0):
         return None
     inverse = np.linalg.inv(information / np.outer(scales, scales)) / np.outer(scales, scales)
-    variance = _variance(t, best, period, unknowns)
-    errors = np.sqrt(variance * np.diag(inverse)) * float(student(0.975, freedom)) / NORMAL
-    fitted = basis(best.x) @ np.linalg.lstsq(basis(best.x), force, rcond=None)[0]
+    errors = np.sqrt(variance(fit, unknowns) * np.diag(inverse)) * float(student(0.975, freedom)) / NORMAL
+    frequency, zeta = 2.0 * np.pi / period * float(np.exp(fit.x[0])), float(np.exp(fit.x[1]))
+    fitted = force - size * fit.fun
     return RingDown(frequency, zeta, float(errors[0]), float(errors[1]), dry if rubs else 0.0, time, force, fitted)
-
-
-def _projected(
-    force: Array,
-    basis: Callable[[Array], Array],
-    starts: Array,
-    bounds: tuple[list[float], list[float]],
-    scale: list[float],
-) -> OptimizeResult:
-    """The least squares over what a basis depends on, its linear coefficients eliminated, from the best of some starts
-    (s, p)."""
-
-    def off(x: Array) -> Array:
-        columns = basis(x)
-        return force - columns @ np.linalg.lstsq(columns, force, rcond=None)[0]
-
-    start = min(starts, key=lambda x: float(np.sum(off(x) ** 2)))
-    return least_squares(off, start, bounds=bounds, x_scale=scale)
-
-
-def _variance(t: Array, fit: OptimizeResult, period: float, unknowns: int) -> float:
-    """Of the residual of a fit, with the power around its frequency in place of that of all frequencies, where that is
-    more: noise with a memory."""
-    residual, frequency = fit.fun, 2.0 * np.pi / period * float(np.exp(fit.x[0]))
-    square, power = float(residual @ residual), np.abs(np.fft.rfft(residual)) ** 2
-    at = 2.0 * np.pi * np.fft.rfftfreq(residual.size, (t[-1] - t[0]) / (t.size - 1))
-    near = (at >= BAND[0] * frequency) & (at <= BAND[1] * frequency)
-    memory = max(1.0, float(np.mean(power[near])) / square) if near.any() and square > 0.0 else 1.0
-    return square / max(t.size - unknowns, 1) * memory

@@ -144,8 +144,7 @@ DAMPERS = {"derived": 2.0, "printed": 1.0}  # z over zeta
 
 
 def _tangent(alpha: Array, n: Array) -> tuple[Array, Array]:
-    """(psi, ln Phi_cr), psi = w_d tau of the slip that just reaches the drive speed, from the distance of psi to 2 n pi;
-    0 < alpha < 1."""
+    """(psi, ln Phi_cr), psi = w_d tau of the slip that just reaches the drive speed; 0 < alpha < 1."""
     w = np.sqrt((1 - alpha) * (1 + alpha))
     b = alpha / w
 
