@@ -17,28 +17,6 @@ from identify.base.linear import one_plus_two_products
 from identify.base.roots import rising_root
 
 Array = NDArray[np.float64]
-Floats = NDArray[np.floating[Any]]  # in longer precision too
-Pair = tuple[Floats, Floats]  # by alpha, by overshoot
-
-
-def end_slopes(a: Floats, A: Floats, eps: Floats, tau: Floats, stop: Floats) -> tuple[Pair, Pair]:
-    """Derivatives of (tau_end, xi_end - xi_o) at the angle eps = 2 pi - w_d tau_end; stop is xi''(tau_end).
-
-    Implicit differentiation (docs/equations.md, section 4); growth exp(-alpha tau), which overflows for alpha near -1
-    long before the times do, is divided out where it can be.
-    """
-    w, decay, phi = np.sqrt((1 - a) * (1 + a)), np.exp(-a * tau), 2 * a + A
-    C, S = np.cos(eps), -np.sin(eps) / w
-    C_a, S_a = a * tau * S, a * (S - tau * C) / ((1 - a) * (1 + a))  # by alpha
-    # xi'(tau; alpha, A) = 1 differentiated, over exp(-alpha tau).
-    rise = -phi * C + (a * phi - 1) * S
-    tau_a = (tau * np.exp(a * tau) - (C_a - S - (a + A) * S_a)) / rise
-    tau_A = np.where(a == 0, -2 / (1 + A * A), S / rise)
-    end_a = tau_a + tau * (2 * a + stop) + decay * (A * C_a + A * S + (1 + a * A) * S_a)
-    end_A = np.where(a == 0, -1.0, tau_A + decay * (C + a * S))
-    return (tau_a, tau_A), (end_a, end_A)
-
-
 Long = NDArray[np.longdouble]
 TURN = 8 * np.arctan(np.longdouble(1))  # 2 pi
 SERIES = np.array([(-1.0) ** (k + 1) * 2 * k / (2 * k + 1) for k in range(1, 26)])  # of (tau - s/Q) s^3/w_d^2
@@ -70,22 +48,12 @@ def _pair(alpha: ArrayLike, overshoot: ArrayLike) -> tuple[Array, Array]:
     return np.atleast_1d(first), np.atleast_1d(second)
 
 
-def _shaped(values: NDArray[Any], *like: ArrayLike) -> Any:
+def _shaped(values: NDArray[Any], *like: ArrayLike, where: NDArray[np.bool_] | None = None) -> Any:
+    """Values in the shape of the arguments, those of chosen places NaN elsewhere; a scalar where these are."""
+    if where is not None:
+        values, chosen = np.full(where.shape, np.nan), values
+        values[where] = chosen
     return values.reshape(np.broadcast_shapes(*(np.shape(q) for q in like)))[()]
-
-
-def _maximum(alpha: Array, overshoot: Array) -> tuple[Array, Array, Array, Array]:
-    """(tau_max, s = alpha + A, Q = s^2 + w_d^2, signed w_d^2); tau_max is NaN where there is no maximum."""
-    square = (1 - alpha) * (1 + alpha)
-    root = np.sqrt(np.abs(1 - alpha)) * np.sqrt(np.abs(1 + alpha))
-    s, energy = alpha + overshoot, one_plus_two_products(alpha, overshoot)
-    # Aperiodic: the distance s - kap to the eigenvector of no maximum, formed without its cancellation.
-    distance = np.where((s > 0) & (energy > 0), energy / (s + root), np.nan)
-    ratio = 2 * root / distance
-    aperiodic = np.where(ratio > 0, np.log1p(ratio) / ratio, 1.0) / distance
-    periodic = np.arctan2(root, s) / np.where(root > 0, root, 1.0)
-    tau = np.where(np.abs(alpha) < 1, periodic, aperiodic)
-    return tau, s, np.where(np.abs(alpha) < 1, s * s + square, energy), square
 
 
 def slip_maximum(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
@@ -102,7 +70,14 @@ def slip_maximum(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = 
     """
     a, A = _pair(alpha, overshoot)
     with np.errstate(all="ignore"):
-        tau, s, energy, square = _maximum(a, A)
+        square, root = (1 - a) * (1 + a), np.sqrt(np.abs(1 - a)) * np.sqrt(np.abs(1 + a))
+        s, energy = a + A, one_plus_two_products(a, A)
+        # Aperiodic: the distance s - kap to the eigenvector of no maximum, formed without its cancellation.
+        distance = np.where((s > 0) & (energy > 0), energy / (s + root), np.nan)
+        ratio = 2 * root / distance
+        aperiodic = np.where(ratio > 0, np.log1p(ratio) / ratio, 1.0) / distance
+        tau = np.where(np.abs(a) < 1, np.arctan2(root, s) / np.where(root > 0, root, 1.0), aperiodic)
+        energy = np.where(np.abs(a) < 1, s * s + square, energy)
         half = np.exp(-0.5 * a * tau)  # twice the half: the product neither over- nor underflows early
         amplitude = np.sqrt(energy) * half * half
         values = (_shaped(tau, alpha, overshoot), _shaped(amplitude, alpha, overshoot))
@@ -180,14 +155,7 @@ def slip(alpha: ArrayLike, overshoot: ArrayLike) -> Slip:
         speed = 1 + np.hypot(a + A, w) * np.exp(-a * peak_time)
         swing, drop = slip_maximum(a, A)[1] * (1 + np.exp(-a * np.pi / w)), phi + stop
         columns = (duration, -(2 * a + stop), stop, drop, duration + drop, swing, peak_time, speed)
-        return Slip(_shaped(status, alpha, overshoot), *(_spread(c, again, alpha, overshoot) for c in columns))
-
-
-def _spread(values: NDArray[np.floating[Any]], where: NDArray[np.bool_], *like: ArrayLike) -> Any:
-    """Values of the chosen places in the shape of the arguments, NaN elsewhere."""
-    out = np.full(where.shape, np.nan)
-    out[where] = values
-    return _shaped(out, *like)
+        return Slip(_shaped(status, alpha, overshoot), *(_shaped(c, alpha, overshoot, where=again) for c in columns))
 
 
 def slip_end(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
@@ -207,7 +175,19 @@ def slip_end(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = Fals
     with np.errstate(all="ignore"):
         status, first = _status(a, A)
         again = status == "restick"
-        a, A = a[again], A[again]
-        times, ends = end_slopes(a.astype(np.longdouble), A.astype(np.longdouble), *_ends(a, A, first[again]))
-    shaped = [[_spread(by, again, alpha, overshoot) for by in pair] for pair in (times, ends)]
-    return values, {name: (shaped[0][i], shaped[1][i]) for i, name in enumerate(("alpha", "overshoot"))}
+        eps, tau, stop = _ends(a[again], A[again], first[again])
+        # Implicit differentiation (docs/equations.md, section 4); growth exp(-alpha tau), which overflows for alpha
+        # near -1 long before the times do, is divided out where it can be.
+        a, A = a[again].astype(np.longdouble), A[again].astype(np.longdouble)
+        w, decay, phi = np.sqrt((1 - a) * (1 + a)), np.exp(-a * tau), 2 * a + A
+        C, S = np.cos(eps), -np.sin(eps) / w
+        C_a, S_a = a * tau * S, a * (S - tau * C) / ((1 - a) * (1 + a))  # by alpha
+        rise = -phi * C + (a * phi - 1) * S  # xi'(tau; alpha, A) = 1 differentiated, over exp(-alpha tau)
+        tau_a = (tau * np.exp(a * tau) - (C_a - S - (a + A) * S_a)) / rise
+        tau_A = np.where(a == 0, -2 / (1 + A * A), S / rise)
+        end_a = tau_a + tau * (2 * a + stop) + decay * (A * C_a + A * S + (1 + a * A) * S_a)
+        end_A = np.where(a == 0, -1.0, tau_A + decay * (C + a * S))
+    slopes = {"alpha": (tau_a, end_a), "overshoot": (tau_A, end_A)}
+    return values, {
+        name: tuple(_shaped(by, alpha, overshoot, where=again) for by in pair) for name, pair in slopes.items()
+    }

@@ -130,13 +130,10 @@ class CycleMap:
     """
 
     def __init__(self, model: Model, normal_force: float, p: Array, rtol: float = ACCURATE) -> None:
-        self.model, self.normal_force, self.p = model, float(normal_force), np.asarray(p, float)
-        self.rtol = rtol
-        self.names = (*model.parameter_names, "normal_force", "drive_speed")
-        typical = scales(model, self.p, normal_force)
+        self.model, self.rtol, self._rig = model, rtol, np.append(np.asarray(p, float), normal_force)
+        typical = scales(model, self._rig[:-1], normal_force)
         self._typical = replace(typical, longest=min(typical.longest, DENSE * typical.time))
-        self.time, self.speed = self._typical.time, float(self._typical.state[SPEED])
-        self.scale = np.delete(self._typical.state, SPEED)  # typical size of y
+        self.time, self.scale = self._typical.time, np.delete(self._typical.state, SPEED)  # typical size of y
 
     @staticmethod
     def of(model: Model, w: Array) -> CycleMap:
@@ -144,8 +141,8 @@ class CycleMap:
         return CycleMap(model, float(w[-2]), w[:-2])
 
     def setting(self, drive_speed: float) -> Array:
-        """w (n_w,), as `names`: parameters, normal force [N], drive speed [m/s]."""
-        return np.append(self.p, [self.normal_force, drive_speed])
+        """w (n_w,): parameters, normal force [N], drive speed [m/s]."""
+        return np.append(self._rig, drive_speed)
 
     def run(self, y: Array, drive_speed: float, growth: float | None = None) -> Cycle | None:
         """The cycle that starts at rest in y; None when the mass does not come to rest for long (`slide_limits`).
@@ -278,20 +275,14 @@ MAX_STEPS = 12
 
 @dataclass(frozen=True)
 class Orbit:
-    """A periodic orbit: its cycle, and how that moves with its start and its setting; jacobian (n_y, n_y) of the return
-    map, in scaled rest states."""
+    """A periodic orbit: its cycle, and the Floquet multipliers (n_y,) of the return map, largest magnitude first.
 
-    drive_speed: float
+    Inside the unit circle the orbit is stable, at 1 it meets its unstable twin and ends. The trivial one, along the
+    motion, is not among them.
+    """
+
     cycle: Cycle
-    tangent: Tangent
-    jacobian: Array
-
-    @property
-    def multipliers(self) -> NDArray[np.complex128]:
-        """Floquet multipliers (n_y,) of the return map, largest magnitude first: inside the unit circle the orbit is
-        stable, at 1 it meets its unstable twin and ends. The trivial one, along the motion, is not among them."""
-        values = np.linalg.eigvals(self.jacobian).astype(complex)
-        return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+    multipliers: NDArray[np.complex128]
 
     @property
     def multiplier(self) -> float:
@@ -302,11 +293,6 @@ class Orbit:
     def stable(self) -> bool:
         """Whether small disturbances die out."""
         return bool(np.abs(self.multipliers[0]) < 1.0)
-
-    @property
-    def y(self) -> Array:
-        """Rest state at the arrest, shape (n_y,)."""
-        return np.delete(self.cycle.start, SPEED)
 
 
 def close(map_: CycleMap, y: Array, drive_speed: float, growth: float | None = None) -> Orbit | None:
@@ -325,12 +311,15 @@ def close(map_: CycleMap, y: Array, drive_speed: float, growth: float | None = N
             step = np.asarray(0.5 * step)
             y = y - step * map_.scale
             continue
-        y, tangent = np.delete(cycle.start, SPEED), map_.tangent(cycle)
+        y = np.delete(cycle.start, SPEED)
         residual = (np.delete(cycle.end, SPEED) - y) / map_.scale
-        jacobian = tangent.end[:, : y.size] * map_.scale / map_.scale[:, None]
+        jacobian = map_.tangent(cycle).end[:, : y.size] * map_.scale / map_.scale[:, None]
         jump = abs(cycle.onset[ELONGATION] - cycle.end[ELONGATION]) / map_.scale[ELONGATION]
         if np.max(np.abs(residual)) < min(TOLERANCE, RESOLVED * jump):
-            return Orbit(drive_speed, cycle, tangent, jacobian) if np.all(np.isfinite(jacobian)) else None
+            if not np.all(np.isfinite(jacobian)):
+                return None
+            values = np.linalg.eigvals(jacobian).astype(complex)
+            return Orbit(cycle, values[np.argsort(-np.abs(values), kind="stable")])
         move = np.linalg.lstsq(np.eye(y.size) - jacobian, residual, rcond=None)[0]
         step = np.asarray(move * min(1.0, FARTHEST / float(np.max(np.abs(move)))))
         y = y + step * map_.scale

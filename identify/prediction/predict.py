@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +19,7 @@ from identify.prediction.batch import CycleBatch, Motions, cycle_figures
 from identify.prediction.closed_forms import CYCLE, MEANING, beyond, closed_forms, judged
 from identify.prediction.draws import DRAWS, POINT, AnswerInterval, Draws, OperatingPoint
 from identify.prediction.orbit import QUANTITIES, CycleMap, Orbit, check_calculable, close
-from identify.prediction.windows import Outcome, SpeedRange, Windows, outcome_of, speed_windows
+from identify.prediction.windows import Outcome, SpeedRange, Window, Windows, outcome_of, speed_windows
 from identify.prediction.wording import OPEN, amplitude_text, closed_form_text, said, stability_text
 from identify.simulation.sliding import Sliding, slidings
 
@@ -32,7 +31,6 @@ QUIET = 1e-3  # natural frequencies: what a growth rate near zero is measured by
 ALIKE = (
     0.03  # of the logarithm of the normal force, up to which draws of one pair end in the same ratio to the estimate
 )
-FROM, TO = (MappingProxyType({"key": key}) for key in ("from", "to"))  # keys of documents that Python keeps for itself
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -56,17 +54,8 @@ class SlidingAnswer:
 class StickSlipRange:
     """The drive speeds between which stick-slip exists; None where that was not found within the search."""
 
-    low: Number | None = field(metadata=FROM)
-    high: Number | None = field(metadata=TO)
-
-
-@dataclass(frozen=True)
-class SpeedWindow:
-    """What the pair does between two drive speeds [m/s]."""
-
-    low: float = field(metadata=FROM)
-    high: float = field(metadata=TO)
-    outcome: str
+    low: Number | None = field(metadata={"key": "from"})
+    high: Number | None = field(metadata={"key": "to"})
 
 
 @dataclass(frozen=True)
@@ -80,7 +69,7 @@ class StabilityAnswer:
     sliding_unstable_between: tuple[tuple[float, float], ...]
     searched_between: tuple[float, float]
     stick_slip_between: tuple[StickSlipRange, ...]
-    windows: tuple[SpeedWindow, ...]
+    windows: tuple[Window, ...]
     multiplier: float | None
     multipliers: tuple[tuple[float, float], ...] | None
     text: str = ""
@@ -345,7 +334,7 @@ def _prediction(
         if end is None or drawn is None:
             return None if end is None else number(end, "m/s", MODEL)
         place = answer.windows.sticking.index(part)
-        key = (place, upper, round(np.log(load) / ALIKE), map_.p.tobytes(), str(point.covariance))
+        key = (place, upper, round(np.log(load) / ALIKE), site.setting[:-2].tobytes(), str(point.covariance))
         if key not in shared:
             shared[key] = drawn.limit(part, upper) / end
         return number(end, "m/s", MODEL, drawn.draws.interval(shared[key] * end, end))
@@ -370,7 +359,7 @@ def _prediction(
         sliding_unstable_between=tuple(windows.unstable),
         searched_between=windows.searched,
         stick_slip_between=between,
-        windows=tuple(SpeedWindow(window.low, window.high, window.outcome.value) for window in windows.listed()),
+        windows=windows.listed(),
         multiplier=None if orbit is None else orbit.multiplier,
         multipliers=tuple((float(z.real), float(z.imag)) for z in orbit.multipliers) if orbit else None,
         probability=drawn.probability() if drawn else Number(None),

@@ -222,11 +222,11 @@ class SpeedRange:
 
 @dataclass(frozen=True)
 class Window:
-    """Drive speeds from `low` to `high` [m/s] over which the outcome is the same."""
+    """What the pair does between two drive speeds [m/s]: the word of its `Outcome`."""
 
-    low: float
-    high: float
-    outcome: Outcome
+    low: float = field(metadata={"key": "from"})
+    high: float = field(metadata={"key": "to"})
+    outcome: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,8 +260,8 @@ class Windows:
         for first, last in pairwise(edges):
             middle = float(np.sqrt(first * last))
             sticks = any(part.holds(middle) for part in self.sticking)
-            outcome = outcome_of(sticks, sticks, not any(a <= middle <= b for a, b in self.unstable))
-            if out and out[-1].outcome is outcome:
+            outcome = outcome_of(sticks, sticks, not any(a <= middle <= b for a, b in self.unstable)).value
+            if out and out[-1].outcome == outcome:
                 out[-1] = replace(out[-1], high=last)
             else:
                 out.append(Window(first, last, outcome))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
@@ -87,34 +89,28 @@ def test_what_makes_no_map_is_refused_in_a_sentence():
 
 def test_an_outline_through_exact_crossings_is_a_ring():
     """The polygon misses it by the square of the mesh; through half-way crossings by far more."""
-    site = Site(SITE.model, DEMO, 1.0, 1.0)
-    grid = plane(site, ("mu_s", "delta_mu_k"), ((0.45, 1.25), (-0.4, 0.4)), (41, 41))
-    grid = type(grid)(site, grid.x, grid.y, *(np.linspace(-1.0, 1.0, 41),) * 2, grid.settings, np.ones((41, 41), bool))
-    x, y = np.meshgrid(grid.x_places, grid.y_places)
-    radius = np.hypot(x, y)
+    side = np.linspace(-1.0, 1.0, 41)
+    made = plane(SITE, ("mu_s", "delta_mu_k"), ((0.45, 1.25), (-0.4, 0.4)), (41, 41))
+    grid = replace(made, x_places=side, y_places=side, admitted=np.ones((41, 41), bool))
+    nodes = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    radius, number = np.hypot(*nodes.T), np.arange(41 * 41).reshape(41, 41)
     inside = (radius < 0.83) & (radius > 0.41)
-    number, nodes, places = np.arange(41 * 41).reshape(41, 41), [], []
-    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
-        for j, k in zip(number[a][inside[a] != inside[b]], number[b][inside[a] != inside[b]], strict=True):
-            first, last = (np.array([x.flat[i], y.flat[i]]) for i in (j, k))
-            r = 0.83 if max(radius.flat[j], radius.flat[k]) > 0.83 else 0.41
-            way, c = last - first, first @ first - r * r
-            root = np.sqrt((first @ way) ** 2 - way @ way * c)
-            share = [
-                s for s in ((-first @ way + root) / (way @ way), (-first @ way - root) / (way @ way)) if 0 <= s <= 1
-            ]
-            nodes.append((j, k) if inside.flat[j] else (k, j))
-            places.append(first + share[0] * way)
-    exact = Border(np.array(nodes), np.array(places), np.empty(0), np.empty(0))
-    half = Border(np.empty((0, 2), int), np.empty((0, 2)), np.empty(0), np.empty(0))
-    errors = []
-    for border in (exact, half):
-        made = Boundary.of(grid, inside, border)
-        areas = [0.5 * float(p[:, 0] @ np.roll(p[:, 1], -1) - p[:, 1] @ np.roll(p[:, 0], -1)) for p, _ in made.loops]
+    sides = ((number[:, :-1], number[:, 1:]), (number[:-1], number[1:]))
+    pairs = np.concatenate([np.stack([a.ravel(), b.ravel()], axis=1) for a, b in sides])
+    pairs = pairs[inside[pairs[:, 0]] != inside[pairs[:, 1]]]
+    places = []
+    for first, last in nodes[pairs]:
+        edge = 0.83 if max(np.hypot(*first), np.hypot(*last)) > 0.83 else 0.41
+        share = brentq(lambda s, a=first, b=last, r=edge: np.hypot(*(a + s * (b - a))) - r, 0.0, 1.0)
+        places.append(first + share * (last - first))
+    errors, none = [], np.empty(0)
+    for border in (Border(pairs, np.array(places), none, none), Border(np.empty((0, 2), int), none, none, none)):
+        outline = Boundary.of(grid, inside.reshape(41, 41), border)
+        areas = [0.5 * float(p[:, 0] @ np.roll(p[:, 1], -1) - p[:, 1] @ np.roll(p[:, 0], -1)) for p, _ in outline.loops]
         assert len(areas) == 2 and min(areas) < 0.0 < max(areas)  # the hole runs the other way round
+        assert all(line[0].tolist() == line[-1].tolist() for line in outline.lines())
         errors.append(abs(sum(areas) / (np.pi * (0.83**2 - 0.41**2)) - 1))
     assert errors[0] < 2e-3 < errors[1]
-    assert all(line[0].tolist() == line[-1].tolist() for line in Boundary.of(grid, inside, exact).lines())
 
 
 def test_nodes_of_a_map_are_the_single_answers(speed_and_stiffness):

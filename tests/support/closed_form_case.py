@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import mpmath as mp
@@ -81,32 +80,4 @@ def slip(alpha: Any, overshoot: Any, near: Any = None) -> dict[str, Any]:
         "peak_to_peak": height * (1 + mp.exp(-a * mp.pi / w)),
         "time_of_peak_speed": peak,
         "peak_speed": 1 + swing * mp.exp(-a * peak),
-    }
-
-
-def groups(q: Mapping[str, Any]) -> dict[str, Any]:
-    """The dimensionless groups of mpmath numbers (docs/equations.md, sections 1 and 6); ageing on, v_acr <= 1."""
-    omega, zeta = mp.sqrt(q["stiffness"] / q["mass"]), q["damping"] / (2 * q["stiffness"])
-    w = q["normal_force"] / (q["drive_speed"] * mp.sqrt(q["mass"] * q["stiffness"]))
-    v_acr, va = q["drive_speed"] * q["t_cr"] / q["D"], q["a"] * q["drive_speed"]
-    alpha = zeta + q["delta_mu_k"] * va * w / 2
-    xi_o, xi_p = (q["mu_k0"] + q["delta_mu_k"] * va) * w, q["mu_s"] * w - 2 * zeta
-    step = q["mu_s"] - q["mu_k0"] - q["delta_mu_k"] * (1 - mp.exp(-va))
-    return {
-        "omega_n": omega,
-        "zeta": zeta,
-        "w": w,
-        "tau_cr": omega * q["t_cr"],
-        "v_cr": q["D"] / q["t_cr"],
-        "v_acr": v_acr,
-        "gamma_0": 1 - v_acr,
-        "v_a": va,
-        "alpha": alpha,
-        "xi_o": xi_o,
-        "xi_p": xi_p,
-        "xi_p_printed": q["mu_s"] * w,
-        "overshoot": xi_p - xi_o,
-        "loading": 2 * alpha + xi_p - xi_o,
-        "z": 2 * zeta + w * q["delta_mu_k"] * va * mp.exp(-va) * v_acr,
-        "Pi": w * step * v_acr,
     }
