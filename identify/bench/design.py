@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +67,7 @@ class LogDesign:
 
 
 @dataclass(frozen=True)
-class CycleRows:
+class CycleSensitivity:
     """A cycle as information counts it: force [N] at moments of stick and slip (r).
 
     slopes (r, m): of the force at fixed times since the beginning of the stick, or of the slip, by rest state and
@@ -81,7 +82,7 @@ class CycleRows:
     slips: NDArray[np.bool_]
 
     @staticmethod
-    def of(map_: CycleMap, cycle: Cycle) -> CycleRows:
+    def of(map_: CycleMap, cycle: Cycle) -> CycleSensitivity:
         """Of a cycle of a map: a stick at the nodes of Gauss's rule, a slip at its own."""
         model, w, tangent, n = map_.model, cycle.setting, map_.tangent(cycle), cycle.start.size
         times, forwards = 0.5 * cycle.stick * (1.0 + POINTS), np.array([w[-1], w[-2], 1.0, 0.0])
@@ -101,7 +102,9 @@ class CycleRows:
         slopes = np.einsum("rx,rxm->rm", load[:, 1 : n + 1], np.concatenate(moved))
         slopes[:, -w.size :] += load[:, n + 1 :]
         force_rates = np.sum(load[:, 1 : n + 1] * np.concatenate(rates), axis=1)
-        return CycleRows(cycle, tangent, slopes, force_rates, np.concatenate(seconds), np.arange(len(x)) >= times.size)
+        return CycleSensitivity(
+            cycle, tangent, slopes, force_rates, np.concatenate(seconds), np.arange(len(x)) >= times.size
+        )
 
 
 @dataclass(frozen=True)
@@ -114,18 +117,22 @@ class SimulatedLog:
     know of the start (how far the spring is loaded, how fresh the contact is), which it takes to be within start_sd.
     """
 
-    cycles: tuple[CycleRows, ...]
+    cycles: tuple[CycleSensitivity, ...]
     level: Array | None
     steady: float
     by_theta: Array
     starts: tuple[int, ...]
     start_sd: Array
 
+    @cached_property
+    def ends(self) -> Array:
+        """When the cycles begin and end [s]."""
+        return np.cumsum([0.0, *(rows.cycle.stick + rows.cycle.slip for rows in self.cycles)])
+
     @property
     def period(self) -> float:
         """Of the cycle that repeats [s]; 0 where the mass slides on."""
-        last = None if self.level is not None or not self.cycles else self.cycles[-1].cycle
-        return 0.0 if last is None else last.stick + last.slip
+        return 0.0 if self.level is not None else float(self.ends[-1] - self.ends[-2])
 
     @property
     def slip(self) -> float:
@@ -135,16 +142,15 @@ class SimulatedLog:
 
     def duration(self, cycles: float) -> float:
         """Seconds that so many cycles take; all there are, and until it slides steadily, where none repeats."""
-        ends = np.cumsum([0.0, *(rows.cycle.stick + rows.cycle.slip for rows in self.cycles)])
         if self.level is not None:
-            return float(ends[-1]) + SETTLED / STEADY * self.steady
-        return float(np.interp(cycles, np.arange(ends.size), ends) + max(cycles - ends.size + 1, 0.0) * self.period)
+            return float(self.ends[-1]) + SETTLED / STEADY * self.steady
+        known = len(self.cycles)
+        return float(np.interp(cycles, np.arange(known + 1), self.ends) + max(cycles - known, 0.0) * self.period)
 
     def count(self, seconds: float) -> float:
         """Cycles in so many seconds."""
-        ends = np.cumsum([0.0, *(rows.cycle.stick + rows.cycle.slip for rows in self.cycles)])
-        more = max(seconds - float(ends[-1]), 0.0) / self.period if self.period else 0.0
-        return float(np.interp(seconds, ends, np.arange(ends.size))) + more
+        more = max(seconds - float(self.ends[-1]), 0.0) / self.period if self.period else 0.0
+        return float(np.interp(seconds, self.ends, np.arange(len(self.ends)))) + more
 
     def information(self, rate: float, variance: float, load_sd: float, cycles: float) -> Array:
         """Fisher information (f, f) of the free theta.
@@ -210,7 +216,7 @@ def simulated_log(
         columns.append((setting(theta + step) - setting(theta - step)) / (2.0 * np.sum(step)))
     # What a fit does not know of the start: the spring can be loaded already, and the contact be older.
     starts = [i for i, state in enumerate(model.states) if i == ELONGATION or state.lower is not None]
-    level, cycles, seconds = None, list[CycleRows](), 0.0
+    level, cycles, seconds = None, list[CycleSensitivity](), 0.0
     try:
         check_calculable(model)
         map_, y = CycleMap.of(model, w), np.delete([state.start for state in model.states], SPEED)
@@ -226,7 +232,7 @@ def simulated_log(
             seconds += cycle.stick + cycle.slip
             if seconds > longest and not cycles:
                 return None
-            cycles.append(CycleRows.of(map_, cycle))
+            cycles.append(CycleSensitivity.of(map_, cycle))
             before, y = y, np.delete(cycle.end, SPEED)
             if seconds > longest or np.max(np.abs(y - before) / map_.scale) < REPEATS:
                 break

@@ -69,6 +69,11 @@ class RecordingPlan:
         """Half lengths (d, k) with all logs."""
         return self.logs[-1].halves if self.logs else self.now
 
+    @property
+    def seconds(self) -> float:
+        """That all logs take, setting each up included."""
+        return sum(log.duration + SETUP for log in self.logs)
+
 
 def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Result | None = None) -> RecordingPlan:
     """What to record next.
@@ -109,7 +114,12 @@ def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Resul
     lone = [each[0] for each in driven_at if len(each) == 1]
     lone = [abs(log.drive_speed_m_per_s) for log in taken if log.drive_speed_m_per_s] if result else lone
     alike = scene.tolerances.get("specimen") == 0.0 or len({f"{speed:.2g}" for speed in lone}) < max(len(lone), 2)
-    chosen = choose(knowledge, designs, choices.budget, None if alike else _repeat(knowledge, sorted(lone), load))
+    repeat, lone = None, [] if alike else sorted(lone)
+    for speed in sorted(lone, key=lambda speed: abs(math.log(speed / lone[len(lone) // 2]))):
+        log = knowledge.log(again := LogDesign(speed, load))  # of the middle one that slips
+        if repeat is None and log is not None and log.cycles:
+            repeat = again, max(min(REPEATED_SLIPS, int(log.count(LONGEST))), 1)
+    chosen = choose(knowledge, designs, choices.budget, repeat)
     guessed = tuple(n for n in assumed(scene, values, pair.values) if n in values)
     measured = tuple(n for n in values if n in pair.names)
     origins = Origins(measured, tuple(n for n in values if n not in (*guessed, *measured)), guessed)
@@ -143,14 +153,23 @@ def _knowledge(
         size = np.where(unknowns.logarithmic, [values[n] for n in unknowns.names], 1.0)[free[at]]
         published = np.asarray(pair.covariance)[np.ix_(known, known)] / np.outer(size, size)
         # More logs lower the errors of noise, and not those of rig and sensors.
-        share = np.array([_share_of_noise(result, pair.names[i]) for i in known])
+        share = np.ones(len(known))
+        for number, name in enumerate(pair.names[i] for i in known):
+            entry = next((e for key, e in result.parameters.items() if name in (key, e.parameter)), None)
+            low, high = (entry and entry.interval_rig_exact) or (None, None)
+            if entry and entry.standard_error is not None and low is not None and high is not None:
+                share[number] = min((0.5 * (high - low) / (NORMAL * entry.standard_error)) ** 2, 1.0)
         precision[np.ix_(at, at)] = inverse(published * np.sqrt(np.outer(share, share)))
         systematic[[kept.tolist().index(i) for i in at]] = np.diag(published) * (1.0 - share)
     places = drawn_places(unknowns, theta, precision, base)
     precisions = np.array([precision] * len(places))
     for place, there in enumerate(places):
-        for log in logs:
-            precisions[place] += _at_hand(unknowns, there, log)
+        for log in logs:  # what it is expected to hold, at every speed it was driven at
+            rate, load_sd = 1.0 / log.data.interval, log.data.normal_force_sd
+            for speed, seconds in driven(log.data):
+                made = simulated_log(unknowns, there, log.data.base, LogDesign(speed, log.mean_load), seconds)
+                if made is not None:
+                    precisions[place] += made.information(rate, log.data.noise**2, load_sd, made.count(seconds))
     noise = scene.rig.noise or max((log.data.noise for log in logs), default=NOISE * values["mu_s"] * load)
     return Knowledge(
         unknowns,
@@ -168,15 +187,6 @@ def _knowledge(
     )
 
 
-def _share_of_noise(result: Result, name: str) -> float:
-    """The share of a published variance that is noise, the rig taken as exact."""
-    entry = next((e for key, e in result.parameters.items() if name in (key, e.parameter)), None)
-    low, high = (entry and entry.interval_rig_exact) or (None, None)
-    if entry is None or entry.standard_error is None or low is None or high is None:
-        return 1.0
-    return min((0.5 * (high - low) / (NORMAL * entry.standard_error)) ** 2, 1.0)
-
-
 def drawn_places(unknowns: Unknowns, theta: Array, precision: Array, base: Array) -> Array:
     """Theta (d, n_p): the likeliest, and draws of the free ones within bounds that make a pair.
 
@@ -185,9 +195,8 @@ def drawn_places(unknowns: Unknowns, theta: Array, precision: Array, base: Array
     """
     random, free = np.random.default_rng(0), np.flatnonzero(unknowns.free)
     unknown = np.diag(precision) == 0.0
-    variances, vectors = np.linalg.eigh(
-        inverse(precision + np.diag(np.where(unknown, unknowns.spread[free] ** -2.0, 0.0)))
-    )
+    usual = np.diag(np.where(unknown, unknowns.spread[free] ** -2.0, 0.0))
+    variances, vectors = np.linalg.eigh(inverse(precision + usual))
     root, reach = vectors * np.sqrt(np.maximum(variances, 0.0)), np.where(unknowns.logarithmic[free], FARTHEST, np.inf)
     out = [theta]
     for _ in range(100 * PLACES):
@@ -201,18 +210,6 @@ def drawn_places(unknowns: Unknowns, theta: Array, precision: Array, base: Array
     return np.array(out)
 
 
-def _at_hand(unknowns: Unknowns, theta: Array, log: Prepared) -> Array:
-    """Information (f, f) of the free theta that a log at hand is expected to hold, at every speed it was driven at."""
-    count, data = int(np.count_nonzero(unknowns.free)), log.data
-    total = np.zeros((count, count))
-    for speed, seconds in driven(data):
-        simulated = simulated_log(unknowns, theta, data.base, LogDesign(speed, log.mean_load), seconds)
-        if simulated is not None:
-            cycles = simulated.count(seconds)
-            total += simulated.information(1.0 / data.interval, data.noise**2, data.normal_force_sd, cycles)
-    return total
-
-
 def driven(data: LogData) -> list[tuple[float, float]]:
     """At which speeds [m/s] a log was driven, and for how long each [s]; rests of the drive left out."""
     if data.programme is None:
@@ -220,15 +217,6 @@ def driven(data: LogData) -> list[tuple[float, float]]:
     starts = np.clip([*data.programme.starts, data.end], data.begin, data.end)
     pieces = zip(data.programme.speeds, np.diff(starts).tolist(), strict=True)
     return [(abs(speed), seconds) for speed, seconds in pieces if speed != 0.0 and seconds > 0.0]
-
-
-def _repeat(knowledge: Knowledge, lone: Sequence[float], load: float) -> tuple[LogDesign, int] | None:
-    """A log that repeats the middle one of speeds (rising) that stand in one log only."""
-    for speed in sorted(lone, key=lambda speed: abs(math.log(speed / lone[len(lone) // 2]))):
-        log = knowledge.log(design := LogDesign(speed, load))
-        if log is not None and log.cycles:
-            return design, max(min(REPEATED_SLIPS, int(log.count(LONGEST))), 1)
-    return None
 
 
 def dialled(speeds: Sequence[float]) -> list[float]:
@@ -296,7 +284,7 @@ def plan_text(plan: RecordingPlan, source: str = "") -> str:
             if then[i] < 0.8 * now[i]
         ]
         these = "this log" if len(plan.logs) == 1 else f"these {len(plan.logs)} logs"
-        minutes = f"{math.ceil(_seconds(plan) / 60.0)} minutes, {SETUP / 60.0:.0f} for setting up each log included"
+        minutes = f"{math.ceil(plan.seconds / 60.0)} minutes, {SETUP / 60.0:.0f} for setting up each log included"
         summary = f"add {these}: {'; '.join(filter(None, [', '.join(moved), minutes]))}"
     elif all(then[i] <= IDENTIFIED for i in known.targeted):
         summary = "nothing to add: every target is identified already"
@@ -314,18 +302,9 @@ def plan_text(plan: RecordingPlan, source: str = "") -> str:
         lines.append(wrapped("ranges are over the values that the parameters may have"))
     open_ = [known.names[i] for i in known.targeted if then[i] > IDENTIFIED]
     if open_:
-        lines.append(
-            wrapped(
-                f"{listed(open_)}: no set of logs within the budget, at the speeds, loads and springs that were tried, "
-                f"identifies more; allow a longer --budget, or another --load or --stiffness"
-            )
-        )
+        tried = "no set of logs within the budget, at the speeds, loads and springs that were tried, identifies more"
+        lines.append(wrapped(f"{listed(open_)}: {tried}; allow a longer --budget, or another --load or --stiffness"))
     return "\n".join(lines)
-
-
-def _seconds(plan: RecordingPlan) -> float:
-    """That all logs take, setting each up included [s]."""
-    return sum(log.duration + SETUP for log in plan.logs)
 
 
 def step_table(plan: RecordingPlan) -> str:
@@ -357,7 +336,7 @@ def plan_document(plan: RecordingPlan) -> dict[str, Any]:
         "then": by_name(promised(plan.then)),
         "ranges": {"now": ranges(plan.now), "then": ranges(plan.then)},
         "verdicts": {n: verdict(float(h)) for n, h in zip(names, promised(plan.then), strict=True)},
-        "seconds": _seconds(plan),
+        "seconds": plan.seconds,
         "logs": [
             {
                 "words": described(log),

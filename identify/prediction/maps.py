@@ -393,11 +393,7 @@ class ChangeAdvice:
     @property
     def text(self) -> str:
         """One line."""
-        unit, advised = self.limit.unit, self.advised.value
-        # each limit stands alone, so each has its own reason why its interval is open
-        reach = (
-            f"{said(self.limit.value, unit)} ({self.limit.reason})" if self.limit.reason else with_interval(self.limit)
-        )
+        unit, advised, reach = self.limit.unit, self.advised.value, with_interval(self.limit)
         if advised is None:
             return f"- {self.label}: {self.reason}{'' if self.limit.value is None else f' ({reach})'}."
         notes = [f"limit {reach}, {self.kind}"]
@@ -551,6 +547,8 @@ def write_map(made: Chart | LineMap, path: Path) -> list[Path]:
     Raises:
         SimulationError: another ending. OSError: a file that cannot be written.
     """
+    import pandas as pd
+
     check_data_path(path)
     drawn = made if isinstance(made, Chart) else made.chart
     grid = drawn.plane
@@ -558,21 +556,15 @@ def write_map(made: Chart | LineMap, path: Path) -> list[Path]:
     columns: dict[str, ArrayLike] = dict(zip(heads, np.meshgrid(grid.x_values, grid.y_values), strict=True))
     columns |= {"outcome": drawn.outcomes, "growth_rate [1/s]": drawn.growth, "multiplier": drawn.multiplier}
     columns |= {f"{name} [{unit}]": drawn.figures[name] for name, unit in QUANTITIES.items()}
-    if isinstance(made, LineMap):
-        _write_csv(path, columns | {"sliding_force [N]": made.sliding_force})
-        return [path]
+    columns |= {"sliding_force [N]": made.sliding_force} if isinstance(made, LineMap) else {}
+    tables = {path: pd.DataFrame({name: np.ravel(values) for name, values in columns.items()})}
     lines = {"end of stick-slip": drawn.sticking, "loss of stability of sliding": drawn.unstable}
     pieces = [(words, i + 1, p) for words, b in lines.items() for i, p in enumerate(drawn.values_of(b))]
     rows = [(words, piece, *point) for words, piece, points in pieces for point in points]
-    beside = path.with_name(f"{path.stem}_boundaries.csv")
-    _write_csv(path, columns)
-    _write_csv(beside, {head: [row[k] for row in rows] for k, head in enumerate(("boundary", "piece", *heads))})
-    return [path, beside]
-
-
-def _write_csv(path: Path, columns: Mapping[str, ArrayLike]) -> None:
-    import pandas as pd
-
-    with atomic_write(path) as handle:
-        frame = pd.DataFrame({name: np.ravel(values) for name, values in columns.items()})
-        frame.to_csv(handle, index=False, lineterminator="\n")
+    if isinstance(made, Chart):
+        beside = path.with_name(f"{path.stem}_boundaries.csv")
+        tables[beside] = pd.DataFrame(rows, columns=["boundary", "piece", *heads])
+    for place, table in tables.items():
+        with atomic_write(place) as handle:
+            table.to_csv(handle, index=False, lineterminator="\n")
+    return list(tables)

@@ -23,7 +23,7 @@ TINY = 1e-200  # a step into the complex plane
 
 
 def settings(rig: object, friction: object, drive_speed: ArrayLike, normal_force: ArrayLike) -> dict[str, Array]:
-    """The arguments of the calculators by name (QUANTITIES), arrays of one shape or floats; speeds without sign.
+    """The arguments of the calculators by name (QUANTITIES), arrays of one shape (n,) or floats; speeds without sign.
 
     Args:
         rig: anything with mass [kg], stiffness [N/m] and damping h [N/m].
