@@ -12,6 +12,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +55,6 @@ from identify.logs.prepared_scene import prepare_scene
 from identify.logs.scene_records import with_drives, with_records
 from identify.logs.unknowns import Unknowns, from_scene, stated_rig, user_start
 from identify.model.model import RIG_PARAMETERS
-from identify.report.finished import Fit
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
 from identify.report.result import FitSeconds, accuracy_result, result_of
 from identify.scene import Scene
@@ -62,6 +62,9 @@ from identify.scene.tables import quantity
 from identify.scene.values import USUAL_TOLERANCES
 from identify.shooting.accuracy import DEFAULT_OPTIONS, FitOptions
 from identify.uneven.answer import UnevenEstimator
+
+if TYPE_CHECKING:
+    from identify.report.finished import Fit
 
 Array = NDArray[np.float64]
 
@@ -128,6 +131,8 @@ def fit(
         FitError, SceneError, LogError: what cannot be set up, one sentence. A fit that does not succeed is no error:
             its status says so.
     """
+    from identify.report.finished import Fit  # pages and predictions: not needed before there is a fit
+
     began, worked, in_functions = time.perf_counter(), time.process_time(), Mapped.total
     report = noticed_once(progress or to_nobody)
     given = Scene.of(scene)

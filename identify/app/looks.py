@@ -55,6 +55,13 @@ class Looks:
             self._seen[name] = stamp, kept["log"]
         return self._seen[name][1]
 
+    def keep(self, name: str, log: Document) -> None:
+        """Keep the inspection of a log until its file changes."""
+        stamp = self._stamp(name)
+        with atomic_write(self._place(name)) as handle:
+            json.dump({"stamp": stamp, "log": log}, handle)
+        self._seen[name] = stamp, log
+
     def close(self) -> None:
         """Stop; the log that was being inspected is inspected again another time."""
         self._closed = True
@@ -77,9 +84,7 @@ class Looks:
                     log = self._inspected(name)
                     if self._closed:
                         return
-                    with atomic_write(self._place(name)) as handle:
-                        json.dump({"stamp": stamp, "log": log}, handle)
-                    self._seen[name] = stamp, log
+                    self.keep(name, log)
             self._waiting.discard((name, not later))
 
     def _inspected(self, name: str) -> Document:

@@ -6,7 +6,6 @@ import threading
 import time
 import weakref
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -69,32 +68,23 @@ def keep(share: float = KEPT) -> None:
         native.start([(mapped.function, mapped.key) for mapped in dearest if mapped.key and not mapped.settled])
 
 
-@dataclass(frozen=True)
 class _Buffers:
     """Arrays with room for several chunks of rows, and the calls that work on each chunk of them."""
 
-    function: ca.Function
-    arguments: list[Array]
-    results: list[Array]
-    calls: list[Callable[[], None]]
-    kept_alive: list[ca.FunctionBuffer]  # the calls run on them
-
-    @staticmethod
-    def of(function: ca.Function, rows: int, chunk: int, room: int) -> _Buffers:
+    def __init__(self, function: ca.Function, rows: int, chunk: int, room: int) -> None:
         """Bind a function of so many rows, mapped over a chunk, to arrays of so many chunks."""
-        arguments = [np.zeros((room * chunk, function.numel_in(i) // rows)) for i in range(function.n_in())]
-        results = [np.zeros((room * chunk, function.numel_out(i) // rows)) for i in range(function.n_out())]
-        mapped = function.map(chunk // rows)
-        buffers, calls = [], []
-        for first in range(0, room * chunk, chunk):
+        self.function, mapped, size = function, function.map(chunk // rows), room * chunk
+        self.arguments = [np.zeros((size, function.numel_in(i) // rows)) for i in range(function.n_in())]
+        self.results = [np.zeros((size, function.numel_out(i) // rows)) for i in range(function.n_out())]
+        self._alive, self.calls = list[ca.FunctionBuffer](), list[Callable[[], None]]()
+        for first in range(0, size, chunk):
             buffer, call = mapped.buffer()
-            for bind, arrays in ((buffer.set_arg, arguments), (buffer.set_res, results)):
+            for bind, arrays in ((buffer.set_arg, self.arguments), (buffer.set_res, self.results)):
                 for i, array in enumerate(arrays):
                     if array.size:
                         bind(i, array[first : first + chunk].reshape(-1).data)
-            buffers.append(buffer)
-            calls.append(call)
-        return _Buffers(function, arguments, results, calls, buffers)
+            self._alive.append(buffer)  # the calls run on them
+            self.calls.append(call)
 
 
 class Mapped:
@@ -111,7 +101,6 @@ class Mapped:
         self.function, self._many = function, many
         self.instructions = function.n_instructions()  # of one row
         self._few = min(max(WORK // max(self.instructions, 1), 1), many)
-        self._sizes = [function.numel_out(i) for i in range(function.n_out())]
         self.spent, self.cost = 0.0, native.PER_INSTRUCTION * self.instructions  # seconds, so far and of compiling it
         self.settled, self._next_look = False, 0.0  # no better code will come; seconds spent before it is looked for
         self._local = threading.local()
@@ -133,35 +122,31 @@ class Mapped:
         if not self.settled and self.spent >= self._next_look:
             self._look()
         since = time.perf_counter()  # a thread's own time would cost a tenth of a fit on some systems
-        count, rows = arguments[0].shape[0], self._runs[1]
+        known: dict[int, _Buffers] = self._local.__dict__.setdefault("buffers", {})
+        (code, rows), count = self._runs, arguments[0].shape[0]
         many, few = (-(-chunk // rows) * rows for chunk in (self._many, self._few))
-        whole = count - count % many
         arguments = [argument.reshape(count, -1) for argument in arguments]
-        results = [np.empty((count, size)) for size in self._sizes]
+        results = [np.empty((count, self.function.numel_out(i))) for i in range(self.function.n_out())]
+        whole = count - count % many
         for chunk, part in ((many, slice(0, whole)), (few, slice(whole, count))):
-            if part.stop > part.start:
-                self._run(chunk, [argument[part] for argument in arguments], [result[part] for result in results])
+            size, buffers = part.stop - part.start, known.get(chunk)
+            if not size:
+                continue
+            chunks = -(-size // chunk)
+            if buffers is None or buffers.function is not code or len(buffers.calls) < chunks:
+                room = max(chunks, 2 * len(buffers.calls) if buffers is not None else 1)
+                buffers = known[chunk] = _Buffers(code, rows, chunk, room)
+            for place, argument in zip(buffers.arguments, arguments, strict=True):
+                place[:size] = argument[part]
+                place[size : chunks * chunk] = place[size - 1]  # the last chunk is filled up with its last row
+            for call in buffers.calls[:chunks]:
+                call()
+            for result, place in zip(results, buffers.results, strict=True):
+                result[part] = place[:size]
         spent = time.perf_counter() - since
         self.spent += spent
         Mapped.total += spent
         return results
-
-    def _run(self, chunk: int, arguments: Sequence[Array], results: Sequence[Array]) -> None:
-        """Evaluate rows in chunks, in buffers of this thread; the last chunk is filled up with its last row."""
-        known: dict[int, _Buffers] = self._local.__dict__.setdefault("buffers", {})
-        code, rows = self._runs
-        count, buffers = arguments[0].shape[0], known.get(chunk)
-        chunks = -(-count // chunk)
-        if buffers is None or buffers.function is not code or len(buffers.calls) < chunks:
-            room = max(chunks, 2 * len(buffers.calls) if buffers is not None else 1)
-            buffers = known[chunk] = _Buffers.of(code, rows, chunk, room)
-        for place, argument in zip(buffers.arguments, arguments, strict=True):
-            place[:count] = argument
-            place[count : chunks * chunk] = place[count - 1]
-        for call in buffers.calls[:chunks]:
-            call()
-        for result, place in zip(results, buffers.results, strict=True):
-            result[:] = place[:count]
 
     def _look(self) -> None:
         """Take the machine code where it is there; have it made where the function has earned it."""

@@ -2,8 +2,7 @@
 
 A library is found by the hash of what its function computes, and loaded only where its bytes have the checksum that
 stands in its name: a damaged one is removed and compiled again. The compiler keeps the order of the arithmetic (no
-contraction, no fast-math), so that machine code and CasADi's virtual machine give the same numbers. A function that
-could not be compiled leaves a mark, and no process tries it again for a day.
+contraction, no fast-math), so that machine code and CasADi's virtual machine give the same numbers.
 
 Environment: STICKSLIP_COMPILE=0 keeps the virtual machine; STICKSLIP_CACHE names another folder, STICKSLIP_CACHE_MB
 another limit of its size; what was not used for longest goes first.
@@ -33,12 +32,10 @@ from identify.base import compile_worker
 OPTIONS = ("-O1", "-ffp-contract=off", "-fPIC", "-shared")
 LARGEST = 90_000  # instructions of a function that is compiled
 PER_INSTRUCTION = 1.5e-4  # seconds that compiling takes
-STALE = 900.0  # seconds after which the unfinished work of another process counts as left behind
 AGAIN = 86_400.0  # seconds after which a function that could not be compiled is tried again
-LINGER = 10  # seconds that compiling goes on after the process it serves: the next one finds it done
-LIMIT = 64_000_000  # bytes of machine code that are kept
+LIMIT = 64.0  # MB of machine code that are kept
 
-_running: list[subprocess.Popen[bytes]] = []  # one at a time
+_running: list[tuple[subprocess.Popen[bytes], list[Path]]] = []  # one at a time, and its build folders
 
 
 @cache
@@ -67,11 +64,11 @@ def folder() -> Path | None:
 @cache
 def register() -> tuple[int, tuple[str, ...]]:
     """How many rows of a batch a register of this processor holds, and the compiler's options for it."""
-    try:
-        known = "avx2" in Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").split()
-    except OSError:
-        known = False
-    return (4, ("-mavx2",)) if known and platform.machine() == "x86_64" else (2, ())
+    with suppress(OSError):
+        known = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").split()
+        if "avx2" in known and platform.machine() == "x86_64":
+            return 4, ("-mavx2",)
+    return 2, ()
 
 
 @cache
@@ -111,28 +108,32 @@ def find(identity: str, name: str) -> ca.Function | None:
 
 def failed(identity: str) -> bool:
     """Whether compiling for this key failed, here or in another process, within a day."""
-    base = folder()
-    return base is not None and _age(base / f"{identity}.failed") < AGAIN
+    with suppress(OSError):
+        mark = (folder() or Path()) / f"{identity}.failed"
+        return time.time() - mark.stat().st_mtime < AGAIN
+    return False
 
 
 def busy() -> bool:
     """Whether a compilation started here is still running."""
-    _running[:] = [process for process in _running if process.poll() is None]
+    _running[:] = [(process, builds) for process, builds in _running if process.poll() is None]
     return bool(_running)
 
 
 def wait() -> None:
     """Until what was started here is compiled; for tests and timings."""
-    for process in _running:
+    for process, _ in _running:
         process.wait()
     _running.clear()
 
 
 def stop() -> None:
-    """End what is being compiled; it leaves nothing behind."""
-    for process in _running:
+    """End what is being compiled, and leave nothing of it behind."""
+    for process, builds in _running:
         with suppress(OSError):
             os.killpg(process.pid, signal.SIGTERM)
+        for build in builds:
+            shutil.rmtree(build, ignore_errors=True)
 
 
 def start(jobs: Sequence[tuple[ca.Function, str]]) -> None:
@@ -140,66 +141,48 @@ def start(jobs: Sequence[tuple[ca.Function, str]]) -> None:
     base, cc = folder(), compiler()
     if base is None or cc is None:
         return
-    for left in base.glob("build-*"):
-        if _age(left) > STALE:
-            shutil.rmtree(left, ignore_errors=True)
     make_room(base)
-    builds = [build for function, identity in jobs if (build := _claimed(base, function, identity)) is not None]
+    builds: list[Path] = []
+    for function, identity in jobs:
+        build = base / f"build-{identity}"
+        with suppress(OSError, RuntimeError):  # another process is at it, no room, or CasADi has no C for it
+            if failed(identity):
+                continue
+            build.mkdir(mode=0o700)
+            builds.append(build)
+            text = simd_code(function, register()[0]) if identity.startswith("simd") else None
+            if text is not None:
+                (build / "function.c").write_text(text, encoding="ascii")
+                continue
+            generator = ca.CodeGenerator("function.c")
+            generator.add(function)
+            generator.generate(f"{build}{os.sep}")
     if not builds:
         return
-    command: list[str | Path] = [sys.executable, "-I", "-S", compile_worker.__file__, base, str(LINGER)]
+    command: list[str | Path] = [sys.executable, "-I", "-S", compile_worker.__file__, base]
     command += [cc, *OPTIONS, *register()[1], "--", *builds]
     quiet = subprocess.DEVNULL
     try:  # in the session of this process: Linux shares processors among sessions first, and nice counts within one
-        _running.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, process_group=0))
+        process = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, process_group=0)
+        _running.append((process, builds))
     except OSError:  # no more processes: the virtual machine goes on
         for build in builds:
             shutil.rmtree(build, ignore_errors=True)
 
 
-def _claimed(base: Path, function: ca.Function, identity: str) -> Path | None:
-    """A new folder with the C code of a function; None where another process is at it, or it failed or fails now."""
-    build = base / f"build-{identity}"
-    try:
-        if failed(identity):
-            return None
-        build.mkdir(mode=0o700)
-    except OSError:
-        return None
-    try:
-        text = simd_code(function, register()[0]) if identity.startswith("simd") else None
-        if text is None:
-            generator = ca.CodeGenerator("function.c")
-            generator.add(function)
-            generator.generate(f"{build}{os.sep}")
-        else:
-            (build / "function.c").write_text(text, encoding="ascii")
-        return build
-    except (OSError, RuntimeError):  # the disk is full, or CasADi has no C for it
-        with suppress(OSError):
-            (base / f"{identity}.failed").touch()
-        shutil.rmtree(build, ignore_errors=True)
-        return None
-
-
 def make_room(base: Path) -> None:
-    """Remove what was not used for longest until the cache holds no more than its limit."""
+    """Remove what was left behind, and what was not used for longest until the cache holds no more than its limit."""
     stated = os.environ.get("STICKSLIP_CACHE_MB", "")
-    room = int(1e6 * float(stated)) if stated.replace(".", "", 1).isdigit() else LIMIT
+    room = 1e6 * (float(stated) if stated.replace(".", "", 1).isdigit() else LIMIT)
     with suppress(OSError):  # another process has removed one meanwhile
+        for left in base.glob("build-*"):
+            if time.time() - left.stat().st_mtime > 2.0 * compile_worker.LONGEST:
+                shutil.rmtree(left, ignore_errors=True)
         files = [(path.stat(), path) for kind in ("simd", "plain", "wide") for path in base.glob(f"{kind}-*.*")]
         for about, path in sorted(files, key=lambda file: -file[0].st_mtime):
             room -= about.st_size
             if room < 0:
                 path.unlink(missing_ok=True)
-
-
-def _age(path: Path) -> float:
-    """Seconds since a file or folder was changed; NaN where there is none."""
-    try:
-        return time.time() - path.stat().st_mtime
-    except OSError:
-        return math.nan
 
 
 # ----------------------------------------------------------------------------------------------------------------------

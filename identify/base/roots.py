@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
+import scipy  # its parts load when they are first used
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
-from scipy.optimize.elementwise import find_root
 
 from identify.base.errors import SimulationError
 
@@ -24,6 +23,8 @@ def rising_root(
         low, high: shape (n,), with value(low) <= 0 <= value(high).
         parameters: what tells the functions apart, (n,) each.
     """
+    from scipy.optimize.elementwise import find_root
+
     with np.errstate(all="ignore"):
         found = find_root(lambda x, *own: equation(x, *own)[0], (low, high), args=parameters, maxiter=300)
     return np.asarray(found.x)
@@ -129,7 +130,7 @@ def _in_dip(function: Function, low: float, high: float) -> float | None:
     """The first zero around a minimum between low and high, None if the minimum is positive."""
     # From its start on: scipy's tolerance is relative to the time, which after an hour is many periods of a vibration.
     value = lambda part: float(function(np.array([low + part]))[0])  # noqa: E731
-    lowest = minimize_scalar(value, bounds=(0.0, high - low), options={"xatol": 0.0})
+    lowest = scipy.optimize.minimize_scalar(value, bounds=(0.0, high - low), options={"xatol": 0.0})
     return _refined(function, low, low + float(lowest.x)) if lowest.fun <= 0.0 else None
 
 
@@ -141,4 +142,4 @@ def _refined(function: Function, low: float, high: float) -> float:
 
     if value(low) <= 0.0 or value(high) == 0.0:
         return low if value(low) <= 0.0 else high
-    return float(brentq(value, low, high, xtol=1e-16 * max(high, 1e-300), rtol=1e-15))
+    return float(scipy.optimize.brentq(value, low, high, xtol=1e-16 * max(high, 1e-300), rtol=1e-15))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import runpy
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from scipy.integrate import DOP853 as SCIPYS
+import scipy
 
 State = Any  # anything that adds and multiplies: CasADi SX, numpy arrays, floats
 Field = Callable[[State, State], State]  # (x, time within the step) -> dx/dt
@@ -38,15 +40,18 @@ RK4 = Tableau(
     b=(1 / 6, 1 / 3, 1 / 3, 1 / 6),
 )
 # Dormand and Prince; Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I (2nd ed., 1993), II.5 and
-# the code dop853. scipy's last stage, the derivative after the step, counts nothing in either error.
+# the code dop853. scipy's last stage, the derivative after the step, counts nothing in either error. Of scipy.integrate
+# only this file is read: the package takes a fifth of a second to import.
+_SCIPYS = runpy.run_path(str(Path(scipy.__file__).parent / "integrate" / "_ivp" / "dop853_coefficients.py"))
+_STAGES = len(_SCIPYS["B"])
 DOP853 = Tableau(
     name="dop853",
     order=8,
-    c=tuple(SCIPYS.C.tolist()),
-    a=tuple(tuple(row[:i]) for i, row in enumerate(SCIPYS.A.tolist())),
-    b=tuple(SCIPYS.B.tolist()),
-    error=tuple(SCIPYS.E5[:-1].tolist()),
-    coarse=tuple(SCIPYS.E3[:-1].tolist()),
+    c=tuple(_SCIPYS["C"][:_STAGES].tolist()),
+    a=tuple(tuple(row[:i]) for i, row in enumerate(_SCIPYS["A"][:_STAGES].tolist())),
+    b=tuple(_SCIPYS["B"].tolist()),
+    error=tuple(_SCIPYS["E5"][:-1].tolist()),
+    coarse=tuple(_SCIPYS["E3"][:-1].tolist()),
 )
 
 

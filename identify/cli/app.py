@@ -2,43 +2,35 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from importlib.util import find_spec
 
-from identify.cli.common import Answer, Command, CommandLineError, Terminal, add_options
+from identify.cli.common import Answer, Command, CommandLineError, Options, Terminal
 from identify.cli.interrupt import ends_by_itself
 
 NEEDS = ("starlette", "uvicorn", "tomlkit")
 CHECKED_AFTER = 0.5  # seconds between checks whether Ctrl-C was pressed
 
 
-def _arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("folder", nargs="?", default=".", metavar="FOLDER", help="of the logs (default: this one)")
-    options = {
-        "--port N": "of 127.0.0.1 (default: a free one)",
-        "--no-browser": "print the address, open nothing",
-    }
-    add_options(parser, options, defaults={"--port": 0})
-
-
-def _run(arguments: Namespace, terminal: Terminal) -> Answer:
+def serve(arguments: Namespace, terminal: Terminal) -> Answer:
     """Serve until Ctrl-C."""
     if missing := [name for name in NEEDS if find_spec(name) is None]:
         raise CommandLineError(
             f"the page needs {' and '.join(missing)}, which the extra `app` brings; install it with: "
             "pip install 'stick-slip-workbench[app]' (in a clone: pip install '.[app]')"
         )
-    if not 0 <= arguments.port < 65536:
-        raise CommandLineError(f"--port is {arguments.port}; expected 1024 to 65535, or leave it out")
+    port = arguments.port or 0
+    if not 0 <= port < 65536:
+        raise CommandLineError(f"--port is {port}; expected 1024 to 65535, or leave it out")
     from identify.app.folder import Folder
     from identify.app.server import Serving
 
     ends_by_itself()
-    folder = Folder.at(arguments.folder)
+    folder = Folder.at(arguments.folder or ".")
     try:
-        serving = Serving(folder, arguments.port)
+        serving = Serving(folder, port)
     except OSError as error:
-        raise CommandLineError(f"--port {arguments.port}: {error.strerror}; choose another or leave it out") from None
+        raise CommandLineError(f"--port {port}: {error.strerror}; choose another or leave it out") from None
     serving.start()
     terminal.say(f"{serving.address}\nThe address is a key: whoever has it can work in {serving.page.folder.root}.")
     terminal.note("Ctrl-C stops the page; jobs that run go on, and the page finds them again.")
@@ -54,5 +46,10 @@ def _run(arguments: Namespace, terminal: Terminal) -> Answer:
     return Answer(document={"status": "done"})
 
 
+OPTIONS: Options = {
+    "folder FOLDER?": "of the logs (default: this one)",
+    "--port N": "of 127.0.0.1 (default: a free one)",
+    "--no-browser": "print the address, open nothing",
+}
 HELP = "work in a local web page: see logs, place cuts, try values, fit, map, compare"
-COMMANDS = (Command("app", HELP, _arguments, _run),)
+COMMANDS = (Command("app", HELP, OPTIONS, serve),)

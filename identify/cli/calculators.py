@@ -6,9 +6,8 @@ The options stand apart from the work, so that help needs nothing heavy.
 from __future__ import annotations
 
 import json
-from argparse import ArgumentParser, Namespace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from argparse import Namespace
+from contextlib import suppress
 
 from identify.cli.common import (
     MEASURED,
@@ -16,89 +15,74 @@ from identify.cli.common import (
     Answer,
     Command,
     CommandLineError,
+    Options,
     Terminal,
-    add_options,
     file_to_write,
     new_file,
     positive,
     quantity,
 )
 
-if TYPE_CHECKING:
-    from identify.scene import Scene
-
 MOST_SAMPLES = 2e7  # half a gigabyte of columns
 ENDINGS = (".csv", ".h5", ".hdf5")
 
 
-def _command(name: str, help_: str) -> Command:
-    """The command for one part of the answer."""
-
-    def run(arguments: Namespace, terminal: Terminal) -> Answer:
-        from identify.cli.operating import answers
-
-        return answers(arguments, terminal, name)
-
-    return Command(name, help_, _add_arguments, run)
-
-
-def _add_arguments(parser: ArgumentParser) -> None:
-    source = parser.add_mutually_exclusive_group(required=True)
-    sources = {
-        "--scene SCENE.toml": "the values of a scene: fixed, else start, else default",
-        "--result result.json": "the estimates of a fit, with their uncertainty",
-    }
-    add_options(source, sources)
-    point = 'operating point, repeatable: drive_speed="1 mm/s", normal_force, or any parameter (default: each log)'
-    parser.add_argument("--at", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help=point)
-    advice = (
-        "the nearest change of speed, stiffness, damping, mass or load that makes sliding steady, with a margin "
-        "(default: 20 %%)"
-    )
-    parser.add_argument("--advice", nargs="?", const="20 %", metavar="MARGIN", help=advice)
-    options = {
-        "--group GROUP+": "of a fit whose parameters differ between groups: this one alone, as V08 or volunteer=V08, "
-        "repeatable (default: each)",
-        "--without EFFECT+": "leave out an effect of the scene, repeatable: one with which no cycle is like the one "
-        "before",
-        "--plot FILE": "draw it over drive speed, or the map (png, svg or pdf)",
-    }
-    add_options(parser, options)
-    group = parser.add_argument_group("maps")
-    quantities = (
-        "over one or two of drive_speed, stiffness, normal_force, pressure, area, damping, zeta, mass, t_cr, D, mu_k0, "
-        "mu_step (μs - μk0), a, or any other parameter"
-    )
-    group.add_argument("--map", nargs="+", metavar="NAME", help=quantities)
-    maps = {
+POINT: Options = {
+    "--scene SCENE.toml": "the values of a scene: fixed, else start, else default; or",
+    "--result result.json": "the estimates of a fit, with their uncertainty",
+    "--at KEY=VALUE*": 'operating point, repeatable: drive_speed="1 mm/s", normal_force, or any parameter (default: '
+    "each log)",
+    "--advice MARGIN?": "the nearest change of speed, stiffness, damping, mass or load that makes sliding steady, with "
+    "a margin (default: 20 %)",
+    "--group GROUP+": "of a fit whose parameters differ between groups: this one alone, as V08 or volunteer=V08, "
+    "repeatable (default: each)",
+    "--without EFFECT+": "leave out an effect of the scene, repeatable: one with which no cycle is like the one before",
+    "--plot FILE": "draw it over drive speed, or the map (png, svg or pdf)",
+    "maps": {
+        "--map NAME*": "over one or two of drive_speed, stiffness, normal_force, pressure, area, damping, zeta, mass, "
+        "t_cr, D, mu_k0, mu_step (μs - μk0), a, or any other parameter",
         "--range NAME=LOW:HIGH+": 'of a quantity of the map, repeatable: drive_speed="0.1 mm/s:10 mm/s" (default: '
         "around the point)",
         "--points N": "along each quantity (default: 60, of one alone 120)",
         "--data FILE": "the numbers of the map (csv)",
-    }
-    add_options(group, maps)
+    },
+}
+SIMULATE: Options = {
+    "--scene SCENE.toml!": "the scene to simulate: fixed, else start, else default",
+    **SET,
+    "--duration T!": "how long [s]",
+    "--rate HZ!": "samples per second [Hz]",
+    "--noise SD": "standard deviation of white force noise [N]",
+    "--seed N": "seed of the noise (default 0)",
+    "--accuracy X": "relative error of switch times and forces that is tolerated (default: an order below the noise)",
+    "--out LOG.csv|LOG.h5!": "the log to write, over a simulated one at most",
+}
 
 
-def _simulate_arguments(parser: ArgumentParser) -> None:
-    options = {
-        "--scene SCENE.toml": "the scene to simulate: fixed, else start, else default",
-        **SET,
-        "--duration T": "how long [s]",
-        "--rate HZ": "samples per second [Hz]",
-        "--noise SD": "standard deviation of white force noise [N]",
-        "--seed N": "seed of the noise (default 0)",
-        "--accuracy X": "relative error of switch times and forces that is tolerated (default: an order below the "
-        "noise)",
-        "--out LOG.csv|LOG.h5": "the log to write, over a simulated one at most",
-    }
-    required = ["--scene", "--duration", "--rate", "--out"]
-    add_options(parser, options, required, defaults={"--noise": "0", "--seed": 0})
+def stability(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Whether the pair sticks and slips."""
+    from identify.cli.operating import answers
+
+    return answers(arguments, terminal, "stability")
 
 
-def _simulate(arguments: Namespace, terminal: Terminal) -> Answer:
+def amplitude(arguments: Namespace, terminal: Terminal) -> Answer:
+    """How large its jumps are."""
+    from identify.cli.operating import answers
+
+    return answers(arguments, terminal, "amplitude")
+
+
+def simulate(arguments: Namespace, terminal: Terminal) -> Answer:
     """Simulate and write."""
     out = file_to_write(arguments.out, "--out", ENDINGS)
-    if not _is_simulated(out):
+    simulated_before = False  # a log that was simulated can be made again, and is written over
+    if out.exists():
+        from data_io import LogError, read_log
+
+        with suppress(LogError, OSError):
+            simulated_before = read_log(out).metadata.get("simulated") is True
+    if not simulated_before:
         new_file(arguments.out, "--out", MEASURED)
     duration, rate = positive(arguments.duration, "s", "--duration"), positive(arguments.rate, "Hz", "--rate")
     samples = duration * rate + 1
@@ -107,51 +91,70 @@ def _simulate(arguments: Namespace, terminal: Terminal) -> Answer:
         raise CommandLineError(
             f"{duration:g} s at {rate:g} Hz give {count}; expected 2 to {MOST_SAMPLES:g}: change --rate or --duration"
         )
-    noise = quantity(arguments.noise, "N", "--noise")
+    noise = quantity(arguments.noise or "0", "N", "--noise")
     if noise < 0:
         raise CommandLineError(f"--noise is {noise:g} N; expected zero or a positive number: correct it")
-    if arguments.seed < 0:
-        raise CommandLineError(f"--seed is {arguments.seed}; expected zero or a positive whole number: correct it")
+    seed = arguments.seed or 0
+    if seed < 0:
+        raise CommandLineError(f"--seed is {seed}; expected zero or a positive whole number: correct it")
     accuracy = None if arguments.accuracy is None else quantity(arguments.accuracy, "", "--accuracy")
     if accuracy is not None and not 0.0 < accuracy < 1.0:
         raise CommandLineError(f"--accuracy is {accuracy:g}; expected a relative error such as 1e-6: correct it")
 
     from dataclasses import asdict
+    from importlib.metadata import version
     from time import process_time
 
     import numpy as np
 
     from data_io import Record, write_csv, write_hdf5
     from identify.base.document import to_dict
+    from identify.base.wording import quantity as shown
     from identify.base.wording import wrapped
     from identify.diagnosis.effect_choice import choose_from_numbers, effects_result
     from identify.scene import Scene
     from identify.simulation.cost import cost
-    from identify.simulation.simulate import simulate
+    from identify.simulation.simulate import simulate as simulated
 
     scene = Scene.from_toml(arguments.scene, arguments.set)
     choice = choose_from_numbers(scene) if scene.effects == "auto" else None
     if choice is not None:
         scene = scene.with_effects(choice.effects)
         terminal.say(f"effects by the numbers of the scene: {', '.join(choice.effects)}")
-    since = process_time()
-    motion = simulate(scene, duration, accuracy=accuracy, noise=noise or None).refined()
+    values, since = scene.values(), process_time()
+    motion = simulated(scene, duration, accuracy=accuracy, noise=noise or None).refined()
     spent = cost(scene, motion, process_time() - since)
     time = np.arange(int(duration * rate * (1 + 1e-12)) + 1) / rate
     forces, speed = motion.sample(time), scene.rig.drive_speed
     record = Record(
         time=time,
         normal_force=np.broadcast_to(forces["normal_force"], time.shape).copy(),
-        friction_force=forces["force"] + np.random.default_rng(arguments.seed).normal(0.0, noise, time.size),
+        friction_force=forces["force"] + np.random.default_rng(seed).normal(0.0, noise, time.size),
         drive_speed=speed if isinstance(speed, float) else None,
-        metadata=_provenance(scene, duration, rate) | {"noise_N": noise, "seed": arguments.seed},
+        metadata={  # so that it can be made again
+            "simulated": True,
+            "scene": scene.name,
+            "effects": ", ".join(scene.model.effects),
+            "parameters_SI": json.dumps(values),
+            "scene_SI": json.dumps(scene.as_document() | {"logs": []}, ensure_ascii=False),
+            "duration_s": duration,
+            "rate_Hz": rate,
+            "version": version("stick-slip-workbench"),
+            "noise_N": noise,
+            "seed": seed,
+        },
     )
     (write_csv if out.suffix.lower() == ".csv" else write_hdf5)(record, out)
     slips = motion.onsets.size
-    terminal.say(wrapped(_taken_by_default(scene)))
-    terminal.say(f"{out}: {time.size} samples, {slips} slips, noise {noise:g} N (seed {arguments.seed}), simulated")
+    units = {p.name: p.unit for p in scene.declared}
+    silent = [name for name, s in scene.parameters.items() if (s.fixed, s.start, s.tie) == (None, None, None)]
+    defaults = ", ".join(f"{name} {shown(values[name], units[name])}" for name in silent)
+    if defaults:
+        defaults = f"the scene gives no value of these, so documented defaults are taken: {defaults}"
+    terminal.say(wrapped(defaults or "the friction is that of the scene"))
+    terminal.say(f"{out}: {time.size} samples, {slips} slips, noise {noise:g} N (seed {seed}), simulated")
     document: dict[str, object] = {"status": "done", "out": str(out), "rows": time.size, "slips": slips}
-    document["parameters"] = dict(sorted(scene.values().items()))
+    document["parameters"] = dict(sorted(values.items()))
     if motion.achieved is not None:
         errors, wanted = asdict(motion.achieved), motion.accuracy or 0.0
         text = "unknown, with another tolerance the slips come differently"
@@ -169,46 +172,8 @@ def _simulate(arguments: Namespace, terminal: Terminal) -> Answer:
     return Answer(document=document)
 
 
-def _taken_by_default(scene: Scene) -> str:
-    """Which friction is simulated: what the scene says, and of which parameters it takes the documented default."""
-    from identify.base.wording import quantity as shown
-
-    values, units = scene.values(), {p.name: p.unit for p in scene.declared}
-    silent = [name for name, s in scene.parameters.items() if (s.fixed, s.start, s.tie) == (None, None, None)]
-    if not silent:
-        return "the friction is that of the scene"
-    defaults = ", ".join(f"{name} {shown(values[name], units[name])}" for name in silent)
-    return f"the scene gives no value of these, so documented defaults are taken: {defaults}"
-
-
-def _is_simulated(path: Path) -> bool:
-    """Whether a file that is there is a log that was simulated: it can be made again, and is written over."""
-    from data_io import LogError, read_log
-
-    try:
-        return read_log(path).metadata.get("simulated") is True
-    except (LogError, OSError):
-        return False
-
-
-def _provenance(scene: Scene, duration: float, rate: float) -> dict[str, str | float | bool]:
-    """What the log is made of, so that it can be made again: effects, every value [SI], scene (JSON), version."""
-    from importlib.metadata import version
-
-    return {
-        "simulated": True,
-        "scene": scene.name,
-        "effects": ", ".join(scene.model.effects),
-        "parameters_SI": json.dumps(scene.values()),
-        "scene_SI": json.dumps(scene.as_document() | {"logs": []}, ensure_ascii=False),
-        "duration_s": duration,
-        "rate_Hz": rate,
-        "version": version("stick-slip-workbench"),
-    }
-
-
 COMMANDS = (
-    Command("simulate", "run the model of a scene forward and write a log", _simulate_arguments, _simulate),
-    _command("stability", "does the pair stick and slip at an operating point, and up to which drive speed"),
-    _command("amplitude", "how large, how fast and how often the jumps of stick-slip are at an operating point"),
+    Command("simulate", "run the model of a scene forward and write a log", SIMULATE, simulate),
+    Command("stability", "does the pair stick and slip at an operating point, and up to which speed", POINT, stability),
+    Command("amplitude", "how large, fast and frequent the jumps are at an operating point", POINT, amplitude),
 )

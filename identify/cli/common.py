@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from data_io import Record
 
 DONE, DEFECT, WRONG_INPUT, NOT_SUCCEEDED, INTERRUPTED = 0, 1, 2, 3, 130
+LONG = 30_000_000  # bytes of a log from which on reading shows its progress
+Options = Mapping[str, "str | Options"]
 
 
 class CommandLineError(Exception):
@@ -65,11 +67,11 @@ class Progress(ProgressBar):
 
 @dataclass(frozen=True)
 class Command:
-    """A command: its name, a line of help, its arguments and what it does."""
+    """A command: its name, a line of help, its options as `add_options` takes them, and what it does."""
 
     name: str
     help: str
-    add_arguments: Callable[[ArgumentParser], None]
+    options: Options
     run: Callable[[Namespace, Terminal], Answer]
 
 
@@ -78,36 +80,45 @@ class Command:
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def add_options(
-    parser: ArgumentParser | _ArgumentGroup,
-    options: Mapping[str, str],
-    required: Sequence[str] = (),
-    defaults: Mapping[str, object] | None = None,
-) -> None:
-    """Declare options by "--name METAVAR" and help: N as METAVAR is a whole number, + behind it makes it repeatable,
-    without METAVAR it is a switch.
+def add_options(parser: ArgumentParser | _ArgumentGroup, options: Options) -> None:
+    """Declare arguments and options by "name METAVAR" and help, or a group of them by its title.
 
-    Args:
-        required, defaults: by the option, such as "--out".
+    An option without METAVAR is a switch, N is a whole number, {a,b} a choice. Marks behind an option's METAVAR:
+    ! needed, + repeatable, * repeatable with several words at a time, ? may have no value; behind an argument's those
+    of argparse.
     """
     for words, text in options.items():
+        if not isinstance(text, str):
+            add_options(parser.add_argument_group(words), text)
+            continue
         name, _, metavar = words.partition(" ")
-        text = text.replace("%", "%%")
+        mark = metavar[-1] if metavar.endswith(("!", "+", "*", "?")) else ""
+        metavar = metavar.removesuffix(mark)
+        more: dict[str, Any] = {"help": text.replace("%", "%%")}
         if not metavar:
-            parser.add_argument(name, action="store_true", help=text)
-        elif metavar.endswith("+"):
-            parser.add_argument(name, metavar=metavar[:-1], action="append", default=[], help=text)
+            more["action"] = "store_true"
+        elif metavar.startswith("{"):
+            more["choices"] = metavar[1:-1].split(",")
         else:
-            kind, default = int if metavar == "N" else str, (defaults or {}).get(name)
-            parser.add_argument(name, metavar=metavar, type=kind, default=default, required=name in required, help=text)
+            more["metavar"] = metavar
+        if metavar == "N":
+            more["type"] = int
+        if mark and not name.startswith("-"):
+            more["nargs"] = mark
+        elif mark:
+            marked: dict[str, dict[str, Any]] = {
+                "!": {"required": True},
+                "+": {"action": "append", "default": []},
+                "*": {"action": "extend", "default": [], "nargs": "+"},
+                "?": {"nargs": "?", "const": ""},
+            }
+            more |= marked[mark]
+        parser.add_argument(name, **more)
 
 
-SET = {"--set KEY=VALUE+": 'such as rig.mass="0.3 kg"'}
-
-
-def add_log_options(parser: ArgumentParser) -> None:
-    """The options of every command that takes logs."""
-    options = {
+SET: Options = {"--set KEY=VALUE+": 'such as rig.mass="0.3 kg"'}
+READING: Options = {
+    "how to read the logs": {
         "--step N": "use this step of the run (default: all, on one clock)",
         "--run N": "use this run, where a log holds several",
         "--columns NAME=COLUMN,…": "such as time=T,friction_force=Fx,normal_force=Fz",
@@ -115,16 +126,13 @@ def add_log_options(parser: ArgumentParser) -> None:
         "--normal-force FORCE": 'constant, where the log has none: "3 N"',
         "--rate HZ": 'sampling rate, where the log has no clock: "4 Hz"',
     }
-    add_options(parser.add_argument_group("how to read the logs"), options)
-
-
-def add_part_options(parser: ArgumentParser) -> None:
-    """The options of the commands that may read only a part of a log."""
-    options = {
+}
+PART: Options = {
+    "how much of the logs to read": {
         "--window START,STOP": 'from the first row on, such as "100 s,2 min"',
         "--channels NAME,…": "which of the other columns to keep; none keeps none",
     }
-    add_options(parser.add_argument_group("how much of the logs to read"), options)
+}
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -162,11 +170,8 @@ def log_options(arguments: Namespace) -> dict[str, Any]:
     return {name: value for name, value in options.items() if value not in (None, {})}
 
 
-LONG = 30_000_000  # bytes of a log from which on reading shows its progress
-
-
 def read(path: str, arguments: Namespace, terminal: Terminal) -> Record:
-    """Read one log with the options of `add_log_options` and `add_part_options`."""
+    """Read one log with the options of READING and PART."""
     from data_io import read_log
 
     options = log_options(arguments)
@@ -204,22 +209,11 @@ def positives(text: str | None, unit: str, option: str) -> tuple[float, ...]:
     return tuple(positive(item, unit, option) for item in listed(text))
 
 
-def share(text: str, option: str, most: float = float("inf")) -> float:
-    """ "15 %" or 0.15 as 0.15, from 0 to below `most`."""
-    from identify.scene.tables import part
-
-    value = part(text, "", option)
-    if not 0.0 <= value < most:
-        raise CommandLineError(f'{option} is {text!r}; expected a share from 0 to below {most:g}, such as "1 %"')
-    return value
-
-
 # ----------------------------------------------------------------------------------------------------------------------
-# Files to write; whether they can be is asked before the work, not after it.
+# Files to write; whether they can be is checked before the work, not after it.
 # ----------------------------------------------------------------------------------------------------------------------
 
 MEASURED = "a measured log"
-PICTURES = (".png", ".svg", ".pdf")
 
 
 def file_to_write(path: str, option: str, endings: Sequence[str] = ()) -> Path:
@@ -238,15 +232,11 @@ def file_to_write(path: str, option: str, endings: Sequence[str] = ()) -> Path:
 
 def picture(path: str | None) -> Path | None:
     """The file of --plot."""
-    return None if path is None else file_to_write(path, "--plot", PICTURES)
+    return None if path is None else file_to_write(path, "--plot", (".png", ".svg", ".pdf"))
 
 
 def new_file(path: str, option: str, holding: str, endings: Sequence[str] = ()) -> Path:
-    """As `file_to_write`, of a file that must not be there: nothing that was measured or edited is written over.
-
-    Args:
-        holding: what such a file may hold, in words.
-    """
+    """As `file_to_write`, of a file that must not be there; holding: what such a file may hold, in words."""
     out = file_to_write(path, option, endings)
     if out.exists():
         raise CommandLineError(f"{option} {out} exists and may hold {holding}; choose another name")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from argparse import ArgumentParser, Namespace
+import math
+from argparse import Namespace
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -12,20 +13,19 @@ from typing import TYPE_CHECKING, get_args
 from identify.cli.common import (
     DONE,
     NOT_SUCCEEDED,
+    READING,
     SET,
     Answer,
     Command,
     CommandLineError,
+    Options,
     Terminal,
-    add_log_options,
-    add_options,
     file_to_write,
     log_options,
     quantity,
 )
 
 if TYPE_CHECKING:
-    from identify.base.document import Json
     from identify.base.result import Result
     from identify.estimation.starts import Sources
     from identify.report.finished import Fit
@@ -33,11 +33,7 @@ if TYPE_CHECKING:
     from identify.shooting.accuracy import FitOptions
 
 
-def _demo_arguments(parser: ArgumentParser) -> None:
-    add_options(parser, {"--out DIR": "folder of the result (default: stickslip-example-pair)"})
-
-
-def _demo(arguments: Namespace, terminal: Terminal) -> Answer:
+def demo(arguments: Namespace, terminal: Terminal) -> Answer:
     """Fit the four example logs together, and say how far the estimates are from what was simulated."""
     from identify import examples
     from identify.base.wording import columns, quantity
@@ -62,44 +58,26 @@ def _demo(arguments: Namespace, terminal: Terminal) -> Answer:
     return Answer(DONE if fit.converged else NOT_SUCCEEDED, fit.result)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# fit
-# ----------------------------------------------------------------------------------------------------------------------
+FIT_OPTIONS: Options = {
+    "logs LOG*": "choose among the scene's logs, or add one to them",
+    "--scene SCENE.toml!": "rig, parameters and logs",
+    "--out DIR": "folder of the result (default: stickslip-<scene name>)",
+    **SET,
+    "how finely, and how sure": {
+        "--preview": "draw the cycles and the start over the data, and stop",
+        "--accuracy X": "coarse, default, tight, or the error of the steps in standard errors",
+        "--time-limit T": "of the search and its examination (default: [fit] time_limit, or 60 s)",
+        "--profile": "profile likelihood of every parameter",
+        "--bootstrap N": "parametric bootstrap with N replicates",
+        "--accuracy-table": "what each level of accuracy costs and changes",
+        "--starts {data,user,both}": "where the search starts: from the data, from the scene's start values, or both "
+        "(default: both where the scene gives a start, else data)",
+    },
+    **READING,
+}
 
 
-def _fit_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("logs", nargs="*", metavar="LOG", help="choose among the scene's logs, or add one to them")
-    add_options(
-        parser,
-        {
-            "--scene SCENE.toml": "rig, parameters and logs",
-            "--out DIR": "folder of the result (default: stickslip-<scene name>)",
-            **SET,
-        },
-        required=["--scene"],
-    )
-    group = parser.add_argument_group("how finely, and how sure")
-    add_options(
-        group,
-        {
-            "--preview": "draw the cycles and the start over the data, and stop",
-            "--accuracy X": "coarse, default, tight, or the error of the steps in standard errors",
-            "--time-limit T": "of the search and its examination (default: [fit] time_limit, or 60 s)",
-            "--profile": "profile likelihood of every parameter",
-            "--bootstrap N": "parametric bootstrap with N replicates",
-            "--accuracy-table": "what each level of accuracy costs and changes",
-        },
-    )
-    group.add_argument(
-        "--starts",
-        choices=("data", "user", "both"),
-        help="where the search starts: from the data, from the scene's start values, or both (default: both where the "
-        "scene gives a start, else data)",
-    )
-    add_log_options(parser)
-
-
-def _fit(arguments: Namespace, terminal: Terminal) -> Answer:
+def fit_logs(arguments: Namespace, terminal: Terminal) -> Answer:
     """Fit and write the report; exit code 3 unless the fit converged."""
     from identify.cli.folder import check_replaceable
     from identify.estimation.bootstrap import FEWEST
@@ -158,16 +136,15 @@ def _fit_and_report(
 ) -> Fit:
     """Fit a scene with progress, write its folder whole, say the summary."""
     from identify.base.compiled import keep
-    from identify.cli.folder import RESULT, result_folder, stamp
+    from identify.cli.folder import result_folder
     from identify.identification import fit
     from identify.report import write_report
     from identify.report.summary import summary
     from identify.shooting.accuracy import DEFAULT_OPTIONS
 
-    before = stamp(out)
     with terminal.bar() as progress:
         outcome = fit(scene, progress=progress, starts=starts, asked=options or DEFAULT_OPTIONS)
-        with result_folder(out, RESULT, before) as folder:
+        with result_folder(out) as folder:
             progress("writing the report")
             write_report(outcome, folder)
     keep()  # the next fit of this kind finds its functions compiled
@@ -216,21 +193,11 @@ def _preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# verify
-# ----------------------------------------------------------------------------------------------------------------------
-
 ALLOWED = 0.01  # difference in standard errors that other library versions may make
 FIXED = 1e-9  # relative difference of what was not estimated
-END = 0.01  # relative difference of the closed end of an interval of what has no standard error
 
 
-def _verify_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("result", metavar="RESULT.json", help="the result.json of an earlier fit")
-    parser.add_argument("logs", nargs="*", metavar="LOG", help="where logs of that fit lie now, if they were moved")
-
-
-def _verify(arguments: Namespace, terminal: Terminal) -> Answer:
+def verify(arguments: Namespace, terminal: Terminal) -> Answer:
     """Fit again and compare status and values; exit code 3 where they differ."""
     from data_io.contents import digest_of, log_is_at
     from identify.estimation.starts import Sources
@@ -241,7 +208,6 @@ def _verify(arguments: Namespace, terminal: Terminal) -> Answer:
     path = Path(arguments.result)
     stored = read_result(path)
     scene = scene_of(stored, path)
-    _check_unedited(path)
     for log in arguments.logs:
         if not log_is_at(Path(log)):
             raise CommandLineError(f"{log}: there is no log; give a file, a folder of them, or a pattern in quotes")
@@ -260,31 +226,22 @@ def _verify(arguments: Namespace, terminal: Terminal) -> Answer:
             seed=seed if isinstance(seed, int) else 0,
             asked=FitOptions.again(made.get("asked")),
         ).typed
-    before, now = _versions(made), _versions(again.provenance)
+    before, now = (
+        {"stickslip": p.get("version")} | (known if isinstance(known := p.get("packages"), dict) else {})
+        for p in (made, again.provenance)
+    )
     for name, version in now.items():
         if before.get(name) not in (None, version):
             terminal.note(f"made with {name} {before[name]}, compared with {version}")
     differences = compare(stored, again)
     same = (
-        f"reproduced: {stored.status}; every value that has a standard error within {ALLOWED} of it, verdicts and "
-        "open ends of intervals the same"
+        f"reproduced: {stored.status}; every value that has a standard error within {ALLOWED} of it, and the "
+        "same verdicts"
     )
     for words in differences or [same]:
         terminal.say(words)
     status = "differs" if differences else "reproduced"
     return Answer(NOT_SUCCEEDED if differences else DONE, {"status": status, "differences": differences})
-
-
-def _check_unedited(path: Path) -> None:
-    """Refuse a result of a batch that is not, byte for byte, what the batch wrote."""
-    from data_io.source import file_sha256
-
-    try:
-        written = json.loads((path.parent / "job.json").read_text(encoding="utf-8"))["result_sha256"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):  # not of a batch
-        return
-    if path.name == "result.json" and file_sha256(path) != written:
-        raise CommandLineError(f"{path}: the file was changed since the batch wrote it; run the batch with --resume")
 
 
 def _unchanged(path: Path, sha256: str, moved: Mapping[str, Path]) -> Path:
@@ -300,13 +257,8 @@ def _unchanged(path: Path, sha256: str, moved: Mapping[str, Path]) -> Path:
     return path
 
 
-def _versions(provenance: Mapping[str, Json]) -> dict[str, Json]:
-    packages = provenance.get("packages")
-    return {"stickslip": provenance.get("version"), **(packages if isinstance(packages, Mapping) else {})}
-
-
 def compare(stored: Result, again: Result) -> list[str]:
-    """What differs, one sentence each: verdicts, values by their standard errors, ends of intervals without one."""
+    """What differs, one sentence each: verdicts, and values that have a standard error or are fixed."""
     if stored.status != again.status:
         return [f"the status was {stored.status} and is {again.status} now: {again.message}"]
     sentences = [f"{name} is new" for name in again.parameters if name not in stored.parameters]
@@ -314,22 +266,21 @@ def compare(stored: Result, again: Result) -> list[str]:
         now = again.parameters.get(name)
         if now is None or before.verdict != now.verdict:
             sentences.append(f"{name} was called {before.verdict} and is called {now.verdict if now else None} now")
-            continue
-        allowed = ALLOWED * before.standard_error if before.standard_error else FIXED * abs(before.value or 0.0)
-        numbers = [("", before.value, now.value, allowed)]
-        if not before.standard_error and before.verdict != "fixed":  # its value may be anywhere between its ends
-            ends = zip(("the lower end of ", "the upper end of "), before.ends, now.ends, strict=True)
-            numbers = [(word, old, new, END * abs(old or 0.0)) for word, old, new in ends]
-        for word, old, new, most in numbers:
-            if (old is None) != (new is None) or (old is not None and new is not None and abs(new - old) > most):
-                was, is_ = ("open" if number is None else f"{number:.9g}" for number in (old, new))
-                sentences.append(f"{word}{name} was {was} and is {is_} now")
+        elif before.value is not None and (before.standard_error or before.verdict == "fixed"):
+            allowed = ALLOWED * before.standard_error if before.standard_error else FIXED * abs(before.value)
+            if now.value is None or abs(now.value - before.value) > allowed:
+                sentences.append(f"{name} was {before.value:.9g} and is {now.value or math.nan:.9g} now")
     return sentences
 
 
 FIT = "identify the friction parameters from all the logs together, and write a report"
+DEMO: Options = {"--out DIR": "folder of the result (default: stickslip-example-pair)"}
+VERIFY: Options = {
+    "result RESULT.json": "the result.json of an earlier fit",
+    "logs LOG*": "where logs of that fit lie now, if they were moved",
+}
 COMMANDS = (
-    Command("demo", "the main job on example logs: fit, summary, report", _demo_arguments, _demo),
-    Command("fit", FIT, _fit_arguments, _fit),
-    Command("verify", "run a stored fit again from its recorded inputs and compare", _verify_arguments, _verify),
+    Command("demo", "the main job on example logs: fit, summary, report", DEMO, demo),
+    Command("fit", FIT, FIT_OPTIONS, fit_logs),
+    Command("verify", "run a stored fit again from its recorded inputs and compare", VERIFY, verify),
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import os
 import tempfile
@@ -13,7 +12,7 @@ from pathlib import Path
 from identify.cli.common import CommandLineError
 from identify.cli.interrupt import check_interrupted, unfinished
 
-# The names of everything that a folder of ours holds; the first is the document that tells it.
+# The names of everything that a folder of ours holds; the first is the document of it.
 RESULT = (
     *("result.json", "report.html", "result.h5", "figures", "classical.csv", "parameters.tex", "scene.toml"),
     *("at_50_Hz", "uneven", ".DS_Store"),
@@ -24,7 +23,7 @@ COMPARISON = (
 
 
 def check_replaceable(out: Path, names: tuple[str, ...] = RESULT) -> None:
-    """Refuse a path that must not be replaced; cheap, so that it can be asked before the work.
+    """Refuse a path that must not be replaced; cheap, for a call before the work.
 
     Raises:
         CommandLineError: a file, the folder one stands in, one that holds something else, or no place to write to.
@@ -36,48 +35,34 @@ def check_replaceable(out: Path, names: tuple[str, ...] = RESULT) -> None:
     place = next(folder for folder in Path(os.path.realpath(out)).parents if folder.exists())
     if not place.is_dir():
         raise CommandLineError(f"--out {out} stands below {place}, which is a file; choose another folder")
-    try:  # rights do not say it all: a full or a special file system refuses, too
+    try:  # a full or a special file system refuses whatever the rights say
         Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=place)).rmdir()
     except OSError:
         raise CommandLineError(f"--out {out}: nothing may be written in {place}; choose another folder") from None
-    if not out.is_dir() or not any(out.iterdir()):
-        return
+    inside = sorted(item.name for item in out.iterdir()) if out.is_dir() else []
+    foreign = [name for name in inside if name not in names]
     try:
-        document = json.loads((out / names[0]).read_text(encoding="utf-8"))
-        ours = isinstance(document, dict) and "schema" in document and "status" in document
+        document = json.loads((out / names[0]).read_text(encoding="utf-8")) if inside else {}
+        ours = not inside or (isinstance(document, dict) and "schema" in document and "status" in document)
     except (OSError, ValueError, RecursionError):
         ours = False
     if not ours:
         raise CommandLineError(f"--out {out} exists and holds no result of ours; choose another folder or empty it")
-    foreign = sorted(item.name for item in out.iterdir() if item.name not in names)
     if foreign:
         raise CommandLineError(
             f"--out {out} holds {foreign[0]!r}, which is not part of a result; move it away or choose another folder"
         )
 
 
-def stamp(out: Path) -> tuple[int, int] | None:
-    """What tells a folder from another one of its name; None where there is none."""
-    try:
-        about = out.stat()
-    except OSError:
-        return None
-    return about.st_dev, about.st_ino
-
-
 @contextmanager
-def result_folder(out: Path, names: tuple[str, ...] = RESULT, *since: tuple[int, int] | None) -> Iterator[Path]:
+def result_folder(out: Path, names: tuple[str, ...] = RESULT) -> Iterator[Path]:
     """A temporary folder beside `out` to write into; it takes the place of `out` when all went well.
 
-    since: the stamp that `out` had when the work began (default: now); what another command wrote there since is not
-    replaced.
-
     Raises:
-        CommandLineError: `out` must not be replaced; a result that was written is then kept beside it.
+        CommandLineError: `out` must not be replaced.
     """
     check_replaceable(out, names)
     out = Path(os.path.realpath(out))
-    before = since[0] if since else stamp(out)
     out.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".part", dir=out.parent))
     with unfinished(temporary):
@@ -85,18 +70,11 @@ def result_folder(out: Path, names: tuple[str, ...] = RESULT, *since: tuple[int,
         fresh.mkdir()
         yield fresh
         check_interrupted()
-        if stamp(out) != before:
-            free = next(f for i in itertools.count(2) if not (f := out.with_name(f"{out.name}-{i}")).exists())
-            fresh.rename(free)
-            raise CommandLineError(
-                f"--out {out.name}: another command has written there meanwhile; this result stands in {free}"
-            )
-        existed = out.exists()
-        if existed:
+        if out.exists():
             out.rename(aside)
         try:
             fresh.rename(out)
         except BaseException:
-            if existed and not out.exists():
+            if aside.exists() and not out.exists():
                 aside.rename(out)
             raise

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +21,15 @@ from identify.logs.recorded_drive import UNTOLD, RecordedDrive, drive_of, record
 from identify.logs.regime import SURE, Known, LogRegime, Regime, joined, look, only_of
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 HEADINGS = ("run", "step", "stroke", "regime")
 MOST_STROKES = 2  # fit beside each other in 80 columns
 LONGEST_NAME = 24  # of a log in the table of all, which is to fit in 80 columns
+STRETCHES = 1200  # of the overview: the lowest and highest of each, so that no spike is lost
+CLOSE_CYCLES = 4
+MOST_SHADED = 400  # phases of an overview; more of them would be one grey
+KINDS = {"stick": STICK, "slip": SLIP, "sliding": SLIDING}
+COLOURS = {"accept": "tab:green", "accept with warnings": "darkorange", "reject": "tab:red"}
+SHADES = ((SLIP, "C1", "slip"), (SLIDING, "C0", "sliding"))
 
 
 @dataclass(frozen=True)
@@ -81,36 +83,32 @@ def inspection(path: str, record: Record, rig: StatedRig = StatedRig()) -> Inspe
     known = Known(k, half_period=float(np.pi * np.sqrt(m / k)) if k and m else 0.0)
     recorded = recorded_drive(record) if given is None else RecordedDrive(((0.0, given),), "given")
     regime = look(record, drive_of(record, recorded) if given is None else given, known)
-    alone = [only(record, s) for s in record.steps] if recorded.speed is None and len(record.steps) > 1 else []
-    drives = [recorded if part is None else recorded_drive(part) for part in alone] or [recorded] * len(record.steps)
-    steps = tuple(_seen(record, step, d, regime) for step, d in zip(record.steps, drives, strict=True))
+    expected = rig.stiffness * abs(recorded.speed) if rig.stiffness is not None and recorded.speed else None
+    several = recorded.speed is None and len(record.steps) > 1
+    steps, parts = [], []
+    for step in record.steps:
+        rows, alone = slice(step.start, step.stop), only(record, step) if several else None
+        drive = recorded if alone is None else recorded_drive(alone)
+        own = [i for i, stroke in enumerate(regime.strokes) if step.start <= stroke.start < step.stop]
+        signs = np.ones(step.stop - step.start, dtype=np.int64)
+        for i in own:
+            signs[regime.strokes[i].start - step.start :] = regime.strokes[i].direction
+        seen = only_of(regime, own)
+        if drive.stands:
+            level = quantity(float(np.nanmedian(record.friction_force[rows])), "N", 3)
+            says = f"the drive stands: {drive.trouble}; the friction force shows {level} there"
+            seen = replace(seen, regime=None, confidence=SURE, evidence=(says,))
+        strokes = [(regime.strokes[i].start - step.start, regime.verdicts[i].found) for i in own]
+        phases = joined(strokes, step.stop - step.start)
+        steps.append(StepSeen(step, drive, signs, seen, phases))
+        force, load = signs * record.friction_force[rows], record.normal_force[rows]
+        parts.append(RecordPart(record.time[rows], force, phases, expected, load))
     moving = [s for s in steps if not s.drive.stands]
     if 0 < len(moving) < len(steps):
         kept = [i for i, own in enumerate(regime.strokes) if any(own in s.seen.strokes for s in moving)]
         regime = only_of(regime, kept)
-    parts = []
-    for seen in steps:
-        rows = slice(seen.step.start, seen.step.stop)
-        expected = rig.stiffness * abs(recorded.speed) if rig.stiffness is not None and recorded.speed else None
-        force, load = seen.signs * record.friction_force[rows], record.normal_force[rows]
-        parts.append(RecordPart(record.time[rows], force, seen.phases, expected, load))
     table = table_of(record, regime, stiffness=rig.stiffness)
-    return Inspection(path, record, judge(record, parts), steps, table, recorded, regime)
-
-
-def _seen(record: Record, step: Step, drive: RecordedDrive, whole: LogRegime) -> StepSeen:
-    """A step with those strokes of the log that are in it."""
-    own = [i for i, stroke in enumerate(whole.strokes) if step.start <= stroke.start < step.stop]
-    signs = np.ones(step.stop - step.start, dtype=np.int64)
-    for i in own:
-        signs[whole.strokes[i].start - step.start :] = whole.strokes[i].direction
-    parts = [(whole.strokes[i].start - step.start, whole.verdicts[i].found) for i in own]
-    seen = only_of(whole, own)
-    if drive.stands:
-        level = quantity(float(np.nanmedian(record.friction_force[step.start : step.stop])), "N", 3)
-        says = f"the drive stands: {drive.trouble}; the friction force shows {level} there"
-        seen = replace(seen, regime=None, confidence=SURE, evidence=(says,))
-    return StepSeen(step, drive, signs, seen, joined(parts, step.stop - step.start))
+    return Inspection(path, record, judge(record, parts), tuple(steps), table, recorded, regime)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -120,7 +118,7 @@ def _seen(record: Record, step: Step, drive: RecordedDrive, whole: LogRegime) ->
 
 def lines(seen: Inspection) -> Iterator[str]:
     """The inspection in words."""
-    record, quality = seen.record, seen.judgement.quality
+    record, quality, several = seen.record, seen.judgement.quality, len(seen.steps) > 1
     yield seen.path
     yield (
         f"  {record.metadata.get('format', 'unknown format')}, {len(record)} rows in {len(record.steps)} step(s), "
@@ -134,25 +132,23 @@ def lines(seen: Inspection) -> Iterator[str]:
             yield f"  {role.replace('_', ' ')}: {source}"
     yield wrapped(f"other columns: {', '.join(record.channels) or 'none'}", "  ")
     yield f"  normal force: {quantity(quality.load.mean, 'N')}, drift {percent(quality.load.drift, 1, signed=True)}"
-    yield wrapped(f"drive speed: {_speed(seen)}", "  ")
-    if len(seen.steps) == 1:
+    if seen.drive.speed is None and several:
+        each = [f"step {s.step.number}: {_drive(s.drive)}, {s.drive.source}" for s in seen.steps if s.drive.programme]
+        driven = "; ".join(each) or "not in the log"
+    elif seen.drive.programme is None:
+        driven = "not in the log" + (f" ({seen.drive.trouble})" if seen.drive.trouble != UNTOLD else "")
+    else:
+        driven = _drive(seen.drive) + ("" if record.drive_speed is not None else f", {seen.drive.source}")
+    yield wrapped(f"drive speed: {driven}", "  ")
+    if not several:
         yield _regime_line(seen.regime)
     yield f"  verdict: {seen.judgement.verdict}"
     for finding in seen.judgement.findings:
         yield wrapped(f"{finding.severity}: {finding.message}", "    ")
     for step in seen.steps:
-        yield from _step_lines(step, len(seen.steps) > 1)
+        yield from _step_lines(step, several)
     yield from _classical_lines(seen.classical)
     yield ""
-
-
-def _speed(seen: Inspection) -> str:
-    if seen.drive.speed is None and len(seen.steps) > 1:
-        each = [f"step {s.step.number}: {_drive(s.drive)}, {s.drive.source}" for s in seen.steps if s.drive.programme]
-        return "; ".join(each) or "not in the log"
-    if seen.drive.programme is None:
-        return f"not in the log ({seen.drive.trouble})" if seen.drive.trouble != UNTOLD else "not in the log"
-    return _drive(seen.drive) + ("" if seen.record.drive_speed is not None else f", {seen.drive.source}")
 
 
 def _drive(drive: RecordedDrive) -> str:
@@ -268,7 +264,32 @@ def document(seen: Inspection) -> dict[str, object]:
             "load_N": quality.load.mean,
             "load_drift": quality.load.drift,
         },
-        "steps": [_step_document(step) for step in seen.steps],
+        "steps": [
+            {
+                "run": step.run,
+                "step": step.number,
+                "rows": step.stop - step.start,
+                "parameters": dict(step.parameters),
+                "friction_sign": -1 if int(np.sum(signs)) < 0 else 1,
+                **_regime(regime),
+                "cycles": phases.count,
+                "noise_N": phases.noise,
+                "share": {
+                    name: phases.share(k) for name, k in (("stick", STICK), ("slip", SLIP), ("sliding", SLIDING))
+                },
+                "samples_per_slip": phases.samples_per_slip,
+                "samples_per_cycle": phases.samples_per_cycle,
+                "spikes": phases.spike_count,
+                "begins_in_slip": phases.begins_in_slip,
+                "ends_sliding": phases.ends_sliding,
+                "drop_N": phases.drop_mean_and_sd,
+                "period_s": phases.period_mean_and_sd,
+                "stick_slope_N_per_s": phases.stick_slope,
+                "onsets_s": phases.cycles.onset,
+                "arrests_s": phases.cycles.arrest,
+            }
+            for step, signs, regime, phases in ((s.step, s.signs, s.seen, s.phases) for s in seen.steps)
+        ],
         "classical": to_document(seen.classical),
     }
 
@@ -278,58 +299,54 @@ def _regime(seen: LogRegime) -> Mapping[str, object]:
     return {"regime": value, "confidence": seen.confidence, "evidence": list(seen.evidence)}
 
 
-def _step_document(seen: StepSeen) -> Mapping[str, object]:
-    phases, step = seen.phases, seen.step
-    return {
-        "run": step.run,
-        "step": step.number,
-        "rows": step.stop - step.start,
-        "parameters": dict(step.parameters),
-        "friction_sign": -1 if int(np.sum(seen.signs)) < 0 else 1,
-        **_regime(seen.seen),
-        "cycles": phases.count,
-        "noise_N": phases.noise,
-        "share": {"stick": phases.share(STICK), "slip": phases.share(SLIP), "sliding": phases.share(SLIDING)},
-        "samples_per_slip": phases.samples_per_slip,
-        "samples_per_cycle": phases.samples_per_cycle,
-        "spikes": phases.spike_count,
-        "begins_in_slip": phases.begins_in_slip,
-        "ends_sliding": phases.ends_sliding,
-        "drop_N": phases.drop_mean_and_sd,
-        "period_s": phases.period_mean_and_sd,
-        "stick_slope_N_per_s": phases.stick_slope,
-        "onsets_s": phases.cycles.onset,
-        "arrests_s": phases.cycles.arrest,
-    }
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # As a picture: forces over time with their phases, whole and a few cycles.
 # ----------------------------------------------------------------------------------------------------------------------
 
-STRETCHES = 1200  # of the overview: the lowest and highest of each, so that no spike is lost
-CLOSE_CYCLES = 4
-MOST_SHADED = 400  # phases of an overview; more of them would be one grey
-COLOURS = {"accept": "tab:green", "accept with warnings": "darkorange", "reject": "tab:red"}
-SHADES = ((SLIP, "C1", "slip"), (SLIDING, "C0", "sliding"))
-
 
 def draw(logs: Sequence[Inspection], path: Path) -> None:
-    """Per log: friction and normal force over time, and a few cycles closer by."""
+    """Per log: friction and normal force over time with every spike and phases behind them, and a few cycles closer."""
     from matplotlib.figure import Figure
 
+    from data_io.arrays import true_runs
     from data_io.atomic import atomic_path
+    from identify.report.style import extremes
 
     figure = Figure(figsize=(11.0, 3.7 * len(logs)), layout="constrained")
     for part, item in zip(figure.subfigures(len(logs), 1, squeeze=False)[:, 0], logs, strict=True):
+        record, verdict, end = item.record, item.judgement.verdict, float(item.record.time[-1])
         ratios = {"height_ratios": (3, 1), "width_ratios": (2.2, 1)}
         grid = part.subplots(2, 2, sharex="col", squeeze=False, gridspec_kw=ratios)
         codes = dict.fromkeys(f.code.replace("_", " ") for f in item.judgement.findings if f.severity != "info")
-        title = f"{Path(item.path).name} · {item.judgement.verdict}{': ' if codes else ''}{', '.join(codes)}"
-        part.suptitle(title.replace("$", r"\$"), fontsize=9, color=COLOURS[item.judgement.verdict])
-        close = _few_cycles(item)
-        for column, span in enumerate(((0.0, float(item.record.time[-1])), close)):
-            _draw_span(grid[0, column], grid[1, column], item, span)
+        title = f"{Path(item.path).name} · {verdict}{': ' if codes else ''}{', '.join(codes)}"
+        part.suptitle(title.replace("$", r"\$"), fontsize=9, color=COLOURS[verdict])
+        onsets = np.concatenate([seen.phases.cycles.onset for seen in item.steps])
+        close = (0.45 * end, 0.55 * end)  # a few cycles in the middle, its middle tenth without them
+        if onsets.size > CLOSE_CYCLES:
+            first = (onsets.size - CLOSE_CYCLES) // 2
+            margin = 0.5 * float(onsets[first + 1] - onsets[first])
+            close = (float(onsets[first]) - margin, float(onsets[first + CLOSE_CYCLES - 1]) + margin)
+        for (friction, normal), (begin, stop) in zip(grid.T, ((0.0, end), close), strict=True):
+            inside = slice(*np.searchsorted(record.time, [begin, stop + 1e-12]).tolist())
+            for axes, values in ((friction, record.friction_force), (normal, record.normal_force)):
+                kept = extremes(values[inside], STRETCHES)
+                axes.plot(record.time[inside][kept], values[inside][kept], color="0.2", lw=0.7, zorder=2)
+                axes.tick_params(labelsize=8)
+            for step in item.steps:
+                time = record.time[step.step.start : step.step.stop]
+                for phase, colour, label in SHADES:
+                    spans = [(float(time[a]), float(time[b - 1])) for a, b in true_runs(step.phases.phase == phase)]
+                    spans = [(a, b) for a, b in spans if b >= begin and a <= stop]
+                    shade = {"facecolor": colour, "edgecolor": colour, "alpha": 0.3, "lw": 0.4, "label": label}
+                    for low, high in spans[:: max(len(spans) // MOST_SHADED, 1)]:
+                        friction.axvspan(low, high, **shade)  # its edge shows a slip narrower than a dot
+                rows = np.flatnonzero(step.phases.spikes) + step.step.start
+                if rows.size:
+                    friction.plot(
+                        record.time[rows], record.friction_force[rows], "x", ms=3, color="crimson", label="spike"
+                    )
+            normal.set_xlim(begin, stop)
+            normal.set_xlabel("time [s]")
         grid[0, 0].set_ylabel("friction force [N]", fontsize=8)
         grid[1, 0].set_ylabel("normal [N]", fontsize=8)
         named = dict(zip(*reversed(grid[0, 0].get_legend_handles_labels()), strict=True))  # one entry of a kind
@@ -338,41 +355,3 @@ def draw(logs: Sequence[Inspection], path: Path) -> None:
         grid[0, 1].set_title(f"{close[0]:.4g} to {close[1]:.4g} s", fontsize=8)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=130)
-
-
-def _draw_span(friction: Axes, normal: Axes, item: Inspection, span: tuple[float, float]) -> None:
-    """Both forces within a span [s], the phases behind them, and every spike."""
-    from data_io.arrays import true_runs
-    from identify.report.style import extremes
-
-    record = item.record
-    inside = slice(*np.searchsorted(record.time, [span[0], span[1] + 1e-12]).tolist())
-    for axes, values in ((friction, record.friction_force), (normal, record.normal_force)):
-        kept = extremes(values[inside], STRETCHES)
-        axes.plot(record.time[inside][kept], values[inside][kept], color="0.2", lw=0.7, zorder=2)
-        axes.tick_params(labelsize=8)
-    for step in item.steps:
-        time = record.time[step.step.start : step.step.stop]
-        for phase, colour, label in SHADES:
-            spans = [(float(time[a]), float(time[b - 1])) for a, b in true_runs(step.phases.phase == phase)]
-            spans = [(a, b) for a, b in spans if b >= span[0] and a <= span[1]]
-            for begin, end in spans[:: max(len(spans) // MOST_SHADED, 1)]:
-                # An edge, so that a slip narrower than a dot of the picture is still seen.
-                friction.axvspan(begin, end, facecolor=colour, edgecolor=colour, alpha=0.3, lw=0.4, label=label)
-        rows = np.flatnonzero(step.phases.spikes) + step.step.start
-        if rows.size:
-            friction.plot(record.time[rows], record.friction_force[rows], "x", ms=3, color="crimson", label="spike")
-    normal.set_xlim(*span)
-    normal.set_xlabel("time [s]")
-
-
-def _few_cycles(item: Inspection) -> tuple[float, float]:
-    """A stretch of a few cycles in the middle of the log; without cycles its middle tenth."""
-    onsets = np.concatenate([seen.phases.cycles.onset for seen in item.steps])
-    end = float(item.record.time[-1])
-    if onsets.size <= CLOSE_CYCLES:
-        return (0.45 * end, 0.55 * end) if onsets.size == 0 else (0.0, end)
-    first = (onsets.size - CLOSE_CYCLES) // 2
-    period = float(onsets[first + 1] - onsets[first])
-    begin, last = float(onsets[first]), float(onsets[first + CLOSE_CYCLES - 1])
-    return max(begin - 0.5 * period, 0.0), min(last + 0.6 * period, end)

@@ -29,12 +29,20 @@ def interruptible(last_words: Callable[[], None] | None = None) -> Iterator[None
     """While a command runs, both signals raise KeyboardInterrupt and are remembered for `check_interrupted`.
 
     Args:
-        last_words: said where the command did not end within `GRACE`; then this process ends, with exit code 130.
+        last_words: for where the command did not end within `GRACE`; then this process ends, with exit code 130.
             None: the command may take its time.
     """
+
+    def interrupt(number: int, _frame: FrameType | None) -> NoReturn:
+        _received.append(number)
+        if not _muted and not _stands_down.is_set():  # a solver complains of a failed evaluation
+            _muted.append(sys.stderr)
+            sys.stderr = io.StringIO()
+        raise KeyboardInterrupt
+
     _stands_down.clear()
     try:
-        before = [signal.signal(number, _interrupt) for number in SIGNALS]
+        before = [signal.signal(number, interrupt) for number in SIGNALS]
     except ValueError:  # not the main thread: signals do not come here
         yield
         return
@@ -46,8 +54,18 @@ def interruptible(last_words: Callable[[], None] | None = None) -> Iterator[None
     def watch() -> None:
         while (byte := receiver.recv(1)) and byte[0] not in SIGNALS:
             pass
-        if byte and last_words is not None and not ended.wait(GRACE) and not _stands_down.is_set():
-            _leave(last_words)
+        if not byte or last_words is None or ended.wait(GRACE) or _stands_down.is_set():
+            return
+        for folder in _unfinished:
+            shutil.rmtree(folder, ignore_errors=True)
+        with suppress(Exception):
+            _end_noise()
+            if sys.stderr.isatty():
+                sys.stderr.write("\r\x1b[K")  # the line of a progress bar
+            last_words()
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(130)
 
     threading.Thread(target=watch, daemon=True).start()
     try:
@@ -57,43 +75,18 @@ def interruptible(last_words: Callable[[], None] | None = None) -> Iterator[None
         _received.clear()
         signal.set_wakeup_fd(wakeup)
         sender.close()
-        _unmute()
+        if _muted:
+            sys.stderr = _muted.pop()
         for number, handler in zip(SIGNALS, before, strict=True):
             signal.signal(number, handler)
 
 
-def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
-    """Raise KeyboardInterrupt, and keep quiet what a solver says of that: it takes it for a failed evaluation."""
-    _received.append(number)
-    if not _muted and not _stands_down.is_set():
-        _muted.append(sys.stderr)
-        sys.stderr = io.StringIO()
-    raise KeyboardInterrupt
-
-
-def _unmute() -> None:
-    if _muted:
-        sys.stderr = _muted.pop()
-
-
-def _leave(last_words: Callable[[], None]) -> NoReturn:
-    """End this process here and now."""
-    _stop_compiling()
-    for folder in _unfinished:
-        shutil.rmtree(folder, ignore_errors=True)
-    with suppress(Exception):
-        _unmute()
-        if sys.stderr.isatty():
-            sys.stderr.write("\r\x1b[K")  # the line of a progress bar
-        last_words()
-        sys.stdout.flush()
-        sys.stderr.flush()
-    os._exit(130)
-
-
-def _stop_compiling() -> None:
+def _end_noise() -> None:
+    """Stop compilers at work, and let standard error be heard again."""
     if native := sys.modules.get("identify.base.native"):
         native.stop()
+    if _muted:
+        sys.stderr = _muted.pop()
 
 
 def ends_by_itself() -> None:
@@ -130,5 +123,4 @@ def taken_as_handled() -> None:
     dies by the signal at its end (`python -m`); the next `exec` that ends well makes it forget.
     """
     exec("")
-    _unmute()
-    _stop_compiling()
+    _end_noise()

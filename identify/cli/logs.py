@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import json
-from argparse import ArgumentParser, Namespace
-from collections.abc import Mapping
+from argparse import Namespace
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from identify.base.progress import to_nobody
 from identify.cli.common import (
     DONE,
     MEASURED,
+    PART,
+    READING,
     WRONG_INPUT,
     Answer,
     Command,
     CommandLineError,
+    Options,
     Terminal,
-    add_log_options,
-    add_options,
-    add_part_options,
     log_options,
     new_file,
     picture,
@@ -28,24 +26,8 @@ from identify.cli.common import (
     read,
 )
 
-if TYPE_CHECKING:
-    from identify.logs.draft import DraftLog
 
-
-def _inspect_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("logs", nargs="+", metavar="LOG", help="one or more logs")
-    options = {
-        "--plot FILE": "draw force and phases over time (png, svg or pdf)",
-        "--stiffness K": 'of the rig, to compare the sticks with: "1470 N/m"',
-        "--drive-speed V": 'where the log does not tell it: "0.1 mm/s"',
-        "--mass M": 'moving mass of the rig, for how fast it slips: "0.2 kg"',
-    }
-    add_options(parser, options)
-    add_log_options(parser)
-    add_part_options(parser)
-
-
-def _inspect(arguments: Namespace, terminal: Terminal) -> Answer:
+def inspect(arguments: Namespace, terminal: Terminal) -> Answer:
     """Say it for each log. Among several logs one that cannot be read is rejected and the others are still seen."""
     plot = picture(arguments.plot)
     from data_io import LogError
@@ -90,29 +72,27 @@ def _inspect(arguments: Namespace, terminal: Terminal) -> Answer:
     return Answer(DONE, {"status": "done", "logs": logs})
 
 
-def _scene_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("logs", nargs="+", metavar="LOG", help="the logs of one pair")
-    options = {
-        "--out SCENE.toml": "the file to write; never overwritten",
-        "--rig RIG.toml": "a file that stickslip rig wrote, which the scene takes",
-    }
-    add_options(parser, options, required=["--out"])
-    add_log_options(parser)
-
-
-def _scene(arguments: Namespace, terminal: Terminal) -> Answer:
+def scene(arguments: Namespace, terminal: Terminal) -> Answer:
     """Read the logs and write the draft."""
     out = new_file(arguments.out, "--out", "your edits")
 
+    from data_io import read_log
     from data_io.atomic import atomic_write
-    from identify.logs.draft import draft
+    from identify.cli.inspection import only
+    from identify.logs.draft import DraftLog, draft
     from identify.scene.toml import is_rig, with_rig_file
 
     rig = None if arguments.rig is None else Path(arguments.rig)
     if rig is not None and not is_rig(with_rig_file({"rig": str(rig)}, Path())["rig"]):
         raise CommandLineError(f"--rig: {rig} is no file of a rig; give one that stickslip rig wrote, such as rig.toml")
     options = log_options(arguments)
-    made = draft([piece for log in arguments.logs for piece in _pieces(log, options)], out.parent, options, rig)
+    pieces: list[DraftLog] = []
+    for log in arguments.logs:  # step by step where it has several and none was chosen
+        record = read_log(log, **options)
+        steps = record.steps if len(record.steps) > 1 else ()
+        alone = [DraftLog(Path(log), step.number, part) for step in steps if (part := only(record, step)) is not None]
+        pieces += alone or [DraftLog(Path(log), None, record)]
+    made = draft(pieces, out.parent, options, rig)
     missing = list(made.to_fill_in)
     with atomic_write(out) as handle:
         handle.write(made.text)
@@ -125,30 +105,7 @@ def _scene(arguments: Namespace, terminal: Terminal) -> Answer:
     return Answer(document={"status": "done", "out": str(out), "to_fill_in": missing, "left_out": made.left_out})
 
 
-def _pieces(log: str, options: Mapping[str, object]) -> list[DraftLog]:
-    """The log, or its steps one by one where it has several and none was chosen."""
-    from data_io import read_log
-    from identify.cli.inspection import only
-    from identify.logs.draft import DraftLog
-
-    record = read_log(log, **options)  # type: ignore[arg-type]
-    steps = record.steps if len(record.steps) > 1 else ()
-    alone = [DraftLog(Path(log), step.number, part) for step in steps if (part := only(record, step)) is not None]
-    return alone or [DraftLog(Path(log), None, record)]
-
-
-def _convert_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("log", metavar="LOG", help="a log in any readable format")
-    options = {
-        "--out LOG.h5": "the file to write; never overwritten",
-        "--anonymise": "leave out names, dates, paths and free text; they go into a key beside it, OUT.key.json",
-    }
-    add_options(parser, options, required=["--out"])
-    add_log_options(parser)
-    add_part_options(parser)
-
-
-def _convert(arguments: Namespace, terminal: Terminal) -> Answer:
+def convert(arguments: Namespace, terminal: Terminal) -> Answer:
     """Read and write; the key of an anonymous log is readable by its owner only."""
     out = new_file(arguments.out, "--out", MEASURED, (".h5", ".hdf5"))
     from data_io import write_hdf5
@@ -179,9 +136,31 @@ def _convert(arguments: Namespace, terminal: Terminal) -> Answer:
     return Answer(document=document)
 
 
-INSPECT = "what is in a log: steps, units, sampling, quality, stick and slip, the classical table"
+INSPECT: Options = {
+    "logs LOG+": "one or more logs",
+    "--plot FILE": "draw force and phases over time (png, svg or pdf)",
+    "--stiffness K": 'of the rig, to compare the sticks with: "1470 N/m"',
+    "--drive-speed V": 'where the log does not tell it: "0.1 mm/s"',
+    "--mass M": 'moving mass of the rig, for how fast it slips: "0.2 kg"',
+    **READING,
+    **PART,
+}
+SCENE: Options = {
+    "logs LOG+": "the logs of one pair",
+    "--out SCENE.toml!": "the file to write; never overwritten",
+    "--rig RIG.toml": "a file that stickslip rig wrote, which the scene takes",
+    **READING,
+}
+CONVERT: Options = {
+    "log LOG": "a log in any readable format",
+    "--out LOG.h5!": "the file to write; never overwritten",
+    "--anonymise": "leave out names, dates, paths and free text; they go into a key beside it, OUT.key.json",
+    **READING,
+    **PART,
+}
+SEEN = "what is in a log: steps, units, sampling, quality, stick and slip, the classical table"
 COMMANDS = (
-    Command("inspect", INSPECT, _inspect_arguments, _inspect),
-    Command("scene", "write a first, commented scene file from your logs", _scene_arguments, _scene),
-    Command("convert", "write any readable log in the HDF5 layout of this project", _convert_arguments, _convert),
+    Command("inspect", SEEN, INSPECT, inspect),
+    Command("scene", "write a first, commented scene file from your logs", SCENE, scene),
+    Command("convert", "write any readable log in the HDF5 layout of this project", CONVERT, convert),
 )

@@ -8,7 +8,7 @@ import os
 import sys
 import traceback
 import warnings
-from argparse import SUPPRESS, ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import SUPPRESS, ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from importlib import import_module
 from typing import NoReturn
@@ -16,7 +16,16 @@ from typing import NoReturn
 import identify
 from identify.base.errors import IdentifyError
 from identify.base.progress import silence
-from identify.cli.common import DEFECT, INTERRUPTED, WRONG_INPUT, Answer, Command, CommandLineError, Terminal
+from identify.cli.common import (
+    DEFECT,
+    INTERRUPTED,
+    WRONG_INPUT,
+    Answer,
+    Command,
+    CommandLineError,
+    Terminal,
+    add_options,
+)
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
 
 STOPPED = "interrupted; no half-written result is left behind"
@@ -59,7 +68,7 @@ def build_parser() -> ArgumentParser:
     known = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     for command in commands():
         sub = known.add_parser(command.name, help=command.help, description=command.help, allow_abbrev=False)
-        command.add_arguments(sub)
+        add_options(sub, command.options)
         sub.set_defaults(work=command.run)
     for place in (parser, *known.choices.values()):
         place.add_argument("--json", action="store_true", help="one JSON document on standard output, words on stderr")
@@ -83,7 +92,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     given = list(sys.argv[1:] if argv is None else argv)
     json_mode, debug = "--json" in given, "--debug" in given
-    _open_streams()
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:  # else the next file would take the place of a closed one
+        pass
+    os.close(number)
+    for name in ("stdout", "stderr"):  # UTF-8 everywhere, nothing where they were closed (`>&-`)
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 - until the process ends
+        elif hasattr(stream, "reconfigure"):
+            stream.reconfigure(encoding="utf-8", errors="replace")
     out = sys.stdout  # while a command runs, its words may be sent elsewhere
 
     def last_words() -> None:
@@ -91,7 +108,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             _print_document(_failed(INTERRUPTED, STOPPED, False), json_mode)
 
     with interruptible(last_words if argv is None else None):
-        answer = _ended(given, json_mode, debug)
+        answer = _answer(given, json_mode, debug)
     try:
         _print_document(answer, json_mode)
         sys.stdout.flush()
@@ -102,33 +119,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     return answer.code
 
 
-def _open_streams() -> None:
-    """Standard output and standard error take every word: UTF-8 everywhere, nothing where they were closed (`>&-`)."""
-    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:  # else the next file would take the place of a closed one
-        pass
-    os.close(number)
-    for name in ("stdout", "stderr"):
-        stream = getattr(sys, name)
-        if stream is None:
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 - until the process ends
-        elif hasattr(stream, "reconfigure"):
-            stream.reconfigure(encoding="utf-8", errors="replace")
-
-
-def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
+def _answer(given: list[str], json_mode: bool, debug: bool) -> Answer:
     """Run, and turn every kind of end into an answer."""
     try:
-        try:
-            identify.check_data_io()
-        except ImportError as hidden:
-            raise CommandLineError(str(hidden)) from None
         answer = _run(given, json_mode)
         check_interrupted()
         return answer
     except KeyboardInterrupt:
         taken_as_handled()
         return _failed(INTERRUPTED, STOPPED, debug)
-    except Exception as error:  # noqa: BLE001 - the last resort: a defect is said, never shown as a traceback
+    except Exception as error:  # noqa: BLE001 - the last resort: a defect is a sentence, never a traceback
         if interrupted():  # a library made an error of its own out of the KeyboardInterrupt
             taken_as_handled()
             return _failed(INTERRUPTED, STOPPED, debug)
@@ -144,18 +144,21 @@ def _ended(given: list[str], json_mode: bool, debug: bool) -> Answer:
 
 
 def _run(given: list[str], json_mode: bool) -> Answer:
-    parser = build_parser()
+    """The answer of the command that is given."""
+    try:
+        identify.check_data_io()
+    except ImportError as hidden:
+        raise CommandLineError(str(hidden)) from None
     # whatever a library prints must not spoil the document
     with contextlib.redirect_stdout(sys.stderr) if json_mode else contextlib.nullcontext():
         try:
-            arguments: Namespace = parser.parse_args(given)
-        except SystemExit:  # help was asked for and printed
+            arguments = build_parser().parse_args(given)
+        except SystemExit:  # help was wanted and printed
             return Answer(document={"status": "done"})
-        quiet = "--quiet" in given
         terminal = Terminal(
             words=sys.stderr if json_mode else sys.stdout,
-            notes=open(os.devnull, "w", encoding="utf-8") if quiet else sys.stderr,  # noqa: PTH123, SIM115 - to the end
-            progress="verbose" if "--verbose" in given else getattr(arguments, "progress", "shown"),
+            notes=open(os.devnull, "w", encoding="utf-8") if arguments.quiet else sys.stderr,  # noqa: PTH123, SIM115
+            progress="verbose" if arguments.verbose else getattr(arguments, "progress", "shown"),
         )
         if arguments.version:
             from importlib.metadata import version
@@ -184,16 +187,16 @@ def _failed(code: int, message: str, debug: bool) -> Answer:
         traceback.print_exc()
     if len(message) > LONGEST:  # it echoes a long argument
         message = f"{message[: LONGEST // 2]}…{message[-LONGEST // 2 :]}"
-    with contextlib.suppress(OSError):  # where errors cannot be written, nobody can be told
+    with contextlib.suppress(OSError):  # where errors cannot be written, nobody reads them
         print(f"stickslip: {message}", file=sys.stderr, flush=True)
     return Answer(code, {"schema": 1, "status": "error", "message": message})
 
 
 def _print_document(answer: Answer, json_mode: bool) -> None:
-    if json_mode and answer.code in (DEFECT, WRONG_INPUT, INTERRUPTED):
-        print(json.dumps(answer.document, ensure_ascii=False))
-    elif json_mode:
+    document = dict(answer.document)
+    if json_mode and answer.code not in (DEFECT, WRONG_INPUT, INTERRUPTED):
         from identify.report.stored_result import plain
 
-        document = {"schema": 1, **plain(answer.document)}
-        print(json.dumps(document, ensure_ascii=False, allow_nan=False))
+        document = {"schema": 1, **plain(document)}
+    if json_mode:
+        print(json.dumps(document, ensure_ascii=False))

@@ -1,18 +1,24 @@
-"""What the calculators say at the operating points of a scene or of a finished fit, and over maps."""
+"""Operating points of a scene or of a finished fit, and what the calculators say there and over maps."""
 
 from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from data_io import read_log
 from identify.base.document import Json, to_dict
+from identify.base.result import LogResult, Result
 from identify.base.wording import wrapped
 from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, pairs, picture, quantity
-from identify.cli.points import PairAtPoint, one_pair, operating_points
-from identify.prediction.axes import axis, known_axes
-from identify.prediction.draws import POINT, Draws
+from identify.diagnosis.effect_choice import choose_from_numbers
+from identify.logs.scene_records import unused
+from identify.prediction.axes import Site, axis, known_axes
+from identify.prediction.draws import Draws, OperatingPoint
 from identify.prediction.maps import (
     Chart,
     LineMap,
@@ -23,24 +29,240 @@ from identify.prediction.maps import (
     stabilising_changes,
     write_map,
 )
+from identify.prediction.orbit import check_calculable
 from identify.prediction.predict import NoAnswer, PointPrediction, predict, predictions
-from identify.prediction.sources import Tested, existing_result
+from identify.prediction.sources import (
+    Groups,
+    Origins,
+    Pair,
+    Tested,
+    assumed,
+    existing_result,
+    groups_of,
+    named,
+    pair_of,
+    stated,
+    ties_of,
+    with_tied,
+)
 from identify.prediction.wording import ranges_text, said
 from identify.report.report_wording import OUTCOMES
-from identify.scene.tables import nearest
+from identify.report.stored_result import read_result, scene_of
+from identify.scene import LogEntry, Scene
+from identify.scene.tables import NOT_NEGATIVE, POSITIVE, Key, check, nearest
+from identify.scene.values import EACH_LOG
 
+Array = NDArray[np.float64]
+POINT = {"drive_speed": Key("m/s", sign=NOT_NEGATIVE), "normal_force": Key("N", sign=POSITIVE)}
 GRID, LINE = 60, 120  # nodes of a map along each of two quantities, and along one
-Range = tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class PairAtPoint:
+    """One operating point, and how well it is known.
+
+    site: model, every parameter [SI], drive speed [m/s], normal force [N] and the contact's nominal area under it;
+    covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where it is unknown; groups: of the log, by what
+    the parameters of a fit differ by; untold: why the fit has no values for it, empty where it has; origins: where the
+    values come from.
+    """
+
+    name: str
+    site: Site
+    covariance: Array | None
+    names: tuple[str, ...]
+    groups: Groups = ()
+    untold: str = ""
+    origins: Origins = field(default_factory=Origins)
+
+    @property
+    def title(self) -> str:
+        """Its name, with its group where there are several."""
+        return f"{self.name} ({named(self.groups)})" if self.groups else self.name
+
+    @property
+    def at(self) -> OperatingPoint:
+        """The point as predictions take it."""
+        return OperatingPoint(self.site.values, self.site.drive_speed, self.site.normal_force, self.covariance)
+
+    @property
+    def setting(self) -> dict[str, float]:
+        """What the logs of a fit test."""
+        at = {"drive_speed": self.site.drive_speed, "normal_force": self.site.normal_force}
+        return at | {"stiffness": self.site.values["stiffness"]}
+
+
+def operating_points(arguments: Namespace) -> tuple[list[PairAtPoint], Tested | None, Scene]:
+    """One point per log, changed by --at; a drive speed given there makes it one point, of every group where parameters
+    differ between groups. With the range of what the logs tested, None where there are none, and the scene.
+
+    Raises:
+        CommandLineError, SceneError, SimulationError, LogError: one sentence each.
+    """
+    if bool(arguments.result) == bool(arguments.scene):
+        raise CommandLineError("expected one of --scene SCENE.toml and --result result.json; give one of them")
+    result = read_result(Path(arguments.result)) if arguments.result else None
+    if result is not None and not result.converged:
+        raise CommandLineError(f"{arguments.result}: this fit has no values ({result.status}); mend the fit first")
+    source = Scene.from_toml(arguments.scene) if result is None else scene_of(result, arguments.result)
+    whole = source
+    if source.effects == "auto":  # as they were chosen for the result, else by the numbers of the scene
+        whole = source.with_effects((result and result.effects.names) or choose_from_numbers(source).effects)
+    effects = whole.model.effects
+    for name in arguments.without:
+        if name not in effects:
+            raise CommandLineError(_unknown("--without", name, effects))
+    scene = whole.with_effects([n for n in effects if n not in arguments.without]) if arguments.without else whole
+    check_calculable(scene.model)
+    changes = _changes(arguments.at, scene)
+    points = points_of(scene, result, changes)
+    known = _groups(points)
+    for item in arguments.group:
+        points = [p for p in points if item in [t for per, value in p.groups for t in (value, f"{per}={value}")]]
+    if not points:
+        raise CommandLineError(
+            f"--group names {arguments.group[0]!r}; the logs are of {known or 'one pair'}: name one of these, or "
+            "leave it out"
+        )
+    for values in (point.site.values for point in points if changes):
+        static, slow, change = values["mu_s"], values["mu_k0"], values.get("delta_mu_k", 0.0)
+        if not slow + change > 0.0 or not slow < static:
+            raise CommandLineError(
+                f"mu_k0 is {slow:g} here, with mu_s {static:g} and delta_mu_k {change:g}; expected mu_k0 below mu_s, "
+                "and mu_k0 + delta_mu_k above 0: change --at"
+            )
+    same = len({(p.site.drive_speed, p.site.normal_force, p.groups, p.untold) for p in points}) == 1
+    if len(points) > 1 and ("drive_speed" in changes or same):
+        first = {point.groups: point for point in reversed(points) if not point.untold}
+        points = [replace(point, name="the operating point") for point in reversed(first.values())] or points[:1]
+    tested = None if result is None else Tested.of_result(result)
+    if result is None and source.logs:
+        tested = Tested.of(point.setting for point in points_of(whole, None))
+    return points, tested, source
+
+
+def _unknown(option: str, name: str, known: Sequence[str]) -> str:
+    return (
+        f"{option} names {name!r}, which is not among {', '.join(known)}; did you mean {nearest(name, known)!r}? "
+        "Correct it"
+    )
+
+
+def _changes(items: Sequence[str], scene: Scene) -> dict[str, float]:
+    """ "drive_speed=1 mm/s" and the like as SI numbers by name."""
+    declared = {p.name: p for p in scene.model.parameters}
+    keys = POINT | {p.name: Key(p.unit) for p in declared.values()}
+    values = {}
+    for name, text in pairs(items, "--at", 'drive_speed="1 mm/s"').items():
+        if name not in keys:
+            raise CommandLineError(_unknown("--at", name, list(keys)))
+        values[name] = quantity(text, keys[name].unit, f"--at {name}")
+        if name in POINT:
+            check(f"--at {name}", keys[name], values[name])
+        elif not (p := declared[name]).lower <= values[name] <= p.upper:
+            raise CommandLineError(
+                f"--at {name} is {values[name]:g}; the model admits {p.lower:g} to {p.upper:g} {p.unit}".rstrip()
+                + ": move it there"
+            )
+    return values
+
+
+def points_of(scene: Scene, result: Result | None, changes: Mapping[str, float] = {}) -> list[PairAtPoint]:
+    """The operating point of every log of a scene (or of its rig alone) or of a finished fit, with these changes [SI];
+    several where a log has a programme of speeds, or parts of several groups."""
+    places: list[tuple[LogEntry | None, int]] = [(entry, 0) for entry in scene.logs or (None,)]
+    if result is not None and scene.logs:
+        places = []
+        for number, log_entry in enumerate(scene.logs):
+            first = {groups_of(result, place): place for place in reversed(result.places(number))}
+            places += [(log_entry, place) for place in sorted(first.values())]
+    declared, points = scene.model.parameter_names, []
+    for entry, place in places:
+        rig = scene.rig_for(entry) if entry else scene.rig
+        log = result.logs[place] if result and entry else LogResult()
+        pair = pair_of(result, scene, place) if result else Pair()
+        names, covariance = pair.names, pair.covariance
+        values = scene.values(entry) | {n: v for n, v in (*pair.values.items(), *changes.items()) if n in declared}
+        drive = changes.get("drive_speed", rig.drive_speed)
+        speeds = [speed for _, speed in drive] if isinstance(drive, tuple) else [drive or 0.0]
+        moving = list(dict.fromkeys(abs(speed) for speed in speeds if speed))
+        if not moving:
+            raise CommandLineError('the scene gives no drive speed that moves; give one: --at drive_speed="1 mm/s"')
+        loads = (changes.get("normal_force"), log.normal_force_N, rig.normal_force)
+        load = next((float(force) for force in loads if force is not None), None)
+        load = _median_load(entry) if load is None else load
+        for speed in moving:
+            scene.check_ranges(None, speed, [load], values)
+            guessed = assumed(scene, values, (*changes, *pair.values))
+            if result is None:
+                known = stated(scene, values, speed) or ((), np.zeros((0, 0)))
+                variances = np.append(np.diag(known[1]), np.square(list(guessed.values())))
+                names, covariance = (*known[0], *guessed), np.diag(variances) if variances.size else None
+                if covariance is not None:
+                    names, covariance = with_tied(names, covariance, ties_of(scene))
+            measured = tuple(n for n in declared if n in names and result is not None and n not in changes)
+            kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT)]
+            elsewhere = tuple(n for n in declared if n not in measured and n not in guessed)
+            area, exponent = scene.contact.area_at(load), scene.contact.exponent or 0.0
+            points.append(
+                PairAtPoint(
+                    name=entry.path.name if entry else "the rig of the scene",
+                    site=Site(scene.model, values, speed, load, area, exponent),
+                    covariance=covariance[np.ix_(kept, kept)] if covariance is not None and kept else None,
+                    names=tuple(names[i] for i in kept),
+                    groups=pair.groups,
+                    untold=pair.untold,
+                    origins=Origins(measured, elsewhere, tuple(guessed)),
+                )
+            )
+    return points
+
+
+def _median_load(entry: LogEntry | None) -> float:
+    """The normal force [N] of a log of which neither a scene nor a fit states one."""
+    if entry is None:
+        raise CommandLineError('the scene gives no normal force; give one: --at normal_force="1 N"')
+    part = {"run": entry.run, "rate": entry.rate, "exclude": unused(entry)}
+    record = read_log(entry.path, entry.step, entry.units, entry.columns, **part)  # type: ignore[arg-type]
+    return float(np.nanmedian(record.normal_force))
+
+
+def _groups(points: Sequence[PairAtPoint]) -> str:
+    """The groups of these points in words, each once."""
+    return "; ".join(dict.fromkeys(named(p.groups) for p in points if p.groups))
+
+
+def _one_pair(points: Sequence[PairAtPoint], option: str) -> list[PairAtPoint]:
+    """The points that have values, for an option that shows a single pair.
+
+    Raises:
+        CommandLineError: points of several groups, or none with values.
+    """
+    kept = [p for p in points if not p.untold]
+    if not kept:
+        raise CommandLineError(f"{option} has nothing to show: {points[0].untold}")
+    if len({p.groups for p in kept}) > 1:
+        per, value = kept[0].groups[0]
+        choice = f'--group "{value}"' if per == EACH_LOG else f'--group "{per}={value}"'
+        raise CommandLineError(
+            f"{option} shows one pair, and the parameters differ between {_groups(kept)}: choose one, as by {choice}"
+        )
+    return kept
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What is answered there.
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
-    """Say one part ("stability" or "amplitude") of the prediction at every operating point; plot it where asked.
+    """Say one part ("stability" or "amplitude") of the prediction at every operating point; plot it where wanted.
 
     Raises:
         CommandLineError, SceneError, SimulationError, LogError: one sentence each.
     """
     plot = picture(arguments.plot)
-    margin = None if arguments.advice is None else quantity(arguments.advice, "", "--advice")
+    margin = None if arguments.advice is None else quantity(arguments.advice or "20 %", "", "--advice")
     if margin is not None and not 0.0 < margin < 10.0:
         raise CommandLineError(f'--advice is {arguments.advice!r}; expected a share above zero: write --advice "20 %"')
     points, tested, scene = operating_points(arguments)
@@ -50,10 +272,10 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
     if offered is not None:
         terminal.say(wrapped(f"A fit of this scene stands beside it: --result {offered} takes its parameters.", "", ""))
     if arguments.map:
-        return _map(arguments, terminal, part, one_pair(points, "--map"), tested)
+        return _map(arguments, terminal, part, _one_pair(points, "--map"), tested)
     if arguments.data or arguments.range or arguments.points is not None:
         raise CommandLineError("--data, --range and --points belong to a map; name its quantities: --map drive_speed")
-    shown = one_pair(points, "--plot") if plot else points
+    shown = _one_pair(points, "--plot") if plot else points
     documents = []
     for point, prediction in zip(points, _predictions(points), strict=True):
         terminal.say(f"{point.title}:")
@@ -99,9 +321,9 @@ def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnsw
     return [answered[i] for i in range(len(points))]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# --map: over one or two quantities, as words, picture and data.
-# ----------------------------------------------------------------------------------------------------------------------
+def _around(name: str, points: Sequence[PairAtPoint]) -> tuple[float, float]:
+    spans = [around(axis(p.site, name)) for p in points]
+    return min(low for low, _ in spans), max(high for _, high in spans)
 
 
 def _map(
@@ -116,13 +338,18 @@ def _map(
     known = known_axes(site.model)
     for name in names:
         if name not in known:
-            raise CommandLineError(
-                f"--map names {name!r}, which is not known; did you mean {nearest(name, known)!r}? Known are "
-                f"{', '.join(known)}"
-            )
+            raise CommandLineError(_unknown("--map", name, list(known)))
     if len(names) > 2:
         raise CommandLineError(f"--map names {len(names)} quantities; expected one or two: leave some out")
-    ranges = _ranges(arguments.range, names, points)
+    ranges, example = {name: _around(name, points) for name in names}, 'drive_speed="0.1 mm/s:10 mm/s"'
+    for name, text in pairs(arguments.range, "--range", example).items():
+        low, colon, high = text.partition(":")
+        if not colon or name not in ranges:
+            raise CommandLineError(
+                f"--range has {name}={text}; expected NAME=LOW:HIGH of {', '.join(names)}: write --range {example}"
+            )
+        unit = axis(site, name).unit
+        ranges[name] = quantity(low, unit, f"--range {name}"), quantity(high, unit, f"--range {name}")
     draws = None
     if point.covariance is not None:
         at = dict(zip(POINT, (site.drive_speed, site.normal_force), strict=True))
@@ -130,10 +357,10 @@ def _map(
     nodes = arguments.points if arguments.points is not None else LINE if len(names) == 1 else GRID
     made: LineMap | Chart
     if len(names) == 1:
-        made = line_map(site, names[0], ranges[0], nodes, draws)
+        made = line_map(site, names[0], ranges[names[0]], nodes, draws)
         document = _line_document(made)
     else:
-        made = chart(site, (names[0], names[1]), ranges, (nodes, nodes))
+        made = chart(site, (names[0], names[1]), list(ranges.values()), (nodes, nodes))
         document = _chart_document(made)
     terminal.say(wrapped(str(document["text"]), "", ""))
     if plot:
@@ -150,37 +377,14 @@ def _map(
     return Answer(document={"status": "done", "map": document})
 
 
-def _ranges(items: Sequence[str], names: Sequence[str], points: Sequence[PairAtPoint]) -> list[Range]:
-    """ "stiffness=500 N/m:5 kN/m" as SI pairs, in the order of the names; else around every operating point."""
-    ranges = {name: _around(name, points) for name in names}
-    example = 'drive_speed="0.1 mm/s:10 mm/s"'
-    for name, text in pairs(items, "--range", example).items():
-        low, colon, high = text.partition(":")
-        if not colon:
-            raise CommandLineError(f"--range has {text!r}; expected NAME=LOW:HIGH: write --range {example}")
-        if name not in ranges:
-            raise CommandLineError(f"--range names {name!r}, which --map does not; it has {', '.join(names)}")
-        unit = axis(points[0].site, name).unit
-        ranges[name] = quantity(low, unit, f"--range {name}"), quantity(high, unit, f"--range {name}")
-    return [ranges[name] for name in names]
-
-
-def _around(name: str, points: Sequence[PairAtPoint]) -> Range:
-    spans = [around(axis(p.site, name)) for p in points]
-    return min(low for low, _ in spans), max(high for _, high in spans)
-
-
 def _chart_document(made: Chart) -> dict[str, Json]:
     """Two quantities: shares of the map by outcome, and where it was computed."""
     plane = made.plane
-    spans = [
-        f"{q.label} from {said(float(v[0]), q.unit)} to {said(float(v[-1]), q.unit)}"
-        for q, v in ((plane.x, plane.x_values), (plane.y, plane.y_values))
-    ]
+    axes = {"x": (plane.x, plane.x_values), "y": (plane.y, plane.y_values)}
+    spans = [f"{q.label} from {said(float(v[0]), q.unit)} to {said(float(v[-1]), q.unit)}" for q, v in axes.values()]
     shares = ", ".join(f"{100 * share:.0f} % {OUTCOMES.get(word, word)}" for word, share in made.shares.items())
     return {
-        "x": {"name": plane.x.name, "unit": plane.x.unit, "values": plane.x_values.tolist()},
-        "y": {"name": plane.y.name, "unit": plane.y.unit, "values": plane.y_values.tolist()},
+        **{key: {"name": q.name, "unit": q.unit, "values": v.tolist()} for key, (q, v) in axes.items()},
         "shares": made.shares,
         "outcomes": made.outcomes.tolist(),
         "end_of_stick_slip": [points.tolist() for points in made.values_of(made.sticking)],
@@ -206,16 +410,13 @@ def _line_document(answer: LineMap) -> dict[str, Json]:
         entries: list[Mapping[str, Json]] = []
         texts = []
         for change in changes:
-            entry: dict[str, Json] = {"value": change.value, "unit": q.unit, "interval": None}
-            entry["holds"] = "below" if change.below else "above"
-            text = f"{entry['holds']} {said(change.value, q.unit)}"
-            if change.interval is not None:
-                ends = (change.interval.low, change.interval.high)
-                entry["interval"] = list(ends)
-                if change.interval.reason:
-                    entry["reason"] = f"interval open: {change.interval.reason}"
-                if None not in ends:
-                    text += f" (95 %: {said(ends[0], q.unit)} to {said(ends[1], q.unit)})"
+            side, span = "below" if change.below else "above", change.interval
+            text, ends = f"{side} {said(change.value, q.unit)}", None if span is None else [span.low, span.high]
+            entry: dict[str, Json] = {"value": change.value, "unit": q.unit, "interval": ends, "holds": side}
+            if span is not None and span.reason:
+                entry["reason"] = f"interval open: {span.reason}"
+            if span is not None and span.low is not None and span.high is not None:
+                text += f" (95 %: {said(span.low, q.unit)} to {said(span.high, q.unit)})"
             entries.append(entry)
             texts.append(text)
         document[key] = entries

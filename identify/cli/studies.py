@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,8 +15,8 @@ from identify.cli.common import (
     Answer,
     Command,
     CommandLineError,
+    Options,
     Terminal,
-    add_options,
     positive,
     positives,
 )
@@ -29,26 +29,37 @@ LIMIT = "30 min"
 MOST_SAID = 50  # complaints about a manifest that are shown
 
 
-def _batch_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("source", metavar="SOURCE", help="manifest (CSV: path, group, drive_speed, …), or a folder")
-    options = {
-        "--scene SCENE.toml": "rig and parameters for all groups",
-        "--out DIR": "folder of the batch",
-        **SET,
-        "--jobs N": "fits at a time (default: one per core)",
-        "--scheduler ADDRESS": "run on the Dask cluster there, such as tcp://host:8786",
-        "--resume": "go on in DIR: only what is missing or changed is fitted",
-        "--time-limit T": f"for one fit (default {LIMIT})",
-    }
-    add_options(parser, options, ["--scene", "--out"], {"--time-limit": LIMIT})
+BATCH_OPTIONS: Options = {
+    "source SOURCE": "manifest (CSV: path, group, drive_speed, …), or a folder",
+    "--scene SCENE.toml!": "rig and parameters for all groups",
+    "--out DIR!": "folder of the batch",
+    **SET,
+    "--jobs N": "fits at a time (default: one per core)",
+    "--scheduler ADDRESS": "run on the Dask cluster there, such as tcp://host:8786",
+    "--resume": "go on in DIR: only what is missing or changed is fitted",
+    "--time-limit T": f"for one fit (default {LIMIT})",
+}
 
 
-def _batch(arguments: Namespace, terminal: Terminal) -> Answer:
+def batch(arguments: Namespace, terminal: Terminal) -> Answer:
     """Check everything, fit every group, write the tables and the page; exit code 3 where a group did not converge."""
-    from identify.studies.job import BatchError
+    limit = positive(arguments.time_limit or LIMIT, "s", "--time-limit")
+    if arguments.jobs is not None and arguments.jobs < 1:
+        raise CommandLineError(f"--jobs is {arguments.jobs}; expected at least 1: correct it")
+    if arguments.jobs is not None and arguments.scheduler:
+        raise CommandLineError("--jobs counts the fits on this machine; drop it, or drop --scheduler")
 
+    from identify.base.wording import wrapped
+    from identify.studies.job import BatchError
+    from identify.studies.planning import plan
+    from identify.studies.running import check_place, in_words, run_batch
+    from identify.studies.workers import ClusterWorkers, LocalWorkers, cores
+
+    out = Path(arguments.out)
+    check_place(out, arguments.resume)
     try:
-        return _run_batch(arguments, terminal)
+        with terminal.bar() as progress:
+            planned = plan(Path(arguments.source), Path(arguments.scene), arguments.set, progress)
     except BatchError as error:  # what is wrong with the batch is an answer with all complaints
         complaints = list(error.complaints)
         if len(complaints) == 1:
@@ -59,38 +70,18 @@ def _batch(arguments: Namespace, terminal: Terminal) -> Answer:
         message = f"{len(complaints)} things to mend before the batch can begin; nothing was fitted"
         terminal.note(f"stickslip: {message}")
         return Answer(WRONG_INPUT, {"schema": 1, "status": "error", "message": message, "errors": complaints})
-
-
-def _run_batch(arguments: Namespace, terminal: Terminal) -> Answer:
-    limit = positive(arguments.time_limit, "s", "--time-limit")
-    if arguments.jobs is not None and arguments.jobs < 1:
-        raise CommandLineError(f"--jobs is {arguments.jobs}; expected at least 1: correct it")
-    if arguments.jobs is not None and arguments.scheduler:
-        raise CommandLineError("--jobs counts the fits on this machine; drop it, or drop --scheduler")
-
-    from identify.base.wording import wrapped
-    from identify.studies.planning import plan
-    from identify.studies.running import check_place, in_words, run_batch
-
-    out = Path(arguments.out)
-    check_place(out, arguments.resume)
-    with terminal.bar() as progress:
-        planned = plan(Path(arguments.source), Path(arguments.scene), arguments.set, progress)
     for note in planned.notes:
         terminal.note(f"note: {note}")
-    workers = _workers(arguments, out)
+    workers: Workers = LocalWorkers(arguments.jobs or cores())
+    if arguments.scheduler:
+        workers = ClusterWorkers(arguments.scheduler)
+        out.mkdir(parents=True, exist_ok=True)
+        workers.check(out.absolute())
     ends_by_itself()
     try:
         with terminal.bar() as progress:
-            summary = run_batch(
-                planned,
-                out,
-                workers,
-                resume=arguments.resume,
-                limit=limit,
-                progress=progress,
-                scheduler=arguments.scheduler,
-            )
+            how = {"resume": arguments.resume, "limit": limit, "scheduler": arguments.scheduler}
+            summary = run_batch(planned, out, workers, progress=progress, **how)
     except KeyboardInterrupt:
         terminal.note(f"note: what has ended is kept in {out}; the same command with --resume goes on from there")
         raise
@@ -112,50 +103,30 @@ def _run_batch(arguments: Namespace, terminal: Terminal) -> Answer:
     }
     if summary.status == "stopped":  # of what has ended so far a page can be had with: stickslip compare
         return Answer(WRONG_INPUT, {"schema": 1, **document})
-    _write_page(out, terminal)
+    write_page(out, terminal)
     return Answer(DONE if summary.status == "done" else NOT_SUCCEEDED, document)
 
 
-def _workers(arguments: Namespace, out: Path) -> Workers:
-    """The processes of this machine, or those of a cluster."""
-    if not arguments.scheduler:
-        from identify.studies.workers import LocalWorkers, cores
-
-        return LocalWorkers(arguments.jobs or cores())
-    from identify.studies.workers import ClusterWorkers
-
-    cluster = ClusterWorkers(arguments.scheduler)
-    out.mkdir(parents=True, exist_ok=True)
-    cluster.check(out.absolute())
-    return cluster
-
-
-def _write_page(out: Path, terminal: Terminal) -> None:
+def write_page(out: Path, terminal: Terminal) -> None:
+    """Write the page of a batch and name it."""
     from identify.studies.comparison_page import write_batch_report
 
     terminal.say(f"report: {write_batch_report(out)}")
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# compare
-# ----------------------------------------------------------------------------------------------------------------------
+COMPARE_OPTIONS: Options = {
+    "folders DIR+": "folders of fits or batches",
+    "--by LABEL!": "the label whose groups are compared",
+    "--out DIR": "folder of the answer (default: stickslip-by-<label>)",
+    "--subject LABEL": "the label that says whose fit it is (default: volunteer, subject, participant or person; "
+    '"none": no one)',
+    "--without FIT+": "leave out a fit by name",
+    "--speeds SPEED,…": 'common drive speeds: "0.1 mm/s,1 mm/s" (default: of the logs)',
+    "--load FORCE": 'common normal force: "1 N" (default: median of the logs)',
+}
 
 
-def _compare_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("folders", nargs="+", metavar="DIR", help="folders of fits or batches")
-    options = {
-        "--by LABEL": "the label whose groups are compared",
-        "--out DIR": "folder of the answer (default: stickslip-by-<label>)",
-        "--subject LABEL": "the label that says whose fit it is (default: volunteer, subject, participant or person; "
-        '"none": no one)',
-        "--without FIT+": "leave out a fit by name",
-        "--speeds SPEED,…": 'common drive speeds: "0.1 mm/s,1 mm/s" (default: of the logs)',
-        "--load FORCE": 'common normal force: "1 N" (default: median of the logs)',
-    }
-    add_options(parser, options, ["--by"])
-
-
-def _compare(arguments: Namespace, terminal: Terminal) -> Answer:
+def compare_fits(arguments: Namespace, terminal: Terminal) -> Answer:
     """Compare, write the folder, say what differs."""
     from identify.base.table import visible
     from identify.cli.folder import COMPARISON, check_replaceable, result_folder
@@ -201,6 +172,6 @@ def _compare(arguments: Namespace, terminal: Terminal) -> Answer:
 BATCH = "one fit per group of a manifest (CSV) or per file of a folder, with a page of all"
 COMPARE = "comparison tables and plots over finished fits (fit or batch folders), by a label"
 COMMANDS = (
-    Command("batch", BATCH, _batch_arguments, _batch),
-    Command("compare", COMPARE, _compare_arguments, _compare),
+    Command("batch", BATCH, BATCH_OPTIONS, batch),
+    Command("compare", COMPARE, COMPARE_OPTIONS, compare_fits),
 )

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from identify.base.budget import time_is_up
 from identify.base.linear import Factors, optimality_matrix
@@ -94,5 +94,5 @@ def _likeliest(solved: Solved, sd: float) -> float:
         prior = np.exp(-2.0 * logarithm) / sd**2
         return float(np.sum(np.log1p(information / prior) - pull**2 / (information + prior)))
 
-    best = minimize_scalar(deviance, bounds=RANGE, method="bounded")
+    best = scipy.optimize.minimize_scalar(deviance, bounds=RANGE, method="bounded")
     return sd * float(np.exp(best.x)) if best.fun < -WORTH else 0.0

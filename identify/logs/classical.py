@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from data_io import Record
 from data_io.arrays import kept, thinned
@@ -161,7 +161,7 @@ def _coefficients(part: _Part) -> Figures:
     if pressed:
         # A load that is averaged is none beside a row that lifts off.
         load = bridged(part.load, ~np.isfinite(part.load))
-        load = uniform_filter1d(load, max(5, load.size // 200)) if np.all(presses(load)) else load
+        load = scipy.ndimage.uniform_filter1d(load, max(5, load.size // 200)) if np.all(presses(load)) else load
         load = np.where(presses(load), load, np.nan)
         coefficient = part.force / load
         rests = int(np.argmax(phase != STICK)) if (phase != STICK).any() else phase.size

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import comb, sqrt
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from data_io.arrays import grid_step, thinned_steps
 
@@ -29,7 +29,9 @@ MOST_POINTS = 400  # of a line
 
 def running_means(values: Array, width: int) -> Array:
     """Means of every `width` neighbours of values (n,), shape (n - width + 1,)."""
-    averaged: Array = uniform_filter1d(values, width, mode="nearest", origin=-(width // 2) if width > 1 else 0)
+    averaged: Array = scipy.ndimage.uniform_filter1d(
+        values, width, mode="nearest", origin=-(width // 2) if width > 1 else 0
+    )
     return averaged[: values.size - width + 1]
 
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
@@ -123,7 +123,9 @@ def rhythms(logs: Sequence[Prepared], most: int = 3) -> tuple[tuple[SpectralLine
             peak = float(frequency[int(np.argmax(power))])
             power[np.abs(frequency - peak) < 1.0 / longest] = 0.0
             bounds, far = (max(peak - 0.6 / longest, 0.1 * peak), peak + 0.6 / longest), 6e-4 / longest
-            refined.append(minimize_scalar(lambda f: -explained(f), bounds=bounds, options={"xatol": far}).x)
+            refined.append(
+                scipy.optimize.minimize_scalar(lambda f: -explained(f), bounds=bounds, options={"xatol": far}).x
+            )
         best = float(max(refined, key=explained))
         if explained(best) < SURE + 2 * np.log(max(s.span / s.interval for s in known)):
             break

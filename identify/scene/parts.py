@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,7 +21,9 @@ from identify.scene.tables import (
     DAMPING,
     INITIAL,
     LOG,
+    POSITIVE,
     RIG,
+    SHARE,
     TIED,
     Key,
     TomlTable,
@@ -36,6 +37,7 @@ from identify.scene.toml import TOP, Tables, is_rig, located, to_fill_in
 from identify.scene.values import USUAL_TOLERANCES, Contact, Initial, LogEntry, Rig
 
 Effects = tuple[str, ...] | Literal["auto"]
+AREA = '[contact] area = "0.8 cm^2"'
 
 
 def read_parts(document: Mapping[str, object], folder: Path) -> Tables:
@@ -55,30 +57,40 @@ def read_parts(document: Mapping[str, object], folder: Path) -> Tables:
     top = TomlTable.of(document, "the scene", TOP, '[rig] mass = "0.2 kg"')
     if missing := list(to_fill_in(document)):
         raise SceneError(f"still to fill in: {', '.join(missing)}; replace each TODO by a quantity with its unit")
-    effects = _effects(document.get("effects"))
+    effects, extrapolate = _effects(document.get("effects"), document.get("extrapolate", []))
     parameters = document.get("parameters", {})
     rig, damping, damping_frequency = _rig(document.get("rig"), parameters, effects)
-    contact = _contact(document.get("contact", {}))
+    table, example = TomlTable.of(document.get("contact", {}), "[contact]", CONTACT, AREA), "{ coefficient, exponent }"
+    law = TomlTable.of(table.data.get("area_law", {}), table.place("area_law"), AREA_LAW, example)
+    if len(table.data) == 2 or len(law.data) == 1:
+        raise SceneError(f"[contact] expects either an area or area_law = {example}; keep exactly one")
+    contact = Contact(table.get("area"), law.get("coefficient"), law.get("exponent"))
     logs = document.get("logs", [])
     if not isinstance(logs, Sequence) or isinstance(logs, str):
         raise SceneError(f'[[logs]] is {logs!r}; expected one [[logs]] table per log, each with path = "…"')
+    tables = {
+        name: TomlTable.of(document.get(name, {}), f"[{name}]", keys, f"[{name}] {example}").values()
+        for name, keys, example in (
+            ("initial", INITIAL, 'elongation = "0 mm"'),
+            ("fit", {"time_limit": Key("s", sign=POSITIVE)}, 'time_limit = "60 s"'),
+            ("tolerances", dict.fromkeys(USUAL_TOLERANCES, SHARE), 'stiffness = "2 %"'),
+        )
+    }
     name = top.get("name")
     if name is not None and set(name) & set("/\0"):
         raise SceneError(f"name is {name!r}; expected a word that a folder can be called: leave out the slashes")
     return {
         "name": name,
         "effects": effects,
-        "extrapolate": _extrapolate(document.get("extrapolate", []), effects),
+        "extrapolate": extrapolate,
         "rig": rig,
         "parameters": read_parameters(parameters, declared_by(effects), damping_frequency | contact.parameters),
         "logs": tuple(_log_entry(entry, number, folder, rig, damping) for number, entry in enumerate(logs, 1)),
-        "initial": Initial(
-            **TomlTable.of(document.get("initial", {}), "[initial]", INITIAL, '[initial] elongation = "0 mm"').values()
-        ),
+        "initial": Initial(**tables["initial"]),
         "contact": contact,
         "thresholds": _thresholds(document.get("quality", {})),
-        "time_limit": _time_limit(document.get("fit", {})),
-        "tolerances": _tolerances(document.get("tolerances", {})),
+        "time_limit": tables["fit"].get("time_limit", DEFAULT_TIME_LIMIT),
+        "tolerances": tables["tolerances"],
     }
 
 
@@ -87,25 +99,17 @@ def read_parts(document: Mapping[str, object], folder: Path) -> Tables:
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class StatedDamping:
-    """How [rig] states the damping, where it follows the stiffness or the mass that a log has for itself: `ratio` h/k,
-    or `dashpot` c [N s/m], with h = c sqrt(k/m); both None: h itself."""
-
-    ratio: float | None = None
-    dashpot: float | None = None
-
-    def at(self, stiffness: float, mass: float) -> float | None:
-        """h [N/m] of a rig with this stiffness [N/m] and mass [kg]; None where h itself is stated."""
-        if self.dashpot is not None:
-            return self.dashpot * math.sqrt(stiffness / mass)
-        return None if self.ratio is None else self.ratio * stiffness
+Damping = Callable[[float, float], float | None]
+"""h [N/m] of a rig with this stiffness [N/m] and mass [kg]; None where h itself is stated."""
 
 
-def _rig(
-    value: object, parameters: object, effects: Effects
-) -> tuple[Rig, StatedDamping, dict[str, tuple[str, float]]]:
-    """The rig, how its damping was stated, and the frequency at which that acts, where one is given."""
+def _dashpot(c: float) -> Damping:
+    """h = c sqrt(k/m) of a dashpot c [N s/m]."""
+    return lambda stiffness, mass: c * math.sqrt(stiffness / mass)
+
+
+def _rig(value: object, parameters: object, effects: Effects) -> tuple[Rig, Damping, dict[str, tuple[str, float]]]:
+    """The rig, how its damping follows stiffness and mass, and the frequency at which that acts, where one is given."""
     on = effects if effects != "auto" else MAIN[:1]
     damped_by = next((e.name for e in ALL if e.name in on and any(p.name == "damping" for p in e.parameters)), None)
     table = TomlTable.of(value, "[rig]", RIG, '[rig] mass = "0.2 kg", stiffness = "1470 N/m"')
@@ -138,11 +142,20 @@ def _rig(
     for key, example in (("mass", "0.2 kg"), ("stiffness", "1470 N/m")):
         if values[key] is None:
             raise SceneError(f'[rig] has no {key}; give {key} = "{example}"')
-    ratio = _damping_ratio({key: values.pop(key) for key in DAMPING[1:]})
-    how = StatedDamping(ratio, values["damping"] if dashpot else None)
+    zeta, factor, decrement = (values.pop(key) for key in DAMPING[1:])
+    if zeta is not None and zeta > 1.0:
+        raise SceneError(
+            f"[rig] zeta is {zeta:g}, more than critical damping (1); expected a ratio such as 0.05 or "
+            '"5 %"; a rig that hardly swings has damping = "… N/m"'
+        )
+    if decrement is not None:
+        zeta = decrement / math.hypot(2.0 * math.pi, decrement)
+    ratio = factor if zeta is None else 2.0 * zeta  # h/k
     if dashpot and not values["mass"]:
         raise SceneError("[rig] damping is in N s/m, which takes a mass to be h of eq. 1; give the mass, or h in N/m")
-    followed = how.at(values["stiffness"], values["mass"])
+    how: Damping = lambda stiffness, _: None if ratio is None else ratio * stiffness  # noqa: E731
+    how = _dashpot(values["damping"]) if dashpot else how
+    followed = how(values["stiffness"], values["mass"])
     values["damping"] = values["damping"] or 0.0 if followed is None else followed
     frequency = table.get("damping_frequency")
     if frequency is not None and effects != "auto" and "driven_damping" not in effects:
@@ -205,25 +218,12 @@ def _is_dashpot(table: TomlTable) -> bool:
         return False
 
 
-def _damping_ratio(stated: Mapping[str, float | None]) -> float | None:
-    """h/k = 2 zeta = loss factor, from whichever is stated; log decrement d: zeta = d/sqrt(4 pi^2 + d^2)."""
-    zeta, decrement = stated["zeta"], stated["log_decrement"]
-    if zeta is not None and zeta > 1.0:
-        raise SceneError(
-            f"[rig] zeta is {zeta:g}, more than critical damping (1); expected a ratio such as 0.05 or "
-            '"5 %"; a rig that hardly swings has damping = "… N/m"'
-        )
-    if decrement is not None:
-        zeta = decrement / math.hypot(2.0 * math.pi, decrement)
-    return stated["loss_factor"] if zeta is None else 2.0 * zeta
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # The other parts.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def _log_entry(value: object, number: int, folder: Path, rig: Rig, damping: StatedDamping) -> LogEntry:
+def _log_entry(value: object, number: int, folder: Path, rig: Rig, damping: Damping) -> LogEntry:
     """One log of the scene; the damping follows its own stiffness and mass where [rig] states it by them."""
     table = TomlTable.of(value, f"[[logs]] number {number}", LOG, '[[logs]] path = "slow.csv"')
     if "path" not in table.data:
@@ -232,42 +232,21 @@ def _log_entry(value: object, number: int, folder: Path, rig: Rig, damping: Stat
     values = {name: table.get(name) for name in table.data if name != "damping" or not dashpot}
     stiffness, mass = values.get("stiffness"), values.get("mass")
     if dashpot:
-        damping = StatedDamping(dashpot=stated(table.data["damping"], "N s/m", table.place("damping")))
-    follows = dashpot or stiffness is not None or (mass is not None and damping.dashpot is not None)
-    if follows and "damping" not in values:
-        values["damping"] = damping.at(stiffness or rig.stiffness, mass or rig.mass)
+        damping = _dashpot(stated(table.data["damping"], "N s/m", table.place("damping")))
+    if "damping" not in values and (dashpot or stiffness is not None or mass is not None):
+        values["damping"] = damping(stiffness or rig.stiffness, mass or rig.mass)
     return LogEntry(**(values | {"path": located(folder, values["path"])}))
-
-
-def _tolerances(value: object) -> dict[str, float]:
-    """What the published intervals hold, relative: "2 %" or 0.02; 0 takes that quantity as exact."""
-    known = dict.fromkeys(USUAL_TOLERANCES, Key(read=part))
-    table = TomlTable.of(value, "[tolerances]", known, '[tolerances] stiffness = "2 %"')
-    for name, relative in table.values().items():
-        if not 0.0 <= relative < 1.0:
-            raise SceneError(f'{table.place(name)} is {relative:g}; expected a share from 0 to below 1, such as "2 %"')
-    return table.values()
-
-
-def _time_limit(value: object) -> float:
-    """How long a fit may take [s]."""
-    table = TomlTable.of(value, "[fit]", {"time_limit": Key("s")}, '[fit] time_limit = "60 s"')
-    limit: float = table.values().get("time_limit", DEFAULT_TIME_LIMIT)
-    if not limit > 0.0:
-        raise SceneError(f'{table.place("time_limit")} is {limit:g} s; expected a positive time, such as "60 s"')
-    return limit
 
 
 def _thresholds(value: object) -> Thresholds:
     """The user's own thresholds of the quality gate: pure numbers, or shares in percent."""
     table = TomlTable.of(value, "[quality]", None, "[quality] jitter = 0.1")
+    numbers = {
+        name: math.inf if number in (math.inf, "inf") else part(number, "", table.place(name))
+        for name, number in table.data.items()
+    }
     try:
-        return Thresholds(
-            {
-                name: math.inf if number in (math.inf, "inf") else part(number, "", table.place(name))
-                for name, number in table.data.items()
-            }
-        )
+        return Thresholds(numbers)
     except LogError as error:
         raise SceneError(f"[quality]: {error}") from None
 
@@ -287,37 +266,20 @@ def known_effects(value: Sequence[str], where: str = "effects") -> tuple[str, ..
     return tuple(name for name in NAMES if name in value)
 
 
-def _is_list(value: object) -> bool:
-    return isinstance(value, (list, tuple)) and all(isinstance(name, str) for name in value)
-
-
-def _effects(value: Any) -> Effects:
-    if value == "auto":
-        return "auto"
-    if not _is_list(value):
-        listed = ", ".join(f'"{name}"' for name in MAIN)
-        text = "no effects" if value is None else f"effects = {value!r}"
-        raise SceneError(f'the scene has {text}; expected a list: effects = [{listed}, …], or "auto"')
-    twice = next((name for place, name in enumerate(value) if name in value[:place]), None)
-    if twice is not None:
-        raise SceneError(f"effects names {twice!r} twice; expected each effect once: remove one of the two")
-    return known_effects(value)
-
-
-def _extrapolate(value: Any, effects: Effects) -> tuple[str, ...]:
-    if not _is_list(value):
-        raise SceneError(f'extrapolate is {value!r}; expected a list of effects: extrapolate = ["power_law"]')
-    names = known_effects(value, "extrapolate")
-    off = [name for name in names if effects != "auto" and name not in effects]
+def _effects(value: object, extrapolate: object) -> tuple[Effects, tuple[str, ...]]:
+    """The effects of a scene, and those used outside the range of their measurements."""
+    for what, names, wanted in (
+        ("effects", () if value == "auto" else value, f'effects = ["{MAIN[0]}", …], or "auto"'),
+        ("extrapolate", extrapolate, 'extrapolate = ["power_law"]'),
+    ):
+        if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
+            text = "the scene has no effects" if names is None else f"{what} is {names!r}"
+            raise SceneError(f"{text}; expected a list: {wanted}")
+        if len(set(names)) < len(names):
+            raise SceneError(f"{what} names one effect twice ({', '.join(names)}); remove one of the two")
+    effects: Effects = "auto" if value == "auto" else known_effects(value)  # type: ignore[arg-type]
+    allowed = known_effects(extrapolate, "extrapolate")  # type: ignore[arg-type]
+    off = [name for name in allowed if effects != "auto" and name not in effects]
     if off:
         raise SceneError(f"extrapolate names {off[0]}, which is not among the effects; add it there, or drop it here")
-    return names
-
-
-def _contact(value: object) -> Contact:
-    table = TomlTable.of(value, "[contact]", CONTACT, '[contact] area = "0.8 cm^2"')
-    example = "{ coefficient = …, exponent = … }"
-    law = TomlTable.of(table.data.get("area_law", {}), "[contact] area_law", AREA_LAW, example)
-    if len(table.data) == 2 or len(law.data) == 1:
-        raise SceneError(f"[contact] expects either an area or area_law = {example}; keep exactly one")
-    return Contact(table.get("area"), law.get("coefficient"), law.get("exponent"))
+    return effects, allowed

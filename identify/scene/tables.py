@@ -180,6 +180,7 @@ class Key:
 
 
 POSITIVE, NOT_NEGATIVE = "positive", "not negative"
+SHARE = Key(read=part, sign=NOT_NEGATIVE, limit=1.0)
 DAMPING = ("damping", "zeta", "loss_factor", "log_decrement")
 TIED = "natural_frequency_tolerance"  # of sqrt(k/m), in which errors of stiffness and mass that are the same cancel
 RIG: Mapping[str, Key] = {
@@ -283,8 +284,12 @@ class TomlTable:
 
     def get(self, name: str) -> Any:
         """The value of a key, as its table says; None where it is absent."""
+        if name not in self.data:
+            return None
         key = self.keys[name]
-        return key.read(self.data[name], key.unit, self.place(name)) if name in self.data else None
+        value = key.read(self.data[name], key.unit, self.place(name))
+        check(self.place(name), key, value)
+        return value
 
     def values(self) -> dict[str, Any]:
         """The values of all keys that are there."""

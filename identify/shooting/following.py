@@ -15,8 +15,8 @@ from math import ceil
 
 import casadi as ca
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from identify.base.errors import SimulationError
 from identify.logs.log_data import LogData
@@ -222,7 +222,7 @@ def first_state(context: LogContext) -> Array:
     peak = until = log.begin
     if index.size > 2:
         width = max(min(int(PEAK_WINDOW * context.half / log.interval), index.size // 3), 1)
-        smooth = uniform_filter1d(log.force[index], width, mode="nearest")
+        smooth = scipy.ndimage.uniform_filter1d(log.force[index], width, mode="nearest")
         peak = float(log.time[index[int(np.argmax(smooth))]])
         until = float(log.time[index[int(np.argmax(smooth >= smooth[0] + 0.5 * np.ptp(smooth)))]])  # rests until there
     index = context.samples(log.begin, np.nextafter(until, np.inf))

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from identify.base.errors import SimulationError
 from identify.model.model import ELONGATION, SPEED, Model
@@ -249,7 +249,7 @@ class Machine:
 def from_zero(value: Callable[[float], float], h: float) -> float:
     """The length within (0, h] of a step at which a value that may start at zero falls to zero."""
     low = next((f * h for f in (0.0, *np.geomspace(0.5, 1e-12, 20).tolist()) if value(f * h) > 0.0), None)
-    return 0.0 if low is None else float(brentq(value, low, h, xtol=1e-15 * h, rtol=1e-14))
+    return 0.0 if low is None else float(scipy.optimize.brentq(value, low, h, xtol=1e-15 * h, rtol=1e-14))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -10,8 +10,8 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from identify.base.compiled import Mapped, compiled
 from identify.base.roots import first_zero
@@ -94,7 +94,9 @@ class Resting:
         """The only zero of a concave margin that is positive at the start, to the last digits (Brent's method)."""
         if self._at(limit)[0] > 0.0:
             return None
-        return float(brentq(lambda t: self._at(t)[0], 0.0, limit, xtol=1e-300, rtol=4.0 * np.finfo(float).eps))
+        return float(
+            scipy.optimize.brentq(lambda t: self._at(t)[0], 0.0, limit, xtol=1e-300, rtol=4.0 * np.finfo(float).eps)
+        )
 
     def _by_scan(self, limit: float) -> float | None:
         """The first zero of the margin; where it is positive without what oscillates, by more than the force of that,

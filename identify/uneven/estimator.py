@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 from scipy.special import chdtrc
 
 from identify.base.budget import now, seconds_left
@@ -162,7 +162,7 @@ class Objective:
             if now() >= until:
                 raise StopIteration
 
-        found = minimize(
+        found = scipy.optimize.minimize(
             cost,
             theta[free],
             jac=True,

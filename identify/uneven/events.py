@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from identify.logs.prepare import Prepared
 from identify.logs.segment import DetectedCycles
@@ -198,7 +198,7 @@ class _Trace:
         if any(line.size == 0 for line in lines) or not SMOOTHED <= middle <= time.size - SMOOTHED:
             return []
         rising, settled = lines
-        smooth = uniform_filter1d(force, SMOOTHED, mode="nearest")
+        smooth = scipy.ndimage.uniform_filter1d(force, SMOOTHED, mode="nearest")
         drop = float(np.polyval(rising, fall) - np.polyval(settled, fall))
         clear = max(CLEAR * self.noise / np.sqrt(SMOOTHED), LEAST * drop)
         off, height = np.polyval(rising, time) - smooth, smooth - np.polyval(settled, time)

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import time
 import tomllib
 import urllib.error
 import urllib.request
@@ -13,10 +12,12 @@ import pytest
 
 pytest.importorskip("starlette", reason="the extra `app` is not installed")
 
-from data_io import Record, write_csv
+from data_io import Record, read_log, write_csv
 from identify.app.folder import Folder
 from identify.app.looks import Looks
 from identify.app.server import Serving
+from identify.cli.inspection import document, inspection
+from identify.report.stored_result import plain
 from identify.scene import Scene
 from identify.simulation.simulate import simulate
 from tests.app.browser import PageBrowser
@@ -87,8 +88,8 @@ def looked_at(tmp_path_factory):
     listed = "".join(f'\n[[logs]]\npath = "{name}"\n' for name in LOGS)
     (place / "pair.toml").write_text(MADE_OF + RIG + HELD + listed)
     looks = Looks(Folder.at(place))
-    while any(looks.of(name) is None for name in LOGS):
-        time.sleep(0.05)
+    for name in LOGS:  # as processes of the page do, without their start
+        looks.keep(name, plain(document(inspection(f"./{name}", read_log(place / name)))))
     looks.close()
     return place
 

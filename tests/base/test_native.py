@@ -3,10 +3,7 @@
 import math
 import os
 import signal
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -116,57 +113,17 @@ def test_shooting_blocks_agree_to_ten_digits(machine_code, kind):
         np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-10 * np.max(np.abs(a)))
 
 
-HEAVY = """
-import sys
-from identify.base import native
-from tests.base.test_native import large
-f = large(int(sys.argv[1]))
-native.start([(f, native.key(f))])
-print(native._running[0].pid, flush=True)
-sys.stdin.readline()
-"""
-
-
-def large(terms: int) -> ca.Function:
-    """A function that takes seconds to compile."""
-    x, out = ca.SX.sym("x"), 0.0
-    for i in range(terms):
-        out = ca.sin(out * x + i)
-    return ca.Function("large", [x], [out])
-
-
-def group_is_gone(group: int, within: float) -> bool:
-    until = time.monotonic() + within
-    while time.monotonic() < until:
-        try:
-            os.killpg(group, 0)
-        except ProcessLookupError:
-            return True
-        time.sleep(0.02)
-    return False
-
-
-@pytest.mark.parametrize("end", ["closed", signal.SIGKILL])
-def test_what_is_compiled_ends_with_its_process_however_that_ends(machine_code, end):
+@pytest.mark.parametrize("end", [native.stop, lambda: os.killpg(native._running[0][0].pid, signal.SIGTERM)])
+def test_what_is_compiled_ends_when_it_is_stopped(machine_code, tmp_path, monkeypatch, end):
     """And leaves nothing behind; a compiler that takes half a minute stands for a large function."""
-    script = f"import identify.base.native as n; n.LINGER = 0\n{HEAVY}"
-    cc = machine_code.parent / "bin" / "cc"
-    cc.parent.mkdir()
-    cc.write_text("#!/bin/sh\nsleep 30\n", encoding="ascii")
-    cc.chmod(0o755)
-    environment = {
-        **os.environ,
-        "PYTHONPATH": str(Path(__file__).resolve().parents[2]),
-        "PATH": f"{cc.parent}{os.pathsep}{os.environ['PATH']}",
-    }
-    command = [sys.executable, "-c", script, "50"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment) as process:
-        group = int(process.stdout.readline())
-        assert not group_is_gone(group, 0.5), "it works while its process lives"
-        process.stdin.close() if end == "closed" else process.send_signal(end)
-        process.wait()
-        assert group_is_gone(group, 20.0)
-    assert [path.name for path in machine_code.iterdir()] == []
+    fake_compiler(tmp_path, monkeypatch, "sleep 30")
+    native.start([(function(), native.key(function()))])
+    (process, builds), began = native._running[0], time.monotonic()
+    time.sleep(0.5)
+    assert native.busy() and builds[0].is_dir()
+    end()
+    process.wait(20.0)
+    assert time.monotonic() - began < 20.0 and not list(machine_code.iterdir())
 
 
 def test_the_cache_keeps_to_its_limit_and_lets_go_of_the_oldest(machine_code, monkeypatch):
@@ -210,30 +167,27 @@ def test_thirty_damaged_libraries_are_thrown_away_and_made_again(machine_code):
     assert run.native and library.read_bytes() == sound
 
 
-@pytest.fixture
-def failing(machine_code, tmp_path, monkeypatch):
-    """A compiler that is there and fails; the file it notes its starts in."""
-    noted = tmp_path / "starts"
-    noted.touch()
+def fake_compiler(tmp_path, monkeypatch, script):
     (tmp_path / "bin").mkdir()
-    (tmp_path / "bin" / "cc").write_text(f"#!/bin/sh\necho once >> {noted}\nexit 1\n", encoding="ascii")
+    (tmp_path / "bin" / "cc").write_text(f"#!/bin/sh\n{script}\n", encoding="ascii")
     (tmp_path / "bin" / "cc").chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}")
     for known in (native.compiler, native._toolchain):
         known.cache_clear()
-    return noted
 
 
-def test_a_compiler_that_fails_is_not_asked_again_for_a_day(failing, machine_code):
+def test_a_compiler_that_fails_is_not_run_again_for_a_day(machine_code, tmp_path, monkeypatch):
+    noted = tmp_path / "starts"
+    fake_compiler(tmp_path, monkeypatch, f"echo once >> {noted}\nexit 1")
     for _ in range(2):  # the second one as another process would ask
         run = Mapped(function(), 4)
         used_much(run)
-        assert not run.native and run.settled and failing.read_text(encoding="ascii") == "once\n"
+        assert not run.native and run.settled and noted.read_text(encoding="ascii") == "once\n"
     assert not list(machine_code.glob("build-*"))
     (mark,) = machine_code.glob("*.failed")
     os.utime(mark, (time.time() - native.AGAIN - 1.0,) * 2)
     used_much(Mapped(function(), 4))
-    assert failing.read_text(encoding="ascii") == "once\nonce\n"
+    assert noted.read_text(encoding="ascii") == "once\nonce\n"
 
 
 def test_a_folder_that_others_can_write_to_is_not_trusted(machine_code):

@@ -54,7 +54,7 @@ def test_calculators_refuse_what_never_repeats(scene_file, capsys):
     assert "the effect excitation changes with time" in sentence and "--without excitation" in sentence
     sentence = refused(capsys, "amplitude", "--scene", path, "--without", "excitation")
     assert "friction_heterogeneity deals every stick its own friction" in sentence
-    assert "not among the effects" in refused(capsys, "amplitude", "--scene", path, "--without", "occlusion")
+    assert "did you mean" in refused(capsys, "amplitude", "--scene", path, "--without", "occlusion")
 
 
 def test_an_operating_point_is_asked_for(folder, capsys):

@@ -15,7 +15,7 @@ import pytest
 from identify.cli import fit as fit_group
 from identify.cli import interrupt
 from identify.cli.common import Answer, CommandLineError
-from identify.cli.folder import RESULT, check_replaceable, result_folder, stamp
+from identify.cli.folder import check_replaceable, result_folder
 from tests.support.command import stickslip
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -140,21 +140,6 @@ def test_a_result_of_ours_is_replaced_whole(folder):
         assert (out / "report.html").read_text() == "old", "until all is written"
     assert [item.name for item in out.iterdir()] == ["report.html"]
     assert list(folder.iterdir()) == [out]
-
-
-def test_what_another_command_wrote_meanwhile_is_not_replaced(folder):
-    out = result_in(folder / "out", "old")
-    before = stamp(out)
-    with result_folder(out) as other:
-        (other / "report.html").write_text("of the other")
-        (other / "result.json").write_text('{"schema": 1, "status": "converged"}')
-    with (
-        pytest.raises(CommandLineError, match=r"this result stands in .*out-2"),
-        result_folder(out, RESULT, before) as fresh,
-    ):
-        (fresh / "report.html").write_text("mine")
-    assert (out / "report.html").read_text() == "of the other"
-    assert (folder / "out-2" / "report.html").read_text() == "mine" and len(list(folder.iterdir())) == 2
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError, OSError])

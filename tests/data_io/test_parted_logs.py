@@ -10,7 +10,7 @@ from data_io import Record, write_csv
 from experiments.study_problem import DEMO
 from identify import Scene, examples, identification, report
 from identify.base.result import Result
-from identify.cli.points import points_of
+from identify.cli.operating import points_of
 from identify.logs.parting import parted, parts_of
 from identify.logs.scene_records import with_records
 from identify.report.finished import Fit

@@ -50,7 +50,7 @@ CASES = [
     (["logs.1.crosstalk=2"], "expected less than 1 to either side", ["logs.1.crosstalk=0.9"]),
     (['rig.mass="TODO g"'], "replace each TODO by a quantity with its unit", ['rig.mass="180 g"']),
     (['name="a/b"'], "leave out the slashes", ['name="ab"']),
-    (["tolerances.stiffness=2"], 'expected a share from 0 to below 1, such as "2 %"', ['tolerances.stiffness="2 %"']),
+    (["tolerances.stiffness=2"], "expected less than 1", ['tolerances.stiffness="2 %"']),
     (["quality.jiter=0.1"], "jitter", ["quality.jitter=0.1"]),
     (['extrapolate=["power_law"]'], "or drop it here", ["extrapolate=[]"]),
     (['effects=["inertia", "power_law"]', "-parameters", 'rig.drive_speed="5 m/s"'],
