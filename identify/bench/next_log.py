@@ -54,7 +54,9 @@ def _knowledge(found: Findings) -> Knowledge | None:
     # What a log has for itself, another one has anew; harmonics are those of a drive at its speed.
     own = unknowns.own[free] & ~unknowns.grouped[free] | rhythmic(unknowns)[free]
     kept = np.flatnonzero(~own & np.array([each != "at bound" for each in verdict]))
-    targets = tuple(unknowns.names[free[i]] for i in kept.tolist() if verdict[i] in ("weak", "not identifiable"))
+    targets = tuple(
+        unknowns.names[free[i]] for i in kept.tolist() if verdict[i] in ("weak", "not profiled", "not identifiable")
+    )
     # A single peak informs so little that no motion can be simulated.
     if onsets(attempt.solved.trajectories) < 2 or not targets or not np.all(np.isfinite(sure.covariance)):
         return None

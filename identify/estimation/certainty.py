@@ -174,7 +174,8 @@ def certainty(attempt: Attempt, q: Question) -> Certainty | None:
                 message = contradiction(here.attempt, q.unknowns, q.base, here.noise)
                 refused = (Status.MODEL_MISFIT, message) if message else None
     shares, of_groups = _groups(here, q)
-    out = replace(here, refused=refused, profiles=profiles, optima=optima)
+    judged = _without_late(here, profiles, q) if refused is None and here.attempt.fits else here.estimates
+    out = replace(here, refused=refused, profiles=profiles, optima=optima, estimates=judged)
     out = replace(out, discretisation=discretisation, shares=shares, of_groups=of_groups)
     if refused is not None or not out.attempt.fits:
         return out
@@ -296,6 +297,28 @@ def _with_profiles(
         for other in here.within(optima):
             profiles = profiles.with_optimum(q.unknowns, other.attempt.solved.theta, halves)
     return _at(here.attempt, here.information, q, profiles, optima), profiles, None
+
+
+def _without_late(here: Certainty, profiles: Profiles | None, q: Question) -> list[Estimate]:
+    """The estimates, without intervals where a profile was due and the time did not suffice for it. The covariance of
+    what it identifies stays: so far a profile agrees with it, and beyond, it bends away; where some parameter is poorly
+    determined the others follow that on a bent path, and only that of what is known sharply does."""
+    names, done = q.unknowns.names, set() if profiles is None else set(profiles.ends)
+    late = {names[i] for i in _profiled(here, q)} - done
+    known = sizes(q.unknowns, q.unknowns.values(here.attempt.solved.theta, q.base))
+    known = (CURVED if _poorly_determined(here, q) else POORLY) * known
+    reason = "the time limit left no time for its profile, and the curvature at the answer says little of its interval"
+
+    def stays(e: Estimate, i: int) -> bool:
+        sharp = e.verdict == "identified" and e.standard_error is not None and e.standard_error < known[i]
+        return names[q.unknowns.source[i]] not in late or e.verdict in ("fixed", "at bound") or sharp
+
+    return [
+        e
+        if stays(e, i)
+        else replace(e, standard_error=None, lower=None, upper=None, verdict="not profiled", reason=reason)
+        for i, e in enumerate(here.estimates)
+    ]
 
 
 def _profiles(here: Certainty, along: list[int], q: Question, *, restart: bool) -> Profiles | None:

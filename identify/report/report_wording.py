@@ -53,12 +53,16 @@ MEANINGS: Mapping[str, str] = {
     "damping": "hysteresis damping of the rig",
 }
 VERDICT_CLASS = {
-    **dict.fromkeys(("weak", "bounded"), "fair"),
+    **dict.fromkeys(("weak", "bounded", "not profiled"), "fair"),
     **dict.fromkeys(("not identifiable", "at bound"), "bad"),
     "identified": "good",
 }  # of all others: plain
 VERDICT_MARK = dict(
-    zip(("identified", "weak", "bounded", "not identifiable", "at bound", "fixed"), "✓≈<?|=", strict=True)
+    zip(
+        ("identified", "weak", "bounded", "not profiled", "not identifiable", "at bound", "fixed"),
+        "✓≈<…?|=",
+        strict=True,
+    )
 )
 ANSWER_WORDS: Mapping[str, str] = {
     "drop": "drop of the force (onset to rest)",

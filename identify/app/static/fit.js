@@ -3,7 +3,7 @@ import { address, button, choice, curves, duration, element, fileAddress, get, i
 import { start, whenEnded } from "./jobs.js";
 import { line, mark, picture, shade, span, TimeView } from "./plots.js";
 
-const VERDICTS = { identified: "✓ identified", weak: "~ weak", "not identifiable": "✗ not identifiable", bounded: "≤ bounded", fixed: "= fixed", "at bound": "| at bound" };
+const VERDICTS = { identified: "✓ identified", weak: "~ weak", "not identifiable": "✗ not identifiable", bounded: "≤ bounded", "not profiled": "… not profiled", fixed: "= fixed", "at bound": "| at bound" };
 
 /** The accuracies with what they cost and leave, of the last fit of this scene where it says so. */
 function accuracies(seen) {
