@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.estimation.attempt import Attempt, solve_from, usable
-from identify.estimation.search import SearchProblem, alike, search
+from identify.estimation.search import SearchProblem, search
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
 from identify.logs.unknowns import Unknowns
@@ -59,15 +59,10 @@ class Fitted:
         return self.excess < MISFIT * np.sqrt(2.0 * max(self.samples, 1))
 
 
-def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = True) -> Fitted:
-    """Fit one scene to its records; where the first start fails, from more of them if it is to be thorough."""
+def fit_model(scene: Scene, records: Sequence[Record]) -> Fitted:
+    """Fit one scene to its records, from the first start of the data."""
     made = prepare_scene(scene, records)
     attempt, _ = search(SearchProblem(made.logs, made.unknowns, thorough=False))
-    failed = attempt is not None and not attempt.solved.solution.success
-    # Unlike cycles leave no other start to try.
-    more = attempt is None or (failed and alike([made.logs[i] for i in usable(made.logs)]))
-    if thorough and more:
-        attempt, _ = search(SearchProblem(made.logs, made.unknowns))
     return Fitted(scene, made.unknowns, tuple(made.logs), attempt)
 
 
@@ -75,13 +70,13 @@ def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted
     """Fit a model from where another one ended; where that misfits, from the data as well."""
     made, known = prepare_scene(scene, records), other.attempt
     if known is None:
-        return fit_model(scene, records, thorough=False)
+        return fit_model(scene, records)
     at = replace(made.unknowns, start=values_of(other, made.unknowns))
     attempt = solve_from(made.logs, usable(made.logs), at, known.solved.solution.cost + COST_CUTOFF)
     best = Fitted(scene, made.unknowns, tuple(made.logs), attempt)
     if best.logs == other.logs and (best.fits or (other.fits and np.isfinite(best.excess))):
         return best
-    searched = fit_model(scene, records, thorough=False)
+    searched = fit_model(scene, records)
     return min(best, searched, key=lambda each: (each.logs != other.logs, each.excess))
 
 

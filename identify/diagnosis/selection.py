@@ -1,9 +1,9 @@
 """effects = "auto" with logs: forward by score, backward by the Schwarz criterion (BIC; Ann. Statist. 6, 461, 1978).
 
-What the logs plainly call for is fitted first. Of what is absent the effect of the highest score is fitted, and stays
-if it pays for its parameters; then the one that pays least is left out, as long as the criterion falls. All models are
-parts of one: an absent effect is held at its null values, so that functions are built once, sums compare exactly, and
-the score test has a column for each.
+What the logs plainly call for is fitted first. Scores say to first order by how much the criterion would fall with each
+effect that is absent, Wald's test without each that is present: the most promising of them is fitted, and the model
+taken if the criterion falls, until none is left. All models are parts of one: an absent effect is held at its null
+values, so that functions are built once, sums compare exactly, and the score test has a column for each.
 """
 
 from __future__ import annotations
@@ -21,21 +21,25 @@ from identify.base.progress import Notice, Progress, to_nobody
 from identify.base.result import EffectReason
 from identify.base.wording import three_figures
 from identify.diagnosis.effect_choice import Choice, price
+from identify.diagnosis.findings import against_data
 from identify.diagnosis.fitted import Fitted, fit_beside, fit_model
 from identify.diagnosis.quantities import EFFECTS, held_quantities
 from identify.diagnosis.score_test import score_table
 from identify.effects import ALL
+from identify.estimation.covariance import information_at
 from identify.estimation.fit_wording import prefit_warnings, wrong_unit
 from identify.estimation.search import alike
 from identify.logs.loads import swing
 from identify.logs.prepare import Prepared
 from identify.logs.prepared_scene import prepare_scene
+from identify.logs.unknowns import stated_rig
 from identify.logs.vibration import SpectralLine, rhythms
 from identify.scene import Scene
 
 Array = NDArray[np.float64]
 
 ALWAYS = ("inertia",)
+SURE = 10.0  # times what its parameters must gain: an effect that gains more to first order is not fitted without
 # Effects whose null values are numbers: held there, they are absent.
 HELD = ("velocity_weakening", "direct_effect", "load_dependence", "occlusion", "excitation", "finger_motion")
 BY_NAME = {effect.name: effect for effect in ALL}
@@ -190,32 +194,28 @@ class _Comparison:
         self.tried = [one.effect for one in candidates if one.tried]
         self.kept = [one.effect for one in candidates if one.first]
         self.gains: dict[str, tuple[float, float]] = {}
-        self._fits: dict[frozenset[str], Fitted] = {}
 
     def run(self) -> bool:
         """Whether the time sufficed."""
         self._report("fitting all that plainly matters", 0.1)
         self.best = fit_model(self._with(self.kept), self._records)
         while not time_is_up():
-            if not (self._add() or self._leave_out()):
+            falls = self._absent() | self._present()
+            for effect in sorted(falls, key=falls.__getitem__, reverse=True):
+                if time_is_up():
+                    return False
+                if self._step(effect):
+                    break
+            else:
                 return not time_is_up()
         return False
 
-    def _add(self) -> bool:
-        """Take in an effect that pays for its parameters, the one of the highest score first; whether there is one."""
-        least = float(np.log(max(self.best.samples, 2)))
-        for effect, score in sorted(self._scores().items(), key=lambda pair: -pair[1]):
-            self.gains[effect] = score, least
-            if score > least and not time_is_up() and self._step([*self.kept, effect], effect):
-                return True
-        return False
-
-    def _scores(self) -> dict[str, float]:
-        """By how much chi^2 would fall with each effect that is absent, to first order."""
+    def _absent(self) -> dict[str, float]:
+        """By how much the criterion would fall with each effect that is absent, to first order, where it would."""
         scores = {effect: 0.0 for effect in self.tried if effect not in self.kept}
-        attempt = self.best.attempt
+        attempt, least = self.best.attempt, float(np.log(max(self.best.samples, 2)))
         if attempt is None or not scores:
-            return scores
+            return {}
         owner = {q.name: effect for effect in HELD for q in BY_NAME[effect].parameters}
         owner |= {name: effect for name, (effect, _) in EFFECTS.items()} | {"stiffness": "skin_compliance"}
         columns = [column for column in held_quantities(attempt, self.best.unknowns) if column.name in owner]
@@ -226,38 +226,52 @@ class _Comparison:
                     scores[effect] = one.score
                     if one.column.name in EFFECTS:
                         self._starts[EFFECTS[one.column.name][1]] = one.step
-        return scores
+        self.gains |= {effect: (score, least) for effect, score in scores.items()}
+        return {effect: score - least for effect, score in scores.items() if score > least}
 
-    def _leave_out(self) -> bool:
-        """Leave out the effect that pays least for its parameters; whether there is one."""
-        steps = list[tuple[float, str]]()
+    def _present(self) -> dict[str, float]:
+        """By how much the criterion would fall without each effect, by the quadratic at the answer (Wald's test; null
+        values are 0, of a scale one size away), where that may be. What has no null values is to be tried."""
+        attempt, unknowns = self.best.attempt, self.best.unknowns
+        falls = dict.fromkeys(self.kept, 0.0)
+        known = None if attempt is None else information_at(attempt.solved, unknowns)
+        if attempt is None or known is None or not known.known:
+            return falls
+        pulled = {held.name: held for held in against_data(attempt, unknowns, stated_rig(self._scene), 1.0)}
+        covariance, at = known.covariance(), {unknowns.names[i]: n for n, i in enumerate(known.free.tolist())}
+        off = np.where(unknowns.logarithmic, 1.0, attempt.solved.theta)[known.free]
         for effect in self.kept:
-            if time_is_up():
-                return False
-            others = [e for e in self.kept if e != effect]
-            smaller = self._fitted(others, effect)
-            self.gains[effect] = _fall(self.best, smaller), _penalty(self.best, smaller)
-            steps.append((_bic(smaller, self.best), effect))
-        criterion, effect = min(steps, default=(0.0, ""))
-        return criterion < 0.0 and self._step([e for e in self.kept if e != effect], effect)
+            null = BY_NAME[effect].null
+            mine = [at[name] for name in null if name in at]
+            stated = [pulled[name] for name in null if name in pulled]
+            if mine:
+                loss = float(off[mine] @ np.linalg.solve(covariance[np.ix_(mine, mine)], off[mine]))
+            elif stated:  # held: from where the data would put it
+                loss = sum((1.0 + 2.0 * np.log(held.said / held.stated)) / held.error**2 for held in stated)
+            else:
+                continue
+            least = max(len(mine), 1) * float(np.log(max(self.best.samples, 2)))
+            self.gains[effect] = loss, least
+            if loss > SURE * least:
+                del falls[effect]
+            else:
+                falls[effect] = least - loss
+        return falls
 
-    def _step(self, effects: list[str], effect: str) -> bool:
-        """Take these effects, if they make the better model."""
-        other, more = self._fitted(effects, effect), len(effects) > len(self.kept)
-        larger, smaller = (other, self.best) if more else (self.best, other)
-        self.gains[effect] = _fall(larger, smaller), _penalty(larger, smaller)
-        if not _bic(other, self.best) < 0.0:
+    def _step(self, effect: str) -> bool:
+        """Take in an effect that is absent, or leave one out, if the Schwarz criterion falls by it."""
+        add = effect not in self.kept
+        effects = [*self.kept, effect] if add else [e for e in self.kept if e != effect]
+        self._report(f"{'with' if add else 'without'} {effect}", 0.5)
+        other = fit_beside(self.best, self._with(effects), self._records)
+        larger, smaller = (other, self.best) if add else (self.best, other)
+        fall, each = _fall(larger, smaller), float(np.log(max(larger.samples, 2)))
+        more = larger.searched - smaller.searched
+        self.gains[effect] = fall, max(more, 1) * each
+        if not np.isfinite(other.excess) or not (fall > more * each if add else fall < more * each):
             return False
         self.kept, self.best = effects, other
         return True
-
-    def _fitted(self, effects: list[str], effect: str) -> Fitted:
-        """The model of these effects, fitted beside the best one, once."""
-        key = frozenset(effects)
-        if key not in self._fits:
-            self._report(f"{'with' if effect in effects else 'without'} {effect}", 0.5)
-            self._fits[key] = fit_beside(self.best, self._with(effects), self._records)
-        return self._fits[key]
 
     def _with(self, effects: Iterable[str]) -> Scene:
         """The scene of a subset of effects: the others that can be are held at their null values."""
@@ -280,19 +294,6 @@ def _fall(larger: Fitted, smaller: Fitted) -> float:
     if not np.isfinite(larger.excess):
         return 0.0 if not np.isfinite(smaller.excess) else -np.inf
     return float((smaller.excess - larger.excess) / max(1.0, 1.0 + larger.excess / larger.samples))
-
-
-def _penalty(larger: Fitted, smaller: Fitted) -> float:
-    """What the parameters of an effect must gain at least: the logarithm of the number of samples, for each."""
-    return max(larger.searched - smaller.searched, 1) * float(np.log(max(larger.samples, 2)))
-
-
-def _bic(other: Fitted, than: Fitted) -> float:
-    """Difference of the Schwarz criterion of two models: below 0 the first is the better one."""
-    if not np.isfinite(other.excess):
-        return np.inf
-    more = other.searched - than.searched
-    return more * float(np.log(max(other.samples, 2))) - (_fall(other, than) if more >= 0 else -_fall(than, other))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

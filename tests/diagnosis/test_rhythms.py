@@ -72,7 +72,7 @@ def test_a_fit_finds_the_vibration_under_which_the_mass_sticks_and_slips(vibrati
     values = _values(fit_model(_scene((*MAIN, "excitation"), logs=fast), vibrating[1:]))
     assert values["excitation_amplitude"] == pytest.approx(3e-6, rel=0.05)
     assert values["excitation_frequency"] == pytest.approx(31.0, abs=0.02)
-    plain = fit_model(_scene(MAIN, logs=fast), vibrating[1:], thorough=False)  # without the effect the data object
+    plain = fit_model(_scene(MAIN, logs=fast), vibrating[1:])  # without the effect the data object
     assert plain.attempt is None or plain.attempt.gate.status is not Status.CONVERGED
 
 
