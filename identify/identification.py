@@ -28,10 +28,11 @@ from identify.base.progress import Notice, Progress, noticed_once, to_nobody
 from identify.base.result import NextLogResult
 from identify.base.wording import told_apart
 from identify.bench.next_log import advised, next_logs
-from identify.diagnosis.explain import explain
+from identify.diagnosis.explain import MISFITS, explain
 from identify.diagnosis.findings import Findings, against_data
 from identify.diagnosis.fitted import Fitted, fit_beside
 from identify.diagnosis.selection import choose_from_data
+from identify.diagnosis.specimens import with_scatter
 from identify.effects import ALL
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import Question, certainty
@@ -45,6 +46,7 @@ from identify.estimation.fit_wording import (
     untried,
     wrong_unit,
 )
+from identify.estimation.goodness_of_fit import stick_scatter
 from identify.estimation.influence import largest_inflation
 from identify.estimation.search import SearchProblem, alike, search
 from identify.estimation.starts import Sources
@@ -297,7 +299,9 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
             left_out = {i: why for i, why in left_out.items() if i not in better.log_numbers}
             findings = _quantified(task, prepared, replace(better, found_by=(Strategy.CAUSES.value,)), left_out)
         if _within_usual_errors(task.scene, findings):
-            return _with_rig_estimated(task, prepared, findings)
+            prepared, findings = _with_rig_estimated(task, prepared, findings)
+        if _logs_may_differ(task.scene, findings):
+            return _with_logs_apart(task, prepared, findings)
     return prepared, findings
 
 
@@ -350,6 +354,42 @@ def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings
     )
     message = f"the rig is not exactly as stated; estimated within its usual errors it is: {words}; {again.message}"
     return at.prepared, replace(again, message=message, causes=findings.causes, scene=eased)
+
+
+MOST_SCATTER = 0.06  # of friction from log to log, one standard deviation: specimens that differ by more are no repeats
+GAINS = ("load_gain", "force_gain")
+
+
+def _logs_may_differ(scene: Scene, findings: Findings) -> bool:
+    """Whether a misfit, or a scatter of sticks, may be one of logs: no cause in common to all of them explains it, and
+    the scene does not say that all are of one specimen."""
+    attempt, usual = findings.attempt, {**USUAL_TOLERANCES, **scene.tolerances}["specimen"]
+    if attempt is None or len(attempt.log_numbers) < 2 or not usual or not np.isfinite(attempt.excess):
+        return False
+    if findings.status is Status.CONVERGED:
+        return stick_scatter(attempt.solved) is not None
+    of_logs = all(c.log is not None and c.quantity in GAINS for c in findings.causes if c.number == 1)
+    return findings.status in MISFITS and (of_logs or not findings.explained)
+
+
+def _with_logs_apart(task: Task, prepared: list[Prepared], findings: Findings) -> tuple[list[Prepared], Findings]:
+    """The answer with friction that differs from log to log by a usual scatter; the findings as they were where that
+    does not describe the data, or the data contradict the rig with it."""
+    assert findings.attempt is not None
+    least = {**USUAL_TOLERANCES, **task.scene.tolerances}["specimen"]
+    found = with_scatter(findings.attempt, prepared, findings.unknowns, least)
+    if found is None or found.sd > max(MOST_SCATTER, least):
+        return prepared, findings
+    again = _quantified(task, found.prepared, found.attempt, dict(findings.left_out))
+    if again.status is not Status.CONVERGED or any(held.contradicted for held in again.held):
+        return prepared, findings
+    each = zip(found.attempt.names, (100.0 * found.off).tolist(), strict=True)
+    shares = ", ".join(f"{name} {level:+.2g} % and {static:+.2g} %" for name, (level, static) in each)
+    message = (
+        f"friction, and mu_s beside it, differs from log to log by {100.0 * found.sd:.2g} % (one standard deviation; "
+        f"{shares}), which the intervals hold; {again.message}"
+    )
+    return found.prepared, replace(again, message=message, causes=findings.causes, scatter=found.sd)
 
 
 def _quantified(task: Task, prepared: list[Prepared], attempt: Attempt | None, left_out: dict[int, str]) -> Findings:

@@ -225,8 +225,8 @@ class Shift:
 
 @dataclass(frozen=True)
 class ToleranceResult:
-    """An error of rig or sensors that published intervals hold: one standard deviation as a share; source: "scene" or
-    "usual"."""
+    """An error of rig or sensors that published intervals hold: one standard deviation as a share; source: "scene",
+    "usual" or, from the data, "estimated"."""
 
     relative: float
     source: str = "usual"

@@ -157,13 +157,14 @@ def _with_cause(
         clearly = attempt.excess - CLEAR * _inflation(attempt) if fits else REMAINS * attempt.excess
         if not (cause.attempt.excess < clearly or (cause.attempt.fits and not fits)):
             continue
-        cause = _with_alike(cause)
+        cause = _with_alike(cause, {one.column.name for one in table.scores})
         if (better := _as_stated(cause, ended)) is not None:
             return findings, better
         causes.append(cause)
     causes.sort(key=lambda cause: cause.attempt.excess)
     causes = [each for each in causes if each.attempt.excess < causes[0].attempt.excess + CLEAR]
-    findings = replace(findings, causes=_rows(scene, attempt, unknowns, table, causes))
+    rows = _rows(scene, attempt, unknowns, table, causes)
+    findings = replace(findings, causes=rows, explained=bool(causes))
     if causes:
         return _caused(findings, scene, causes, fits=fits), None
     return _unexplained(findings, ended.prepared) if findings.status in MISFITS else findings, None
@@ -249,7 +250,7 @@ def _with_effect(scene: Scene, read: Sequence[Record], ended: Fitted, score: Sco
     try:
         found = fit_beside(ended, more, read)
         if found.attempt is None or not found.attempt.fits:
-            found = min(found, fit_model(more, read, thorough=False), key=lambda each: each.excess)
+            found = min(found, fit_model(more, read), key=lambda each: each.excess)
     except (FitError, SceneError):
         return None
     if found.attempt is None:
@@ -292,9 +293,9 @@ def _moved(ended: Fitted, score: Score) -> _Cause | None:
     return _Cause(score, size, best, unknowns)
 
 
-def _with_alike(cause: _Cause) -> _Cause:
-    """A cause with the standard error of its quantity, and what looks like that at its answer, where the model
-    describes the data."""
+def _with_alike(cause: _Cause, names: set[str]) -> _Cause:
+    """A cause with the standard error of its quantity, and which of some quantities look like that at its answer, where
+    the model describes the data."""
     attempt, unknowns, name, size, unit = cause.attempt, cause.unknowns, cause.score.column.name, cause.size, 1.0
     name = EFFECTS.get(name, ("", name))[1]
     held: tuple[int, ...] = ()
@@ -311,7 +312,9 @@ def _with_alike(cause: _Cause) -> _Cause:
     mine = of.index((name, cause.score.log))
     ratio = table.information[mine] / np.diag(table.information)
     near = np.flatnonzero(np.abs(table.correlation[mine]) > ALIKE).tolist()
-    alike = tuple((table.scores[j], float(size * ratio[j])) for j in near if j != mine)
+    # Of loads that are moved apart an exponent and zeros look like the gain of one: they were no quantities before.
+    near = [j for j in near if j != mine and table.scores[j].column.name in names]
+    alike = tuple((table.scores[j], float(size * ratio[j])) for j in near)
     return replace(cause, error=unit * table.scores[mine].error, alike=alike)
 
 

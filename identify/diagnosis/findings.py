@@ -77,7 +77,9 @@ class Findings:
     """What a fit found: status and sentence, the attempt that was accepted or came closest (None without one), why logs
     took no part, what is known of its parameters (None where nothing is); held: the rig as it was stated, against the
     data; causes: the scores of what a misfit may come of; trace: what was tried; estimator: its name; estimated: what
-    an estimator found that is not the plain one; scene: that of the answer where it is not the one that was given."""
+    an estimator found that is not the plain one; scene: that of the answer where it is not the one that was given;
+    explained: whether a cause was confirmed; scatter: relative standard deviation of friction from log to log where the
+    answer is one of logs that differ, else 0."""
 
     status: Status
     message: str
@@ -91,6 +93,8 @@ class Findings:
     estimator: str = "plain"
     estimated: Estimated | None = None
     scene: Scene | None = None
+    explained: bool = False
+    scatter: float = 0.0
 
     @property
     def estimates(self) -> Sequence[Estimate]:

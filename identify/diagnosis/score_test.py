@@ -9,7 +9,7 @@ quantities look alike in these data (Rao's score test; Cox and Hinkley, Theoreti
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -157,31 +157,6 @@ def score_table(
     ranked = sorted(best.values(), key=lambda pair: -pair[1].score)
     places = [i for i, _ in ranked]
     return ScoreTable(tuple(score for _, score in ranked), left[np.ix_(places, places)])
-
-
-def marginal_covariance(
-    solved: Solved, columns: Sequence[Column], scatter: Mapping[str, float], inflation: float = 1.0
-) -> Array:
-    """Covariance (f, f) that held quantities, each another in every log, add to that of the free parameters.
-
-    Each log's value is normal about the stated one and estimated along with the parameters, so that scatter which the
-    logs contradict is not believed.
-
-    Args:
-        scatter: standard deviation from log to log of every column by name, in its unit.
-        inflation: as in `score_table`.
-
-    Raises:
-        LinAlgError: the optimality conditions are singular there.
-    """
-    table = score_table(solved, columns, inflation)
-    used = [i for i, score in enumerate(table.scores) if score.log is not None and score.step]
-    if not used:
-        return np.zeros((solved.problem.layout.free.size,) * 2)
-    moves = np.array([table.scores[i].shift / table.scores[i].step for i in used])
-    prior = np.array([scatter[table.scores[i].column.name] for i in used])
-    precision = table.information[np.ix_(used, used)] / inflation + np.diag(prior**-2.0)
-    return np.asarray(moves.T @ np.linalg.solve(precision, moves))
 
 
 def _chosen(columns: Sequence[Column], logs: int) -> tuple[Array, list[tuple[Column, int | None]]]:

@@ -32,6 +32,7 @@ class Strategy(Enum):
     FINER_STEPS = "finer steps"  # halves steps whose error is no small part of a standard error
     OTHER_OPTIMA = "other optima"  # solves from starts about an answer that hardly determines some parameter
     PROFILE_OPTIMUM = "optimum of a profile"  # solves from a lower point that a profile met
+    LOG_EFFECTS = "scatter between logs"  # lets friction of single logs be off, where no cause in common is named
     CAUSES = "refit of a cause"  # frees what the score test names first
 
 

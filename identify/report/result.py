@@ -41,8 +41,8 @@ from identify.base.result import (
 )
 from identify.diagnosis.effect_choice import Choice, as_listed, effects_result
 from identify.diagnosis.findings import Findings, held_results
-from identify.diagnosis.quantities import DIFFERENCE, load_gain, parameter
-from identify.diagnosis.score_test import Column, marginal_covariance
+from identify.diagnosis.score_test import score_table
+from identify.diagnosis.specimens import columns_of, log_effects
 from identify.estimation.certainty import Certainty
 from identify.estimation.covariance import (
     FARTHEST,
@@ -391,11 +391,12 @@ def _tolerances(scene: Scene, found: Findings) -> dict[str, ToleranceResult]:
     settled |= {"friction_force"} if "force_sensor" in scene.effects else set()
     settled |= {"damping"} if "damping" not in found.unknowns.names else set()
     settled |= {"specimen"} if not each_speed_alone(found) else set()
-    return {
+    out = {
         name: ToleranceResult(share, "scene" if name in scene.tolerances else "usual")
         for name, share in {**USUAL_TOLERANCES, **scene.tolerances}.items()
         if name not in settled
     }
+    return out | ({"specimen": ToleranceResult(found.scatter, "estimated")} if found.scatter else {})
 
 
 def each_speed_alone(found: Findings) -> bool:
@@ -427,12 +428,10 @@ def _by_specimens(found: Findings, scatter: float, inflation: float) -> Array:
     part by itself, adds."""
     assert found.attempt is not None
     unknowns, solved = found.unknowns, found.attempt.solved
-    free, static = int(np.count_nonzero(unknowns.free)), unknowns.names.index("mu_s")
-    columns = [Column("load_gain", load_gain, DIFFERENCE, "single")]
-    columns.append(Column("mu_s", parameter(static, logarithmic=False), DIFFERENCE, "single"))
-    sizes_of = {"load_gain": scatter, "mu_s": scatter * abs(float(solved.theta[static]))}
+    free, mu_s = int(np.count_nonzero(unknowns.free)), abs(float(solved.theta[unknowns.names.index("mu_s")]))
     try:
-        return marginal_covariance(solved, columns, sizes_of, inflation)[:free, :free]
+        table = score_table(solved, columns_of(unknowns, mu_s), inflation)
+        return log_effects(table, np.zeros(len(table.scores)), scatter, inflation, estimated=False).added[:free, :free]
     except np.linalg.LinAlgError:  # directions that no log determines: their verdicts say so
         return np.zeros((free, free))
 
