@@ -220,8 +220,8 @@ def check_memory(source: Source, rows: int, columns: int, until: Callable[[int],
     if until is not None:
         stop = f"{until(int(rows * _SHARE * free / wanted) - 1):.4g} s"
         part = (
-            f'read a part of the log with --window "0 s,{stop}" (in a scene: window = ["0 s", "{stop}"] in its '
-            f"[[logs]]), one step with --step{fewer and ','}{fewer}"
+            f'read a part of the log with --window "0 s,{stop}" (for a fit, convert that part to a file '
+            f"of its own), one step with --step{fewer and ','}{fewer}"
         )
     raise LogTooLargeError(
         f"{source.path}: the columns asked for take {wanted / 1e9:.3g} GB where {free / 1e9:.3g} GB of memory are "

@@ -53,8 +53,7 @@ from identify.estimation.starts import Sources
 from identify.estimation.stick_strength import with_strengths
 from identify.estimation.strategies import Strategy, Trace, Trial, tracing
 from identify.logs.prepare import Prepared
-from identify.logs.prepared_scene import prepare_scene
-from identify.logs.scene_records import with_drives, with_records
+from identify.logs.scene_records import prepare_scene, with_drives, with_records
 from identify.logs.unknowns import Unknowns, from_scene, stated_rig, user_start
 from identify.model.model import RIG_PARAMETERS
 from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves

@@ -23,9 +23,9 @@ from identify.base.errors import IdentifyError
 from identify.base.quantiles import NORMAL, student
 from identify.base.wording import speed_text, three_figures
 from identify.bench.ringdown import FEWEST_SAMPLES, FEWEST_SWINGS, ring_downs
-from identify.logs.draft import DraftLog, look
 from identify.logs.noise import line_slope
-from identify.logs.recorded_drive import UNTOLD, recorded_drive
+from identify.logs.recorded_drive import UNTOLD, drive_of, recorded_drive
+from identify.logs.regime import look
 
 Array = NDArray[np.float64]
 
@@ -90,8 +90,8 @@ def sticks(record: Record, path: Path, speed: float | None, on_skin: bool = Fals
     Raises:
         IdentifyError: no drive speed, or no straight rise.
     """
-    seen = look(DraftLog(path, None, record)).seen
     recorded = recorded_drive(record)
+    seen = look(record, drive_of(record, recorded))
     drive = recorded.speed if speed is None else speed
     if not drive:
         why = "" if recorded.trouble == UNTOLD else f" ({recorded.trouble})"

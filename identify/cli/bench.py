@@ -177,8 +177,7 @@ def plan(arguments: Namespace, terminal: Terminal) -> Answer:
     from data_io.atomic import atomic_write
     from identify.bench.plan import Choices, plan_document, plan_text, step_table
     from identify.bench.plan import plan as planned
-    from identify.logs.prepared_scene import prepare_scene
-    from identify.logs.scene_records import with_records
+    from identify.logs.scene_records import prepare_scene, with_records
     from identify.prediction.sources import existing_result
     from identify.report.stored_result import read_result, scene_of
     from identify.scene import Scene

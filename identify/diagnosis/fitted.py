@@ -12,7 +12,7 @@ from data_io import Record
 from identify.estimation.attempt import Attempt, solve_from, usable
 from identify.estimation.search import SearchProblem, search
 from identify.logs.prepare import Prepared
-from identify.logs.prepared_scene import prepare_scene
+from identify.logs.scene_records import prepare_scene
 from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
 

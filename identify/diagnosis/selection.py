@@ -29,9 +29,9 @@ from identify.effects import ALL
 from identify.estimation.covariance import information_at
 from identify.estimation.fit_wording import prefit_warnings, wrong_unit
 from identify.estimation.search import alike
-from identify.logs.loads import swing
+from identify.logs.log_data import swing
 from identify.logs.prepare import Prepared
-from identify.logs.prepared_scene import prepare_scene
+from identify.logs.scene_records import prepare_scene
 from identify.logs.unknowns import stated_rig
 from identify.logs.vibration import SpectralLine, rhythms
 from identify.scene import Scene

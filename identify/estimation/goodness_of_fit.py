@@ -20,8 +20,8 @@ from identify.base.outcome import Status
 from identify.base.quantiles import normal, student
 from identify.base.wording import START_VALUES, three_figures
 from identify.estimation.residual_autocorrelation import CLOSE, MORE, autocorrelation_test
-from identify.logs.fit_mode import hidden_rhythm
 from identify.logs.log_data import LogData
+from identify.logs.regime import Known, hidden_rhythm
 from identify.logs.unknowns import Unknowns
 from identify.model.model import SPEED
 from identify.shooting.passes import SETTLED, Solved
@@ -314,12 +314,8 @@ def load_deviations(data: LogData, trajectory: ShootingTrajectory) -> Array:
     if not data.normal_force_sd > 0.0 or not trajectory.deviation.size:
         return np.empty(0)
     slid = trajectory.slip_deviation.size
-    mean = np.zeros(trajectory.deviation.size)
-    mean[trajectory.slip_parts] = data.expected[0]
-    at_onset = (trajectory.deviation - mean) / data.onset_load_sd_at(trajectory.loaded_at)
-    return np.append(
-        at_onset, (trajectory.slip_deviation - data.expected[1]) / data.load_sd_at(trajectory.slid_at[:slid])
-    )
+    at_onset = trajectory.deviation / data.onset_load_sd_at(trajectory.loaded_at)
+    return np.append(at_onset, trajectory.slip_deviation / data.load_sd_at(trajectory.slid_at[:slid]))
 
 
 def loads_stand_in(solved: Solved) -> bool:
@@ -362,15 +358,9 @@ def _swings(solved: Solved, names: Sequence[str]) -> str:
             continue
         rested = (s.until for s in trajectory.stretches if s.kind == "rest" or s.ended_by == "arrest")
         rows = slice(*np.searchsorted(log.time, [max(rested, default=log.begin), log.end]))
-        swing = hidden_rhythm(
-            log.time[rows],
-            np.where(log.weight[rows] > 0.0, log.force[rows] - curve[rows], np.nan),
-            None,  # what the load does the answer follows
-            stiffness=values["stiffness"],
-            drive_speed=log.speed_at(log.end),
-            half_period=float(np.pi * np.sqrt(values["mass"] / values["stiffness"])),
-            least=LINE_SHARE,
-        )
+        rig = Known(values["stiffness"], log.speed_at(log.end), np.pi * (values["mass"] / values["stiffness"]) ** 0.5)
+        left = np.where(log.weight[rows] > 0.0, log.force[rows] - curve[rows], np.nan)
+        swing = hidden_rhythm(log.time[rows], left, None, rig, LINE_SHARE)  # what the load does the answer follows
         if swing is not None:
             return f"the misfit is noise on the whole, but where this answer slides, {name} {swing}, or leave it out"
     return ""

@@ -16,7 +16,7 @@ from identify.base.errors import FitError
 from identify.estimation.attempt import HORIZONS, as_far_as_placed, place_on
 from identify.estimation.fit_wording import prefit_warnings, wrong_unit
 from identify.logs.prepare import Prepared, beginning
-from identify.logs.prepared_scene import prepare_scene
+from identify.logs.scene_records import prepare_scene
 from identify.logs.unknowns import Unknowns, user_start
 from identify.logs.vibration import quieted
 from identify.scene import Scene

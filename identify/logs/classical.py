@@ -14,9 +14,9 @@ from data_io.arrays import kept, thinned
 from data_io.quality import mean_and_drift, presses
 from identify.base.result import ClassicalDirection, ClassicalTable
 from identify.logs.noise import bridged, smooth
+from identify.logs.recorded_drive import DriveCourse, Stroke
 from identify.logs.regime import Known, LogRegime, Verdict, look
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
-from identify.logs.strokes import DriveCourse, Stroke
 
 Array = NDArray[np.float64]
 Value = float | int | str | None
@@ -62,6 +62,13 @@ class _Part:
     good: NDArray[np.bool_]
     found: Segmentation
 
+    @classmethod
+    def of(cls, record: Record, stroke: Stroke, verdict: Verdict, tare: float) -> _Part:
+        rows = slice(stroke.start, stroke.stop)
+        force, load = stroke.direction * (record.friction_force[rows] - tare), record.normal_force[rows]
+        good = np.isfinite(force) & np.isfinite(load) & ~verdict.found.spikes & presses(load)
+        return cls(record.time[rows], force, load, good, verdict.found)
+
 
 def classical_table(
     record: Record,
@@ -78,7 +85,7 @@ def classical_table(
         record: the log; its friction force as in the file.
         segmentation: phases of the whole record where they are known (used if the record is one stroke);
             otherwise every stroke is segmented here.
-        drive_speed: [m/s], a programme, one value per row, or None.
+        drive_speed: [m/s], a programme, or None.
         stiffness: of the rig [N/m], to compare the sticks with.
         half_period: pi sqrt(m/k) [s] where the rig is known.
         tare: force to take off the friction force [N].
@@ -92,7 +99,7 @@ def classical_table(
 
 def table_of(record: Record, seen: LogRegime, *, stiffness: float | None = None, tare: float = 0.0) -> ClassicalTable:
     """The classical table of a log whose regime is known; see `classical_table`."""
-    parts = [_part(record, s, v, tare) for s, v in zip(seen.strokes, seen.verdicts, strict=True)]
+    parts = [_Part.of(record, s, v, tare) for s, v in zip(seen.strokes, seen.verdicts, strict=True)]
     rows, reasons = [], []
     for part, stroke, verdict in zip(parts, seen.strokes, seen.verdicts, strict=True):
         figures = _row(part, stroke, verdict, stiffness)
@@ -102,13 +109,6 @@ def table_of(record: Record, seen: LogRegime, *, stiffness: float | None = None,
         rows.append(finite)
         reasons.append({k: figures[k][1] if enough else few for k, value in finite.items() if value is None})
     return ClassicalTable(tuple(rows), tuple(_directions(parts, seen.strokes)), tuple(reasons), dict(DEFINITIONS))
-
-
-def _part(record: Record, stroke: Stroke, verdict: Verdict, tare: float) -> _Part:
-    rows = slice(stroke.start, stroke.stop)
-    force, load = stroke.direction * (record.friction_force[rows] - tare), record.normal_force[rows]
-    good = np.isfinite(force) & np.isfinite(load) & ~verdict.found.spikes & presses(load)
-    return _Part(record.time[rows], force, load, good, verdict.found)
 
 
 def _directions(parts: Sequence[_Part], strokes: Sequence[Stroke]) -> list[ClassicalDirection]:
@@ -132,8 +132,20 @@ def _directions(parts: Sequence[_Part], strokes: Sequence[Stroke]) -> list[Class
 
 
 def _row(part: _Part, stroke: Stroke, verdict: Verdict, stiffness: float | None) -> Figures:
-    time, phases = part.time, part.found
+    """The figures of a stroke."""
+    time, phases, speed, rhythm, trend = part.time, part.found, stroke.speed, verdict.rhythm, None
     mean, drift = mean_and_drift(part.load)
+    drop, period, slope = phases.drop_mean_and_sd, phases.period_mean_and_sd, phases.stick_slope
+    measured = slope[0] / speed if slope and speed else None
+    sliding = part.good & (phases.phase == SLIDING)
+    coefficient = part.force[sliding] / part.load[sliding]
+    tenth = coefficient.size // 10
+    rubs = tenth and float(np.median(part.force[sliding])) > RUBS * phases.noise
+    if rubs and (first := float(np.mean(coefficient[:tenth]))) > 0.0:
+        trend = 100.0 * (float(np.mean(coefficient[-tenth:])) / first - 1.0)
+    few = f"{phases.count} slip(s) are too few" if phases.count else "no slip"
+    no_stick = "no stick slope" if speed else "the drive speed is unknown or zero"
+    no_rhythm = "no rhythm stands out of the noise of steady sliding"
     out: Figures = {
         "run": (stroke.run, ""),
         "step": (stroke.step, ""),
@@ -141,13 +153,35 @@ def _row(part: _Part, stroke: Stroke, verdict: Verdict, stiffness: float | None)
         "direction": (stroke.direction, ""),
         "samples": (int(np.count_nonzero(part.good)), ""),
         "duration_s": (float(time[-1] - time[0]), ""),
-        "drive_speed_m_per_s": (stroke.speed, "the drive speed is unknown, zero or not constant in this stroke"),
+        "drive_speed_m_per_s": (speed, "the drive speed is unknown, zero or not constant in this stroke"),
         "regime": (verdict.regime and verdict.regime.value, "the force only rises: no slip has come yet"),
         "cycles": (phases.count, ""),
         "normal_force_N": (mean if np.isfinite(part.load).any() else None, "no sample"),
         "normal_force_drift_percent": (100.0 * drift if mean > 0.0 else None, "nothing presses"),
+        **_coefficients(part),
+        "drop_N": (drop[0] if drop else None, few),
+        "drop_sd_N": (drop[1] if drop and phases.count > 1 else None, few),
+        "frequency_Hz": (1.0 / period[0] if period and period[0] > 0 else None, few),
+        "frequency_sd_Hz": (period[1] / period[0] ** 2 if period and phases.count > 2 else None, few),
+        "samples_per_slip": (phases.samples_per_slip if phases.count else None, few),
+        "stick_slip_percent": (100.0 * (phases.share(STICK) + phases.share(SLIP)) if phases.count else 0.0, ""),
+        "sliding_percent": (100.0 * phases.share(SLIDING), ""),
+        "noise_N": (phases.noise, ""),
+        "stick_slope_N_per_s": (slope[0] if slope else None, "no stick was seen from its beginning to its end"),
+        "stick_slope_scatter_percent": (
+            100.0 * slope[1] if slope and phases.stick_slopes.size > 1 else None,
+            "fewer than two whole sticks",
+        ),
+        "stick_stiffness_N_per_m": (measured, no_stick),
     }
-    return out | _coefficients(part) | _slips(part) | _sticks(part, stroke.speed, stiffness) | _slides(part, verdict)
+    if stiffness:
+        deviation = 100.0 * (measured / stiffness - 1.0) if measured else None
+        out["stick_stiffness_deviation_percent"] = (deviation, no_stick)
+    return out | {
+        "sliding_trend_percent": (trend, "too little slides without stick-slip, or the force is none above its noise"),
+        "rhythm_Hz": (rhythm.frequency if rhythm else None, no_rhythm),
+        "rhythm_N": (rhythm.range if rhythm else None, no_rhythm),
+    }
 
 
 def _coefficients(part: _Part) -> Figures:
@@ -195,53 +229,4 @@ def _coefficients(part: _Part) -> Figures:
     return out | {
         "first_breakaway_coefficient": (breakaway, loading),
         "static_rest_s": (rest, none or "no slip follows another"),
-    }
-
-
-def _slips(part: _Part) -> Figures:
-    phases = part.found
-    drop, period = phases.drop_mean_and_sd, phases.period_mean_and_sd
-    none = "no slip" if not phases.count else f"{phases.count} slip(s) are too few"
-    values: dict[str, Value] = {
-        "drop_N": drop[0] if drop else None,
-        "drop_sd_N": drop[1] if drop and phases.count > 1 else None,
-        "frequency_Hz": 1.0 / period[0] if period and period[0] > 0 else None,
-        "frequency_sd_Hz": period[1] / period[0] ** 2 if period and phases.count > 2 else None,
-        "samples_per_slip": phases.samples_per_slip if phases.count else None,
-        "stick_slip_percent": 100.0 * (phases.share(STICK) + phases.share(SLIP)) if phases.count else 0.0,
-        "sliding_percent": 100.0 * phases.share(SLIDING),
-        "noise_N": phases.noise,
-    }
-    return {name: (value, none) for name, value in values.items()}
-
-
-def _sticks(part: _Part, speed: float | None, stiffness: float | None) -> Figures:
-    slope = part.found.stick_slope
-    measured = slope[0] / speed if slope and speed else None
-    scatter = 100.0 * slope[1] if slope and part.found.stick_slopes.size > 1 else None
-    none = "no stick slope" if speed else "the drive speed is unknown or zero"
-    out: Figures = {
-        "stick_slope_N_per_s": (slope[0] if slope else None, "no stick was seen from its beginning to its end"),
-        "stick_slope_scatter_percent": (scatter, "fewer than two whole sticks"),
-        "stick_stiffness_N_per_m": (measured, none),
-    }
-    if stiffness:
-        deviation = 100.0 * (measured / stiffness - 1.0) if measured else None
-        out["stick_stiffness_deviation_percent"] = (deviation, none)
-    return out
-
-
-def _slides(part: _Part, verdict: Verdict) -> Figures:
-    """Trend and rhythm of what slides without stick-slip."""
-    sliding, rhythm, trend = part.good & (part.found.phase == SLIDING), verdict.rhythm, None
-    coefficient = part.force[sliding] / part.load[sliding]
-    tenth = coefficient.size // 10
-    rubs = tenth and float(np.median(part.force[sliding])) > RUBS * part.found.noise
-    if rubs and (first := float(np.mean(coefficient[:tenth]))) > 0.0:
-        trend = 100.0 * (float(np.mean(coefficient[-tenth:])) / first - 1.0)
-    none = "no rhythm stands out of the noise of steady sliding"
-    return {
-        "sliding_trend_percent": (trend, "too little slides without stick-slip, or the force is none above its noise"),
-        "rhythm_Hz": (rhythm.frequency if rhythm else None, none),
-        "rhythm_N": (rhythm.range if rhythm else None, none),
     }

@@ -1,4 +1,4 @@
-"""What a fit takes of one log."""
+"""What a fit takes of one log: its samples, and its normal force as the model takes it."""
 
 from __future__ import annotations
 
@@ -6,22 +6,26 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from data_io.arrays import thinned_steps
+from data_io.arrays import kept, thinned, thinned_steps
+from identify.base.errors import FitError
+from identify.base.quantiles import chi_square, chi_square_exceeded
 from identify.simulation.drive import Drive, NormalForce
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True)
-class StickLoading:
-    """How the sticks of a log load, as its cycles show it: friction over normal force at an onset, rate of the force
-    [N/s]; and how long a slip takes [s]."""
-
-    coefficient: float
-    rate: float
-    slip: float
+SEGMENTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+BINS = 2048  # means of samples a spline is fitted to: enough for the finest one
+WORTH = 3.0  # what one more knot must gain in 2 ln(likelihood): more than Akaike's 2, so that noise stays out
+NEIGHBOURS = (3, 9, 27, 81)  # frequencies over which a spectrum is averaged: a pulse is a line, a jitter a band
+FALSE_ALARMS = 0.01  # lines per log that white noise alone may show
+FEWEST, EVEN = 64, 0.05  # samples, and share of an interval that intervals may differ, of a spectrum
+PER_PERIOD, MOST_DRAWN = 20, 60_000  # straight pieces per period of the fastest line, and of all of them
+MOST_HARMONICS = 1500  # the strongest are followed, the others count to the error
+JITTER = 0.3  # [s]: what has shorter periods is another one at the end of a slip than at its onset
+OUTRUN = 3.0  # times the loading rate: rate of a jitter from which on a contact slips a little before it slips
 
 
 def own_or(shared: Array, own: Array) -> Array:
@@ -36,14 +40,12 @@ class LogData:
     time, force (n,) [s], [N] (sign of sliding positive), weight (n,) 1/variance [1/N^2], 0 where masked (the
     force there is finite, and says nothing);
     base (n_p,) base values of the parameters; own (n_p,) where the search starts a parameter that differs from log to
-    log (NaN: as for all; empty: none does); drive_speed [m/s]; normal_force its slow course, known to within
-    normal_force_sd [N] (0: exact), over time sd_course (None: the same throughout), tremor_sd [N] of it in fast rhythms
-    (0: none), calm: these were taken out, blurred: for the reason that the measurement blurs them, expected [N]: where
-    the normal force then lies about its course at the onset and at the end of a slip; loose [N]: by how much more it
-    may be off at an onset, before which the mass may have moved unseen; strength_sd: of mu_s from stick to stick
-    (0: the same in all); pull (None: no cycles were seen); the fitted window [s]; groups (n_p): the group of logs
-    it shares each parameter with, "" for none; programme: the drive where it changes its speed within the window
-    (None: drive_speed throughout).
+    log (NaN: as for all; empty: none does); groups (n_p): the group of logs it shares each parameter with, "" for none;
+    drive_speed [m/s]; programme: the drive where it changes its speed within the window (None: drive_speed throughout);
+    normal_force, known to within normal_force_sd [N] (0: exact), over time sd_course (None: the same throughout),
+    tremor_sd [N] of it in periods below JITTER (0: none); loose [N]: by how much more it may be off at an onset, before
+    which the mass may have moved unseen; strength_sd: of mu_s from stick to stick (0: the same in all);
+    begin, end of the fitted window [s].
     """
 
     time: Array
@@ -59,13 +61,9 @@ class LogData:
     groups: tuple[str, ...] = ()
     programme: Drive | None = None
     tremor_sd: float = 0.0
-    calm: bool = False
-    blurred: bool = False
     sd_course: NormalForce | None = None
     loose: float = 0.0
     strength_sd: float = 0.0
-    expected: tuple[float, float] = (0.0, 0.0)
-    pull: StickLoading | None = None
 
     def theta(self, shared: Array) -> Array:
         """Theta (n_p,) of this log before the search."""
@@ -103,3 +101,231 @@ class LogData:
     def mean_normal_force(self) -> float:
         """Mean normal force over the window [N]."""
         return float(np.mean(self.normal_force.at(np.linspace(self.begin, self.end, 101))))
+
+
+# The normal force over time.
+
+
+@dataclass(frozen=True)
+class LoadSpline:
+    """A measured normal force as a line over time; sd [N] by which it may be off (0: exact); tremor_sd [N], the part of
+    it that has periods below JITTER; sd_course: the sd over time, where it is not the same throughout."""
+
+    force: NormalForce
+    sd: float = 0.0
+    tremor_sd: float = 0.0
+    sd_course: NormalForce | None = None
+
+
+def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> LoadSpline:
+    """A measured normal force: a cubic spline fitted by least squares, and the harmonics that stand out of its rest.
+
+    The number of spline segments is the one with the best information criterion: noise is averaged away, drift
+    and ripple are kept (a ripple of a few thousandths that is smoothed away biases a fit of many cycles).
+
+    Args:
+        time, normal_force: (n,) [s], [N]; NaN is left out, one finite value at least.
+        cycles: how many will use it, each with an error of its own: their mean must not seem better known than the
+            spline is.
+
+    Returns:
+        the force as a broken line, with its standard deviation as the noise leaves it; 0 for one number throughout.
+
+    Raises:
+        FitError: a force that is not positive throughout.
+    """
+    t, f = _finite(time, normal_force, name)
+    if np.ptp(f) == 0.0 or t.size < 16:
+        return LoadSpline(_checked(NormalForce.of(float(np.mean(f))), name))
+    bins = min(BINS, t.size)
+    index = np.minimum(((t - t[0]) / (t[-1] - t[0]) * bins).astype(int), bins - 1)
+    weights = np.bincount(index, minlength=bins).astype(float)
+    filled, noise = weights > 0.0, _white(f)
+    means, centres = (np.bincount(index, v, bins)[filled] / weights[filled] for v in (f, t))
+    weights = weights[filled]
+    mean = float(np.average(means, weights=weights))
+    best, count = NormalForce.of(mean), 1
+    best_score = float(np.sum(weights * (means - mean) ** 2)) / noise**2 + WORTH
+    for segments in SEGMENTS:
+        if centres.size < 4 * (segments + 3):
+            break
+        inner = np.quantile(centres, np.linspace(0.0, 1.0, segments + 1)[1:-1])
+        knots = np.concatenate([[centres[0]] * 4, inner, [centres[-1]] * 4])
+        spline = scipy.interpolate.make_lsq_spline(centres, means, knots, k=3, w=np.sqrt(weights))
+        score = float(np.sum(weights * (means - spline(centres)) ** 2)) / noise**2 + WORTH * (segments + 3)
+        if score < best_score:
+            drawn = np.linspace(centres[0], centres[-1], 8 * segments + 1)
+            best, count, best_score = NormalForce.of((drawn, np.maximum(spline(drawn), 1e-9))), segments + 3, score
+    one = noise**2 / t.size
+    jitter = one * max(count - (t[-1] - t[0]) / JITTER, 0.0)  # of a spline of short segments
+    rest = f - best.at(t)
+    rhythms = _harmonics_of(t, rest)
+    if rhythms is None:
+        return LoadSpline(_checked(best, name), float(np.sqrt(one * max(count, cycles))), float(np.sqrt(jitter)))
+    made, off = rhythms
+    length, fastest = float(t[-1] - t[0]), int(made.line[-1])
+    finer = int(np.clip(np.ceil(0.5 * PER_PERIOD * fastest / t.size), 1, max(MOST_DRAWN // t.size, 1)))
+    at, wave = made.course(finer)
+    coarser = max(1, int(2.0 * wave.size / (PER_PERIOD * fastest)))
+    at, wave = t[0] + at[::coarser], wave[::coarser]
+    places = np.unique(np.clip(np.concatenate([at, t[[0, -1]]]), t[0], t[-1]))
+    force = NormalForce.of((places, np.maximum(best.at(places) + np.interp(places, at, wave), 1e-9)))
+    # Near the ends the harmonics are known less well: the standard deviation is stated more densely there.
+    end = min(3.0, 0.25 * length)
+    times = np.concatenate([np.linspace(0.0, end, 64), np.linspace(end, length - end, 66)[1:-1]])
+    times = np.concatenate([times, np.linspace(length - end, length, 64)])
+    variance = np.maximum(one * count + made.variance(times) + off, one * cycles)
+    jitter += float(np.median(made.variance(times, int(2.0 * length / JITTER)))) + off
+    over_time = NormalForce.of((t[0] + times, np.sqrt(variance)))
+    return LoadSpline(_checked(force, name), float(np.sqrt(np.median(variance))), float(np.sqrt(jitter)), over_time)
+
+
+def level(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> LoadSpline:
+    """The mean of a measured normal force, and its standard error [N] as the white noise leaves it.
+
+    Arguments and errors as `smooth`.
+    """
+    t, f = _finite(time, normal_force, name)
+    mean = _checked(NormalForce.of(max(float(np.mean(f)), 1e-9)), name)
+    if np.ptp(f) == 0.0 or t.size < 16:
+        return LoadSpline(mean)
+    return LoadSpline(mean, _white(f) * float(np.sqrt(max(cycles, 1) / t.size)))
+
+
+def swing(force: NormalForce, begin: float, end: float) -> float:
+    """By how much a force varies between two times [s]: half its range, as a share of its mean."""
+    values = np.concatenate([force.at([begin, end]), force.between(begin, end)[1]])
+    return float(np.ptp(values) / 2.0 / np.mean(values))
+
+
+def onset_jitter(force: NormalForce, coefficient: float, rate: float) -> float:
+    """Standard deviation [N] of the fast part of a force where it counts as unknown at an onset; 0 where it does not.
+
+    Where the static limit jitters much faster than the drive loads, it dips below the spring force again and again
+    before a slip: the mass moves a little each time, which is not seen in the force and renews the contact.
+
+    Args:
+        coefficient: friction over normal force at an onset; rate: of the spring force in stick [N/s].
+    """
+    times, values = force.knots
+    if times.size < FEWEST or float(np.min(np.diff(times))) > JITTER / 2.0:
+        return 0.0
+    fine = np.linspace(times[0], times[-1], int(np.ceil((times[-1] - times[0]) / JITTER * PER_PERIOD)) + 2)
+    low_pass = scipy.signal.butter(4, 2.0 / PER_PERIOD, output="sos")  # 1 is half the rate of the fine grid
+    fast = force.at(fine) - scipy.signal.sosfiltfilt(low_pass, force.at(fine))
+    rates = np.gradient(fast, fine)
+    outruns = coefficient * float(np.sqrt(2.0 * np.mean(rates**2))) > OUTRUN * rate
+    return float(np.std(fast)) if outruns and np.std(fast) > 1e-3 * np.mean(values) else 0.0
+
+
+def _finite(time: Array, normal_force: Array, name: str) -> tuple[Array, Array]:
+    good = np.isfinite(normal_force) & np.isfinite(time)
+    t, f = kept(time, good), kept(normal_force, good)
+    if np.median(thinned(f)) <= 0.0:
+        raise FitError(
+            f"{name} has a median normal force of {np.median(f):.3g} N; expected a positive load: "
+            "check the column and its sign, or cut the window to the part under load"
+        )
+    return t, f
+
+
+def _checked(force: NormalForce, name: str) -> NormalForce:
+    if min(force.values) <= 1e-6:
+        raise FitError(f"{name}: the normal force falls to zero; cut the window to the part under load")
+    return force
+
+
+def _white(f: Array) -> float:
+    """Standard deviation of the white noise of one sample, from neighbours."""
+    return max(float(np.sqrt(np.mean(np.diff(f, 2) ** 2) / 6.0)), 1e-9 * float(np.max(np.abs(f))))
+
+
+# Harmonics known from what was measured: their sum over time, and how well it is known when.
+
+
+def _harmonics_of(t: Array, rest: Array) -> tuple[Harmonics, float] | None:
+    """The harmonics that stand out of the noise of a rest (n,), and the variance [N^2] of what they leave of it beyond
+    the noise; None where nothing stands out, or the clock is uneven.
+
+    The narrowest mean over neighbours that stands out counts, and is left out of the wider ones.
+    """
+    step = float(np.median(np.diff(t)))
+    if t.size < FEWEST or float(np.max(np.abs(np.diff(t) - step))) > EVEN * step:
+        return None
+    power = scipy.fft.dct(rest, norm="ortho") ** 2
+    noise = max(float(np.median(power)) / chi_square(0.5, 1), 1e-300)
+    share, left = np.zeros(power.size), power.copy()
+    for width in NEIGHBOURS:
+        mean = scipy.ndimage.uniform_filter1d(left, width, mode="nearest")
+        limit = chi_square_exceeded(FALSE_ALARMS / (power.size * len(NEIGHBOURS)), width) / width
+        high = (mean > limit * noise) & (share == 0.0)
+        share[high] = 1.0 - noise / mean[high]
+        left[high] = noise
+    share[0] = 0.0  # the level is no harmonic
+    share[np.argsort(share * power)[: max(share.size - MOST_HARMONICS, 0)]] = 0.0
+    if not np.any(share):
+        return None
+    made = harmonics(rest, step, share, noise)
+    left = scipy.fft.dct(rest - made.course(1)[1], norm="ortho") ** 2
+    third = 2 * power.size // 3  # from where on lines show the white noise alone
+    white = float(np.mean(power[third:], where=share[third:] == 0.0)) if np.any(share[third:] == 0.0) else noise
+    # Stein's unbiased estimate of the error of a smoother (1981), less what is stated of it; harmonics lie no higher.
+    beyond = float(np.sum(left[: 2 * int(made.line[-1])] - white)) / t.size
+    return made, max(beyond + float(np.mean(made.variance(np.linspace(0.0, step * (t.size - 1), 64)))), 0.0)
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """What n samples, `step` [s] apart, say of harmonics: line (m,), of k half periods in the record each; amplitudes
+    cosine, sine (m,); factor (2 m, 2 m), a square root of their covariance, cosines first."""
+
+    count: int
+    step: float
+    line: NDArray[np.int64]
+    cosine: Array
+    sine: Array
+    factor: Array
+
+    def course(self, finer: int) -> tuple[Array, Array]:
+        """Times [s] from the first sample, `finer` times as many as samples and half of their distance inside, and the
+        sum of the harmonics there."""
+        size = finer * self.count
+        lines, sines = np.zeros(size), np.zeros(size)
+        lines[self.line], sines[self.line - 1] = self.cosine, self.sine
+        wave = np.sqrt(0.5 * size) * (scipy.fft.idct(lines, norm="ortho") + scipy.fft.idst(sines, norm="ortho"))
+        return self.step * ((np.arange(size) + 0.5) / finer - 0.5), wave
+
+    def variance(self, time: Array, first: int = 0) -> Array:
+        """Variance of the sum at times (k,) [s] from the first sample; of those of `first` half periods or more."""
+        counted = self.line >= first
+        phase = np.pi * np.outer(time / self.step + 0.5, self.line) / self.count
+        waves = np.concatenate([np.cos(phase) * counted, np.sin(phase) * counted], axis=1)
+        return np.asarray(np.sum((waves @ self.factor) ** 2, axis=1))
+
+
+def harmonics(values: Array, step: float, share: Array, noise: float) -> Harmonics:
+    """The harmonics of evenly sampled values by Bayes: sine and cosine each with the variance that the spectrum shows.
+
+    A sum of the lines of the spectrum alone repeats the record backwards beyond its ends, and is off near them by
+    several times what it is off elsewhere.
+
+    Args:
+        values: (n,) at times step * (0, 1, ...); share (n,) of the power of every line of their cosine spectrum that is
+            no noise, 0 where there is no harmonic, below 1; noise: variance of the white noise of one value.
+    """
+    n = values.size
+    line = np.flatnonzero(share > 0.0)
+    line = line[line > 0]
+    prior = noise * share[line] / (1.0 - share[line]) / n  # variance of either amplitude
+    # Cosines among themselves, and sines, are orthogonal over the samples; the one with the other where k + l is odd.
+    sums, differences = (np.add.outer(sign * line, line) for sign in (1, -1))
+    odd = sums % 2 == 1
+    across = np.zeros(sums.shape)
+    across[odd] = 0.5 / np.sin(0.5 * np.pi * sums[odd] / n) + 0.5 / np.sin(0.5 * np.pi * differences[odd] / n)
+    own = np.diag(0.5 * n / noise + 1.0 / prior)
+    precision = np.block([[own, across / noise], [across.T / noise, own]])
+    spectra = scipy.fft.dct(values, norm="ortho")[line], scipy.fft.dst(values, norm="ortho")[line - 1]
+    lower = scipy.linalg.cholesky(precision, lower=True)
+    amplitudes = scipy.linalg.cho_solve((lower, True), np.sqrt(0.5 * n) / noise * np.concatenate(spectra))
+    factor = scipy.linalg.solve_triangular(lower, np.eye(2 * line.size), lower=True).T
+    return Harmonics(n, step, line, amplitudes[: line.size], amplitudes[line.size :], factor)

@@ -18,10 +18,8 @@ BLOCK = 16  # overlapping differences whose mean square is one estimate of the n
 # Median over blocks of the mean square of 16 overlapping differences of unit white noise, by order.
 MEDIAN_OF_BLOCK = {2: 0.913, 3: 0.898, 4: 0.886, 5: 0.878}
 STRETCH, STRETCHES = 512, 128  # of a long record so many stretches of so many samples stand for all
-UNEVEN, UNEVEN_SHARE = 0.05, 0.01  # of the usual interval, by which more than such a share of the others differ
 SIDE = 5  # samples on either side of a spike that it has to leave
-SPIKE_SD, SPIKE_SD_OVER_SIDES = 6.0, 4.5  # standard deviations by which it leaves its chord and the lines beside it
-MOST_SPIKES = 0.05  # share of the samples: more of them are noise
+SPIKE_SD = 6.0  # standard deviations by which it leaves its chord; three quarters as many the lines beside it
 SWING = 0.3  # of its height: by so much what surrounds a crest of a swing leaves a straight line too
 FLOOR = 0.25  # of its height: samples of a dip or bump that differ by less have a level of their own
 MOST_POINTS = 400  # of a line
@@ -69,7 +67,7 @@ def uneven(time: Array) -> bool:
     """Whether rows (n,) [s] follow each other so unevenly that their differences by number are none by time."""
     steps = thinned_steps(time)
     usual = float(np.median(steps))
-    return bool(np.mean(np.abs(steps - usual) > UNEVEN * usual) > UNEVEN_SHARE)
+    return bool(np.mean(np.abs(steps - usual) > 0.05 * usual) > 0.01)
 
 
 def white_noise(force: Array, time: Array | None = None) -> float:
@@ -129,44 +127,36 @@ def spikes(force: Array, noise: float, *, floors: bool = False) -> Mask:
         for number, length in enumerate((1, 2, 3, 1, 2, 3)):  # one removed may uncover its neighbour
             if number == 3 and clean is force:
                 break
-            first = _candidates(clean, length, limit)
-            first = first[_stands_out(clean, first, length, limit)] if first.size else first
-            if floors and length > 1 and first.size:
-                body = clean[first[:, None] + np.arange(length)]
-                height = np.abs(body.mean(axis=1) - 0.5 * (clean[first - 1] + clean[first + length]))
-                first = first[np.ptp(body, axis=1) > FLOOR * height]
+            first = _spikes_of(clean, length, limit, floors and length > 1)
             if first.size:
                 marked[(first[:, None] + np.arange(length)).ravel()] = True
                 clean = bridged(clean, marked)
-        if np.count_nonzero(marked) <= MOST_SPIKES * force.size:
+        if np.count_nonzero(marked) <= 0.05 * force.size:  # more of them are noise
             break
         limit *= 2.0
     return marked
 
 
-def _candidates(force: Array, length: int, limit: float) -> Indices:
-    """First samples of runs of the given length that are entered and left by a jump."""
+def _spikes_of(force: Array, length: int, limit: float, floors: bool) -> Indices:
+    """First samples of the spikes of a length."""
     jump = np.abs(np.diff(force)) > 0.6 * limit
-    entered = np.flatnonzero(jump[:-length] & jump[length:]) + 1
-    return entered[(entered >= SIDE) & (entered + length + SIDE <= force.size)]
-
-
-def _stands_out(force: Array, first: Indices, length: int, limit: float) -> Mask:
-    """Which of the runs that begin at `first` are spikes."""
-    inside = np.arange(1, length + 1)
-    body = force[first[:, None] + inside - 1]
-    before, after = force[first - 1], force[first + length]
+    first = np.flatnonzero(jump[:-length] & jump[length:]) + 1
+    first = first[(first >= SIDE) & (first + length + SIDE <= force.size)]
+    if not first.size:
+        return first
+    inside, reach = np.arange(1, length + 1), np.arange(SIDE)
+    body, before, after = force[first[:, None] + inside - 1], force[first - 1], force[first + length]
     off = body - before[:, None] - (after - before)[:, None] * inside / (length + 1)
-    reach = np.arange(SIDE)
     left, off_left = _extrapolated(force[first[:, None] - 1 - reach], inside)
     right, off_right = _extrapolated(force[first[:, None] + length + reach], length + 1 - inside)
-    side, sides = np.sign(off), SPIKE_SD_OVER_SIDES / SPIKE_SD * limit
-    good = (np.abs(off) > limit) & (side * (body - left) > sides) & (side * (body - right) > sides)
-    height = np.abs(off).min(axis=1)
+    side, height = np.sign(off), np.abs(off).min(axis=1)
+    good = (height[:, None] > limit) & (side * (body - left) > 0.75 * limit) & (side * (body - right) > 0.75 * limit)
     crest = good.all(axis=1) & (np.abs(after - before) < 0.5 * height)
     swings = first[crest & (np.minimum(off_left, off_right) > np.maximum(SWING * height, 0.6 * limit))]
-    near = np.searchsorted(swings, first + 3 * SIDE, side="right") > np.searchsorted(swings, first - 3 * SIDE)
-    return np.asarray(crest & ~near)
+    crest &= np.searchsorted(swings, first + 3 * SIDE, side="right") == np.searchsorted(swings, first - 3 * SIDE)
+    if floors:
+        crest &= np.ptp(body, axis=1) > FLOOR * np.abs(body.mean(axis=1) - 0.5 * (before + after))
+    return first[crest]
 
 
 def _extrapolated(samples: Array, steps: Indices) -> tuple[Array, Array]:
@@ -175,17 +165,16 @@ def _extrapolated(samples: Array, steps: Indices) -> tuple[Array, Array]:
 
     Median slope and median level, so that another spike among the samples does not bend it.
     """
+
+    def middle(rows: Array) -> Array:  # sorted in a third of the time that np.median takes
+        k = rows.shape[1]
+        return np.asarray(np.sort(rows, axis=1)[:, [(k - 1) // 2, k // 2]].mean(axis=1))[:, None]
+
     i, j = np.triu_indices(SIDE, 1)
-    slope = _middle((samples[:, j] - samples[:, i]) / (j - i))
-    level = _middle(samples - slope[:, None] * np.arange(SIDE))
-    left_over = samples - level[:, None] - slope[:, None] * np.arange(SIDE)
-    return level[:, None] - slope[:, None] * steps, np.max(np.abs(left_over), axis=1)
-
-
-def _middle(rows: Array) -> Array:
-    """Medians of short rows (c, k), shape (c,): sorted in a third of the time that np.median takes."""
-    k = rows.shape[1]
-    return np.asarray(np.sort(rows, axis=1)[:, [(k - 1) // 2, k // 2]].mean(axis=1))
+    slope = middle((samples[:, j] - samples[:, i]) / (j - i))
+    off = samples - slope * np.arange(SIDE)
+    level = middle(off)
+    return level - slope * steps, np.max(np.abs(off - level), axis=1)
 
 
 def bridged(force: Array, holes: Mask) -> Array:

@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_io import LogError, Record
-from data_io.arrays import kept, shown, thinned
+from data_io.arrays import kept, shown, thinned, thinned_steps
 from data_io.correct import Change, Corrected, Corrections, Cut, correct
 from data_io.quality import mean_and_drift
 from data_io.record import zero_of_times
 from identify.base.errors import FitError
-from identify.logs.fit_mode import FitMode, ForceRecord, continuous_window, cycles_window, fit_mode_of, moving_pieces
 from identify.logs.judgement import ENDS_LOADING, RECORD_LONGER, Judgement, RecordPart, judge
-from identify.logs.loads import LoadSpline, as_modelled, without_unresolved_jitter
-from identify.logs.log_data import LogData, StickLoading
-from identify.logs.parting import name_of
-from identify.logs.regime import SURE, Known, Regime, Verdict, classify, of_strokes
+from identify.logs.log_data import LoadSpline, LogData, level, onset_jitter, smooth, swing
+from identify.logs.noise import line_slope, running_means, slope_error
+from identify.logs.recorded_drive import changes_speed, turns_of_sign
+from identify.logs.regime import (
+    SURE,
+    ForceOscillation,
+    Known,
+    Regime,
+    Verdict,
+    classify,
+    drop_scatter,
+    hidden_rhythm,
+    of_strokes,
+)
 from identify.logs.segment import FEW_SLIPS, SLIDING, STICK, Segmentation, segment
-from identify.logs.strokes import changes_speed, turns_of_sign
 from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, LogEntry, Rig
@@ -31,32 +40,28 @@ from identify.simulation.drive import Drive, NormalForce
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+STROKE, PART = "stroke", "part"  # the labels of parts: a scene may have parameters of their own for them
 FEWEST = 8  # samples of a log that can be looked at at all
 GAP = 2.0  # rows of a record without the rests of the drive, as long as which a rest counts at most
 NOISELESS, ASSUMED = 1e-6, 1e-4  # of the force: less is no noise of a measurement, and what is assumed there
 LEAST_SHARE = 0.2  # of a record, from which on the level of its steady end is one of it
-SETTLED_ENOUGH = 0.5  # of a record: an end that is longer stands for all of it
-FEWEST_SLIDING = 20  # samples that slide before a steady end
 NEARLY_ALL = 0.9  # of a record: an answer that rests on more of it rests on all of it
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
 REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
-JITTERS = 0.3  # times that: error of the load in fast rhythms from which on a slip has one of its own
-LONGER = 1.5  # half periods that a slip takes, its slow beginning included
 UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
 FED = 2.0  # times what the load does to the force at an onset: a slip that comes early finds a fresher contact
+LEVEL = 5.0  # standard errors by which a stretch of a force leaves what is level, or a load what is steady
+LEAST_SETTLED = 20  # samples of steady sliding, at least
+SHORT_RISE, SHORT_LOADING = 40, 2.0  # samples, and half periods: no line is drawn through a shorter first rise
+RISE = (0.15, 0.4, 0.9)  # of the first rise: where a short one is cut, and the stretch a straight line is taken from
+
+
+def name_of(entry: LogEntry) -> str:
+    """Short name of a log in sentences, with the part of it that it is."""
+    return ", ".join([entry.path.name, *(f"{w} {entry.labels[w]}" for w in (STROKE, PART) if w in entry.labels)])
 
 
 # A log cut, corrected and segmented: its force the right way up, the samples that count, its phases and noise.
-
-
-@dataclass(frozen=True)
-class RecordEdits:
-    """What was cut and corrected, line by line, and the stretches of the record that this left out; raw: the record as
-    it was read."""
-
-    changes: tuple[Change, ...]
-    cuts: tuple[Cut, ...]
-    raw: Record
 
 
 @dataclass(frozen=True)
@@ -84,11 +89,6 @@ class Segmented:
     verdict: Verdict
 
     @property
-    def name(self) -> str:
-        """Short name of the log in sentences."""
-        return name_of(self.entry)
-
-    @property
     def record(self) -> Record:
         """The record as the scene wants it."""
         return self.corrected.record
@@ -104,11 +104,6 @@ class Segmented:
         begin = int(np.searchsorted(self.record.time, self.time[0]))
         return np.asarray(self.record.normal_force[begin : begin + self.time.size])
 
-    @property
-    def falls(self) -> Array:
-        """Of the cycles that the scene does not skip (c,) [s]."""
-        return self.found.cycles.fall[self.entry.skip_cycles :]
-
 
 def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True) -> Segmented:
     """Cut, correct and segment one log.
@@ -117,15 +112,18 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
         elastic: False where something else than the stated spring may load the sticks, or swing the mass.
 
     Raises:
-        FitError: no drive speed, a drive that turns, or a log of which nothing is left.
+        FitError: no drive speed, a drive that turns, an interval without samples, or a log of which nothing is left.
     """
-    name = name_of(entry)
-    drive = _drive(rig, entry, record, name)
-    corrected = cut_and_correct(entry, record)
+    drive = _drive(rig, entry, record)
+    wanted = Corrections(entry.tare, entry.normal_tare, entry.crosstalk, entry.tilt, entry.window, entry.exclude)
+    try:
+        corrected = correct(record, wanted)
+    except LogError as error:
+        raise FitError(str(error)) from None
     record = corrected.record
     force = np.asarray(record.friction_force, float)
     used = corrected.used & np.isfinite(force) & np.isfinite(record.normal_force)
-    refuse_too_few(entry, record, used, name)
+    _refuse_too_few(entry, record, used)
     sign = -1 if entry.flip_sign else 1
     if entry.flip_sign is None:
         # A slip may swing the spring past its rest, and a hold keeps it there: it pulls the other way meanwhile.
@@ -134,50 +132,40 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
     force = -force if sign < 0 else force
     inner = slice(int(np.argmax(used)), used.size - int(np.argmax(used[::-1])))
     time, measured = record.time[inner], shown(force, used)[inner]
-    verdict = _verdict(time, measured, rig, drive, elastic)
-    phases = _followed(time, measured, verdict, rig.half_period, rig.noise)
+    known = Known(rig.stiffness if elastic else 0.0, max(drive.speeds), rig.half_period or 0.0)
+    if not drive.constant:
+        verdict = _verdict_on_programme(time, measured, rig, drive, known)
+    else:
+        verdict = of_strokes(time, measured, turns_of_sign(measured), known, rig.noise)
+    phases = _filled_in(time, measured, verdict, rig.half_period, rig.noise)
     counted = used.copy()
     counted[inner] &= ~phases.spikes
-    return Segmented(
-        entry=entry,
-        rig=rig,
-        drive=drive,
-        corrected=corrected,
-        sign=sign,
-        force=force,
-        used=used,
-        counted=counted,
-        time=time,
-        measured=measured,
-        found=phases,
-        noise=rig.noise or phases.noise,
-        verdict=verdict,
-    )
+    noise = rig.noise or phases.noise
+    return Segmented(entry, rig, drive, corrected, sign, force, used, counted, time, measured, phases, noise, verdict)
 
 
-def cut_and_correct(entry: LogEntry, record: Record) -> Corrected:
-    """The record as the scene wants it.
+def _drive(rig: Rig, entry: LogEntry, record: Record) -> Drive:
+    """How the drive goes while the record counts: one speed, or a programme that goes one way."""
+    name = name_of(entry)
+    if rig.drive_speed is None:
+        raise FitError(f'{name} has no drive speed; give drive_speed = "… mm/s" in its [[logs]] or under [rig]')
+    pieces = Drive.of(rig.drive_speed).within(*(entry.window or (0.0, float(record.time[-1]))))
+    speeds = [speed for _, speed in pieces]
+    if not any(speeds):
+        raise FitError(
+            f"{name} has a drive speed of 0 m/s; expected a moving drive, since a hold alone cannot be fitted: give "
+            "the speed it moved at, or take its [[logs]] out"
+        )
+    if min(speeds) < 0.0 < max(speeds):
+        raise FitError(f"{name} has a drive that turns within the part that is used; cut it into one window per stroke")
+    changes = [(0.0, abs(speeds[0]))]
+    changes += [(t, abs(speed)) for (_, before), (t, speed) in pairwise(pieces) if speed != before]
+    return Drive.of(tuple(changes))
 
-    Raises:
-        FitError: an interval without samples, or strokes that the record does not have.
-    """
-    wanted = Corrections(entry.tare, entry.normal_tare, entry.crosstalk, entry.tilt, entry.window, entry.exclude)
-    try:
-        return correct(record, wanted)
-    except LogError as error:
-        raise FitError(str(error)) from None
 
-
-def refuse_too_few(entry: LogEntry, record: Record, used: Bools, name: str) -> None:
-    """Refuse a log of which hardly a sample is left; what took them away decides the remedy.
-
-    Args:
-        used: (n,) the samples that may count. name: of the log, in sentences.
-
-    Raises:
-        FitError: a window outside the log or too narrow, too much excluded, or a log that is that short.
-    """
-    left = int(np.count_nonzero(used))
+def _refuse_too_few(entry: LogEntry, record: Record, used: Bools) -> None:
+    """Refuse a log of which hardly a sample (n,) is left; what took them away decides the remedy."""
+    name, left = name_of(entry), int(np.count_nonzero(used))
     if left >= FEWEST:
         return
     time, end = record.time, float(record.time[-1])
@@ -194,87 +182,215 @@ def refuse_too_few(entry: LogEntry, record: Record, used: Bools, name: str) -> N
     raise FitError(f"{name} has {left} usable samples; expected hundreds: record longer, or sample faster")
 
 
-def _drive(rig: Rig, entry: LogEntry, record: Record, name: str) -> Drive:
-    """How the drive goes while the record counts: one speed, or a programme that goes one way."""
-    if rig.drive_speed is None:
-        raise FitError(f'{name} has no drive speed; give drive_speed = "… mm/s" in its [[logs]] or under [rig]')
-    pieces = Drive.of(rig.drive_speed).within(*(entry.window or (0.0, float(record.time[-1]))))
-    speeds = [speed for _, speed in pieces]
-    if all(speed == 0.0 for speed in speeds):
-        raise FitError(
-            f"{name} has a drive speed of 0 m/s; expected a moving drive, since a hold alone cannot be fitted: give "
-            "the speed it moved at, or take its [[logs]] out"
-        )
-    if min(speeds) < 0.0 < max(speeds):
-        raise FitError(f"{name} has a drive that turns within the part that is used; cut it into one window per stroke")
-    changes = [(0.0, abs(speeds[0]))]
-    changes += [(t, abs(speed)) for (_, before), (t, speed) in pairwise(pieces) if speed != before]
-    return Drive.of(tuple(changes))
-
-
 def _moves(drive: Drive, time: Array) -> Bools:
     """Whether the drive moves at times (n,) [s]."""
     return np.asarray(np.array(drive.speeds)[np.searchsorted(drive.starts, time, side="right") - 1] > 0.0)
 
 
-def _followed(
+def _filled_in(
     time: Array, force: Array, verdict: Verdict, half_period: float | None, noise: float | None
 ) -> Segmentation:
-    """The phases that a fit follows: those of the verdict; of slips half lost in the noise those that the period of the
-    rig shows, since the model has to fill in the others."""
+    """The phases of a verdict; of slips half lost in the noise those that the period of the rig shows, since the model
+    has to fill in the others."""
     if not verdict.found.low_snr:
         return verdict.found
     return segment(time, force, half_period=half_period or None, noise=noise)
 
 
-def _verdict(time: Array, force: Array, rig: Rig, drive: Drive, elastic: bool) -> Verdict:
-    """The regime of a log; one whose drive changes its speed is a programme, whose phases are looked at as they are."""
-    known = Known(rig.stiffness if elastic else 0.0, max(drive.speeds), rig.half_period or 0.0)
-    if not drive.constant:
-        moves = _moves(drive, time)
-        phases = _slips_of_moves(time, force, moves, rig)
-        if changes_speed(tuple(zip(drive.starts, drive.speeds, strict=True))):
-            if phases.count and known.loading_rate and not _along_drive(time, force, moves, phases, drive, known):
-                phases = segment(time, force, half_period=rig.half_period or None, noise=rig.noise, slips=False)
-            return Verdict(Regime.PROGRAMME, SURE, ("the drive changes its speed",), phases)
-        return replace(classify(time[moves], force[moves], known, noise=rig.noise), found=phases)
-    edges = turns_of_sign(force)
-    if len(edges) < 2:
-        return classify(time, force, known, noise=rig.noise)
-    return of_strokes(time, force, edges, known)
-
-
-def _along_drive(time: Array, force: Array, moves: Bools, phases: Segmentation, drive: Drive, known: Known) -> bool:
-    """Whether the falls of a drive programme are slips: by the way of the drive in place of time, in which its sticks
-    rise at one slope whatever its speed."""
-    steps = np.diff(time) * np.where(moves[:-1], [drive.at(t) for t in time[:-1]], 0.0) / known.drive_speed
-    way, cycles = np.concatenate([[0.0], np.cumsum(steps)]), phases.cycles
-    times = {name: np.interp(getattr(cycles, name), time, way) for name in ("onset", "fall", "arrest")}
-    rows = np.append(steps > 0.0, True)
-    short = replace(phases, cycles=replace(cycles, **times), spikes=phases.spikes[rows], phase=phases.phase[rows])
-    return classify(way[rows], force[rows], known, given=short).found.count > 0
-
-
-def _slips_of_moves(time: Array, force: Array, moves: Bools, rig: Rig) -> Segmentation:
-    """The phases of a drive programme, with the slips of its record without the rests of the drive, in which the spring
-    stays as it is: what lengths say of rises and falls is not that of holds."""
-    phases = segment(time, force, half_period=rig.half_period or None, noise=rig.noise)
-    if np.all(moves) or np.count_nonzero(moves) < FEWEST:
-        return phases
-    moved, steps = time[moves], np.diff(time[moves])
-    run = np.concatenate([[0.0], np.cumsum(np.minimum(steps, GAP * float(np.median(steps))))])
-    cycles = segment(run, force[moves], half_period=rig.half_period or None, noise=phases.noise).cycles
-
-    def when(at: Array) -> Array:
+def _verdict_on_programme(time: Array, force: Array, rig: Rig, drive: Drive, known: Known) -> Verdict:
+    """The regime where the drive changes its speed or stands: slips are found in the record without the rests, in which
+    the spring stays as it is, and judged along the way of the drive, in which sticks rise at one slope."""
+    half_period, moves = rig.half_period or None, _moves(drive, time)
+    phases = segment(time, force, half_period=half_period, noise=rig.noise)
+    names = ("onset", "fall", "arrest")
+    if not np.all(moves) and np.count_nonzero(moves) >= FEWEST:
+        moved, steps = time[moves], np.diff(time[moves])
+        run = np.concatenate([[0.0], np.cumsum(np.minimum(steps, GAP * float(np.median(steps))))])
+        cycles = segment(run, force[moves], half_period=half_period, noise=phases.noise).cycles
         # From the row before: what ends where the drive stops ends there, and not where it starts again.
-        before = np.maximum(np.searchsorted(run, at, side="left") - 1, 0)
-        return np.asarray(moved[before] + at - run[before])
+        before = {name: np.maximum(np.searchsorted(run, getattr(cycles, name)) - 1, 0) for name in names}
+        times = {name: moved[row] + getattr(cycles, name) - run[row] for name, row in before.items()}
+        phases = replace(phases, cycles=replace(cycles, **times))
+    if not changes_speed(tuple(zip(drive.starts, drive.speeds, strict=True))):
+        return replace(classify(time[moves], force[moves], known, noise=rig.noise), found=phases)
+    if phases.count and known.loading_rate:
+        steps = np.diff(time) * np.where(moves[:-1], [drive.at(t) for t in time[:-1]], 0.0) / known.drive_speed
+        way, rows = np.concatenate([[0.0], np.cumsum(steps)]), np.append(steps > 0.0, True)
+        times = {name: np.interp(getattr(phases.cycles, name), time, way) for name in names}
+        cycles = replace(phases.cycles, **times)
+        along = replace(phases, cycles=cycles, spikes=phases.spikes[rows], phase=phases.phase[rows])
+        if not classify(way[rows], force[rows], known, given=along).found.count:
+            phases = segment(time, force, half_period=half_period, noise=rig.noise, slips=False)
+    return Verdict(Regime.PROGRAMME, SURE, ("the drive changes its speed",), phases)
 
-    times = {"onset": when(cycles.onset), "fall": when(cycles.fall), "arrest": when(cycles.arrest)}
-    return replace(phases, cycles=replace(cycles, **times))
+
+# How a log is followed, and the part of it that a fit takes.
+
+
+@dataclass(frozen=True)
+class FitMode:
+    """name: cycle by cycle, continuously, or as steady sliding; steady_since: since when the last stretch slides
+    steadily [s], None where it does not; begins_sliding; low_snr: the noise hides so much of the cycles that many of
+    them were missed; rhythm: of what only looks steady."""
+
+    name: Literal["cycles", "continuous", "sliding"]
+    steady_since: float | None = None
+    begins_sliding: bool = False
+    low_snr: bool = False
+    rhythm: ForceOscillation | None = None
+
+
+@dataclass(frozen=True)
+class ForceRecord:
+    """What a log moves by: time [s], force [N] and load [N], (n,) each, NaN where a sample does not count; noise: its
+    standard deviation [N]; half_period: half the natural period of the rig [s], 0 where it is not known; the drive;
+    stiffness [N/m], 0 where it is not known, or something else makes the mass swing."""
+
+    time: Array
+    force: Array
+    load: Array
+    noise: float
+    half_period: float
+    drive: Drive
+    stiffness: float
+
+
+def fit_mode_of(record: ForceRecord, found: Segmentation, falls: Array) -> FitMode:
+    """How a log is followed; found: its phases; falls: of its cycles [s]."""
+    time, force, noise, drive = record.time, record.force, record.noise, record.drive
+    if drive.constant and not found.slides_on(falls.size):
+        return FitMode("cycles", low_snr=found.low_snr and falls.size > 0)
+    settled = steady_since(time, force, noise, record.half_period)
+    if settled is not None and drive.constant and found.stick_slope is not None:
+        # A slip near the end of a slow log leaves a stick too short to be seen to rise.
+        late = np.isfinite(force) & (time >= settled)
+        rises = line_slope(time[late], force[late], noise)
+        if rises >= found.stick_slope[0] - LEVEL * slope_error(time[late], noise):
+            settled = None
+    begins = bool(found.phase.size and found.phase[0] == SLIDING) and _starts_loaded(record)
+    fit_mode = FitMode("continuous", settled, begins)
+    if drive.constant and falls.size == 0:
+        rise = int(np.argmax(found.phase != STICK)) if found.phase.size and found.phase[0] == STICK else 0
+        fit_mode = FitMode("sliding", settled, begins) if begins or rise < 5 else fit_mode
+    if settled is None:
+        return fit_mode
+    late, known = time >= settled, Known(record.stiffness, drive.at(float(time[-1])), record.half_period)
+    rhythm = hidden_rhythm(time[late], force[late], record.load[late], known)
+    return fit_mode if rhythm is None else replace(fit_mode, steady_since=None, rhythm=rhythm)
+
+
+def steady_since(time: Array, force: Array, noise: float, half_period: float) -> float | None:
+    """Since when a force is level within its noise up to the end [s]; None where it is not for long enough."""
+    good = np.isfinite(force)
+    if np.count_nonzero(good) < LEAST_SETTLED:
+        return None
+    t, f = kept(time, good), kept(force, good)
+    width = max(round(2.0 * half_period / float(np.median(thinned_steps(t)))), 8)
+    count = t.size // width
+    if count < 2:
+        return None
+    # Bins are counted from the end, so that the last one is whole.
+    rows, local = f[t.size - count * width :].reshape(count, width), np.linspace(-1.0, 1.0, width)
+    mean, slope = rows.mean(axis=1), rows @ local / float(local @ local)
+    left = np.sum((rows - mean[:, None] - slope[:, None] * local) ** 2, axis=1) / (width - 2)
+    # A swing that fades hides in a bin of one period as little as a slope does.
+    restless = (left > noise**2 * (1.0 + LEVEL * np.sqrt(2.0 / width))) | (
+        np.abs(slope) > LEVEL * noise / np.sqrt(float(local @ local)) + 0.02 * np.abs(mean)
+    )
+    first = int(np.flatnonzero(restless)[-1]) + 1 if restless.any() else 0
+    start = t.size - (count - first) * width
+    return float(t[start]) if first < count and t.size - start >= LEAST_SETTLED else None
+
+
+def moving_pieces(drive: Drive, begin: float, end: float) -> list[tuple[float, float, float]]:
+    """(start [s], stop [s], speed [m/s]) of the stretches of a window in which the drive moves."""
+    edges = pairwise([begin, *drive.changes(begin, end), end])
+    return [(a, b, drive.at(0.5 * (a + b))) for a, b in edges if drive.at(0.5 * (a + b)) > 0.0]
+
+
+def _starts_loaded(record: ForceRecord) -> bool:
+    """Whether a force begins near the level that it has while the drive moves; through a first rise and the swing after
+    it a fast drive is in a few samples, which lie below that."""
+    good = np.isfinite(record.force)
+    if not np.any(good):
+        return False
+    t, f = kept(record.time, good), kept(record.force, good)
+    moves = _moves(record.drive, t)
+    loaded = 0.5 * float(np.median(thinned(f[moves] if np.any(moves) else f)))
+    return bool(np.median(f[: max(f.size // 100, 3)]) > loaded and np.min(f[:5]) > loaded - LEVEL * record.noise)
+
+
+def fitted_window(record: ForceRecord, found: Segmentation, fit_mode: FitMode, skip: int = 0) -> tuple[float, float]:
+    """The part of a record that a fit takes: begin and end [s].
+
+    A record may start before the drive does, or in the middle of a slip; both are cut off. After `skip` cycles
+    (running-in) it starts in the stick that follows them; what slides is taken from where it is steady on.
+    """
+    cycles, begin, end = found.cycles, float(record.time[0]), float(record.time[-1])
+    if fit_mode.name == "sliding" and fit_mode.steady_since is not None:
+        return fit_mode.steady_since, end
+    if fit_mode.name == "sliding" or fit_mode.begins_sliding or (fit_mode.name == "cycles" and not cycles.count):
+        return begin, end
+    resting = found.phase == STICK
+    if fit_mode.name == "cycles":
+        if 0 < skip < cycles.count:
+            arrest, onset = float(cycles.arrest[skip - 1]), float(cycles.onset[skip])
+            return arrest + 0.3 * (onset - arrest), end
+        first = float(cycles.onset[0])
+        if found.begins_in_slip:
+            begin = float(record.time[np.flatnonzero(resting & (record.time < first))[:1]].sum()) or begin
+            begin += 0.3 * (first - begin)
+    else:
+        first = end if np.all(resting) else float(record.time[int(np.argmin(resting))])
+        first = min([first, *cycles.onset[:1].tolist()])
+        # While the drive stands, or starts anew, a force that only rises is no straight line.
+        if max((a for a, _, _ in moving_pieces(record.drive, begin, end) if a < first), default=begin) > begin:
+            return begin, end
+    return max(begin, _loading_start(record, begin, first)), end
+
+
+def _loading_start(record: ForceRecord, begin: float, onset: float) -> float:
+    """Where the straight loading line of the first stick begins: earlier samples do not lie on it. Before an onset that
+    ends a short rise the mass slips long since: only the lower end of it is of the stick."""
+    rows = np.isfinite(record.force) & (record.time >= begin) & (record.time <= onset)
+    t, f = record.time[rows], record.force[rows]
+    if not t.size:
+        return begin
+    width = max(min(t.size // 10, 25), 1)
+    flat = running_means(f, width)
+    low, high = float(np.min(flat)), float(np.max(flat))
+    lowest, lower, upper = (int(np.flatnonzero(flat <= low + share * (high - low))[-1]) + width // 2 for share in RISE)
+    if t.size < SHORT_RISE or onset - begin < SHORT_LOADING * record.half_period:
+        return float(t[lowest])
+    late = slice(lower, max(upper, lower + 3))  # by force and not by time: however long the machine waited before it
+    early = slice(0, lower)
+    centre = t[early][width // 2 : lower - width + 1 + width // 2]
+    if centre.size == 0:
+        return begin
+    middle = float(np.mean(t[late]))
+    (slope, height), unscaled = np.polyfit(t[late] - middle, f[late], 1, cov="unscaled")
+    off = running_means(f[early] - height - slope * (t[early] - middle), width)
+    # The line itself is uncertain where it is extrapolated.
+    sd = record.noise * np.sqrt(1.0 / width + unscaled[1, 1] + unscaled[0, 0] * (centre - middle) ** 2)
+    wrong = np.flatnonzero(np.abs(off) > (LEVEL + 1.0) * sd)
+    if wrong.size == 0:
+        return begin
+    # Where the difference was last seen it had become small, not nought: a little of the line is left out as well.
+    bend = float(centre[wrong[-1]] + width * np.median(thinned_steps(t)))
+    return bend + 0.1 * max(float(t[late][0]) - bend, 0.0)
 
 
 # One log, ready to be fitted or left out.
+
+
+@dataclass(frozen=True)
+class RecordEdits:
+    """What was cut and corrected, line by line, and the stretches of the record that this left out; raw: the record as
+    it was read."""
+
+    changes: tuple[Change, ...]
+    cuts: tuple[Cut, ...]
+    raw: Record
 
 
 @dataclass(frozen=True)
@@ -282,7 +398,7 @@ class Prepared:
     """One log, ready to be fitted or left out.
 
     record; entry; rig of this log; sign applied to the friction force; force (n,) [N], sliding positive, tare
-    taken off; used (n,) samples that may count; segmentation; data for the estimator; falls (c,) [s] of the
+    taken off; used (n,) samples that count; segmentation; data for the estimator; falls (c,) [s] of the
     cycles that are fitted; reason the log is left out, or None; noise_estimated: from the data, not given;
     account of what was cut and corrected, with the record as it was read; judgement: of the quality gate;
     hidden_swing: by how much the normal force varies beyond its noise where the model takes its mean (half its range,
@@ -303,9 +419,9 @@ class Prepared:
     noise_estimated: bool
     account: RecordEdits
     judgement: Judgement
-    hidden_swing: float = 0.0
-    regime_verdict: Verdict | None = None
-    fit_mode: FitMode = field(default_factory=lambda: FitMode("cycles", None, False))
+    hidden_swing: float
+    regime_verdict: Verdict
+    fit_mode: FitMode
     pieces: tuple[Prepared, ...] = ()
 
     @property
@@ -315,8 +431,8 @@ class Prepared:
 
     @property
     def regime(self) -> Regime | None:
-        """What it shows; None where no slip has come yet, or where it was not looked at."""
-        return None if self.regime_verdict is None else self.regime_verdict.regime
+        """What it shows; None where no slip has come yet."""
+        return self.regime_verdict.regime
 
     @property
     def typical(self) -> int:
@@ -330,25 +446,22 @@ class Prepared:
         """Short name of the log in sentences."""
         return name_of(self.entry)
 
-    @property
-    def segmented_from(self) -> float:
-        """Time of the first sample that its phases are of [s]."""
-        return float(self.record.time[int(np.argmax(self.used))])
-
-    @property
-    def used_until(self) -> float:
-        """Time of the last sample that counts [s]: of a stroke, its end."""
-        return float(self.record.time[int(self.used.size - 1 - np.argmax(self.used[::-1]))])
+    @cached_property
+    def span(self) -> tuple[float, float]:
+        """Times of the first and the last sample that count [s]."""
+        first, last = np.flatnonzero(self.used)[[0, -1]].tolist()
+        return float(self.record.time[first]), float(self.record.time[last])
 
     def share_from(self, since: float) -> float:
         """Which share of what counts of the record, by time, lies from `since` [s] on."""
-        return max(self.used_until - since, 0.0) / max(self.used_until - self.segmented_from, 1e-300)
+        first, last = self.span
+        return max(last - since, 0.0) / max(last - first, 1e-300)
 
     @property
     def rests_on(self) -> str:
         """Which part of the record an answer rests on, in words; "" where it is nearly all of it."""
-        whole = self.used_until - self.segmented_from
-        share = (self.data.end - self.data.begin) / whole if whole > 0.0 else 1.0
+        first, last = self.span
+        share = (self.data.end - self.data.begin) / max(last - first, 1e-300)
         if share >= NEARLY_ALL:
             return ""
         return f"{self.data.begin:.4g} to {self.data.end:.4g} s of {self.name} ({100.0 * share:.2g} % of the record)"
@@ -367,19 +480,15 @@ class Prepared:
     @property
     def scatter(self) -> float:
         """How much the force drop differs from one settled cycle to the next, as a share of the mean drop, beyond
-        what the noise and the course of the normal force do; 0 with fewer than four cycles. A slow drift does not
-        count."""
+        what the noise and the normal force do; 0 with fewer than four cycles. A slow drift does not count."""
         cycles, load = self.segmentation.cycles, self.data.normal_force
+        if self.fit_mode.name != "cycles" or cycles.count < 4:
+            return 0.0
         mean = float(np.mean(load.values))
         drop = cycles.onset_force * mean / load.at(cycles.onset) - cycles.arrest_force * mean / load.at(cycles.arrest)
-        drop = drop[1:]
-        if drop.size < 3 or self.fit_mode.name != "cycles":
-            return 0.0
-        step = np.diff(drop) / np.sqrt(2.0)
         # The median of n sizes is large by chance: the standard error of 1.4826 times it is 1.17 / sqrt(n) of its mean.
-        explained = max(4.0, 2.0 * (1.0 + 2.0 * 1.17 / np.sqrt(step.size)) ** 2) * self.data.noise**2
-        excess = float(1.4826 * np.median(np.abs(step))) ** 2 - explained
-        return float(np.sqrt(max(excess, 0.0)) / max(float(np.mean(drop)), 1e-300))
+        by_chance = 2.0 * (1.0 + 2.0 * 1.17 / np.sqrt(cycles.count - 2)) ** 2
+        return drop_scatter(drop[1:], max(4.0, by_chance) * self.data.noise**2)
 
     @property
     def unlike(self) -> bool:
@@ -389,8 +498,8 @@ class Prepared:
             return False
         cycles = self.segmentation.cycles
         load = self.data.normal_force.at(cycles.onset) / self.data.mean_normal_force
-        swing = float(np.sqrt(np.mean(np.diff(load) ** 2) / 2.0) * np.mean(cycles.onset_force))
-        return self.scatter > UNEQUAL + FED * swing / float(np.mean(cycles.drop))
+        moved = float(np.sqrt(np.mean(np.diff(load) ** 2) / 2.0) * np.mean(cycles.onset_force))
+        return self.scatter > UNEQUAL + FED * moved / float(np.mean(cycles.drop))
 
 
 def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -> Prepared:
@@ -404,16 +513,16 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     soft = "stiffness" in scene.parameters or "skin_compliance" in model.effects  # what loads the sticks is not known
     log = segmented(entry, record, scene.rig_for(entry), elastic=not (soft or model.vibrates))
     expected = None if soft or not log.drive.constant else log.speed * log.rig.stiffness
-    part = RecordPart(log.time, log.measured, log.found, expected, log.load)
-    judgement = judge(log.record, [part], scene.thresholds, log.used)
+    judgement = judge(
+        log.record, [RecordPart(log.time, log.measured, log.found, expected, log.load)], scene.thresholds, log.used
+    )
     stiffness = 0.0 if model.vibrates else log.rig.stiffness  # else the mass swings with something else
-    moving = ForceRecord(log.time, log.measured, log.load, log.noise, log.rig.half_period or 0.0, log.drive)
-    fit_mode = fit_mode_of(moving, log.found, log.falls, stiffness)
-    if fit_mode.name == "cycles":
-        begin, end = cycles_window(moving, log.found, entry.skip_cycles)
-    else:
-        begin, end = continuous_window(moving, log.found, fit_mode)
-    course, hidden = _load(log, (begin, end), judgement, scene, unknowns)
+    half_period, skip = log.rig.half_period or 0.0, entry.skip_cycles
+    moving = ForceRecord(log.time, log.measured, log.load, log.noise, half_period, log.drive, stiffness)
+    falls = log.found.cycles.fall[skip:]
+    fit_mode = fit_mode_of(moving, log.found, falls)
+    window = fitted_window(moving, log.found, fit_mode, skip)
+    load, hidden = _load(log, window, judgement, scene, follows=model.follows_load)
     prepared = Prepared(
         record=log.record,
         entry=entry,
@@ -422,11 +531,11 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         force=log.force,
         used=log.counted,
         segmentation=log.found,
-        data=without_unresolved_jitter(_data(log, course, (begin, end), unknowns)),
-        falls=log.falls,
+        data=_data(log, load, window, unknowns),
+        falls=falls,
         left_out=_left_out(fit_mode, log, judgement),
         noise_estimated=log.rig.noise is None,
-        account=_account(entry, record, log, begin),
+        account=_account(record, log, window[0]),
         judgement=judgement,
         hidden_swing=hidden,
         regime_verdict=log.verdict,
@@ -434,110 +543,100 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     )
     if fit_mode.name == "sliding":
         return replace(prepared, data=_as_sure_as_its_level(prepared, prepared.data))
-    if fit_mode.name != "continuous":
-        return prepared
-    return replace(prepared, pieces=_pieces(prepared, moving, stiffness))
+    return replace(prepared, pieces=_pieces(prepared, moving)) if fit_mode.name == "continuous" else prepared
 
 
-def _account(entry: LogEntry, raw: Record, log: Segmented, begin: float) -> RecordEdits:
+def _account(raw: Record, log: Segmented, begin: float) -> RecordEdits:
     """What was cut and corrected of a log; begin: where the fit begins [s]."""
     changes, cuts, first = list(log.corrected.changes), list(log.corrected.cuts), float(log.time[0])
     if log.sign < 0:
-        why = "as given" if entry.flip_sign is not None else "it slides with a negative force"
+        why = "as given" if log.entry.flip_sign is not None else "it slides with a negative force"
         changes.append(Change("flip_sign", f"the friction force was turned over: {why}"))
     if begin > first:
-        cycles = "cycle" if entry.skip_cycles == 1 else f"{entry.skip_cycles} cycles"
-        text = f"the first {cycles} left out as given: the fit begins at {begin:.4g} s"
-        if not entry.skip_cycles:
-            text = f"the fit begins at {begin:.4g} s, where the first straight line of a stick does"
-        kind = "skip_cycles" if entry.skip_cycles else "lead"
+        skip = log.entry.skip_cycles
+        kind, text = "lead", f"the fit begins at {begin:.4g} s, where the first straight line of a stick does"
+        if skip:
+            cycles = "cycle" if skip == 1 else f"{skip} cycles"
+            kind, text = "skip_cycles", f"the first {cycles} left out as given: the fit begins at {begin:.4g} s"
         changes.append(Change(kind, text, begin, "s"))
         cuts.append(Cut(kind, first, begin))
     return RecordEdits(tuple(changes), tuple(cuts), raw)
 
 
 def _load(
-    log: Segmented, fitted: tuple[float, float], judgement: Judgement, scene: Scene, unknowns: Unknowns
+    log: Segmented, window: tuple[float, float], judgement: Judgement, scene: Scene, *, follows: bool
 ) -> tuple[LoadSpline, float]:
-    """The normal force as the model takes it, and the swing that its mean hides; fitted: the window [s].
+    """The normal force as the model takes it: over time where the model follows it, else its mean, and the swing that
+    its mean hides.
 
     Raises:
         FitError: a normal force that is none, of a log that is not rejected.
         SceneError: an effect outside its measured range.
     """
-    follows, name, cycles = unknowns.model.follows_load, log.name, log.found.count
+    time, force, cycles, hidden = log.record.time, log.record.normal_force, log.found.count, 0.0
     try:
-        course, hidden = as_modelled(log.record, log.used, fitted, follows=follows, name=name, cycles=cycles)
+        load = smooth(kept(time, log.used), kept(force, log.used), name_of(log.entry), cycles)
+        if not follows:
+            hidden = swing(load.force, *window)
+            hidden = hidden if hidden > LEVEL * load.sd / float(np.mean(load.force.values)) else 0.0
+            inside = log.used & (time >= window[0]) & (time <= window[1])
+            load = level(time[inside], force[inside], name_of(log.entry), cycles)
     except FitError:
         if judgement.verdict != "reject":
             raise
         return LoadSpline(NormalForce.of(1.0)), 0.0  # the log is left out: nothing is computed with it
     programme = log.speed if log.drive.constant else tuple(zip(log.drive.starts, log.drive.speeds, strict=True))
-    scene.check_ranges(log.entry, programme, (min(course.force.values), max(course.force.values)))
-    return course, hidden
+    scene.check_ranges(log.entry, programme, (min(load.force.values), max(load.force.values)))
+    return load, hidden
 
 
-def _data(log: Segmented, course: LoadSpline, fitted: tuple[float, float], unknowns: Unknowns) -> LogData:
-    """The log as the estimator sees it; fitted: the window [s]."""
-    rig, sd_course = log.rig, course.sd_course
-    repeatable = float(REPEATABLE * np.mean(course.force.values))
-    labels = log.entry.labels
-    counting = kept(log.force, log.used)
-    size = float(max(counting.max(), -counting.min()))
+def _data(log: Segmented, load: LoadSpline, window: tuple[float, float], unknowns: Unknowns) -> LogData:
+    """The log as the estimator sees it."""
+    rig, phases, over_time, mean = log.rig, log.found, load.sd_course, float(np.mean(load.force.values))
+    size = float(np.max(np.abs(kept(log.force, log.used))))
     # a log without noise, as a simulation leaves it, is weighted by what the computation is surely good for
     noise = log.noise if log.noise > NOISELESS * size else ASSUMED * size
+    loose, coefficient = 0.0, float(np.median(phases.cycles.onset_force)) / mean if phases.count else 0.0
+    if phases.stick_slope is not None and coefficient > 0.0 and phases.stick_slope[0] > 0.0 and rig.half_period:
+        loose = onset_jitter(load.force, coefficient, phases.stick_slope[0])
     return LogData(
         time=np.ascontiguousarray(log.record.time),
         force=np.where(np.isfinite(log.force), log.force, 0.0),
         weight=np.where(log.counted, 1.0 / max(noise, 1e-12) ** 2, 0.0),
         base=unknowns.base({"mass": rig.mass, "stiffness": rig.stiffness, "damping": rig.damping}),
         drive_speed=log.speed,
-        normal_force=course.force,
-        normal_force_sd=float(np.hypot(course.sd, repeatable)),
-        begin=fitted[0],
-        end=fitted[1],
+        normal_force=load.force,
+        normal_force_sd=float(np.hypot(load.sd, REPEATABLE * mean)),
+        begin=window[0],
+        end=window[1],
         own=np.full(len(unknowns.names), np.nan) if np.any(unknowns.grouped) else np.empty(0),
-        groups=tuple("" if by is None or by == EACH_LOG else labels[by] for by in unknowns.per),
+        groups=tuple("" if by is None or by == EACH_LOG else log.entry.labels[by] for by in unknowns.per),
         programme=None if log.drive.constant else log.drive,
-        tremor_sd=course.tremor_sd if course.tremor_sd > JITTERS * repeatable else 0.0,
-        sd_course=sd_course and NormalForce.of((sd_course.times, np.hypot(sd_course.values, repeatable))),
-        pull=_loading(log, course),
+        tremor_sd=load.tremor_sd if load.tremor_sd > 0.3 * REPEATABLE * mean else 0.0,
+        sd_course=over_time and NormalForce.of((over_time.times, np.hypot(over_time.values, REPEATABLE * mean))),
+        loose=loose,
     )
 
 
-def _loading(log: Segmented, course: LoadSpline) -> StickLoading | None:
-    """How the sticks load; None where no cycle was seen, or no mass is known."""
-    phases, rig = log.found, log.rig
-    if not phases.count or phases.stick_slope is None or not rig.half_period:
-        return None
-    rate = phases.stick_slope[0]
-    coefficient = float(np.median(phases.cycles.onset_force)) / float(np.mean(course.force.values))
-    if not (rate > 0.0 and coefficient > 0.0):
-        return None
-    # Rig and skin together are as soft as the sticks show.
-    softer = float(np.sqrt(rig.stiffness * log.speed / rate))
-    return StickLoading(coefficient, rate, LONGER * rig.half_period * softer)
-
-
-def _pieces(log: Prepared, moving: ForceRecord, stiffness: float) -> tuple[Prepared, ...]:
+def _pieces(log: Prepared, moving: ForceRecord) -> tuple[Prepared, ...]:
     """The stretches of constant speed of a log in which cycles repeat, or the mass slides steadily, as logs of their
     own: what a start is taken from."""
-    data, out, noise, half_period = log.data, [], moving.noise, moving.half_period
+    data, out = log.data, []
     for start, stop, speed in moving_pieces(data.programme or Drive((0.0,), (data.drive_speed,)), data.begin, data.end):
         rows = slice(*np.searchsorted(data.time, [start, stop]))
         time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
-        verdict = classify(time, force, Known(stiffness, speed, half_period), noise=noise)
-        phases = _followed(time, force, verdict, half_period, noise)
-        part = ForceRecord(time, force, log.record.normal_force[rows], noise, half_period, Drive.of(speed))
-        fit_mode = fit_mode_of(part, phases, phases.cycles.fall, stiffness)
-        falls = np.empty(0)
+        verdict = classify(time, force, Known(moving.stiffness, speed, moving.half_period), noise=moving.noise)
+        phases = _filled_in(time, force, verdict, moving.half_period, moving.noise)
+        load = log.record.normal_force[rows]
+        part = replace(moving, time=time, force=force, load=load, drive=Drive.of(speed))
+        fit_mode, falls = fit_mode_of(part, phases, phases.cycles.fall), np.empty(0)
         if fit_mode.name == "cycles" and phases.count >= FEW_SLIPS:
-            begin, end = cycles_window(part, phases)
             falls = phases.cycles.fall
         elif fit_mode.name != "cycles" and fit_mode.steady_since is not None:
-            begin, end, fit_mode = fit_mode.steady_since, float(time[-1]), replace(fit_mode, name="sliding")
+            fit_mode = replace(fit_mode, name="sliding")
         else:
             continue
+        begin, end = fitted_window(part, phases, fit_mode)
         own = replace(data, begin=begin, end=end, drive_speed=speed, programme=None)
         piece = replace(log, data=own, falls=falls, fit_mode=fit_mode, segmentation=phases, pieces=())
         out.append(replace(piece, regime_verdict=verdict))
@@ -546,10 +645,8 @@ def _pieces(log: Prepared, moving: ForceRecord, stiffness: float) -> tuple[Prepa
 
 def _left_out(fit_mode: FitMode, log: Segmented, judgement: Judgement) -> str | None:
     """Why a log is left out, in a sentence; None where it is not."""
-    name, cycles, skipped, settled = log.name, log.found.count, log.entry.skip_cycles, fit_mode.steady_since
-    if judgement.swapped and judgement.verdict == "reject":
-        return f"{name}: normal force and friction force look swapped"
-    if judgement.verdict == "reject":
+    name, cycles, skipped, settled = name_of(log.entry), log.found.count, log.entry.skip_cycles, fit_mode.steady_since
+    if judgement.verdict == "reject" and not judgement.swapped:
         return f"{name} is rejected by the quality gate: {judgement.reason}; a threshold can be moved under [quality]"
     reason = None
     if log.verdict.strokes > 1:
@@ -558,9 +655,9 @@ def _left_out(fit_mode: FitMode, log: Segmented, judgement: Judgement) -> str | 
             "speed one way does not describe; give the programme of the drive with its signs, name the position column "
             '(columns = { position = "…" }), or a window of one stroke'
         )
-    elif fit_mode.name == "cycles" and log.falls.size == 0 and cycles:
+    elif fit_mode.name == "cycles" and 0 < cycles <= skipped:
         reason = f"{name}: skip_cycles = {skipped} leaves none of its {cycles} cycles; lower it"
-    elif fit_mode.name == "cycles" and log.falls.size == 0:
+    elif fit_mode.name == "cycles" and not cycles:
         why = f": {ENDS_LOADING}; {RECORD_LONGER}" if judgement.ends_loading else ""
         reason = f"{name} shows no complete stick-slip cycle{why}"
     elif fit_mode.rhythm is not None and log.drive.constant:
@@ -575,7 +672,12 @@ def _left_out(fit_mode: FitMode, log: Segmented, judgement: Judgement) -> str | 
                 f"{100 * lasts / whole:.2g} % of the record: no level of it; the classical table has that of the "
                 "whole, and a window chooses a part"
             )
-    return f"{name}: normal force and friction force look swapped" if reason and judgement.swapped else reason
+    if judgement.swapped and (reason or judgement.verdict == "reject"):
+        return f"{name}: normal force and friction force look swapped"
+    return reason
+
+
+# Parts of a prepared log.
 
 
 def settled_part(prepared: Prepared) -> Prepared | None:
@@ -604,16 +706,14 @@ def beginning(prepared: Prepared, share: float) -> Prepared:
 def _as_sure_as_its_level(log: Prepared, data: LogData) -> LogData:
     """The data of a steady end, whose load counts as no surer than the level that it stands for: where less than half
     of what slides has settled, the rest of it slid at another."""
-    share = log.share_from(data.begin)
-    inside = int(np.searchsorted(log.record.time, log.segmented_from))
-    phase = np.full(log.record.time.size, STICK, np.int8)
+    share, time = log.share_from(data.begin), log.record.time
+    inside = int(np.searchsorted(time, log.span[0]))
+    phase = np.full(time.size, STICK, np.int8)
     phase[inside : inside + log.segmentation.phase.size] = log.segmentation.phase[: phase.size - inside]
-    sliding = log.used & (log.record.time < data.begin) & (phase == SLIDING)
-    settled = log.used & (log.record.time >= data.begin)
-    if share > SETTLED_ENOUGH or np.count_nonzero(sliding) < FEWEST_SLIDING:
+    sliding, settled = log.used & (time < data.begin) & (phase == SLIDING), log.used & (time >= data.begin)
+    if share > 0.5 or np.count_nonzero(sliding) < LEAST_SETTLED:
         return data
-    load = data.normal_force.at(log.record.time)
-    before, after = (float(np.mean(log.force[rows] / load[rows])) for rows in (sliding, settled))
+    before, after = (float(np.mean(log.force[rows] / data.normal_force.at(time[rows]))) for rows in (sliding, settled))
     off = (1.0 - share) * abs(before / after - 1.0) * data.mean_normal_force if after else 0.0
     return replace(data, normal_force_sd=float(np.hypot(data.normal_force_sd, off)), sd_course=None)
 

@@ -1,9 +1,9 @@
-"""What a log shows of its drive: a speed or a programme of speeds, from which column, or why none."""
+"""The drive of a log: what its columns and its head show of it, against what is stated; and the strokes it makes."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -11,19 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from data_io.arrays import true_runs
+from data_io.arrays import thinned, true_runs
 from data_io.columns import DISTANCES
 from data_io.derived_columns import StatedVelocity, stated_velocity
 from data_io.drive import MOST, SAME, Motion, Programme, SpeedSteps, evened, motion_of, steps_of
+from data_io.quality import pauses
 from data_io.record import WINDOW_START, within
 from data_io.values import Finding
 from identify.base.wording import speed_text
-from identify.logs.strokes import DriveCourse
+from identify.logs.noise import bridged, smooth, white_noise
 from identify.scene import Scene
 from identify.scene.values import DriveSpeed, LogEntry
 from identify.simulation.drive import Drive
 
 Array = NDArray[np.float64]
+DriveCourse = float | Sequence[tuple[float, float]] | None
 
 SPEED_NAMES = (
     "drivespeed", "drivevelocity", "stagespeed", "stagevelocity", "slidingspeed", "slidingvelocity", "linearspeed",
@@ -33,24 +35,25 @@ POSITION_NAMES = ("stageposition", "driveposition", "position", "pos", *DISTANCE
 AXES = ("v", "v1", "v2", "v3", "vx", "vy", "vz", "x", "y", "z")  # of carriages: any of them may be the drive, or none
 UNTOLD = "the log does not tell it"
 DISAGREES = "drive_speed_disagrees"  # the code of the finding
-EVEN, HALF = 0.05, 20  # share by which the halves of an even stretch may differ, and their rows at least
-ROUNDED = 1e-9  # of its values: a position that varies by less stands still
-AGREES = 0.1  # share by which a column and a stated velocity may differ
+EVEN = 0.05  # share by which the halves of an even stretch may differ
 APART = 0.02  # share of the larger by which a stated and a recorded speed contradict each other
-STEPS_APART = (10, 0.1)  # rows, and share of the shortest piece, by which their steps may be apart
+LEAST_SHARE = 0.1  # of the samples: a sign of the force that holds for fewer is no stroke of its own
+CLEAR = 0.3  # of the typical force: what counts as a sign
+ALIKE = 1.5  # times: strokes rub to both sides by about as much; a force that swings through zero does not
+FEW, ALIKE_FEW = 8, 3.0  # changes of sign up to which no oscillation makes them, and strokes may differ by running-in
+LEVEL_SHARE = 0.65  # of the rows of strokes, in which the force is more than half of the highest of its stroke
+HELD = 0.8  # of the level of a stroke, that its force has until the drive turns
 
 
 @dataclass(frozen=True)
 class RecordedDrive:
     """programme: ((start [s], speed [m/s]), ...), one pair where it is one speed, which then is positive; None where
-    the log shows none. source: where it stands, in words; trouble: where it is None, why, in words; named: the name of
-    the column says that it is the drive; stands: a column of the drive, or the head of the log, says that it does not
-    move."""
+    the log shows none. source: where it stands, in words; trouble: where it is None, why, in words; stands: a column of
+    the drive, or the head of the log, says that it does not move."""
 
     programme: Programme | None
     source: str = ""
     trouble: str = ""
-    named: bool = False
     stands: bool = False
 
     @property
@@ -65,10 +68,7 @@ class RecordedDrive:
 
 
 def recorded_drive(record: Record, window: tuple[float, float] | None = None) -> RecordedDrive:
-    """What a record shows of its drive.
-
-    A drive speed of the record counts first, then a column with a unit of speed or of length whose name says that it
-    is the drive; where there is none, any other that moves as fast as the head of the log states.
+    """What a record shows of its drive: its drive speed, else a column of speed or position with a name that says so.
 
     Args:
         window: the part [s] that is used, None for all of it.
@@ -86,19 +86,13 @@ def recorded_drive(record: Record, window: tuple[float, float] | None = None) ->
     if record.drive_speed is not None:
         speed = abs(float(record.drive_speed))
         pairs = ((0.0, speed),) if speed else None
-        return RecordedDrive(pairs, "as the log says", "it is 0 in the log", True, not speed)
-    speeds, positions = _named(record, "m/s", SPEED_NAMES), _named(record, "m", POSITION_NAMES)
-    tried = [*(_of_speed(record, name) for name in speeds), *(_of_position(record, name) for name in positions)]
+        return RecordedDrive(pairs, "as the log says", "it is 0 in the log", not speed)
+    speeds = _named(record, "m/s", SPEED_NAMES)
+    tried = [_of_column(record, name) for name in (*speeds, *_named(record, "m", POSITION_NAMES))]
     if tried:
-        fallback = RecordedDrive(
-            None, trouble="; ".join(d.trouble for d in tried), stands=bool(speeds) and all(d.stands for d in tried)
-        )
-        return next((drive for drive in tried if drive.programme is not None), fallback)
-    head = velocity_in_head(record)
-    for name, unit in sorted(_moving(record), key=lambda pair: pair[1] != "m/s"):
-        if head is not None and _as_fast_as_the_head(record, name, head):
-            drive = _of_speed(record, name) if unit == "m/s" else _of_position(record, name)
-            return replace(drive, source=f"{drive.source}, which moves as fast as the head of the log says")
+        trouble, stands = "; ".join(d.trouble for d in tried), bool(speeds) and all(d.stands for d in tried)
+        shown = (drive for drive in tried if drive.programme is not None)
+        return next(shown, RecordedDrive(None, trouble=trouble, stands=stands))
     stated = [str(step.parameters.get("Velocity", "")).strip() for step in record.steps]
     if stated and all(re.fullmatch(r"[+-]?0+(\.0*)?", text) for text in stated):
         return RecordedDrive(None, trouble="the head of the log says Velocity = 0", stands=True)
@@ -106,10 +100,10 @@ def recorded_drive(record: Record, window: tuple[float, float] | None = None) ->
 
 
 def drive_of(record: Record, drive: RecordedDrive) -> DriveCourse:
-    """The drive that the strokes of a record are cut by: what a column of it surely says; None where none does."""
+    """The drive that the strokes of a record are cut by; None where none is recorded."""
     if record.drive_speed is not None and not isinstance(record.drive_speed, np.ndarray):
         return record.drive_speed
-    if drive.programme is None or not drive.named:
+    if drive.programme is None:
         return None
     speeds = [speed for _, speed in drive.programme]
     if min(speeds) < 0.0 < max(speeds):  # its rests are part of a stroke, and the force turns later than the drive
@@ -118,13 +112,8 @@ def drive_of(record: Record, drive: RecordedDrive) -> DriveCourse:
 
 
 def drive_position(record: Record) -> str | None:
-    """The column in metres that is the position of the drive: by its name, or as the head of the log states; None where
-    none is known to be."""
-    named, head = _named(record, "m", POSITION_NAMES), velocity_in_head(record)
-    if named or head is None:
-        return named[0] if named else None
-    moving = (name for name, unit in _moving(record) if unit == "m")
-    return next((name for name in moving if _as_fast_as_the_head(record, name, head)), None)
+    """The column in metres that is the position of the drive, by its name; None where none is."""
+    return next(iter(_named(record, "m", POSITION_NAMES)), None)
 
 
 def speed_of(record: Record) -> Array | None:
@@ -136,7 +125,11 @@ def speed_of(record: Record) -> Array | None:
         if np.isfinite(record.channels[name]).all() and np.any(record.channels[name]):
             return np.abs(record.channels[name])
     position = drive_position(record)
-    return None if position is None or not _travels(record.channels[position]) else np.abs(_speed(record, position))
+    if position is None or not _travels(record.channels[position]):
+        return None
+    index, reach, values = np.arange(len(record)), max(len(record) // 1000, 2), record.channels[position]
+    low, high = np.maximum(index - reach, 0), np.minimum(index + reach, len(record) - 1)
+    return np.abs((values[high] - values[low]) / (record.time[high] - record.time[low]))
 
 
 # Columns by their names.
@@ -165,26 +158,24 @@ def _unused(record: Record) -> str:
                 f"column {_shown(name)} is there and unused, because no unit of speed stands beside it; if it is the "
                 f'drive: --columns "drive_speed={_shown(name)}" --units drive_speed=mm/s'
             )
-    for name, unit in sorted(_moving(record), key=lambda pair: pair[1] != "m/s"):
-        role = "drive_speed" if unit == "m/s" else "position"
-        return (
-            f"column {_shown(name)} is not taken for the drive, because neither its name nor the head of the log says "
-            f'so; if it is: --columns "{role}={_shown(name)}"'
-        )
+    for role, unit in (("drive_speed", "m/s"), ("position", "m")):
+        for name in (name for name, own in record.channel_units.items() if own == unit):
+            values = record.channels[name]
+            if _travels(values) or (unit == "m/s" and np.isfinite(values).all() and np.any(values)):
+                return (
+                    f"column {_shown(name)} is not taken for the drive, because its name does not say so; if it is: "
+                    f'--columns "{role}={_shown(name)}"'
+                )
     return UNTOLD
 
 
 # A speed or a position as a programme.
 
 
-def _of_speed(record: Record, name: str) -> RecordedDrive:
-    return _of_steps(steps_of(record.time, record.channels[name]), _shown(name), f"from column {_shown(name)}")
-
-
 def _of_steps(steps: SpeedSteps, name: str, source: str) -> RecordedDrive:
     if steps.programme is None:
-        return RecordedDrive(None, trouble=f"column {name} {steps.trouble}", named=True, stands=steps.stands)
-    return RecordedDrive(_one_way(steps.programme), source, named=True)
+        return RecordedDrive(None, trouble=f"column {name} {steps.trouble}", stands=steps.stands)
+    return RecordedDrive(_one_way(steps.programme), source)
 
 
 def _one_way(programme: Programme) -> Programme:
@@ -194,26 +185,27 @@ def _one_way(programme: Programme) -> Programme:
     return tuple((start, abs(speed)) for start, speed in programme)
 
 
-def _of_position(record: Record, name: str) -> RecordedDrive:
-    """What a position shows: pieces of even speed."""
+def _of_column(record: Record, name: str) -> RecordedDrive:
+    """What a column of speed shows, or one of position: pieces of even speed."""
     values, source = record.channels[name], f"from the slope of column {name}"
-    motion = motion_of(record, name) if _travels(values) else None
+    if record.channel_units[name] == "m/s":
+        return _of_steps(steps_of(record.time, values), _shown(name), f"from column {_shown(name)}")
     if not np.isfinite(values).all():
-        return RecordedDrive(None, trouble=f"column {name} has gaps", named=True)
+        return RecordedDrive(None, trouble=f"column {name} has gaps")
+    motion = motion_of(record, name) if _travels(values) else None
     if motion is None:
-        return RecordedDrive(None, trouble=f"column {name} stands still", named=True, stands=True)
+        return RecordedDrive(None, trouble=f"column {name} stands still", stands=True)
     if len(motion.pieces) > MOST:
-        trouble = f"column {name} has {len(motion.pieces)} pieces, more than {MOST}"
-        return RecordedDrive(None, trouble=trouble, named=True)
+        return RecordedDrive(None, trouble=f"column {name} has {len(motion.pieces)} pieces, more than {MOST}")
     if _even(record.time, values, motion):
         speeds = evened([piece.speed for piece in motion.pieces])
         pairs = [(piece.time, speed) for piece, speed in zip(motion.pieces, speeds, strict=True)]
         pairs = [(0.0, pairs[0][1]), *(b for a, b in pairwise(pairs) if a[1] != b[1])]
-        return RecordedDrive(_one_way(tuple(pairs)), source, named=True)
+        return RecordedDrive(_one_way(tuple(pairs)), source)
     rate, start = np.polyfit(record.time, values, 1)
     if np.std(values - (start + rate * record.time)) < 0.02 * np.std(values):
-        return RecordedDrive(((0.0, abs(float(rate))),), source, named=True)
-    return RecordedDrive(None, trouble=f"column {name} does not move evenly between its turns and rests", named=True)
+        return RecordedDrive(((0.0, abs(float(rate))),), source)
+    return RecordedDrive(None, trouble=f"column {name} does not move evenly between its turns and rests")
 
 
 def _even(time: Array, position: Array, motion: Motion) -> bool:
@@ -224,7 +216,7 @@ def _even(time: Array, position: Array, motion: Motion) -> bool:
         inset = (piece.stop - piece.start) // 10
         first, last = piece.start + inset, piece.stop - inset
         half = (last - first) // 2
-        if half < HALF:
+        if half < 20:
             continue
         a, b = (float(np.polyfit(time[i : i + half], position[i : i + half], 1)[0]) for i in (first, last - half))
         error = noise * float(np.sqrt(24.0 / half)) / float(time[first + half] - time[first])
@@ -234,45 +226,10 @@ def _even(time: Array, position: Array, motion: Motion) -> bool:
 
 
 def _travels(position: Array) -> bool:
-    return bool(np.all(np.isfinite(position)) and np.ptp(position) > ROUNDED * np.max(np.abs(position)))
+    return bool(np.all(np.isfinite(position)) and np.ptp(position) > 1e-9 * np.max(np.abs(position)))
 
 
-# Columns by their motion, and the velocity that the head of a log states.
-
-
-def _moving(record: Record) -> Iterator[tuple[str, str]]:
-    """Name and unit of the columns in m or m/s, without gaps, that move at all."""
-    for name, unit in record.channel_units.items():
-        values = record.channels[name]
-        if (unit == "m" and _travels(values)) or (unit == "m/s" and np.isfinite(values).all() and np.any(values)):
-            yield name, unit
-
-
-def _speed(record: Record, name: str, wider: int = 1) -> Array:
-    """The speed that a column means, row by row (n,) [m/s], signed; of a position over so many times the usual rows."""
-    values = record.channels[name]
-    if record.channel_units[name] == "m/s":
-        return values
-    reach = wider * max(len(record) // 1000, 2)
-    index = np.arange(len(record))
-    low, high = np.maximum(index - reach, 0), np.minimum(index + reach, len(record) - 1)
-    return np.asarray((values[high] - values[low]) / (record.time[high] - record.time[low]))
-
-
-def _as_fast_as_the_head(record: Record, name: str, head: StatedVelocity) -> bool:
-    """Whether a column moves as fast as the head of the log states: only such a one, or one by its name, is the drive;
-    others are carriages, radii or wear."""
-    meant = (*head.speeds.values(), 1e-3 * abs(head.value))  # a column shows it where the head is in mm/s
-    # A speed is the same over twice as many rows; the differences of noise are half as fast.
-    usual = [_usual(_speed(record, name, wider)) for wider in (1, 2)]
-    return any(all(abs(one / own - 1.0) < AGREES for one in usual) for own in meant)
-
-
-def _usual(speed: Array) -> float:
-    """Median size [m/s] of a speed where it moves, 0 where it stands."""
-    size = np.abs(speed)
-    moving = size > 0.05 * float(np.quantile(size, 0.9))
-    return float(np.median(size[moving])) if moving.any() else 0.0
+# The velocity that the head of a log states, and the drive that the scene states: a warning where they differ.
 
 
 def velocity_in_head(record: Record) -> StatedVelocity | None:
@@ -290,42 +247,31 @@ def velocity_text(stated: StatedVelocity) -> str:
     return f"Velocity = {stated.value:g} without a unit: {words}"
 
 
-# What the column of a log says against the drive that the scene states: a warning.
-
-
 def with_drive_checked(scene: Scene, entry: LogEntry, record: Record) -> Record:
     """A record, with a warning where the drive of the scene and that of its column, or the head of its file, contradict
     each other. What the scene states is doubted, never overruled."""
-    rig = scene.rig_for(entry)
-    stated = rig.drive_speed
+    stated = scene.rig_for(entry).drive_speed
     if stated is None or record.time.size < 2 or any(finding.code == DISAGREES for finding in record.findings):
         return record
-    drive = recorded_drive(record, entry.window)
-    if drive.named and drive.programme is not None:
+    drive, head, text = recorded_drive(record, entry.window), velocity_in_head(record), None
+    if drive.programme is not None:
         text = _differs(entry, stated, record, drive)
-    else:
-        head, text = velocity_in_head(record), None
-        if head is not None and not isinstance(stated, tuple) and not _agrees(stated, head):
-            text = (
-                f"the scene has a drive speed of {speed_text(stated)}, but the head of the log says "
-                f"{velocity_text(head)}; check drive_speed"
-            )
+    elif head is not None and not isinstance(stated, tuple):
+        agrees = any(abs(abs(stated) / own - 1.0) < 0.1 for own in head.speeds.values())
+        text = (
+            f"the scene has a drive speed of {speed_text(stated)}, but the head of the log says {velocity_text(head)}; "
+            "check drive_speed"
+        )
+        text = None if agrees else text
     return record if text is None else replace(record, findings=(*record.findings, Finding(DISAGREES, "warning", text)))
-
-
-def _agrees(speed: float, head: StatedVelocity) -> bool:
-    return any(abs(abs(speed) / own - 1.0) < AGREES for own in head.speeds.values())
 
 
 def _differs(entry: LogEntry, stated: DriveSpeed, record: Record, recorded: RecordedDrive) -> str | None:
     """Where a stated drive and that of the column differ for longer than steps may be apart, in a sentence."""
-    time = record.time
-    used = np.ones(time.size, dtype=bool)
-    for first, last in [entry.window] if entry.window else []:
-        used &= (time >= first) & (time <= last)
+    start, end = entry.window or (0.0, float(record.time[-1]))
+    time = record.time[(record.time >= start) & (record.time <= end)]
     for first, last in entry.exclude:
-        used &= (time < first) | (time > last)
-    time = time[used]
+        time = time[(time < first) | (time > last)]
     if not time.size:
         return None
     drives = [Drive.of(stated), Drive.of(recorded.programme or stated)]
@@ -339,7 +285,7 @@ def _differs(entry: LogEntry, stated: DriveSpeed, record: Record, recorded: Reco
         wrong &= (seen > 0.0) if turns else (time >= time[moves[0]]) & (time <= time[moves[-1]])
     first, stop = max(true_runs(wrong).tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
     shortest = min(int(np.min(np.unique(piece, return_counts=True)[1])) for piece in pieces)
-    if stop - first <= max(STEPS_APART[0], STEPS_APART[1] * shortest):
+    if stop - first <= max(10, 0.1 * shortest):
         return None
     return (
         f"the scene has a drive speed of {speed_text(float(meant[first]))} at {time[first]:.4g} s, but "
@@ -347,3 +293,108 @@ def _differs(entry: LogEntry, stated: DriveSpeed, record: Record, recorded: Reco
         f"{time[stop - 1] - time[first]:.3g} s; correct drive_speed, leave it out to take "
         "that of the log, or give a window"
     )
+
+
+# Strokes: parts of a record that a tribologist tabulates apart.
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """Rows [start, stop) of one step in which the drive goes one way; direction is +1 or -1 in the file's sign of
+    the friction force; speed [m/s] > 0, None where it is unknown or not constant."""
+
+    run: int
+    step: int
+    number: int
+    start: int
+    stop: int
+    direction: int
+    speed: float | None
+
+
+def strokes(record: Record, drive: DriveCourse) -> tuple[Stroke, ...]:
+    """The strokes of every step of a record.
+
+    Args:
+        record: the log; without steps it is one step.
+        drive: [m/s], a programme ((start [s], speed), ...), or None where unknown. A drive that changes its speed by a
+            programme begins a new stroke, and standstill is none; without one a lasting change of the sign of the
+            force does. A pause of the recording ends a stroke.
+    """
+    speed, starts, speeds = None, np.empty(0), np.empty(0)
+    if isinstance(drive, int | float):
+        speed = abs(float(drive)) if 0.0 < abs(drive) < np.inf else None
+    elif drive is not None:
+        starts, speeds = np.array(drive, dtype=np.float64).T
+    out = []
+    for run, step, start, stop in [(s.run, s.number, s.start, s.stop) for s in record.steps] or [
+        (1, 1, 0, len(record))
+    ]:
+        force, edges = record.friction_force[start:stop], []
+        for first, last in pairwise([0, *(pauses(record.time[start:stop], force) + 1).tolist(), stop - start]):
+            rows, part = slice(start + first, start + last), force[first:last]
+            changes = np.searchsorted(record.time[rows], starts[1:]).tolist()
+            changes = [0, *sorted({row for row in changes if 0 < row < part.size}), part.size]
+            parts = turns_of_sign(part) if len(changes) == 2 else [(a, b, 0) for a, b in pairwise(changes)]
+            edges += [(rows.start + a, rows.start + b, way) for a, b, way in parts if b > a]
+        at = {a: max(int(np.searchsorted(starts, record.time[a], side="right")) - 1, 0) for a, _, _ in edges}
+        moving = [own for own in edges if not starts.size or speeds[at[own[0]]]]
+        for number, (first, last, way) in enumerate(moving or edges, start=1):
+            negative = np.count_nonzero(record.friction_force[first:last] < 0)  # about zero: as in the file
+            finite = np.count_nonzero(np.isfinite(record.friction_force[first:last]))
+            direction = way or (-1 if negative > LEVEL_SHARE * finite else 1)
+            own = abs(float(speeds[at[first]])) or None if starts.size else speed
+            out.append(Stroke(run, step, number, first, last, direction, own))
+    return tuple(out)
+
+
+def turns_of_sign(force: Array) -> list[tuple[int, int, int]]:
+    """First row, end and sign of every stretch in which a force (n,) keeps its sign, cut where it leaves its level.
+
+    A force that changes its sign and rubs to both sides by about as much is that of a drive to and fro. How much it is
+    smoothed goes by its noise, never by the length of the record. One stretch of sign 0 where it keeps its sign.
+    """
+    whole = [(0, force.size, 0)]
+    finite = np.isfinite(force)
+    if np.count_nonzero(finite) < 20:
+        return whole
+    filled = bridged(force, ~finite)
+    typical = float(np.quantile(np.abs(thinned(filled)), 0.9))
+    up, down = (side[side > CLEAR * typical] for side in (filled, -filled))
+    if min(up.size, down.size) < LEAST_SHARE * filled.size:
+        return whole
+    # averaged until the noise is a tenth of the force
+    slow = smooth(filled, int(np.clip((white_noise(filled) / (0.1 * typical)) ** 2, 1, max(force.size // 20, 1))) | 1)
+    decided = np.flatnonzero(np.abs(slow) > CLEAR * typical)
+    sign = np.sign(slow[decided]).astype(int)
+    changes = np.flatnonzero(sign[1:] != sign[:-1])
+    ratio, alike = float(np.median(up)) / float(np.median(down)), ALIKE if changes.size > FEW else ALIKE_FEW
+    if not changes.size or not 1.0 / alike < ratio < alike:
+        return whole
+    starts = [0]
+    for i in changes.tolist():
+        last, way = int(decided[i]), sign[i]
+        own = way * slow[(starts[-1] + last) // 2 : last + 1]
+        held = np.flatnonzero(own >= HELD * float(np.median(own)))
+        starts.append(last + 1 - own.size + int(held[-1]) + 1 if held.size else last + 1)
+    edges = list(pairwise([*starts, force.size]))
+    sizes = [np.abs(slow[a:b]) for a, b in edges if b > a]
+    if sum(np.count_nonzero(size > 0.5 * np.quantile(size, 0.9)) for size in sizes) < LEVEL_SHARE * force.size:
+        return whole  # a force that crosses zero on its way up and down rubs at no level to either side
+    ways = [int(sign[0]), *(int(sign[i + 1]) for i in changes)]
+    return [(a, b, way) for (a, b), way in zip(edges, ways, strict=True) if b > a]
+
+
+def one_speed(speeds: Sequence[float] | Array) -> bool:
+    """Whether speeds (n,) [m/s] that are not zero have one size."""
+    sizes = np.abs(np.asarray(speeds, dtype=np.float64))
+    return not sizes.size or bool(np.ptp(sizes) <= SAME * sizes.max())
+
+
+def changes_speed(drive: DriveCourse) -> bool:
+    """Whether a drive has several speeds, or stands between moving one way."""
+    if drive is None or isinstance(drive, int | float):
+        return False
+    speeds = np.trim_zeros(np.array([speed for _, speed in drive]))  # what it rests before and after is no change
+    rests = speeds.size > 0 and bool(np.any(speeds == 0.0)) and not speeds.min() < 0.0 < speeds.max()
+    return rests or not one_speed(speeds[speeds != 0.0])

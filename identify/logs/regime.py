@@ -9,7 +9,7 @@ and its size give.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -20,8 +20,8 @@ from data_io import Record
 from data_io.arrays import thinned
 from data_io.quality import presses
 from identify.base.wording import three_figures
+from identify.logs.recorded_drive import DriveCourse, Stroke, changes_speed, one_speed, strokes
 from identify.logs.segment import SLIDING, DetectedCycles, Segmentation, segment
-from identify.logs.strokes import DriveCourse, Stroke, changes_speed, one_speed, strokes
 
 Array = NDArray[np.float64]
 
@@ -36,11 +36,11 @@ SLOW, SMALL = 5.0, 0.07  # swings that discs and rigs make alike: how often [Hz]
 SINE = 0.985  # part of the mean cycle that its first harmonic holds from which on it is one sine
 UNEVEN = 0.08  # scatter of the drop from one slip to the next, beyond noise and sampling, as a share
 FEW = 3  # rises from which on their slopes can be compared
-POINTS = 128  # of the mean cycle
-CERTAIN = 8  # periods of a rhythm, from which on it is one
-CLEAR = 0.4  # share of the power that its line holds
+CERTAIN, CLEAR = 8, 0.4  # periods of a spectral line, and share of the power that it holds, from which on it is one
 SURE = 0.99
 LOAD_CHANGES = 0.3  # of the typical load, by which one changes that the force is to be seen over
+LOADS = (0.5, 4.0)  # times k v_0: how fast a swing of stick-slip loads; a saw-tooth's first harmonic does by 2
+ALIASES = 3  # times the sampling rate up to which a swing may really be
 
 
 class Regime(StrEnum):
@@ -72,22 +72,28 @@ class Known:
         return self.stiffness * abs(self.drive_speed)
 
 
-UNKNOWN = Known()
-
-
 @dataclass(frozen=True)
 class ForceOscillation:
-    """A swing of a force that slides: frequency [Hz], range peak to valley [N]."""
+    """An oscillation of a force that slides: frequency [Hz], if it is no faster than it looks; range peak to valley
+    [N]; samples per period."""
 
     frequency: float
     range: float
+    samples: float
+
+    def __str__(self) -> str:
+        """What a log does that is sampled too slowly, to follow its name."""
+        return (
+            f"swings by {self.range:.2g} N, {self.frequency:.3g} times a second as far as {self.samples:.2g} samples "
+            f"per period tell, as stick-slip does: sample it at {25.0 * self.frequency:.2g} Hz or more"
+        )
 
 
 @dataclass(frozen=True)
 class Verdict:
     """regime, None where nothing moves (a first loading, a drive at rest); confidence, 0.5 to 1; evidence: what was
-    tested, in sentences; rhythm of what slides, None without one; found: the phases that go with it; strokes: of
-    how many it tells, to and fro."""
+    tested, in sentences; found: the phases that go with it; rhythm of what slides, None without one; strokes: of how
+    many it is the verdict, to and fro."""
 
     regime: Regime | None
     confidence: float
@@ -100,7 +106,7 @@ class Verdict:
 def classify(
     time: Array,
     force: Array,
-    known: Known = UNKNOWN,
+    known: Known = Known(),
     *,
     noise: float | None = None,
     given: Segmentation | None = None,
@@ -112,8 +118,11 @@ def classify(
         noise: standard deviation of the force [N] where it is known.
         given: its phases, where they are known.
     """
+    # Averaged as the period of the rig asks for, and as its own slips do: noise hides some from each.
+    half_periods = [known.half_period, None] if known.half_period and given is None else [None]
     brief = sliding = None
-    for found in _segmented(time, force, known, noise) if given is None else (given,):
+    for half_period in half_periods:
+        found = given or segment(time, force, half_period=half_period, noise=noise)
         if found.count == 0 and found.phase.size and not found.share(SLIDING):
             return Verdict(None, SURE, ("the force only rises: no slip has come yet",), found)
         shape = _Shape.of(time, force, found)
@@ -130,14 +139,13 @@ def classify(
     assert sliding is not None
     if abs(float(np.nanmedian(force))) < 2.0 * found.noise:
         return Verdict(None, 0.9, ("no friction above its noise: the drive stands, or nothing presses",), found)
-    return _with_rhythm(time, force, sliding, known, noise)
-
-
-def _segmented(time: Array, force: Array, known: Known, noise: float | None) -> Iterator[Segmentation]:
-    """The phases, averaged as the period of the rig asks for, and as its own slips do: noise hides some from each."""
-    if known.half_period:
-        yield segment(time, force, half_period=known.half_period, noise=noise)
-    yield segment(time, force, noise=noise)
+    found = segment(time, force, half_period=known.half_period or None, noise=noise, slips=False)
+    seen = Spectrum.of(time, np.where((found.phase == SLIDING) & ~found.spikes, force, np.nan))
+    if seen is None or not seen.stands_out():
+        return replace(sliding, found=found)
+    rhythm = seen.oscillation
+    says = f"it swings by {rhythm.range:.3g} N, {rhythm.frequency:.3g} times a second"
+    return replace(sliding, found=found, rhythm=rhythm, evidence=(*sliding.evidence, says))
 
 
 # The shape of rises and falls, and the test of it.
@@ -159,6 +167,11 @@ class _Shape:
     covers: float = np.nan
     frequency: float = np.nan
     share: float = np.nan
+
+    @property
+    def one_sine(self) -> bool:
+        """Whether the mean cycle, in which noise is averaged out, is one sine."""
+        return self.rises >= FEW and self.sine >= SINE
 
     @classmethod
     def of(cls, time: Array, force: Array, found: Segmentation) -> _Shape:
@@ -182,11 +195,13 @@ class _Shape:
         # Medians: a rise with a slip in it that was missed is none that counts.
         per_rise = cycles.drop[1:] / np.maximum(rise, found.sample_interval)
         slopes = np.array([t @ f / (t @ t) for t, f in pieces] if pieces else per_rise)
-        rate, scatter = float(np.median(slopes)), 0.0
+        rate, scatter, straight = float(np.median(slopes)), 0.0, []
         if pieces:
             error = found.noise * float(np.median([1.0 / np.sqrt(t @ t) for t, _ in pieces]))
             scatter = 1.4826 * float(np.median(np.abs(slopes - rate))) - 2.0 * error
-        straight = [_explained(t, f, rate, found.noise) for t, f in pieces]
+        for t, f in pieces:  # the noise taken off
+            whole, left, own = float(f @ f), float(np.sum((f - rate * t) ** 2)), t.size * found.noise**2
+            straight.append(1.0 - max(left - own, 0.0) / max(whole - own, 1e-3 * whole) if whole > 0.0 else 0.0)
         period = float(np.median(cycles.period))
         asymmetry, sine = _mean_cycle(time, force, found, period)
         return cls(
@@ -202,26 +217,19 @@ class _Shape:
         )
 
 
-def _explained(t: Array, f: Array, rate: float, noise: float) -> float:
-    """Share of a rise (n,) about its mean that a line of some slope [N/s] explains, the noise taken off."""
-    whole, left, own = float(f @ f), float(np.sum((f - rate * t) ** 2)), t.size * noise**2
-    return 1.0 - max(left - own, 0.0) / max(whole - own, 1e-3 * whole) if whole > 0.0 else 0.0
-
-
 def _mean_cycle(time: Array, force: Array, found: Segmentation, period: float) -> tuple[float, float]:
     """Of the mean of all cycles, in which noise is averaged out: how many times as long as its fall its rise lasts, and
     the share of its first harmonic, 0.61 for a saw-tooth; NaN without a whole cycle."""
-    good = np.isfinite(force) & ~found.spikes
+    good, points = np.isfinite(force) & ~found.spikes, 128
     t, f = time[good], force[good]
-    grid = (np.arange(POINTS) / POINTS - 0.5) * period
     falls = found.cycles.fall
     falls = falls[(falls - 0.5 * period >= t[0]) & (falls + 0.5 * period <= t[-1])]
     if not falls.size:
         return np.nan, np.nan
-    mean = np.interp(np.add.outer(falls, grid), t, f).mean(axis=0)
-    peak, valley = int(np.argmax(mean[: POINTS // 2])), POINTS // 2 + int(np.argmin(mean[POINTS // 2 :]))
+    mean = np.interp(np.add.outer(falls, (np.arange(points) / points - 0.5) * period), t, f).mean(axis=0)
+    peak, valley = int(np.argmax(mean[: points // 2])), points // 2 + int(np.argmin(mean[points // 2 :]))
     power = np.abs(np.fft.rfft(mean - mean.mean())[1:]) ** 2
-    return POINTS / (valley - peak) - 1.0, float(power[0] / np.sum(power)) if np.any(power) else np.nan
+    return points / (valley - peak) - 1.0, float(power[0] / np.sum(power)) if np.any(power) else np.nan
 
 
 def _discriminate(shape: _Shape, found: Segmentation, known: Known) -> tuple[bool, float, tuple[str, ...]]:
@@ -238,9 +246,8 @@ def _discriminate(shape: _Shape, found: Segmentation, known: Known) -> tuple[boo
     if np.isfinite(loads):
         ratio = "less than 0.01" if loads < 0.01 else f"{loads:.2g}" if loads < 100.0 else "over 100"
         evidence.append(f"they load at {ratio} times stiffness times drive speed")
-    one_sine = shape.rises >= FEW and shape.sine >= SINE  # of the mean cycle, in which noise is averaged out
     unlike = shape.unlike > UNLIKE or (shape.asymmetry < NO_FASTER and shape.sine < NO_SINE)
-    bent = not one_sine and (shape.straight < STRAIGHT or unlike)
+    bent = not shape.one_sine and (shape.straight < STRAIGHT or unlike)
     if shape.rises and (bent or not COVERS[0] <= shape.covers <= COVERS[1]):
         sure = _probability(10.0 * (STRAIGHT - shape.straight)) if shape.straight < STRAIGHT else 0.9
         return False, sure, (*evidence, "sticks would rise alike and straight, by as much as a slip falls, and slower")
@@ -269,35 +276,35 @@ def _probability(odds: float) -> float:
 def _named(time: Array, force: Array, verdict: Verdict, shape: _Shape) -> Verdict:
     """Which stick-slip it is; an even sine at a frequency of the mains is none."""
     found = verdict.found
-    if shape.rises >= FEW and shape.sine >= SINE:
+    if shape.one_sine:
         near = max(0.004 * shape.frequency, 0.2 / float(np.ptp(found.cycles.fall)))  # the mains drift, and clocks
         if any(abs(shape.frequency - n * mains) < n * near for mains in (50.0, 60.0) for n in (1, 2, 3)):
             says = f"it swings {shape.frequency:.4g} times a second as one sine, as the mains make a sensor hum"
-            hum = ForceOscillation(shape.frequency, float(np.median(found.cycles.drop)))
+            hum = ForceOscillation(shape.frequency, float(np.median(found.cycles.drop)), found.samples_per_cycle)
             return Verdict(Regime.SLIDING, verdict.confidence, (says,), segment(time, force, slips=False), hum)
         says = f"the mean cycle is a sine to {100 * shape.sine:.1f} %, {shape.frequency:.3g} times a second"
         says += ": it hardly rests, so that mu_s, t_cr and D are poorly determined; record slower as well"
         cycles = segment(time, force, half_period=0.5 / shape.frequency)
         return Verdict(Regime.NEAR_HARMONIC, verdict.confidence, (*verdict.evidence, says), cycles)
-    scatter = _drop_scatter(found)
+    drop, scatter = found.cycles.drop[1:], 0.0
+    if drop.size >= 6 and found.stick_slope is not None:
+        # A peak falls anywhere between two samples of a stick, a valley between two about the end of a slip.
+        rise, lasts = found.stick_slope[0] * found.sample_interval, max(found.samples_per_slip, 2.0)
+        missed = rise**2 / 6.0 + (0.2 * float(np.mean(drop)) / lasts**2) ** 2
+        scatter = drop_scatter(drop, (2.0 * found.noise) ** 2 + missed)
     if scatter > UNEVEN:
         says = f"the drop scatters by {100 * scatter:.0f} % from one slip to the next"
         return replace(verdict, regime=Regime.UNEVEN_STICK_SLIP, evidence=(*verdict.evidence, says))
     return verdict
 
 
-def _drop_scatter(found: Segmentation) -> float:
-    """How much the force drop differs from one slip to the next, as a share of the mean, beyond what noise and
-    sampling do; 0 with too few slips. A slow drift does not count."""
-    drop = found.cycles.drop[1:]
-    if drop.size < 6 or found.stick_slope is None:
+def drop_scatter(drop: Array, explained: float) -> float:
+    """How much drops (n,) [N] differ from one to the next, as a share of their mean, beyond an explained variance
+    [N^2]; 0 with fewer than three. A slow drift does not count."""
+    if drop.size < 3:
         return 0.0
-    steps = np.diff(drop) / np.sqrt(2.0)
-    # A peak falls anywhere between two samples of a stick, a valley between two about the end of a slip.
-    lasts = max(found.samples_per_slip, 2.0)
-    missed = (found.stick_slope[0] * found.sample_interval) ** 2 / 6.0 + (0.2 * float(np.mean(drop)) / lasts**2) ** 2
-    excess = (1.4826 * float(np.median(np.abs(steps)))) ** 2 - (2.0 * found.noise) ** 2 - missed
-    return float(np.sqrt(max(excess, 0.0)) / np.mean(drop))
+    variance = (1.4826 * float(np.median(np.abs(np.diff(drop)))) / np.sqrt(2.0)) ** 2 - explained
+    return float(np.sqrt(max(variance, 0.0)) / max(float(np.mean(drop)), 1e-300))
 
 
 # Oscillations of what slides.
@@ -332,24 +339,6 @@ class Spectrum:
         """Where the power is highest [Hz]."""
         return float(self.frequency[int(np.argmax(self.power))])
 
-    @property
-    def samples(self) -> float:
-        """In a period of the peak."""
-        return 1.0 / (self.peak * self.interval) if self.peak > 0.0 else float("inf")
-
-    @property
-    def chance(self) -> float:
-        """Probability that the highest power of noise, which is white within an octave on each side, is so high (R. A.
-        Fisher, Proc. R. Soc. A 125 (1929) 54, its first term)."""
-        power = self.power[(self.frequency >= 0.5 * self.peak) & (self.frequency <= 2.0 * self.peak)]
-        whole, count = float(np.sum(power)), np.count_nonzero(power)
-        return float(count * (1.0 - np.max(power) / whole) ** (count - 1)) if whole > 0.0 else 1.0
-
-    @property
-    def periods(self) -> float:
-        """Of the peak, in the stretch."""
-        return self.peak / float(self.frequency[1])
-
     def share(self, frequency: float) -> float:
         """Which part of the power a line there holds."""
         near = np.abs(self.frequency - frequency) <= max(0.08 * frequency, 2.0 * self.frequency[1])
@@ -359,21 +348,49 @@ class Spectrum:
         """Of the sine that holds as much of the variance as a line there."""
         return float(np.sqrt(2.0 * self.share(frequency) * self.variance))
 
+    @property
+    def oscillation(self) -> ForceOscillation:
+        """That of the highest line."""
+        samples = 1.0 / (self.peak * self.interval) if self.peak > 0.0 else np.inf
+        return ForceOscillation(self.peak, 2.0 * self.amplitude(self.peak), samples)
+
     def stands_out(self, least: float = CLEAR) -> bool:
-        """Whether its highest line is a rhythm: of enough periods, with so much of the power, and not by chance."""
-        return self.periods >= CERTAIN and self.chance <= 1e-6 and self.share(self.peak) >= least
+        """Whether its highest line is of enough periods, with so much of the power, and not by chance: noise that is
+        white within an octave on each side is hardly ever so high (R. A. Fisher, Proc. R. Soc. A 125 (1929) 54)."""
+        if self.peak < CERTAIN * self.frequency[1] or self.share(self.peak) < least:
+            return False
+        power = self.power[(self.frequency >= 0.5 * self.peak) & (self.frequency <= 2.0 * self.peak)]
+        count = np.count_nonzero(power)
+        return bool(count * (1.0 - np.max(power) / np.sum(power)) ** (count - 1) <= 1e-6)
 
 
-def _with_rhythm(time: Array, force: Array, verdict: Verdict, known: Known, noise: float | None) -> Verdict:
-    """Sliding, segmented without slips, with its rhythm."""
-    found = segment(time, force, half_period=known.half_period or None, noise=noise, slips=False)
-    slides = np.where((found.phase == SLIDING) & ~found.spikes, force, np.nan)
-    seen = Spectrum.of(time, slides)
-    if seen is None or not seen.stands_out():
-        return replace(verdict, found=found)
-    rhythm = ForceOscillation(seen.peak, 2.0 * seen.amplitude(seen.peak))
-    says = f"it swings by {rhythm.range:.3g} N, {rhythm.frequency:.3g} times a second"
-    return replace(verdict, found=found, rhythm=rhythm, evidence=(*verdict.evidence, says))
+def hidden_rhythm(
+    time: Array, force: Array, load: Array | None, known: Known, least: float = CLEAR
+) -> ForceOscillation | None:
+    """The swing of what looks like steady sliding, where it is that of stick-slip; None where there is none.
+
+    The mean force of stick-slip is not that of steady sliding. While the mass slides the spring loads more slowly than
+    in a stick, dF/dt < k v_0; a swing that reaches that rate comes to rest, however few samples see each cycle.
+
+    Args:
+        time, force, load: (n,) [s], [N], [N]; NaN where nothing counts. load: None where the force is without what the
+            load does to it.
+        known: of the rig; nothing is said where a part of it is not.
+        least: share of the power that the swing holds.
+    """
+    swing = Spectrum.of(time, force) if known.loading_rate and known.half_period else None
+    if swing is None or not swing.stands_out(least):
+        return None
+    peak, rate, height = swing.peak, 1.0 / swing.interval, swing.amplitude(swing.peak)
+    if load is not None:
+        pressed = Spectrum.of(time, load)
+        coefficient = abs(float(np.nanmean(force) / np.nanmean(load)))
+        if pressed is None or coefficient * pressed.amplitude(peak) > 0.2 * height:
+            return None
+    candidates = np.array([peak, *(n * rate + sign * peak for n in range(1, ALIASES + 1) for sign in (-1.0, 1.0))])
+    candidates = candidates[candidates <= 0.6 / known.half_period]  # no stick-slip is faster than the rig swings
+    loads = 2.0 * np.pi * candidates * height / known.loading_rate
+    return swing.oscillation if np.any((loads >= LOADS[0]) & (loads <= LOADS[1])) else None
 
 
 # All strokes of a log.
@@ -392,53 +409,54 @@ class LogRegime:
 
 
 def look(
-    record: Record, drive: DriveCourse, known: Known = UNKNOWN, *, tare: float = 0.0, found: Segmentation | None = None
+    record: Record, drive: DriveCourse, known: Known = Known(), *, tare: float = 0.0, found: Segmentation | None = None
 ) -> LogRegime:
     """The regime of every stroke of a record, and of all of it.
 
     Args:
-        drive: [m/s], a programme ((start [s], speed), ...), one value per row, or None where unknown.
+        drive: [m/s], a programme ((start [s], speed), ...), or None where unknown.
         known: of the rig; its drive speed is that of each stroke.
         tare: force to take off the friction force [N]. found: the phases of the whole record where they are known;
             used where it is one stroke.
     """
-    parts = strokes(record, drive)
-    verdicts = []
+    parts, verdicts = strokes(record, drive), []
     for stroke in parts:
         rows = slice(stroke.start, stroke.stop)
+        time, load = record.time[rows], record.normal_force[rows]
         force = stroke.direction * (record.friction_force[rows] - tare)
         own = replace(known, drive_speed=stroke.speed or 0.0)
         given = found if len(parts) == 1 and found is not None and found.phase.size == force.size else None
-        verdicts.append(_over_load(record.time[rows], force, record.normal_force[rows], own, given))
-    return LogRegime(*_of_all(changes_speed(drive), parts, verdicts), parts, tuple(verdicts))
+        verdict = classify(time, force, own, given=given)
+        pressed = presses(load) & np.isfinite(force)
+        low, level, high = np.quantile(thinned(load[pressed]), [0.05, 0.5, 0.95]) if pressed.any() else (1.0, 1.0, 1.0)
+        if not verdict.found.count and high - low >= LOAD_CHANGES * level:
+            # Where the load changes much, the force at the typical load tells.
+            verdict = classify(time, np.where(pressed, force * level / np.where(pressed, load, 1.0), np.nan), own)
+        verdicts.append(verdict)
+    return _of_all(changes_speed(drive), parts, verdicts)
 
 
-def _over_load(time: Array, force: Array, load: Array, known: Known, given: Segmentation | None) -> Verdict:
-    """The verdict on a stroke: on the force, or, where its load changes much, on the force at the typical load."""
-    verdict = classify(time, force, known, given=given)
-    pressed = presses(load) & np.isfinite(force)
-    low, level, high = np.quantile(thinned(load[pressed]), [0.05, 0.5, 0.95]) if pressed.any() else (1.0, 1.0, 1.0)
-    if verdict.found.count or high - low < LOAD_CHANGES * level:
-        return verdict
-    return classify(time, np.where(pressed, force * level / np.where(pressed, load, 1.0), np.nan), known)
-
-
-def of_strokes(time: Array, force: Array, edges: Sequence[tuple[int, int, int]], known: Known) -> Verdict:
-    """The verdict on a force (n,) that changes its sign, from those on its strokes (first row, end, sign)."""
+def of_strokes(
+    time: Array, force: Array, edges: Sequence[tuple[int, int, int]], known: Known, noise: float | None
+) -> Verdict:
+    """The verdict on a force (n,), where it changes its sign from those on its strokes (first row, end, sign)."""
+    if len(edges) < 2:
+        return classify(time, force, known, noise=noise)
     verdicts = [classify(time[a:b], way * force[a:b], known) for a, b, way in edges]
     parts = [Stroke(1, 1, i, a, b, way, known.drive_speed) for i, (a, b, way) in enumerate(edges, start=1)]
     found = joined([(a, v.found) for (a, _, _), v in zip(edges, verdicts, strict=True)], force.size)
-    return Verdict(*_of_all(False, parts, verdicts), found, strokes=len(parts))
+    whole = _of_all(False, parts, verdicts)
+    return Verdict(whole.regime, whole.confidence, whole.evidence, found, strokes=len(parts))
 
 
-def _of_all(
-    changes: bool, parts: Sequence[Stroke], verdicts: Sequence[Verdict]
-) -> tuple[Regime | None, float, tuple[str, ...]]:
-    """Regime, confidence and evidence of a log from those of its strokes: what holds for most of the time."""
+def _of_all(changes: bool, parts: Sequence[Stroke], verdicts: Sequence[Verdict]) -> LogRegime:
+    """The regime of a log from those of its strokes: what holds for most of the time."""
+    all_parts, all_verdicts = tuple(parts), tuple(verdicts)
     if changes:
-        return Regime.PROGRAMME, SURE, ("the drive changes its speed or stands in between; strokes are seen apart",)
+        says = "the drive changes its speed or stands in between; strokes are seen apart"
+        return LogRegime(Regime.PROGRAMME, SURE, (says,), all_parts, all_verdicts)
     if not verdicts:
-        return None, 0.5, ("no rows",)
+        return LogRegime(None, 0.5, ("no rows",), all_parts, all_verdicts)
     lasts = np.array([stroke.stop - stroke.start for stroke in parts], float)
     regimes = [verdict.regime for verdict in verdicts]
     totals = {regime: lasts[[own == regime for own in regimes]].sum() for regime in dict.fromkeys(regimes)}
@@ -451,16 +469,15 @@ def _of_all(
     if len({stroke.direction for stroke in parts}) > 1:
         says = f"the force changes its sign: {len(parts)} strokes to and fro, of which {len(like)} are of this regime"
         evidence = (says, *evidence)
-    return regime, confidence, evidence
+    return LogRegime(regime, confidence, evidence, all_parts, all_verdicts)
 
 
 def only_of(whole: LogRegime, numbers: Sequence[int]) -> LogRegime:
     """The regime of some of the strokes of a log, by their numbers."""
     if len(numbers) == len(whole.strokes):
         return whole
-    parts, verdicts = tuple(whole.strokes[i] for i in numbers), tuple(whole.verdicts[i] for i in numbers)
-    changes = not one_speed([stroke.speed for stroke in parts if stroke.speed])
-    return LogRegime(*_of_all(changes, parts, verdicts), parts, verdicts)
+    parts, verdicts = [whole.strokes[i] for i in numbers], [whole.verdicts[i] for i in numbers]
+    return _of_all(not one_speed([stroke.speed for stroke in parts if stroke.speed]), parts, verdicts)
 
 
 def joined(parts: Sequence[tuple[int, Segmentation]], rows: int) -> Segmentation:

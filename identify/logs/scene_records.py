@@ -1,28 +1,31 @@
-"""The records of a scene: each log read as the scene states it, once, and the drive of its column where it has none."""
+"""The records of a scene: each log read as the scene states it, checked, cut into parts, and prepared."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import combinations
+from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from data_io import LogError, LogTooLargeError, Record, read_log
+from data_io import LogError, Record, read_log
 from data_io.arrays import kept, thinned, thinned_steps
 from data_io.correct import Corrections, correct
-from data_io.drive import check_drive
-from data_io.record import WINDOW_START
-from data_io.values import Finding
+from data_io.drive import motion_of
+from data_io.quality import MOST_PAUSES
 from identify.base.errors import FitError
 from identify.base.wording import programme_text
 from identify.logs.noise import running_means
+from identify.logs.prepare import PART, STROKE, Prepared, prepare
 from identify.logs.recorded_drive import drive_position, recorded_drive, with_drive_checked
+from identify.logs.unknowns import Unknowns, from_scene
+from identify.logs.vibration import tuned
 from identify.scene import Scene
 from identify.scene.values import LogEntry
+from identify.simulation.drive import Drive
 
 Array = NDArray[np.float64]
 Span = tuple[float, float]
@@ -32,24 +35,43 @@ SAME_TIME = 1e-3  # of a step: what rounding makes of the clock of a copy
 SAME_NOISE = 0.4  # correlation of the noise of one measurement: a resampled copy holds half of it
 SAME_LEVEL = 0.1  # of the range of a force, by which its quantiles may differ in a copy
 SHORTEST, LONGEST = 64, 4096  # samples whose noise is looked for
-PHASES = 8  # of a step, by which the rows of a copy may lie beside those of the other
-OUTLYING = 4.0  # standard deviations of fourth differences: slips and spikes
+LEAST, BESIDE = 16, 5  # samples of a part, and beside a gap that show the force there
+SURE, SHARE = 6.0, 0.15  # standard deviations, or share of the rise of a stick, by which the force misses it
+
+
+@dataclass(frozen=True)
+class PreparedScene:
+    """The scene with one entry per part of a log; the record of each; the logs, prepared; what is searched."""
+
+    scene: Scene
+    records: list[Record]
+    logs: list[Prepared]
+    unknowns: Unknowns
+
+
+def prepare_scene(scene: Scene, records: Sequence[Record]) -> PreparedScene:
+    """Part, cut, correct and segment all logs of a scene, and find starts for what is explicit in time.
+
+    Raises:
+        FitError: a log without drive speed, or of which nothing is left.
+        SceneError: an effect outside its measured range.
+    """
+    scene, parts = parted(scene, records)
+    unknowns = from_scene(scene)
+    logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, parts, strict=True)]
+    return PreparedScene(scene, parts, *tuned(logs, unknowns))
 
 
 def with_records(scene: Scene, records: Sequence[Record] | None) -> tuple[Scene, list[Record]]:
-    """A scene and the records of its logs: those given, else read, of a log larger than memory only what is used.
+    """A scene and the records of its logs: those given, else read.
 
     Raises:
-        FitError: no logs, not a record for each, samples that two of them share, or one drive speed where a column
-            changes it. LogError: one that cannot be read.
+        FitError: no logs, not a record for each, or samples that two of them share. LogError: one that cannot be read.
     """
     if not scene.logs:
         raise FitError("the scene lists no logs; name a LOG on the command line, or add [[logs]] to the scene")
     if records is None:
-        pairs = [read_entry(scene, i) for i in range(len(scene.logs))]
-        logs = tuple(entry for entry, _ in pairs)
-        scene = scene if logs == scene.logs else replace(scene, logs=logs)
-        records = [record for _, record in pairs]
+        records = [read_entry(scene, i) for i in range(len(scene.logs))]
     if len(records) != len(scene.logs):
         raise FitError(f"{len(records)} records were given for {len(scene.logs)} logs of the scene; give one each")
     refuse_counted_twice(scene.logs, records)
@@ -71,29 +93,21 @@ def with_drives(scene: Scene, records: Sequence[Record] | None = None) -> tuple[
         rig, name = scene.rig_for(entry), f"{entry.path.name} has no drive speed"
         if rig.drive_speed is not None:
             continue
-        whole, record = (entry, records[i]) if records is not None and i < len(records) else read_entry(scene, i)
-        if whole != entry:
-            raise FitError(f"{name} and is larger than memory, so that its columns are not searched for it; {remedy}")
+        record = records[i] if records is not None and i < len(records) else read_entry(scene, i)
         drive = recorded_drive(record, entry.window)
         if drive.programme is None:
             raise FitError(f"{name}, and {drive.trouble}; {remedy}")
-        if not drive.named:
-            raise FitError(
-                f"{name}; {drive.source} it would be {programme_text(drive.programme)}, but no name says that this is "
-                f"the drive; {remedy}"
-            )
         logs[i] = replace(entry, drive_speed=drive.programme if drive.speed is None else drive.speed)
         speeds = programme_text(drive.programme)
         sentences.append(f"{entry.path.name}: the drive speed was taken from {drive.place}: {speeds}.")
     return (replace(scene, logs=tuple(logs)) if sentences else scene), sentences
 
 
-def read_entry(scene: Scene, index: int) -> tuple[LogEntry, Record]:
-    """Read one log; the normal force of [rig] only where the log has none of its own. Of a log larger than memory what
-    the entry uses is read, and its times count from the begin of that on."""
+def read_entry(scene: Scene, index: int) -> Record:
+    """Read one log; the normal force of [rig] only where the log has none of its own."""
     entry = scene.logs[index]
 
-    def read(load: float | None, window: Span | None = None) -> Record:
+    def read(load: float | None) -> Record:
         return read_log(
             entry.path,
             step=entry.step,
@@ -102,72 +116,25 @@ def read_entry(scene: Scene, index: int) -> tuple[LogEntry, Record]:
             normal_force=load,
             run=entry.run,
             rate=entry.rate,
-            window=window,
-            channels=None if window is None else (),
             exclude=unused(entry),
         )
 
-    def read_what_fits(load: float | None) -> tuple[LogEntry, Record]:
-        try:
-            return entry, read(load)
-        except LogTooLargeError:
-            if entry.window is None:
-                raise
-        record = read(load, _used_span(entry))
-        begin = float(record.metadata.get(WINDOW_START, 0.0))
-        text = (
-            f"the log is larger than memory: {begin:.6g} to {begin + record.time[-1]:.6g} s of it were read; times "
-            "count from there on"
-        )
-        return _later(entry, begin), replace(record, findings=(*record.findings, Finding("read_in_part", "info", text)))
-
     try:
-        read_as, record = read_what_fits(entry.normal_force)
-    except LogTooLargeError:
-        raise
+        return read(entry.normal_force)
     except LogError:
         if entry.normal_force is not None or scene.rig.normal_force is None:
             raise
-        read_as, record = read_what_fits(scene.rig.normal_force)
-    stated = scene.rig.drive_speed if read_as.drive_speed is None else read_as.drive_speed
-    position = None if stated is None else drive_position(record)
-    doubts = [] if stated is None or position is None else check_drive(record, stated, position)
-    return read_as, replace(record, findings=(*record.findings, *doubts)) if doubts else record
-
-
-def _used_span(entry: LogEntry) -> Span:
-    """From where to where an entry with a window uses its log [s], its zeros included."""
-    spans = [span for span in (entry.window, entry.tare, entry.normal_tare) if isinstance(span, tuple)]
-    return min(start for start, _ in spans), max(stop for _, stop in spans)
+        return read(scene.rig.normal_force)
 
 
 def unused(entry: LogEntry) -> tuple[Span, ...]:
     """What an entry does not use of its log [s]: what it excludes, and what lies around its window and zeros."""
     if entry.window is None:
         return entry.exclude
-    first, last = _used_span(entry)
-    before, behind = math.nextafter(first, -math.inf), math.nextafter(last, math.inf)
+    spans = [span for span in (entry.window, entry.tare, entry.normal_tare) if isinstance(span, tuple)]
+    before = math.nextafter(min(start for start, _ in spans), -math.inf)
+    behind = math.nextafter(max(stop for _, stop in spans), math.inf)
     return (*entry.exclude, (-math.inf, before), (behind, math.inf))
-
-
-def _later(entry: LogEntry, begin: float) -> LogEntry:
-    """An entry whose times count from `begin` [s] on."""
-
-    def shifted(span: Span) -> Span:
-        return span[0] - begin, span[1] - begin
-
-    drive = entry.drive_speed
-    if isinstance(drive, tuple):
-        before = max((start for start, _ in drive if start <= begin), default=-math.inf)
-        drive = tuple((max(start - begin, 0.0), speed) for start, speed in drive if start >= before)
-    return replace(
-        entry,
-        window=shifted(entry.window) if entry.window is not None else None,
-        exclude=tuple(shifted(span) for span in entry.exclude if span[1] > begin),
-        tare=shifted(entry.tare) if isinstance(entry.tare, tuple) else entry.tare,
-        normal_tare=shifted(entry.normal_tare) if isinstance(entry.normal_tare, tuple) else entry.normal_tare,
-        drive_speed=drive,
-    )
 
 
 # Samples that two logs of a scene share: each would count twice, and the intervals would be too narrow.
@@ -247,7 +214,7 @@ def noise_agreement(time: Array, force: Array, other_time: Array, other_force: A
     grid = other_time[(other_force.size - length) // 2] + step * np.arange(length)
     sought = _noise_alone(np.interp(grid, other_time, other_force))
     best, shift, others = 0.0, 0.0, 0.0
-    for begin in time[0] + step * np.arange(PHASES) / PHASES:
+    for begin in time[0] + step * np.arange(8) / 8:
         noise = _noise_alone(np.interp(np.arange(begin, time[-1], step), time, force))
         power = np.maximum(running_means(noise**2, sought.size), 0.0)  # rounding leaves less than none of a silence
         size = np.sqrt(power * sought.size * float(sought @ sought))
@@ -264,4 +231,140 @@ def _noise_alone(force: Array) -> Array:
     """Fourth differences of an even force in standard deviations, without those of slips and spikes."""
     bends = np.diff(force, 4)
     sd = 1.4826 * float(np.median(np.abs(bends)))
-    return np.asarray(np.where(np.abs(bends) < OUTLYING * sd, bends / max(sd, 1e-300), 0.0))
+    return np.asarray(np.where(np.abs(bends) < 4.0 * sd, bends / max(sd, 1e-300), 0.0))
+
+
+# Logs that no single motion one way describes, in parts: strokes to and fro, and what excluded stretches part.
+
+
+def parted(scene: Scene, records: Sequence[Record]) -> tuple[Scene, list[Record]]:
+    """The scene with its logs in parts, and the records to go with them; what is in one part comes back as it is.
+
+    A log whose drive turns, by its programme, or, where one speed is stated, by the position column, has one part per
+    stroke: what the drive rests between two is left out, and half a natural period after a turn without a rest: a slip
+    that the drive turns in goes on the old way meanwhile. Before and after a stretch that no stick bridges, excluded or
+    without a sample, are two parts: nobody knows what happened in between, and a fit that carried the motion through
+    would invent it.
+    """
+    pairs = [
+        (part, record)
+        for entry, record in zip(scene.logs, records, strict=True)
+        for stroke in _strokes(scene, entry, record)
+        for part in _without_gaps(scene, stroke, record)
+    ]
+    if len(pairs) == len(scene.logs):
+        return scene, list(records)
+    return replace(scene, logs=tuple(entry for entry, _ in pairs)), [record for _, record in pairs]
+
+
+def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
+    """The strokes of a log whose drive turns; the log itself where it does not."""
+    rig = scene.rig_for(entry)
+    pairs, speed = rig.drive_speed, rig.drive_speed
+    if record.time.size == 0 or speed is None:
+        return [entry]
+    if not isinstance(speed, tuple):
+        name = drive_position(record) if rig.stiffness > 0.0 else None
+        motion = None if name is None else motion_of(record, name)
+        signed = [(p.time, float(np.sign(p.speed)) * abs(speed)) for p in motion.pieces] if motion else []
+        pairs = tuple((t if i else 0.0, v) for i, (t, v) in enumerate(signed) if not i or v != signed[i - 1][1])
+    if not isinstance(pairs, tuple) or not pairs or not min(v for _, v in pairs) < 0.0 < max(v for _, v in pairs):
+        return [entry]
+    drive, (start, stop) = Drive.of(pairs), entry.window or (0.0, float(record.time[-1]))
+    spans: list[tuple[float, float, float]] = []  # sign, start, stop
+    for first, last in pairwise([start, *drive.changes(start, stop), stop]):
+        sign = float(np.sign(drive.at(0.5 * (first + last))))
+        if spans and spans[-1][0] == sign:
+            spans[-1] = (sign, spans[-1][1], last)  # a hold within a stroke belongs to it
+        elif sign:
+            spans.append((sign, first, last))
+    if len({sign for sign, _, _ in spans}) < 2:
+        return [entry]
+    slip = float(np.pi * np.sqrt(rig.mass / rig.stiffness)) if rig.stiffness > 0.0 else 0.0
+    out = []
+    for number, (sign, first, last) in enumerate(spans, 1):
+        if np.diff(np.searchsorted(record.time, [first, last]))[0] < LEAST:
+            continue
+        turns = number > 1 and spans[number - 2][2] == first  # without a rest
+        out.append(
+            replace(
+                entry,
+                window=(first + min(slip, 0.1 * (last - first)) if turns else first, last),
+                drive_speed=pairs,
+                flip_sign=not entry.flip_sign if entry.flip_sign is not None and sign < 0 else entry.flip_sign,
+                labels={STROKE: f"{number} {'forth' if sign > 0 else 'back'}"} | dict(entry.labels),
+            )
+        )
+    return out or [entry]
+
+
+def _without_gaps(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
+    """What lies before, between and after the stretches of a log that no stick bridges."""
+    rig, time = scene.rig_for(entry), record.time
+    if rig.drive_speed is None or time.size < LEAST:
+        return [entry]
+    start, stop = entry.window or (0.0, float(time[-1]))
+    # Stretches without a sample of the friction force that are long enough for a slip.
+    slip = 0.5 * float(np.pi * np.sqrt(rig.mass / rig.stiffness)) if rig.stiffness > 0.0 else 0.0
+    known = time[np.isfinite(record.friction_force)]
+    long = np.flatnonzero(np.diff(known) > max(5.0 * float(np.median(thinned_steps(time))), slip))
+    unrecorded = [(float(known[i]), float(known[i + 1])) for i in long]
+    unrecorded = [hole for hole in unrecorded if start < hole[0] and hole[1] < stop]
+    holes = sorted({*entry.exclude, *(unrecorded if len(unrecorded) <= MOST_PAUSES else ())})
+    drive, edges = Drive.of(rig.drive_speed), [start]
+    for first, last in holes:
+        if start < first and last < stop and not _bridged(entry, record, drive, rig.stiffness, first, last):
+            edges += [first, last]
+    spans = list(zip(edges[::2], [*edges[1::2], stop], strict=True))
+    spans = [(a, b) for a, b in spans if np.count_nonzero((time >= a) & (time <= b)) >= LEAST]
+    if len(spans) < 2:
+        return [entry]
+    return [
+        replace(
+            entry,
+            window=(a, b),
+            exclude=tuple(gap for gap in entry.exclude if gap[0] > a and gap[1] < b),
+            skip_cycles=entry.skip_cycles if number == 1 else 0,
+            labels={PART: f"{number} of {len(spans)}"} | dict(entry.labels),
+        )
+        for number, (a, b) in enumerate(spans, 1)
+    ]
+
+
+def _bridged(entry: LogEntry, record: Record, drive: Drive, stiffness: float, first: float, last: float) -> bool:
+    """Whether a mass that rests throughout takes the force from before a gap to after it."""
+    finite = np.isfinite(record.friction_force)
+    outside = np.ones(record.time.size, bool)
+    for a, b in entry.exclude:
+        outside &= (record.time < a) | (record.time > b)
+    before = np.flatnonzero(finite & outside & (record.time < first))[-BESIDE:]
+    after = np.flatnonzero(finite & outside & (record.time > last))[:BESIDE]
+    if before.size < BESIDE or after.size < BESIDE:
+        return False
+    t, f = record.time, record.friction_force
+    begin, end = float(t[before].mean()), float(t[after].mean())
+    times = [begin, *(c for c in drive.starts if begin < c < end), end]
+    expected = abs(stiffness * sum((b - a) * drive.at(0.5 * (a + b)) for a, b in pairwise(times)))
+    noise = float(np.median(np.abs(np.diff(f[finite])))) / (0.6745 * np.sqrt(2.0))
+    rise = abs(float(f[after].mean() - f[before].mean()))
+    return bool(abs(rise - expected) <= max(SURE * noise * np.sqrt(2.0 / BESIDE), SHARE * expected))
+
+
+def parts_of(scene: Scene, entries: Sequence[LogEntry]) -> list[int | None]:
+    """For each log of a parted scene the number (from 1) of the log of `scene` it is a part of, None where it is whole.
+
+    Times of a whole log that was read in part have moved, so that it is not the entry of the scene any more.
+    """
+    if len(entries) == len(scene.logs):
+        return [None] * len(entries)
+
+    def read_as(entry: LogEntry) -> tuple[object, ...]:
+        return entry.path, entry.step, entry.run, entry.columns, entry.units
+
+    out: list[int | None] = []
+    for entry in entries:
+        same = [(i, whole.window) for i, whole in enumerate(scene.logs, 1) if read_as(whole) == read_as(entry)]
+        own = entry.window
+        inside = [i for i, w in same if w is None or (own is not None and w[0] <= own[0] and own[1] <= w[1])]
+        out.append(None if entry in scene.logs else next(iter([*inside, *(i for i, _ in same)]), None))
+    return out

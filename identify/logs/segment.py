@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import pairwise
 from math import log, sqrt
 
@@ -27,7 +26,6 @@ SMALLEST_SHARE = 0.2  # of the typical drop: a smaller fall is no cycle of its o
 CONFIRMED_SD = 5.0  # standard deviations of the average, by which the force rises after the last slip
 NARROW, WIDE = 0.2, 0.45  # of the half period: the first average, and the widest, which does not bend a slip yet
 LONG_INTERVAL = 1.6  # times the median: look again there
-BLOCKS = 1 << 14  # of whose extremes the prominences of a longer record are
 COLOURED, MOST_COLOURED = 1.5, 3.0  # times the white part that is left, and times the white part: noise with a memory
 CLEAR = 6.0  # standard deviations of the average: of smaller slips many are lost in the noise
 FEW_SLIPS, MOSTLY = 3, 0.5  # with fewer slips, or more of its samples sliding, a record is followed and not folded
@@ -37,8 +35,6 @@ SLOWEST_FALL = 0.4  # of the stick slope: a slip falls faster
 LEAST_RISE = 0.5  # of what a stick would rise: an interval with less contains sliding
 FADED = (0.85, 0.94)  # drop and steepness of the last swing against the first, where swings settle
 LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading from rest
-FROM_REST = 0.5  # of the level that it leads to: a first rise by less is no loading, the level wanders
-LONGEST_SPAN = 40  # samples of a rise that count for the level at its end
 LINE_BLOCKS = ((24, 3), (12, 2), (8, 2))  # samples, and degree of its line: a rise between fast slips is bent
 LONGER, MOST_LONGER = 1.015, 4.0  # times the noise in blocks twice as long: noise with a memory, and no noise any more
 
@@ -203,9 +199,8 @@ def segment(
     clean = bridged(clean, masked)
     interval = float(np.median(thinned_steps(time)))
     sd = white if noise is None else noise
-    falls = _find_falls(clean, sd, None if half_period is None else half_period / interval, slips)
-    trace = _AveragedForce(time, clean, falls.smoothed, sd, falls.threshold)
-    judged = _judge(trace, falls)
+    trace = _traced(time, clean, sd, None if half_period is None else half_period / interval, slips)
+    judged = _judge(trace)
     phase, ends_sliding = _label(trace, judged)
     cycles = _cycles(trace, judged)
     lasting = half_period or _median(cycles.arrest - cycles.onset)
@@ -213,7 +208,7 @@ def segment(
     loading = judged.loading_slope
     if not judged.slips.any():
         knee = _loading_knee(trace)
-        loading = _slope(trace, 0, knee) if knee else None
+        loading = trace.slope(0, knee) if knee else None
     if noise is None:
         # What lies between slips lost in the noise holds others; never less than the rounding of the file.
         edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), int(phase.size)]
@@ -225,7 +220,7 @@ def segment(
         noise=noise,
         spikes=masked | holes,
         phase=phase,
-        begins_in_slip=falls.starts_falling and bool(judged.slips.any()),
+        begins_in_slip=trace.starts_falling and bool(judged.slips.any()),
         ends_sliding=ends_sliding,
         stick_slopes=judged.slopes[judged.slips[:-1] & judged.slips[1:]],
         loading_slope=loading,
@@ -239,25 +234,50 @@ def segment(
 
 
 @dataclass(frozen=True)
-class _Falls:
-    """Sample indices of peaks and valleys (c,) of the average `smoothed` (n,) over `width` samples; threshold: of their
-    prominence [N]; starts_falling: a fall began before the record."""
+class _Trace:
+    """A force without spikes and its falls: time [s], force and its average over `width` samples [N], each (n,); sd of
+    the noise; sample indices of peaks and valleys (c,), the threshold of their prominence [N]; starts_falling: a fall
+    began before the record."""
 
-    peaks: Indices
-    valleys: Indices
-    smoothed: Array
+    time: Array
+    force: Array
+    noise: float
+    coarse: Array
     width: int
     threshold: float
+    peaks: Indices
+    valleys: Indices
     starts_falling: bool
 
     @property
     def drops(self) -> Array:
         """By how much the average falls (c,) [N]."""
-        return np.asarray(self.smoothed[self.peaks] - self.smoothed[self.valleys])
+        return np.asarray(self.coarse[self.peaks] - self.coarse[self.valleys])
+
+    @property
+    def last(self) -> int:
+        """Index of the last sample."""
+        return int(self.time.size) - 1
+
+    def rise(self, start: int, stop: int) -> float:
+        """Highest average from start to stop above that at start [N]."""
+        return float(np.max(self.coarse[start : stop + 1]) - self.coarse[start])
+
+    def duration(self, start: int, stop: int) -> float:
+        """Time between two samples [s]."""
+        return float(self.time[stop] - self.time[start])
+
+    def slope(self, start: int, stop: int) -> float:
+        """Slope of the straight middle of a rise from sample start to stop [N/s]; outliers are dropped once."""
+        first = start + int(STRAIGHT[0] * (stop - start))
+        last = max(start + int(np.ceil(STRAIGHT[1] * (stop - start))), first + 1)
+        return line_slope(self.time[first : last + 1], self.force[first : last + 1], self.noise)
 
 
-def _find_falls(force: Array, noise: float, half_period: float | None, slips: bool) -> _Falls:
-    """Falls of a force (n,) whose noise has a white part of this sd [N]; half_period in samples where it is known."""
+def _traced(time: Array, force: Array, noise: float, half_period: float | None, slips: bool) -> _Trace:
+    """A force (n,) whose noise has a white part of this sd [N], and its falls; half_period in samples where it is
+    known; slips: False where no fall counts."""
+    none = np.empty(0, dtype=np.int64)
     widest = force.size / 20 if half_period is None else WIDE * half_period
     width = 1 if half_period is None else max(1, int(NARROW * half_period)) | 1
     best, quiet = None, 0.0
@@ -265,46 +285,40 @@ def _find_falls(force: Array, noise: float, half_period: float | None, slips: bo
         values = smooth(force, width)
         left = _left_by_averaging(values, noise, width)
         threshold = max((_span_of_noise(force.size / width) + 1.0) * left, 1e-9 * float(np.ptp(force)))
-        falls = _prominent(values, width, threshold, CONFIRMED_SD * left)
-        if best is None or falls.peaks.size >= best.peaks.size:
-            best, quiet = falls, left
-        if falls.peaks.size:
-            smallest = SMALLEST_SHARE * float(np.median(falls.drops[falls.drops >= np.median(falls.drops)]))
-            tenth = int(0.1 * float(np.median(falls.valleys - falls.peaks))) | 1
-            if threshold <= smallest and half_period is None and tenth > width:
-                width = tenth  # of a slip: its shape stays, and its noise goes
+        empty = _Trace(time, force, noise, values, width, threshold, none, none, False)
+        trace = _with_falls(empty, threshold, CONFIRMED_SD * left)
+        if best is None or trace.peaks.size >= best.peaks.size:
+            best, quiet = trace, left
+        if trace.peaks.size:
+            lasting = float(np.median(trace.valleys - trace.peaks))
+            smallest = SMALLEST_SHARE * float(np.median(trace.drops[trace.drops >= np.median(trace.drops)]))
+            if threshold <= smallest and half_period is None and (int(0.1 * lasting) | 1) > width:
+                width = int(0.1 * lasting) | 1  # of a slip: its shape stays, and its noise goes
                 continue
             if threshold <= smallest:
-                best = _prominent(values, width, smallest, min(smallest, CONFIRMED_SD * left))
+                best = _with_falls(empty, smallest, min(smallest, CONFIRMED_SD * left))
                 break
             if half_period is None:
-                widest = min(widest, 0.55 * float(np.median(falls.valleys - falls.peaks)))
+                widest = min(widest, 0.55 * lasting)
         width = 2 * width + 1
-    if slips:
-        return _second_look(best, quiet)
-    none = np.empty(0, dtype=np.int64)
-    return _Falls(none, none, best.smoothed, best.width, best.threshold, False)
+    if not slips:
+        return replace(best, peaks=none, valleys=none, starts_falling=False)
+    if best.peaks.size < FEW_SLIPS:
+        return best
+    # Searched again, less strictly, where the interval between falls is suspiciously long.
+    longest, values = LONG_INTERVAL * float(np.median(np.diff(best.peaks))), best.coarse
+    lenient = max(_span_of_noise(longest / best.width) * quiet, 2.0 * SMALLEST_SHARE * float(np.median(best.drops)))
+    if lenient >= best.threshold:
+        return best
+    more, edges = _with_falls(best, lenient, lenient).peaks, np.concatenate([[0], best.peaks, [values.size]])
+    peaks = np.union1d(best.peaks, more[np.diff(edges)[np.searchsorted(edges, more, side="right") - 1] > longest])
+    valleys = [a + int(np.argmin(values[a:b])) for a, b in pairwise([*peaks.tolist(), values.size])]
+    return replace(best, peaks=peaks, valleys=np.array(valleys), threshold=lenient)
 
 
 def _span_of_noise(averages: float) -> float:
     """How many standard deviations white noise alone hardly ever spans in so many averages."""
     return 2.0 * sqrt(2.0 * log(max(averages, 8.0)))
-
-
-def _second_look(falls: _Falls, left: float) -> _Falls:
-    """Falls searched again, less strictly, where the interval between them is suspiciously long; left: sd of the noise
-    in the average [N]."""
-    if falls.peaks.size < FEW_SLIPS:
-        return falls
-    longest, values = LONG_INTERVAL * float(np.median(np.diff(falls.peaks))), falls.smoothed
-    lenient = max(_span_of_noise(longest / falls.width) * left, 2.0 * SMALLEST_SHARE * float(np.median(falls.drops)))
-    if lenient >= falls.threshold:
-        return falls
-    more = _prominent(values, falls.width, lenient, lenient).peaks
-    edges = np.concatenate([[0], falls.peaks, [values.size]])
-    peaks = np.union1d(falls.peaks, more[np.diff(edges)[np.searchsorted(edges, more, side="right") - 1] > longest])
-    valleys = [a + int(np.argmin(values[a:b])) for a, b in pairwise([*peaks.tolist(), values.size])]
-    return replace(falls, peaks=peaks, valleys=np.array(valleys), threshold=lenient)
 
 
 def _left_by_averaging(smoothed: Array, noise: float, width: int) -> float:
@@ -321,14 +335,15 @@ def _left_by_averaging(smoothed: Array, noise: float, width: int) -> float:
     return white if seen < COLOURED * white else min(seen, MOST_COLOURED * noise)
 
 
-def _prominent(values: Array, width: int, threshold: float, last_rise: float) -> _Falls:
+def _with_falls(trace: _Trace, threshold: float, last_rise: float) -> _Trace:
     """The falls whose peaks are as prominent, with a rise of more than `last_rise` after the last of them [N]."""
-    block = max(values.size // BLOCKS, width // 4)
+    values = trace.coarse
+    block = max(values.size >> 14, trace.width // 4)  # of whose extremes the prominences of a longer record are
     corners = np.arange(values.size)
     if block > 2:
         table = values[: values.size // block * block].reshape(-1, block)
-        lows, highs = table.argmin(axis=1), table.argmax(axis=1)
-        within = np.sort(np.stack([lows, highs], axis=1), axis=1) + block * np.arange(table.shape[0])[:, None]
+        within = np.stack([table.argmin(axis=1), table.argmax(axis=1)], axis=1)
+        within += block * np.arange(table.shape[0])[:, None]
         corners = np.unique(np.append(within.ravel(), values.size - 1))
     reduced = values[corners]
     peaks = scipy.signal.find_peaks(reduced, prominence=threshold)[0]
@@ -341,35 +356,10 @@ def _prominent(values: Array, width: int, threshold: float, last_rise: float) ->
     before = reduced[: peaks[0] + 1] if peaks.size else reduced
     low = int(np.argmin(before))
     falling = float(np.max(before[: low + 1])) - float(before[low]) > threshold
-    return _Falls(corners[peaks], corners[valleys], values, width, threshold, falling)
+    return replace(trace, peaks=corners[peaks], valleys=corners[valleys], threshold=threshold, starts_falling=falling)
 
 
 # Which falls are slips.
-
-
-@dataclass(frozen=True)
-class _AveragedForce:
-    """A force without spikes as it is looked at: time [s], force and average [N], each (n,); noise sd and the threshold
-    of the search [N]."""
-
-    time: Array
-    force: Array
-    coarse: Array
-    noise: float
-    threshold: float
-
-    def rise(self, start: int, stop: int) -> float:
-        """Highest average from start to stop above that at start [N]."""
-        return float(np.max(self.coarse[start : stop + 1]) - self.coarse[start])
-
-    def duration(self, start: int, stop: int) -> float:
-        """Time between two samples [s]."""
-        return float(self.time[stop] - self.time[start])
-
-    @property
-    def last(self) -> int:
-        """Index of the last sample."""
-        return int(self.time.size) - 1
 
 
 @dataclass(frozen=True)
@@ -378,7 +368,7 @@ class _Judged:
 
     slopes: of the rises between them [N/s], shape (f - 1,); stick_slope: the slope others are compared with;
     loading_slope: of the first rise where the record starts unloaded, else None; ends_sliding: swings that
-    settle, not slips, end the record; starts_falling: a fall that began before the record.
+    settle, not slips, end the record.
     """
 
     peaks: Indices
@@ -388,18 +378,17 @@ class _Judged:
     stick_slope: float
     loading_slope: float | None
     ends_sliding: bool
-    starts_falling: bool
 
 
-def _judge(trace: _AveragedForce, falls: _Falls) -> _Judged:
+def _judge(trace: _Trace) -> _Judged:
     """Sorts falls into slips and sliding: a slip falls faster than the sticks rise, and a stick follows it."""
-    peaks, valleys = _corners(trace, falls)
+    peaks, valleys = _corners(trace)
     if peaks.size == 0:
-        return _Judged(peaks, valleys, np.ones(0, bool), np.empty(0), 0.0, None, False, falls.starts_falling)
+        return _Judged(peaks, valleys, np.ones(0, bool), np.empty(0), 0.0, None, False)
     rises = zip(valleys[:-1].tolist(), peaks[1:].tolist(), strict=True)
-    slopes, first = np.array([_slope(trace, a, b) for a, b in rises]), _slope(trace, 0, int(peaks[0]))
+    slopes, first = np.array([trace.slope(a, b) for a, b in rises]), trace.slope(0, int(peaks[0]))
     drops, durations = trace.coarse[peaks] - trace.coarse[valleys], trace.time[valleys] - trace.time[peaks]
-    loading = not falls.starts_falling and trace.rise(0, int(peaks[0])) > LOADING_RISE * float(np.median(drops))
+    loading = not trace.starts_falling and trace.rise(0, int(peaks[0])) > LOADING_RISE * float(np.median(drops))
     usual = first
     if slopes.size:
         order = np.argsort(slopes)
@@ -407,60 +396,48 @@ def _judge(trace: _AveragedForce, falls: _Falls) -> _Judged:
         usual = float(slopes[order][int(np.searchsorted(total, 0.6 * total[-1]))])  # large rises count more
     reference = first if loading and slopes.size < FEW_SLIPS else usual
     slips = drops > SLOWEST_FALL * reference * durations
-    slips[-1] &= _is_over(trace, int(valleys[-1]), float(durations[-1]), reference)
+    # The last slip must have come to rest within the record; in fast logs it does so after the valley.
+    last, after = int(valleys[-1]), trace.duration(int(valleys[-1]), trace.last)
+    if 0.3 * durations[-1] <= after < 0.6 * durations[-1]:
+        late = slice(last + (trace.last - last) // 2, None)
+        steep = line_slope(trace.time[late], trace.force[late], trace.noise) >= ARRESTING * reference
+        slips[-1] &= steep and trace.last - last >= 8
+    else:
+        slips[-1] &= after >= 0.6 * durations[-1]
     settling = _settling(trace, peaks, valleys, slopes, first if loading else usual)
     slips[settling:] = False
-    loaded = first if loading else None
-    return _Judged(peaks, valleys, slips, slopes, reference, loaded, settling < peaks.size, falls.starts_falling)
+    return _Judged(peaks, valleys, slips, slopes, reference, first if loading else None, settling < peaks.size)
 
 
-def _slope(trace: _AveragedForce, start: int, stop: int) -> float:
-    """Slope of the straight middle of a rise from sample start to stop [N/s]; outliers are dropped once."""
-    first = start + int(STRAIGHT[0] * (stop - start))
-    last = max(start + int(np.ceil(STRAIGHT[1] * (stop - start))), first + 1)
-    return line_slope(trace.time[first : last + 1], trace.force[first : last + 1], trace.noise)
-
-
-def _corners(trace: _AveragedForce, falls: _Falls) -> tuple[Indices, Indices]:
-    """Peaks and valleys again, averaged no more than the noise asks for."""
-    peaks, valleys, coarse = falls.peaks.copy(), falls.valleys.copy(), trace.coarse
-    if peaks.size == 0:
-        return peaks, valleys
-    width = min(int((trace.noise / (0.03 * float(np.median(falls.drops)))) ** 2) | 1, falls.width)
-    fine, within = smooth(trace.force, width), 3.0 * trace.noise / sqrt(width)
-    last, reach = 0, falls.width // 2 + 1
-    following = [*falls.peaks[1:].tolist(), trace.last]
-    for i, (peak, valley) in enumerate(zip(falls.peaks.tolist(), falls.valleys.tolist(), strict=True)):
-        fall = coarse[peak : valley + 1]
-        middle = peak + int(np.argmin(fall > 0.5 * (fall[0] + fall[-1])))
-        start, stop = max(peak - reach, last), min(valley + reach, following[i])
-        peaks[i] = middle - _corner(fine[start : middle + 1][::-1], within)
-        valleys[i] = last = middle + _corner(-fine[middle : stop + 1], within)
-    return peaks, valleys
-
-
-def _corner(climb: Array, within: float) -> int:
-    """Index of the top of a climb that starts at the middle of a fall.
+def _corners(trace: _Trace) -> tuple[Indices, Indices]:
+    """Peaks and valleys again, averaged no more than the noise asks for.
 
     On a slow stick the highest sample is any of the many that noise lifts: there the corner is the first one
     that is as high as it within the noise. A round crest is its highest sample.
     """
-    top = int(np.argmax(climb))
-    first = int(np.argmax(climb >= climb[top] - within))
-    return first if first < 1.2 * (top - first) else top
+    peaks, valleys, coarse = trace.peaks.copy(), trace.valleys.copy(), trace.coarse
+    if peaks.size == 0:
+        return peaks, valleys
+    width = min(int((trace.noise / (0.03 * float(np.median(trace.drops)))) ** 2) | 1, trace.width)
+    fine, within = smooth(trace.force, width), 3.0 * trace.noise / sqrt(width)
+
+    def corner(climb: Array) -> int:
+        top = int(np.argmax(climb))
+        first = int(np.argmax(climb >= climb[top] - within))
+        return first if first < 1.2 * (top - first) else top
+
+    last, reach = 0, trace.width // 2 + 1
+    following = [*trace.peaks[1:].tolist(), trace.last]
+    for i, (peak, valley) in enumerate(zip(trace.peaks.tolist(), trace.valleys.tolist(), strict=True)):
+        fall = coarse[peak : valley + 1]
+        middle = peak + int(np.argmin(fall > 0.5 * (fall[0] + fall[-1])))
+        start, stop = max(peak - reach, last), min(valley + reach, following[i])
+        peaks[i] = middle - corner(fine[start : middle + 1][::-1])
+        valleys[i] = last = middle + corner(-fine[middle : stop + 1])
+    return peaks, valleys
 
 
-def _is_over(trace: _AveragedForce, valley: int, duration: float, reference: float) -> bool:
-    """Whether the last slip must have come to rest within the record (in fast logs it does so after the valley)."""
-    after = trace.duration(valley, trace.last)
-    if after >= 0.6 * duration or after < 0.3 * duration:
-        return after >= 0.6 * duration
-    late = slice(valley + (trace.last - valley) // 2, None)
-    steep = line_slope(trace.time[late], trace.force[late], trace.noise) >= ARRESTING * reference
-    return steep and trace.last - valley >= 8
-
-
-def _settling(trace: _AveragedForce, peaks: Indices, valleys: Indices, slopes: Array, reference: float) -> int:
+def _settling(trace: _Trace, peaks: Indices, valleys: Indices, slopes: Array, reference: float) -> int:
     """First of the last falls after which the force never again rises like a stick; their number if there is none.
 
     One or two are no slips where steady sliding follows; several where they also fade (a rig may load more
@@ -470,12 +447,11 @@ def _settling(trace: _AveragedForce, peaks: Indices, valleys: Indices, slopes: A
     if reference <= 0:
         return count
     steepness, drops = slopes / reference, trace.coarse[peaks] - trace.coarse[valleys]
-    usual = _median(np.diff(trace.time[peaks]))
     tail, rise = trace.duration(last, trace.last), trace.rise(last, trace.last)
-    settled = tail > 1.5 * usual and rise < LEAST_RISE * reference * tail
+    settled = tail > 1.5 * _median(np.diff(trace.time[peaks])) and rise < LEAST_RISE * reference * tail
     if settled:
         top = last + int(np.argmax(trace.coarse[last:] - trace.coarse[last] >= 0.9 * rise))
-        steepness = np.append(steepness, _slope(trace, last, top) / reference)
+        steepness = np.append(steepness, trace.slope(last, top) / reference)
     sticking = np.flatnonzero(steepness >= ARRESTING)
     start = int(sticking[-1]) + 1 if sticking.size else 0
     swings, dropping = steepness[start:], drops[max(start, 1) :]  # the first drop, after loading, is larger anyway
@@ -485,41 +461,38 @@ def _settling(trace: _AveragedForce, peaks: Indices, valleys: Indices, slopes: A
     return start if fades else count
 
 
-def _label(trace: _AveragedForce, judged: _Judged) -> tuple[Phase, bool]:
+def _label(trace: _Trace, judged: _Judged) -> tuple[Phase, bool]:
     """Phase of every sample, int8 (n,), and whether sliding ends the record."""
     phase = np.full(trace.time.size, SLIDING, dtype=np.int8)
     if not judged.slips.any():
         if knee := _loading_knee(trace):  # loading from rest, then sliding; all stick where the force only rises
             phase[: knee + 1] = STICK
         return phase, bool(phase[-1] == SLIDING)
+
+    def rises(start: int, stop: int) -> bool:
+        """Stick, or stick up to a knee and sliding from there; whether it is all stick."""
+        expected = LEAST_RISE * judged.stick_slope * trace.duration(start, stop)
+        rise = trace.coarse[start : stop + 1] - trace.coarse[start]
+        whole = bool(rise.max() >= expected or expected < 3.0 * trace.threshold)
+        end = stop if whole else start + int(np.argmax(rise >= 0.9 * rise.max()))
+        phase[start : end + 1] = STICK
+        return whole
+
     start, resting = 0, True
-    if judged.starts_falling:
+    if trace.starts_falling:
         start = int(np.argmin(trace.coarse[: judged.peaks[0] + 1]))
         phase[:start] = SLIP
     for peak, valley, slips in zip(judged.peaks.tolist(), judged.valleys.tolist(), judged.slips.tolist(), strict=True):
         if slips or resting:
-            _label_rise(trace, phase, start, peak, judged.stick_slope)
+            rises(start, peak)
         if slips:
             phase[peak : valley + 1] = SLIP
         start, resting = valley, slips
-    if not judged.slips[-1]:
-        return phase, judged.ends_sliding
-    sticks = _label_rise(trace, phase, int(judged.valleys[-1]), trace.last, judged.stick_slope)
+    sticks = not judged.slips[-1] or rises(int(judged.valleys[-1]), trace.last)
     return phase, judged.ends_sliding or not sticks
 
 
-def _label_rise(trace: _AveragedForce, phase: Phase, start: int, stop: int, reference: float) -> bool:
-    """Stick, or stick up to a knee and sliding from there; whether it is all stick."""
-    expected = LEAST_RISE * reference * trace.duration(start, stop)
-    rise = trace.coarse[start : stop + 1] - trace.coarse[start]
-    if rise.max() >= expected or expected < 3.0 * trace.threshold:
-        phase[start : stop + 1] = STICK
-        return True
-    phase[start : start + int(np.argmax(rise >= 0.9 * rise.max())) + 1] = STICK
-    return False
-
-
-def _loading_knee(trace: _AveragedForce) -> int:
+def _loading_knee(trace: _Trace) -> int:
     """Sample at which the loading of a record without slips ends; 0 where nothing was loaded."""
     width = max(3, trace.time.size // 200) | 1
     wide = smooth(trace.force, width)
@@ -527,7 +500,7 @@ def _loading_knee(trace: _AveragedForce) -> int:
     if rise.max() < max(trace.threshold, 10.0 * trace.noise / sqrt(width)):
         return 0
     knee = int(np.argmax(rise >= 0.9 * rise.max()))
-    if rise[knee] <= FROM_REST * abs(wide[knee]):
+    if rise[knee] <= 0.5 * abs(wide[knee]):  # a first rise by less is no loading, the level wanders
         return 0
     per_time = rise[knee] / max(trace.duration(0, knee), 1e-300)
     only_rising = rise[-1] - rise[knee] > LEAST_RISE * per_time * trace.duration(knee, trace.last)
@@ -537,7 +510,7 @@ def _loading_knee(trace: _AveragedForce) -> int:
 # Forces at the ends of slips, times of falls, noise about the sticks.
 
 
-def _cycles(trace: _AveragedForce, judged: _Judged) -> DetectedCycles:
+def _cycles(trace: _Trace, judged: _Judged) -> DetectedCycles:
     """The slips with forces from local fits and interpolated falls."""
     rows = []
     for i in np.flatnonzero(judged.slips):
@@ -555,21 +528,13 @@ def _cycles(trace: _AveragedForce, judged: _Judged) -> DetectedCycles:
 
 def _span(rise: int) -> int:
     """How many samples of a rise of so many samples count for the level at its end."""
-    return min(max(int(0.15 * rise), 4), LONGEST_SPAN, rise)
+    return min(max(int(0.15 * rise), 4), 40, rise)
 
 
 def _level(force: Array, start: int, stop: int, at: int) -> float:
     """Force at sample `at` from a parabola (a line where one side is short) through samples start to stop [N]."""
-    f = force[start : stop + 1]
-    return float(_level_weights(at - start, stop - at) @ f) if f.size >= 4 else float(force[at])
-
-
-@lru_cache(maxsize=4096)
-def _level_weights(left: int, right: int) -> Array:
-    x = np.arange(-left, right + 1) / (left + right + 1)
-    degree = 2 if min(left, right) >= 3 else 1
-    weights: Array = np.linalg.pinv(np.vander(x, degree + 1, increasing=True))[0]
-    return weights
+    f, x = force[start : stop + 1], np.arange(start, stop + 1) - at
+    return float(np.polyfit(x, f, 2 if min(-x[0], x[-1]) >= 3 else 1)[-1]) if f.size >= 4 else float(force[at])
 
 
 def _crossing(time: Array, force: Array, coarse: Array, middle: float, drop: float) -> float:
@@ -583,11 +548,10 @@ def _crossing(time: Array, force: Array, coarse: Array, middle: float, drop: flo
         steepness = float((t - t.mean()) @ (f - f.mean()) / np.sum((t - t.mean()) ** 2))
         if steepness < 0:
             return float(np.clip(t.mean() + (middle - f.mean()) / steepness, time[0], time[-1]))
-    below = force < middle
-    i = max(int(np.argmax(below)) if below.any() else force.size - 1, 1)
+    i = max(int(np.argmax(force < middle)) if np.any(force < middle) else force.size - 1, 1)
     step = force[i - 1] - force[i]
     share = (force[i - 1] - middle) / step if step > 0 else 0.5
-    return float(time[i - 1] + min(max(share, 0.0), 1.0) * (time[i] - time[i - 1]))
+    return float(time[i - 1] + np.clip(share, 0.0, 1.0) * (time[i] - time[i - 1]))
 
 
 def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]], time: Array | None = None) -> float | None:
@@ -608,12 +572,26 @@ def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]], time: Array 
 
     def about(length: int, degree: int, fewest: int) -> float | None:
         index = np.concatenate([np.empty(0, np.int64), *(np.arange(a, b - length + 1, length) for a, b in inner)])
-        return _about_lines(force, index, length, degree, time) if index.size >= fewest else None
+        if index.size < fewest:
+            return None
+        index = index[:: max(1, index.size // 4000)]
+        blocks = sliding_window_view(force, length)[index]
+        if time is None:
+            basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, length), degree + 1))[0]
+            blocks -= (blocks @ basis) @ basis.T
+        else:
+            stamps = sliding_window_view(time, length)[index]
+            middle, half = stamps.mean(axis=1, keepdims=True), 0.5 * np.ptp(stamps, axis=1, keepdims=True)
+            basis = np.linalg.qr(((stamps - middle) / half)[..., None] ** np.arange(degree + 1))[0]
+            blocks -= np.einsum("bij,bkj,bk->bi", basis, basis, blocks, optimize=True)
+        squares, free = np.einsum("ij,ij->i", blocks, blocks), length - degree - 1
+        usual = float(np.median(squares)) / (1.0 - 2.0 / (9.0 * free)) ** 3
+        # White noise exceeds the limit once in 5000 blocks, whatever their length.
+        sound = squares <= usual * chi_square(1.0 - 1.0 / 5000.0, free) / free
+        return sqrt(float(np.mean(squares[sound])) / free) if sound.any() else None
 
-    for length, degree in LINE_BLOCKS:
-        sd = about(length, degree, 5)
-        if sd is not None:
-            break
+    sizes = ((length, degree, about(length, degree, 5)) for length, degree in LINE_BLOCKS)
+    length, degree, sd = next((size for size in sizes if size[2] is not None), (0, 0, None))
     if sd is None or length < LINE_BLOCKS[0][0]:
         return sd
     first, rest = sd, 0.0
@@ -625,26 +603,3 @@ def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]], time: Array 
             return first
         rest, sd = longer - sd, longer  # what a block does not show of a memory halves as its length doubles
     return sd + rest
-
-
-def _about_lines(force: Array, index: Indices, length: int, degree: int, time: Array | None) -> float | None:
-    """Sd of the force about curves of a degree through blocks of a length that begin at `index` (b,) [N].
-
-    time: (n,) [s], along which the curves run; None: along the rows.
-    """
-    index = index[:: max(1, index.size // 4000)]
-    blocks = sliding_window_view(force, length)[index]
-    if time is None:
-        basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, length), degree + 1))[0]
-        blocks -= (blocks @ basis) @ basis.T
-    else:
-        stamps = sliding_window_view(time, length)[index]
-        middle, half = stamps.mean(axis=1, keepdims=True), 0.5 * np.ptp(stamps, axis=1, keepdims=True)
-        basis = np.linalg.qr(((stamps - middle) / half)[..., None] ** np.arange(degree + 1))[0]
-        blocks -= np.einsum("bij,bkj,bk->bi", basis, basis, blocks, optimize=True)
-    squares = np.einsum("ij,ij->i", blocks, blocks)
-    free = length - degree - 1
-    usual = float(np.median(squares)) / (1.0 - 2.0 / (9.0 * free)) ** 3
-    # White noise exceeds the limit once in 5000 blocks, whatever their length.
-    sound = squares <= usual * chi_square(1.0 - 1.0 / 5000.0, free) / free
-    return sqrt(float(np.mean(squares[sound])) / free) if sound.any() else None

@@ -192,7 +192,8 @@ def from_scene(scene: Scene) -> Unknowns:
     free, start = np.zeros(n, bool), np.zeros(n)
     lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
     mean, sd, told = np.zeros(n), np.full(n, np.inf), np.zeros(n, bool)
-    vanishing, walls, about = _vanishing(model), np.zeros((2, n), bool), np.full(n, -1)
+    nulls = {name: value for effect in ALL if effect.name in model.effects for name, value in effect.null.items()}
+    walls, about = np.zeros((2, n), bool), np.full(n, -1)
     ties, per = [], []
     for i, declared in enumerate(model.parameters):
         name, spec, logarithmic = declared.name, scene.parameters.get(declared.name), declared.scale == "log"
@@ -219,7 +220,8 @@ def from_scene(scene: Scene) -> Unknowns:
         free[i] = spec.fixed is None and spec.tie is None
         lower[i], upper[i] = search(spec.lower), search(spec.upper)
         walls[:, i] = spec.lower > declared.lower, spec.upper < declared.upper
-        if name in vanishing and rig["mass"] > 0.0:
+        if logarithmic and declared.unit == "s" and nulls.get(name) == 0.0 and rig["mass"] > 0.0:
+            # A time constant that makes its effect vanish as it goes to zero.
             lower[i] = max(lower[i], float(np.log(RESOLVED * np.sqrt(rig["mass"] / rig["stiffness"]))))
         if spec.prior_mean is not None and spec.prior_sd is not None:
             mean[i] = search(spec.prior_mean)
@@ -234,12 +236,6 @@ def from_scene(scene: Scene) -> Unknowns:
             about[names.index(name)], sd[names.index(name)] = names.index("stiffness"), share * known
     start = np.clip(start, lower, upper)
     return Unknowns(model, free, start, lower, upper, mean, sd, told, walls, about, tuple(per), tuple(ties))
-
-
-def _vanishing(model: Model) -> set[str]:
-    """Time constants that make their effect vanish as they go to zero."""
-    nulls = {name: value for effect in ALL if effect.name in model.effects for name, value in effect.null.items()}
-    return {q.name for q in model.parameters if q.scale == "log" and q.unit == "s" and nulls.get(q.name) == 0.0}
 
 
 def user_start(scene: Scene) -> bool:

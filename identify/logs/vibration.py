@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -44,39 +45,29 @@ class _Sticks:
     r: Array
     w: Array
     stick: NDArray[np.int64]
-    span: float
     interval: float
+
+    @property
+    def span(self) -> float:
+        return float(np.ptp(self.t))
 
     def flat(self, y: Array) -> Array:
         """y without a level per stick and without a slope common to all."""
-
-        def centred(v: Array) -> Array:
-            means = np.bincount(self.stick, weights=self.w * v) / np.bincount(self.stick, weights=self.w)
-            return np.asarray(v - means[self.stick])
-
-        y, t = centred(y), centred(self.t)
+        weights = np.bincount(self.stick, weights=self.w)
+        y, t = (v - (np.bincount(self.stick, weights=self.w * v) / weights)[self.stick] for v in (y, self.t))
         return np.asarray(y - t * np.sum(self.w * y * t) / np.sum(self.w * t * t))
 
-    def waves(self, frequency: float) -> Array:
-        """Sine and cosine of a frequency [Hz] (2, n)."""
+    def harmonic(self, frequency: float) -> tuple[float, Array, Array]:
+        """Fall of the sum of squares by a harmonic [Hz], its sine and cosine amplitudes, and its samples (n,)."""
         phase = 2 * np.pi * frequency * self.t
-        return np.stack([self.flat(np.sin(phase)), self.flat(np.cos(phase))])
-
-    def harmonic(self, frequency: float) -> tuple[float, Array]:
-        """Fall of the sum of squares by a harmonic, and its sine and cosine amplitudes."""
-        basis = self.waves(frequency)
+        basis = np.stack([self.flat(np.sin(phase)), self.flat(np.cos(phase))])
         right = (basis * self.w) @ self.r
         c = np.asarray(np.linalg.lstsq((basis * self.w) @ basis.T, right, rcond=1e-9)[0], float)
-        return float(right @ c), c
-
-    def without(self, frequency: float) -> _Sticks:
-        """The sticks with a harmonic taken out."""
-        return replace(self, r=self.r - self.harmonic(frequency)[1] @ self.waves(frequency))
+        return float(right @ c), c, c @ basis
 
     def spectrum(self, frequency: Array) -> Array:
         """About the fall of the sum of squares by a harmonic of each of these frequencies [Hz]."""
-        index = np.round((self.t - self.t[0]) / self.interval).astype(int)
-        grid = np.bincount(index, weights=self.w * self.r)
+        grid = np.bincount(np.round((self.t - self.t[0]) / self.interval).astype(int), weights=self.w * self.r)
         size = 1 << int(np.ceil(np.log2(8 * grid.size)))  # padded, so that no line between its frequencies is missed
         power = np.abs(np.fft.rfft(grid, size)) ** 2 / (0.5 * np.sum(self.w))
         own = np.interp(frequency, np.fft.rfftfreq(size, self.interval), power, right=0.0)
@@ -96,10 +87,10 @@ def _sticks(log: Prepared) -> _Sticks | None:
             rows.append(good)
     if not rows:
         return None
-    which, all_rows = np.repeat(np.arange(len(rows)), [own.size for own in rows]), np.concatenate(rows)
-    time, weight = data.time[all_rows], data.weight[all_rows]
-    sticks = _Sticks(time, time, weight, which, float(np.ptp(time)), float(np.median(np.diff(data.time))))
-    return replace(sticks, r=sticks.flat(data.force[all_rows]))
+    which, every = np.repeat(np.arange(len(rows)), [own.size for own in rows]), np.concatenate(rows)
+    time, interval = data.time[every], float(np.median(np.diff(data.time)))
+    sticks = _Sticks(time, time, data.weight[every], which, interval)
+    return replace(sticks, r=sticks.flat(data.force[every]))
 
 
 def rhythms(logs: Sequence[Prepared], most: int = 3) -> tuple[tuple[SpectralLine, ...], Array]:
@@ -129,20 +120,18 @@ def rhythms(logs: Sequence[Prepared], most: int = 3) -> tuple[tuple[SpectralLine
         best = float(max(refined, key=explained))
         if explained(best) < SURE + 2 * np.log(max(s.span / s.interval for s in known)):
             break
-        waves = [np.array([np.nan, 0.0]) if s is None else s.harmonic(best)[1] for s in sticks]
-        sine, cosine = np.transpose(waves)
-        lines.append(
-            SpectralLine(best, np.hypot(sine, cosine), np.nan_to_num(np.arctan2(cosine, sine)), explained(best))
-        )
-        sticks = [None if s is None else s.without(best) for s in sticks]
+        fits = [None if s is None else s.harmonic(best) for s in sticks]
+        sine, cosine = np.transpose([[np.nan, 0.0] if fit is None else fit[1] for fit in fits])
+        phase = np.nan_to_num(np.arctan2(cosine, sine))
+        lines.append(SpectralLine(best, np.hypot(sine, cosine), phase, explained(best)))
+        sticks = [s and fit and replace(s, r=s.r - fit[2]) for s, fit in zip(sticks, fits, strict=True)]
     return tuple(lines), np.array([1.0 if s is None else np.mean(s.w * s.r**2) for s in sticks])
 
 
 # The harmonics of the model.
 
 
-@dataclass(frozen=True)
-class _Wave:
+class _Wave(NamedTuple):
     """Where a harmonic of the model stands among the parameters."""
 
     amplitude: int
@@ -152,12 +141,8 @@ class _Wave:
 
 def _waves(unknowns: Unknowns) -> list[_Wave]:
     names = unknowns.names
-    stems = [name.removesuffix("_amplitude") for name in names if name.endswith("_amplitude")]
-    return [
-        _Wave(*(names.index(f"{stem}_{what}") for what in ("amplitude", "frequency", "phase")))
-        for stem in stems
-        if f"{stem}_frequency" in names and f"{stem}_phase" in names
-    ]
+    triples = [[f"{name.removesuffix('amplitude')}{what}" for what in _Wave._fields] for name in names]
+    return [_Wave(*map(names.index, triple)) for triple in triples if triple[0] in names and set(triple) <= set(names)]
 
 
 def quieted(unknowns: Unknowns) -> Unknowns:
@@ -173,10 +158,7 @@ def quieted(unknowns: Unknowns) -> Unknowns:
 
 def rhythmic(unknowns: Unknowns) -> NDArray[np.bool_]:
     """Which parameters belong to harmonics (n_p,)."""
-    out = np.zeros(len(unknowns.names), bool)
-    for wave in _waves(unknowns):
-        out[[wave.amplitude, wave.frequency, wave.phase]] = True
-    return out
+    return np.isin(np.arange(len(unknowns.names)), [i for wave in _waves(unknowns) for i in wave])
 
 
 def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepared], Unknowns]:
@@ -187,54 +169,46 @@ def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepar
     logs = list(prepared)
     start, free = unknowns.start.copy(), unknowns.free.copy()
     lower, upper = unknowns.lower.copy(), unknowns.upper.copy()
-    names, quiet = unknowns.names, dict(unknowns.model.quiet)
-    for i, name in enumerate(names):
-        if not np.isnan(quiet.get(name, np.nan)) and not unknowns.told[i] and free[i]:
-            start[i] = quiet[name]
+    for i, name in enumerate(unknowns.names):
+        quiet = dict(unknowns.model.quiet).get(name, np.nan)
+        if not np.isnan(quiet) and not unknowns.told[i] and free[i]:
+            start[i] = quiet
     searched = [w for w in _waves(unknowns) if free[w.amplitude] and not unknowns.told[w.amplitude]]
     if searched:
         found, left = rhythms(logs, most=len(searched))
         lines, lobe = list(found), LOBE / max(float(np.ptp(log.data.time)) for log in logs)
-        own = np.full((len(logs), len(names)), np.nan)
-        for wave in sorted(searched, key=lambda w: np.ptp(_band(w, unknowns, lobe))):
-            low, high = _band(wave, unknowns, lobe)
+        own, rigs = np.full((len(logs), len(unknowns.names)), np.nan), [log.rig for log in logs]
+
+        def band(wave: _Wave) -> tuple[float, float]:
+            """Between which logarithms of a frequency a rhythm may be a harmonic; near one that the scene fixes."""
+            if unknowns.free[wave.frequency]:
+                return float(unknowns.lower[wave.frequency]), float(unknowns.upper[wave.frequency])
+            fixed = float(np.exp(unknowns.start[wave.frequency]))
+            return float(np.log(max(fixed - lobe, 0.5 * fixed))), float(np.log(fixed + lobe))
+
+        for wave in sorted(searched, key=lambda w: float(np.ptp(band(w)))):
+            at, (low, high) = wave.frequency, band(wave)
             line = next((r for r in lines if low < np.log(r.frequency) < high), None)
             if line is None:
-                free[[wave.amplitude, wave.frequency, wave.phase]] = False
+                free[list(wave)] = False
                 continue
             lines.remove(line)
-            _set(line, wave, logs, unknowns, start, own)
-            if free[wave.frequency]:
-                lower[wave.frequency] = max(low, np.log(line.frequency - lobe))
-                upper[wave.frequency] = min(high, np.log(line.frequency + lobe))
+            # Spring and damper carry the motion of the drive.
+            omega = 2 * np.pi * line.frequency
+            carried = [r.stiffness + 1j * omega * r.damping * np.sqrt(r.mass / r.stiffness) for r in rigs]
+            amplitudes, phases = line.amplitude / np.abs(carried), line.phase - np.angle(carried)
+            seen = np.isfinite(amplitudes)
+            start[wave.amplitude] = float(np.mean(amplitudes[seen]))
+            if unknowns.free[wave.phase]:
+                start[wave.phase] = phases[int(np.argmax(seen))]
+                own[:, wave.phase] = np.where(seen, phases, 0.0)
+            if free[at]:
+                start[at] = np.log(line.frequency)
+                lower[at] = max(low, np.log(line.frequency - lobe))
+                upper[at] = min(high, np.log(line.frequency + lobe))
         if len(lines) < len(found):
             logs = [_corrected(log, row, share) for log, row, share in zip(logs, own, left, strict=True)]
     return logs, replace(unknowns, start=start, free=free, lower=lower, upper=upper)
-
-
-def _band(wave: _Wave, unknowns: Unknowns, lobe: float) -> tuple[float, float]:
-    """Between which logarithms of a frequency a rhythm may be this harmonic; lobe [Hz]: how near it must come to one
-    that the scene fixes."""
-    i = wave.frequency
-    if unknowns.free[i]:
-        return float(unknowns.lower[i]), float(unknowns.upper[i])
-    known = float(np.exp(unknowns.start[i]))
-    return float(np.log(max(known - lobe, 0.5 * known))), float(np.log(known + lobe))
-
-
-def _set(line: SpectralLine, wave: _Wave, logs: list[Prepared], unknowns: Unknowns, start: Array, own: Array) -> None:
-    """Write a rhythm into the start, but for what the scene fixes: spring and damper carry the motion."""
-    omega = 2 * np.pi * line.frequency
-    rigs = [log.rig for log in logs]
-    response = np.array([r.stiffness + 1j * omega * r.damping * np.sqrt(r.mass / r.stiffness) for r in rigs])
-    amplitudes, phases = line.amplitude / np.abs(response), line.phase - np.angle(response)
-    seen = np.isfinite(amplitudes)
-    start[wave.amplitude] = float(np.mean(amplitudes[seen]))
-    if unknowns.free[wave.frequency]:
-        start[wave.frequency] = np.log(line.frequency)
-    if unknowns.free[wave.phase]:
-        start[wave.phase] = phases[int(np.argmax(seen))]
-        own[:, wave.phase] = np.where(seen, phases, 0.0)
 
 
 def _corrected(log: Prepared, own: Array, left: float) -> Prepared:

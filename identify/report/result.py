@@ -58,9 +58,9 @@ from identify.estimation.goodness_of_fit import stick_scatter
 from identify.estimation.influence import largest_inflation
 from identify.estimation.profile import CRITICAL
 from identify.estimation.strategies import Strategy
-from identify.logs.parting import parts_of
 from identify.logs.prepare import Prepared
 from identify.logs.recorded_drive import DISAGREES
+from identify.logs.scene_records import parts_of
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
 from identify.prediction.wording import listed

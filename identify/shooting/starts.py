@@ -9,9 +9,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.fit_mode import moving_pieces
 from identify.logs.log_data import LogData
-from identify.logs.prepare import Prepared
+from identify.logs.prepare import Prepared, moving_pieces
 from identify.logs.unknowns import Unknowns
 from identify.shooting import batch
 from identify.shooting.batch import Waves

@@ -163,7 +163,7 @@ class _LogTranscriber:
                 if jitter := log.tremor_sd > 0.0 and i in trajectory.own_slips:
                     sd, value = log.load_sd_at([stretch.until]), trajectory.sliding_deviation[part]
                     # A tremor goes through half a period while a slip lasts: the deviation at its end is another one.
-                    self.load = np.concatenate([self.load, self.c.add(value, sd, prior=(log.expected[1], sd))], axis=1)
+                    self.load = np.concatenate([self.load, self.c.add(value, sd, prior=(0.0, sd))], axis=1)
                     loads_in_slips.append(self.load[0, 1])
                 states = self._slide(part, stretch, end, jitter=jitter)
             nodes[trajectory.first[i] : trajectory.first[i + 1]] = states[0]
@@ -214,8 +214,7 @@ class _LogTranscriber:
         sd = float(self.log.onset_load_sd_at(self.trajectory.loaded_at[part]))
         self.load = CONSTANT
         if sd > 0.0:
-            expected = self.log.expected[0] if part in self.trajectory.slip_parts else 0.0
-            self.load = self.c.add(self.trajectory.deviation[part], sd, prior=(expected, sd))
+            self.load = self.c.add(self.trajectory.deviation[part], sd, prior=(0.0, sd))
         return int(self.load[0, 0])
 
     def _strength(self, part: int, shared: Indices) -> int:

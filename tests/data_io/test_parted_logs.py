@@ -11,8 +11,7 @@ from experiments.study_problem import DEMO
 from identify import Scene, examples, identification, report
 from identify.base.result import Result
 from identify.cli.operating import points_of
-from identify.logs.parting import parted, parts_of
-from identify.logs.scene_records import with_records
+from identify.logs.scene_records import parted, parts_of, with_records
 from identify.report.finished import Fit
 from identify.studies.batch_store import RESULT, write_document
 from identify.studies.making import make

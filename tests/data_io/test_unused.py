@@ -9,9 +9,8 @@ import openpyxl
 import pytest
 
 from data_io import LogError, read_log
-from identify.logs.parting import gaps_apart
 from identify.logs.prepare import prepare
-from identify.logs.scene_records import read_entry
+from identify.logs.scene_records import parted, read_entry
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
 
@@ -95,8 +94,8 @@ def test_excluded_stretch_without_numbers_leaves_the_rest_where_it_was(tmp_path,
 @pytest.mark.parametrize("name", ["nan_window.toml", "nan_exclude.toml"])
 def test_scene_that_cuts_the_block_out_is_prepared(name):
     scene = Scene.from_toml(CASES / name)
-    _, record = read_entry(scene, 0)
-    scene, records = gaps_apart(scene, [record])
+    record = read_entry(scene, 0)
+    scene, records = parted(scene, [record])
     prepared = [prepare(scene, e, r, from_scene(scene)) for e, r in zip(scene.logs, records, strict=True)]
     assert all(log.left_out is None for log in prepared)
     assert not any(f.code == "dropouts" for log in prepared for f in log.judgement.findings)

@@ -13,9 +13,8 @@ from identify.estimation.certainty import Question, certainty
 from identify.estimation.covariance import information_at
 from identify.estimation.multistart import Optimum, multistart
 from identify.estimation.search import SearchProblem, search
-from identify.logs.parting import parted
 from identify.logs.prepare import prepare
-from identify.logs.scene_records import with_records
+from identify.logs.scene_records import parted, with_records
 from identify.logs.unknowns import from_scene
 from identify.logs.vibration import tuned
 from identify.shooting.accuracy import DEFAULT_OPTIONS

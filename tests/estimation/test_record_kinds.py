@@ -22,8 +22,8 @@ from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation import search
 from identify.estimation.covariance import information_at
-from identify.logs.parting import gaps_apart, name_of, parts_of, strokes_apart
-from identify.logs.prepare import prepare
+from identify.logs.prepare import name_of, prepare
+from identify.logs.scene_records import parted, parts_of
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.shooting.following import follow
@@ -107,7 +107,7 @@ def test_a_course_at_the_truth_joins_up_and_fits(log, pair, rig):
 @pytest.mark.slow
 def test_strokes_become_logs_with_their_sign_and_rests_are_left_out(no_further_logs):
     scene, records = _kind(STROKES).made(1)
-    cut, copies = strokes_apart(scene, records)
+    cut, copies = parted(scene, records)
     half = np.pi * np.sqrt(RIG["mass"] / RIG["stiffness"])  # a slip may go on so long after a turn without a rest
     assert [entry.window for entry in cut.logs] == [
         (0.0, 2.0),
@@ -118,7 +118,7 @@ def test_strokes_become_logs_with_their_sign_and_rests_are_left_out(no_further_l
     assert len(copies) == 4 and copies[3] is records[0]
     assert name_of(cut.logs[1]) == "log_1.csv, stroke 2 back"
     assert parts_of(scene, cut.logs) == [1, 1, 1, 1] and parts_of(scene, scene.logs) == [None]
-    assert strokes_apart(cut, copies) == (cut, copies), "what goes one way is left alone"
+    assert parted(cut, copies) == (cut, copies), "what goes one way is left alone"
     result = fit(scene, records).result
     assert result["status"] == "converged", result["message"]
     assert [log["friction_sign"] for log in result["logs"]] == [1, -1, 1, -1]
@@ -127,10 +127,10 @@ def test_strokes_become_logs_with_their_sign_and_rests_are_left_out(no_further_l
 
 def test_an_excluded_slip_parts_a_log_and_a_stick_does_not():
     scene, records = next(kind for kind in KINDS if kind.name == "a slip excluded").made(1)
-    cut, copies = gaps_apart(scene, records)
+    cut, copies = parted(scene, records)
     assert [entry.window for entry in cut.logs] == [(0.0, 1.56), (1.66, 4.0), None] and len(copies) == 3
     stick = replace(scene, logs=(replace(scene.logs[0], exclude=((1.45, 1.5),)), scene.logs[1]))
-    assert gaps_apart(stick, records)[0] is stick
+    assert parted(stick, records)[0] is stick
     unknowns = from_scene(cut)
     prepared = [prepare(cut, entry, part, unknowns) for entry, part in zip(cut.logs, copies, strict=True)]
     found, left_out = search.search(search.SearchProblem(prepared, unknowns))

@@ -73,14 +73,6 @@ def test_parts_that_do_not_overlap_are_let_pass(folder, one, other):
     assert len(read(folder, one, other)[1]) == 2
 
 
-def test_records_that_are_given_are_looked_at_as_well(folder):
-    scene = Scene.from_document({"effects": EFFECTS, "rig": RIG, "logs": [{"path": "a"}, {"path": "b"}]}, folder)
-    record = read_log(folder / "slow.csv")
-    with pytest.raises(FitError, match=r"log 1 \(a\) and log 2 \(b\)"):
-        with_records(scene, [record, record])
-    assert len(with_records(scene, [record, read_log(folder / "other.csv")])[1]) == 2
-
-
 def _pair(seed):
     """A simulated log of a pair drawn by lot, and a repeat of the same test: (n,) time [s] and forces [N]."""
     random = np.random.default_rng(seed)

@@ -1,15 +1,11 @@
 """Every code that a finding can carry has a log that triggers it and one that just does not."""
 
-import ast
-import re
-
 import pytest
 
 from tests.support import finding_cases, verdict_cases
 
 BY_THRESHOLD = {code for *_, code in verdict_cases.CASES.values()}
 ELSEWHERE = {
-    "read_in_part": "tests/cli/test_partly_read.py",
     "load_trembles": "tests/logs/test_live_load.py",  # so does how the fit takes the load
     "load_varies": "tests/logs/test_prepare.py",  # a warning of the fit: the scene's effects decide it
     "newest_first": "tests/data_io/test_clocks.py",
@@ -25,33 +21,6 @@ ELSEWHERE = {
     "unreadable": "tests/logs/test_verdicts.py",
 }
 PAIRS = [(code, number) for code, pairs in finding_cases.CASES.items() for number in range(len(pairs))]
-
-
-def codes_in(source):
-    """The codes of findings that a module makes, as patterns: in `Finding(...)` and in documents."""
-    for node in ast.walk(ast.parse(source)):
-        values = []
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
-            values = [node.args[0]]
-        elif isinstance(node, ast.Dict):
-            values = [v for k, v in zip(node.keys, node.values, strict=True) if getattr(k, "value", "") == "code"]
-        for value in values:
-            if isinstance(value, ast.Constant):
-                yield re.escape(value.value)
-            elif isinstance(value, ast.JoinedStr):
-                yield "".join(re.escape(p.value) if isinstance(p, ast.Constant) else ".+" for p in value.values)
-
-
-def test_every_code_in_the_sources_has_its_pair(request):
-    """A finding added without a pair fails here."""
-    root = request.config.rootpath
-    modules = [*(root / "data_io").glob("*.py"), *(root / "identify").rglob("*.py")]
-    patterns = {code for path in modules for code in codes_in(path.read_text(encoding="utf-8"))}
-    assert len(patterns) > 50
-    listed = {*finding_cases.CASES, *BY_THRESHOLD, *ELSEWHERE}
-    assert [pattern for pattern in patterns if not any(re.fullmatch(pattern, code) for code in listed)] == []
-    assert [code for code in listed if not any(re.fullmatch(pattern, code) for pattern in patterns)] == []
-    assert all((root / place).is_file() for place in ELSEWHERE.values())
 
 
 def test_every_code_stands_in_the_page(request):

@@ -11,9 +11,9 @@ import pytest
 from data_io import Record
 from identify import Scene, fit
 from identify.effects import MAIN
-from identify.logs.fit_mode import hidden_rhythm
-from identify.logs.parting import parted
 from identify.logs.prepare import prepare
+from identify.logs.regime import Known, hidden_rhythm
+from identify.logs.scene_records import parted
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.simulation.simulate import run
@@ -41,7 +41,7 @@ def test_six_cycles_of_one_friction_in_noise_are_alike():
 FIRM = {"mass": 0.3171, "stiffness": 1691.0, "damping": 84.35}
 SLOW = 3.524e-4
 STICKS = SLOW * FIRM["stiffness"] / (2 * np.pi * 8.4)  # [N] of a sine that loads as fast as a stick once a period
-WHERE = {"stiffness": FIRM["stiffness"], "drive_speed": SLOW, "half_period": float(np.pi * np.sqrt(0.3171 / 1691.0))}
+WHERE = Known(FIRM["stiffness"], SLOW, float(np.pi * np.sqrt(0.3171 / 1691.0)))
 
 
 def level(swing: float, frequency: float, *, rate: float = 31.0, noise: float = 5.5e-3, load: float = 0.0) -> dict:
@@ -53,10 +53,10 @@ def level(swing: float, frequency: float, *, rate: float = 31.0, noise: float = 
 
 
 def test_the_rhythm_is_the_frequency_and_the_range_of_the_swing():
-    found = hidden_rhythm(**level(1.5 * STICKS, 8.4), **WHERE)
+    found = hidden_rhythm(**level(1.5 * STICKS, 8.4), known=WHERE)
     assert found.frequency == pytest.approx(8.4, abs=0.1) and found.samples == pytest.approx(31.0 / 8.4, rel=0.02)
     assert found.range == pytest.approx(3.0 * STICKS, rel=0.1)
-    alias = hidden_rhythm(**level(1.5 * STICKS, 8.4, rate=12.0), **WHERE)
+    alias = hidden_rhythm(**level(1.5 * STICKS, 8.4, rate=12.0), known=WHERE)
     assert alias.frequency == pytest.approx(12.0 - 8.4, abs=0.1)
 
 
@@ -74,7 +74,7 @@ def test_the_rhythm_is_the_frequency_and_the_range_of_the_swing():
     ],
 )
 def test_what_is_no_stick_slip_is_none(why: str, asked: dict, where: dict):
-    assert hidden_rhythm(**asked, **(WHERE | where)) is None, why
+    assert hidden_rhythm(**asked, known=replace(WHERE, **where)) is None, why
 
 
 @pytest.mark.parametrize("vibrates", [False, True])

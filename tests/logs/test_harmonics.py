@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identify.logs.loads import harmonics, smooth
+from identify.logs.log_data import harmonics, smooth
 
 NOISE = 5e-3
 

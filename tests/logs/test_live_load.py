@@ -10,11 +10,8 @@ import pytest
 from scipy.signal import lfilter
 
 from data_io import Record
-from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.identification import find
-from identify.logs.loads import smooth, without_jitter
-from identify.logs.log_data import LogData
+from identify.logs.log_data import LogData, smooth
 from identify.logs.prepare import prepare
 from identify.logs.segment import noise_on_lines, segment
 from identify.logs.unknowns import from_scene
@@ -73,16 +70,6 @@ def test_noise_with_a_memory_is_seen_whole(rate):
     assert np.mean(found) == pytest.approx(1.0, abs=0.04)
 
 
-def test_noise_of_sticks_too_short_for_long_blocks():
-    # Sticks of a dozen samples: the noise was four times too large, which hides every misfit.
-    model, speed, rate = assemble(MAIN), 1e-3, 53.0
-    pair = {"mu_s": 0.5596, "mu_k0": 0.3688, "delta_mu_k": -0.0561, "a": 168.7, "D": 22.6e-6, "t_cr": 0.21}
-    times = np.arange(213) / rate
-    force = run(model, pair | RIG, speed, 1.0, times[-1]).sample(times)["force"]
-    found = segment(times, force + NOISE * np.random.default_rng(3).standard_normal(times.size), half_period=0.037)
-    assert found.noise == pytest.approx(NOISE, rel=0.3)
-
-
 def test_noise_with_a_memory_makes_no_slips():
     # Second differences see a third of such noise; taken for white, it made hundreds of slips of three.
     model, speed, rate = assemble(MAIN), 2e-5, 500.0
@@ -92,26 +79,6 @@ def test_noise_with_a_memory_makes_no_slips():
     found = segment(times, force, half_period=0.037)
     assert found.count == motion.arrests.size
     assert found.noise == pytest.approx(NOISE, rel=0.05)
-
-
-@pytest.mark.slow
-def test_a_fit_follows_a_load_that_trembles_while_the_mass_slips():
-    # A load taken as straight over a slip, as it was, ends far from the truth.
-    model, rate, records, speeds = assemble(MAIN), 500.0, [], (8.8e-5, 4.5e-4)
-    for number, (speed, duration) in enumerate(zip(speeds, (20.0, 6.0), strict=True)):
-        knots, times = np.arange(int(duration * 100) + 2) / 100.0, np.arange(int(duration * rate)) / rate
-        motion = run(model, PAIR | RIG, speed, (knots, _load(knots)), duration)
-        random = np.random.default_rng(number)
-        force = motion.sample(times)["force"] + NOISE * random.standard_normal(times.size)
-        load = np.interp(times, knots, _load(knots)) + NOISE * random.standard_normal(times.size)
-        records.append(Record(times, load, force))
-    logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, speed in enumerate(speeds)]
-    document = {"effects": [*MAIN, "varying_normal_force"], "rig": RIG, "logs": logs}
-    _, found = find(Scene.from_document(document, Path()), records, progress=lambda _s, _x: None)
-    assert found.status is Status.CONVERGED, found.message
-    values = {e.name: e for e in found.estimates}
-    for name in ("mu_s", "mu_k0", "D"):
-        assert values[name].value == pytest.approx(PAIR[name], rel=0.15)
 
 
 def _swinging(swing, which=2, end=8.0):
@@ -151,24 +118,6 @@ def test_a_load_that_swings_in_a_slip_is_found_there(swing):
     prior = 0.5 * (swing / 5e-3) ** 2
     assert costs[5e-3] < prior + 0.5
     assert costs[0.0] > costs[5e-3] + 20.0, "a load that is one number per cycle cannot say it"
-
-
-def test_a_calm_load_keeps_its_pulse_and_loses_its_tremor():
-    times = np.arange(3000) / 100.0
-    unknowns = case.search_space(PAIR, ())
-    whole, pulse = NormalForce.of((times, _load(times))), _load(times, tremor=0.0)
-    ones, base = np.ones(times.size), unknowns.base(case.RIG)
-    log = LogData(times, ones, ones, base, 1e-4, whole, 1e-3, 0.0, 29.0)
-    calm = without_jitter(log)
-    inner = (times > 1.0) & (times < 29.0)
-    off = (calm.normal_force.at(times) - pulse)[inner]
-    tremor = (_load(times) - pulse)[inner]
-    assert np.std(off) < 0.05 * np.std(tremor)
-    assert calm.tremor_sd == pytest.approx(np.std(tremor), rel=0.05)
-    assert calm.normal_force_sd == pytest.approx(np.hypot(1e-3, np.std(tremor)), rel=0.05)
-    assert calm.calm and without_jitter(calm) is calm
-    level = replace(log, normal_force=NormalForce.of((times, pulse)))
-    assert without_jitter(level) is level, "a pulse is no tremor"
 
 
 @pytest.mark.parametrize(("speed", "told"), [(4e-5, True), (1e-4, False)])

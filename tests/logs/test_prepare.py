@@ -14,7 +14,7 @@ from experiments.study_problem import DEMO, RIG
 from identify.base.errors import FitError, SceneError
 from identify.effects import MAIN
 from identify.identification import fit
-from identify.logs.loads import level, smooth
+from identify.logs.log_data import level, smooth
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -81,13 +81,6 @@ def test_slips_between_holds_are_found_whatever_the_holds_are():
     assert np.all(found.arrest - found.fall < 0.06), "a slip in which the drive stops ends there, not where it restarts"
 
 
-def test_tare_from_a_value_and_from_a_quiet_interval_agree():
-    record = _record(quiet=QUIET, offset=0.3)
-    by_value, by_interval = _prepared(record, tare="0.3 N"), _prepared(record, tare=[0.0, 0.35])
-    assert by_value.force == pytest.approx(by_interval.force, abs=3e-3)
-    assert np.median(_prepared(record).force - by_value.force) == pytest.approx(0.3)
-
-
 def test_skipped_cycles_and_windows_leave_samples_and_falls_out():
     everything, later = _prepared(_record()), _prepared(_record(), skip_cycles=2)
     assert later.falls.size == everything.falls.size - 2
@@ -119,14 +112,6 @@ def test_ripple_is_kept_and_noise_is_not():
     level = smooth(times, 1.0 + noise)
     flat, flat_sd = level.force, level.sd
     assert len(flat.values) <= 9 and flat_sd < 1e-4
-
-
-def test_a_normal_force_that_was_set_is_exact_and_one_that_pulls_is_refused():
-    times = np.linspace(0.0, 1.0, 100)
-    stated = smooth(times, np.full(100, 2.0))
-    assert stated.force.values == (2.0,) and stated.sd == 0.0
-    with pytest.raises(FitError, match="positive load"):
-        smooth(times, np.full(100, -1.0))
 
 
 def _loaded(course: np.ndarray, effects: tuple[str, ...] = MAIN, **log: object):

@@ -5,7 +5,7 @@ import time as clock
 import numpy as np
 import pytest
 
-from identify.logs.noise import quantum, running_means, spikes, uneven, white_noise
+from identify.logs.noise import quantum, spikes, uneven, white_noise
 from identify.logs.regime import Known, Regime, classify
 from identify.logs.segment import SLIDING, SLIP, STICK, segment
 from tests.support import oracle
@@ -107,19 +107,6 @@ def test_stick_slope_is_stiffness_times_speed(fast):
     assert found.stick_slope[1] < 0.05
 
 
-def test_figures(fast):
-    run, t, f = fast
-    found = segment(t, f, half_period=HALF_PERIOD)
-    assert found.count == run.arrests.size
-    assert found.period_mean_and_sd[0] == pytest.approx(np.mean(np.diff(run.onsets[: found.count])), rel=0.01)
-    assert found.samples_per_cycle == pytest.approx(1000 * np.median(np.diff(run.onsets)), rel=0.03)
-    assert 30 < found.samples_per_slip < 65
-    assert sum(found.share(phase) for phase in (STICK, SLIP, SLIDING)) == pytest.approx(1.0)
-    assert found.share(SLIDING) == 0.0
-    assert not found.begins_in_slip
-    assert not found.ends_sliding
-
-
 @pytest.mark.parametrize("seconds_after_onset", [0.004, 0.025])
 def test_record_that_begins_in_a_slip(fast, seconds_after_onset):
     run, t, f = fast
@@ -212,27 +199,6 @@ def test_sharp_corners_and_coarse_crests_are_no_spikes(speed, duration, rate):
     assert not spikes(f, 1e-4).any()
 
 
-def test_a_swing_of_a_few_samples_that_dies_out_is_no_spike_but_a_spike_after_it_is():
-    """A finger that is dragged at 30 mm/s, at 100 Hz: seven samples in each period of the rig."""
-    t = np.arange(500) / 100.0
-    f = 0.4 - 0.8 * np.exp(-3.0 * t) * np.cos(2.0 * np.pi * 13.8 * t)
-    f += 4e-3 * np.random.default_rng(3).standard_normal(t.size)
-    assert not spikes(f, 4e-3).any()
-    f[300] += 0.05
-    assert np.flatnonzero(spikes(f, 4e-3)).tolist() == [300]
-
-
-def test_gaps_are_masked(fast):
-    run, t, f = fast
-    holed = f.copy()
-    holed[100:104] = np.nan
-    holed[[0, 2000, -1]] = np.nan
-    found = segment(t, holed, half_period=HALF_PERIOD)
-    assert found.count == run.arrests.size
-    assert found.spikes[[0, 100, 103, 2000, -1]].all()
-    assert np.isfinite(found.noise)
-
-
 def test_quantised_force(fast):
     run, t, f = fast
     step = 0.004
@@ -255,17 +221,6 @@ def test_white_noise_of_known_sd():
     assert np.std(np.diff(noise + 40.0 * np.sin(t / 12.0))) / np.sqrt(2) > 1.5  # what plain differences would say
 
 
-def test_more_noise_and_fewer_samples():
-    rng = np.random.default_rng(21)
-    pair = drawn_pair(rng)
-    for (speed, duration, rate), noise, every in ((LOGS[2], 0.02, 1), (LOGS[3], 0.02, 1), (LOGS[3], NOISE, 4)):
-        run = oracle.simulate(pair, speed, 1.0, duration)
-        t, f = oracle.noisy_log(run, duration, rate, noise, seed=1)
-        found = segment(t[::every], f[::every], half_period=HALF_PERIOD)
-        missed, extra = misses_and_extras(run, found, duration)
-        assert extra == 0 and missed <= (0.2 * run.onsets.size if found.low_snr else 0)
-
-
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 7, 8, 15, 16, 40])
 def test_tiny_records(n):
     rng = np.random.default_rng(n)
@@ -285,16 +240,6 @@ def test_a_million_samples_take_little_time(fast):
     assert found.count == run.arrests.size
 
 
-@pytest.mark.parametrize(
-    ("samples", "width"), [(10, 1), (10, 10), (1001, 7), (5000, 64), (5000, 219), (40001, 9), (90000, 20001)]
-)
-def test_means_of_neighbours_are_a_convolution(samples, width):
-    values = 5.0 + np.random.default_rng(samples).standard_normal(samples)
-    np.testing.assert_allclose(
-        running_means(values, width), np.convolve(values, np.ones(width) / width, "valid"), rtol=1e-13
-    )
-
-
 def saw(time):
     """Sticks of 0.36 s that load by 1 N/s, slips of 20 ms [N]."""
     phase = (time % 0.36) / 0.36
@@ -312,3 +257,24 @@ def test_the_noise_of_uneven_rows_is_that_of_even_ones(rate):
         force = saw(time) + 2e-3 * draw.standard_normal(time.size)
         assert segment(time, force).noise == pytest.approx(2e-3, rel=0.06)
     assert not uneven(np.delete(np.arange(500.0), [100, 200, 300])), "a few rows lost are gaps"
+
+
+def test_a_swing_of_a_few_samples_that_dies_out_is_no_spike_but_a_spike_after_it_is():
+    """A finger that is dragged at 30 mm/s, at 100 Hz: seven samples in each period of the rig."""
+    t = np.arange(500) / 100.0
+    f = 0.4 - 0.8 * np.exp(-3.0 * t) * np.cos(2.0 * np.pi * 13.8 * t)
+    f += 4e-3 * np.random.default_rng(3).standard_normal(t.size)
+    assert not spikes(f, 4e-3).any()
+    f[300] += 0.05
+    assert np.flatnonzero(spikes(f, 4e-3)).tolist() == [300]
+
+
+def test_more_noise_and_fewer_samples():
+    rng = np.random.default_rng(21)
+    pair = drawn_pair(rng)
+    for (speed, duration, rate), noise, every in ((LOGS[2], 0.02, 1), (LOGS[3], 0.02, 1), (LOGS[3], NOISE, 4)):
+        run = oracle.simulate(pair, speed, 1.0, duration)
+        t, f = oracle.noisy_log(run, duration, rate, noise, seed=1)
+        found = segment(t[::every], f[::every], half_period=HALF_PERIOD)
+        missed, extra = misses_and_extras(run, found, duration)
+        assert extra == 0 and missed <= (0.2 * run.onsets.size if found.low_snr else 0)
