@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
+from scipy.signal import periodogram
 
 from identify.base.errors import IdentifyError
 from identify.base.quantiles import NORMAL, student
@@ -68,10 +69,15 @@ def ring_downs(time: Array, force: Array) -> list[RingDown]:
     """
     good = np.isfinite(force)
     time, force = time[good], force[good]
-    period = _period(time, force)
-    if period is None:
+    if time.size < 16:
         return []
     interval = float(np.median(np.diff(time)))
+    frequency, power = periodogram(force, 1.0 / interval, detrend="linear", nfft=4 * force.size)
+    power[frequency < SLOWEST / (time[-1] - time[0])] = 0.0
+    strongest = float(frequency[int(np.argmax(power))])
+    if not strongest > 0.0:
+        return []
+    period = 1.0 / strongest
     found = [
         fit
         for first, last in _taps(time, force, period)
@@ -84,18 +90,6 @@ def ring_downs(time: Array, force: Array) -> list[RingDown]:
             f"{FEWEST_SAMPLES:.0f} or more, better 20: sample at {20.0 / period:.0f} Hz or more"
         )
     return found
-
-
-def _period(time: Array, force: Array) -> float | None:
-    """Of the strongest line of a record [s]; None where there are too few samples."""
-    if time.size < 16:
-        return None
-    level = np.polyval(np.polyfit(time - time[0], force, 1), time - time[0])
-    power = np.abs(np.fft.rfft(force - level, 4 * force.size)) ** 2
-    frequency = np.fft.rfftfreq(4 * force.size, float(np.median(np.diff(time))))
-    power[frequency < SLOWEST / (time[-1] - time[0])] = 0.0
-    peak = float(frequency[int(np.argmax(power))])
-    return 1.0 / peak if peak > 0.0 else None
 
 
 def _taps(time: Array, force: Array, period: float) -> Iterator[tuple[int, int]]:

@@ -5,7 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+TINY = 1e-200  # a step into the complex plane
 
 
 def saturation(
@@ -29,23 +33,21 @@ def saturation(
         gamma, broadcast over the arguments (NaN outside their ranges); with `derivatives` a pair
         (gamma, {argument: derivative}), zero where gamma is clamped.
     """
-    t, gamma_0, speed, t_cr, D = (np.asarray(q, float) for q in np.broadcast_arrays(t, gamma_0, speed, t_cr, D))
+    q = dict(zip(("t", "gamma_0", "speed", "t_cr", "D"), np.broadcast_arrays(t, gamma_0, speed, t_cr, D), strict=True))
+    q = {name: np.asarray(value, float) for name, value in q.items()}
+
+    def free(t: Array, gamma_0: Array, speed: Array, t_cr: Array, D: Array) -> Array:
+        worn = np.where(q["speed"] < 0, -speed, speed) * t_cr / D
+        return np.asarray(gamma_0 - (1 - gamma_0 - worn) * np.expm1(-t / t_cr))  # keeps its digits for t << t_cr
+
     with np.errstate(all="ignore"):
-        valid = (t >= 0) & (gamma_0 >= 0) & (gamma_0 <= 1) & (t_cr > 0) & (D > 0)
-        past = -np.expm1(-t / t_cr)  # 1 - exp(-t/t_cr) without loss of digits for t << t_cr
-        worn = np.abs(speed) * t_cr / D
-        free = gamma_0 + (1 - gamma_0 - worn) * past
-        value = np.where(valid, np.clip(free, 0.0, 1.0), np.nan)
+        valid = (q["t"] >= 0) & (q["gamma_0"] >= 0) & (q["gamma_0"] <= 1) & (q["t_cr"] > 0) & (q["D"] > 0)
+        path = free(**q)
+        value = np.where(valid, np.clip(path, 0.0, 1.0), np.nan)[()]
         if not derivatives:
-            return value[()]
-        left = np.exp(-t / t_cr)
-        slope = (1 - gamma_0 - worn) * left / t_cr
-        table = {
-            "t": slope,
-            "gamma_0": left,
-            "speed": -np.sign(speed) * t_cr / D * past,
-            "t_cr": -worn / t_cr * past - slope * t / t_cr,
-            "D": worn / D * past,
-        }
-        clamped = (free < 0) | (free > 1)
-        return value[()], {k: np.where(valid, np.where(clamped, 0.0, d), np.nan)[()] for k, d in table.items()}
+            return value
+        table, clamped = {}, (path < 0) | (path > 1)
+        for name in q:  # by a step into the complex plane, which loses no digits
+            slope = free(**q | {name: q[name] + 1j * TINY}).imag / TINY
+            table[name] = np.where(valid, np.where(clamped, 0.0, slope), np.nan)[()]
+        return value, table

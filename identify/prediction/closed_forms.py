@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, get_type_hints
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,33 +26,24 @@ SLOW = 1e-6  # s/m, of a weakening that no slip gets to the end of
 CYCLE = ("drop", "period", "slip_duration", "peak_speed")
 
 
-@dataclass(frozen=True)
-class Groups:
-    """The groups; units and meanings stand in MEANING. NaN where a rig at rest (v0 = 0) has none.
-
-    Floats, arrays where the arguments were arrays.
-    """
-
-    omega_n: Annotated[Numbers, "rad/s", "natural frequency of the mass on the spring"]
-    zeta: Annotated[Numbers, "", "damping ratio h/2k"]
-    w: Annotated[Numbers, "", "dimensionless load F_n / (v0 sqrt(m k))"]
-    tau_cr: Annotated[Numbers, "", "creep time in units of 1/omega_n"]
-    v_cr: Annotated[Numbers, "m/s", "speed D/t_cr above which sliding wears off all contact ageing"]
-    v_acr: Annotated[Numbers, "", "drive speed over v_cr"]
-    gamma_0: Annotated[Numbers, "", "saturation of the contact in steady sliding"]
-    v_a: Annotated[Numbers, "", "drive speed in units of the speed over which kinetic friction changes"]
-    alpha: Annotated[Numbers, "", "effective damping ratio of the linearised slip; at -1 and below that law runs away"]
-    xi_o: Annotated[Numbers, "", "equilibrium elongation of the linearised slip"]
-    xi_p: Annotated[Numbers, "", "elongation at the onset of slip, damper force included"]
-    xi_p_printed: Annotated[Numbers, "", "elongation at the onset of slip as printed, eq. (12)"]
-    overshoot: Annotated[Numbers, "", "A = xi_p - xi_o"]
-    loading: Annotated[Numbers, "", "loading parameter Phi = 2 alpha + A; stick-slip repeats above Phi_cr(alpha)"]
-    z: Annotated[Numbers, "", "damping of steady sliding with the slope of friction; 2 zeta without it"]
-    Pi: Annotated[Numbers, "", "friction parameter of steady sliding; unstable above Pi_fc"]
-
-
+# The groups by name: unit and meaning; NaN where a rig at rest (v0 = 0) has none.
 MEANING: Mapping[str, tuple[str, str]] = {
-    name: hint.__metadata__ for name, hint in get_type_hints(Groups, include_extras=True).items()
+    "omega_n": ("rad/s", "natural frequency of the mass on the spring"),
+    "zeta": ("", "damping ratio h/2k"),
+    "w": ("", "dimensionless load F_n / (v0 sqrt(m k))"),
+    "tau_cr": ("", "creep time in units of 1/omega_n"),
+    "v_cr": ("m/s", "speed D/t_cr above which sliding wears off all contact ageing"),
+    "v_acr": ("", "drive speed over v_cr"),
+    "gamma_0": ("", "saturation of the contact in steady sliding"),
+    "v_a": ("", "drive speed in units of the speed over which kinetic friction changes"),
+    "alpha": ("", "effective damping ratio of the linearised slip; at -1 and below that law runs away"),
+    "xi_o": ("", "equilibrium elongation of the linearised slip"),
+    "xi_p": ("", "elongation at the onset of slip, damper force included"),
+    "xi_p_printed": ("", "elongation at the onset of slip as printed, eq. (12)"),
+    "overshoot": ("", "A = xi_p - xi_o"),
+    "loading": ("", "loading parameter Phi = 2 alpha + A; stick-slip repeats above Phi_cr(alpha)"),
+    "z": ("", "damping of steady sliding with the slope of friction; 2 zeta without it"),
+    "Pi": ("", "friction parameter of steady sliding; unstable above Pi_fc"),
 }
 
 
@@ -89,15 +80,14 @@ def _formed(q: Mapping[str, Array]) -> dict[str, Array]:
     }
 
 
-def groups(rig: object, friction: object, drive_speed: ArrayLike, normal_force: ArrayLike) -> Groups:
-    """The dimensionless groups of operating points.
+def groups(rig: object, friction: object, drive_speed: ArrayLike, normal_force: ArrayLike) -> SimpleNamespace:
+    """The dimensionless groups of operating points, by the names of MEANING.
 
     Args:
         rig, friction, drive_speed [m/s], normal_force [N]: as for `stability.eigenvalues`. All broadcast.
     """
     with np.errstate(all="ignore"):
-        found = _formed(settings(rig, friction, drive_speed, normal_force))
-        return Groups(**{name: float(value) if np.ndim(value) == 0 else value for name, value in found.items()})
+        return SimpleNamespace(**_formed(settings(rig, friction, drive_speed, normal_force)))
 
 
 @dataclass(frozen=True)

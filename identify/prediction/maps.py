@@ -260,26 +260,6 @@ def chart(
     return Chart.of(grid, survey, survey.ends(COARSE), survey.losses())
 
 
-def site_of(scene: Scene, drive_speed: float | None = None, normal_force: float | None = None) -> Site:
-    """The operating point of a scene: its values (fixed, else start, else default), its rig and its contact.
-
-    Args:
-        drive_speed: [m/s], sign irrelevant; None: that of the rig. normal_force: [N]; None: that of the rig.
-
-    Raises:
-        SimulationError: a speed or a force that nobody stated.
-    """
-    speed = scene.rig.drive_speed if drive_speed is None else drive_speed
-    load = scene.rig.normal_force if normal_force is None else normal_force
-    if isinstance(speed, tuple) or not speed or not load:
-        raise SimulationError(
-            "the scene gives no single drive speed or no normal force; give both: drive_speed=1e-3, normal_force=1.0"
-        )
-    area = scene.contact.area_at(float(load))
-    exponent = (scene.contact.exponent or 0.0) if area else 0.0
-    return Site(scene.model, scene.values(None), abs(float(speed)), float(load), area, exponent)
-
-
 def stability_map(
     scene: Scene | Site,
     x: str,
@@ -291,7 +271,8 @@ def stability_map(
     """Where a pair sticks and slips, slides steadily, or does either, over two quantities (`axes.known_axes`).
 
     Args:
-        scene: a scene, or an operating point of it (`site_of`). x_range, y_range: [SI]; None: around the point.
+        scene: a scene with one drive speed and normal force under [rig] and values that are fixed, else start, else
+            default; or an operating point. x_range, y_range: [SI]; None: around the point.
         points: along each quantity.
 
     Returns:
@@ -299,10 +280,15 @@ def stability_map(
         `report.draw_map.draw_map` draws it.
 
     Raises:
-        SimulationError: quantities, ranges or a model that make no map.
+        SimulationError: a speed or a force that nobody stated; quantities, ranges or a model that make no map.
     """
-    site = site_of(scene) if isinstance(scene, Scene) else scene
-    return chart(site, (x, y), (x_range, y_range), (points, points))
+    if isinstance(scene, Scene):
+        speed, load = scene.rig.drive_speed, scene.rig.normal_force
+        if isinstance(speed, tuple) or not speed or not load:
+            raise SimulationError("the scene gives no single drive speed or no normal force; state both under [rig]")
+        area, exponent = scene.contact.area_at(load), scene.contact.exponent or 0.0
+        scene = Site(scene.model, scene.values(None), abs(speed), load, area, exponent)
+    return chart(scene, (x, y), (x_range, y_range), (points, points))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -17,8 +17,7 @@ from brute_force_lanes import Lanes, onsets, simulate
 
 from identify.base.document import to_dict
 from identify.model.model import assemble
-from identify.prediction.draws import OperatingPoint
-from identify.prediction.predict import predict, predictions
+from identify.prediction.predict import predict
 from identify.prediction.windows import speed_windows
 from identify.scene import Scene
 from tests.support.maps_case import DEMO, SITE
@@ -104,16 +103,6 @@ def test_without_stick_slip_the_range_that_was_searched_is_said():
     speeds = np.geomspace(0.2e-3, 3e-3, 6)
     lanes = Lanes.of([pair] * 6, speeds)
     assert simulate(lanes, np.stack([np.zeros(6), np.ones(6)]), 10).slides.all()
-
-
-def test_points_of_one_pair_share_their_windows_and_another_load_has_its_own():
-    model, force = assemble(study.EFFECTS), WINDOW["normal_force"]
-    w = np.array([WINDOW[name] for name in (*model.parameter_names, "normal_force")] + [1e-3])
-    assert speed_windows(model, w) is speed_windows(model, w * np.append(np.ones(w.size - 1), 2.0))
-    points = [OperatingPoint(WINDOW, speed, force * share) for speed, share in ((3e-4, 1.0), (9e-4, 1.0), (9e-4, 1.02))]
-    first, second, third = [to_dict(answer)["stability"] for answer in predictions(model, points, ())]
-    assert first["windows"] == second["windows"] != third["windows"]
-    assert first["outcome"] == "never sticks" and second["outcome"] == "bistable"
 
 
 def test_sliding_is_unstable_until_its_damping_vanishes():
