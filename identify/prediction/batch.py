@@ -44,7 +44,7 @@ RENEWED = 0.01  # of the saturation: of a contact that is almost renewed
 ALMOST = 1.0 - 1e-6  # of the elongation at which a contact breaks loose
 NEWTON_STEPS = 60  # towards the end of a stick
 FREED = 1e-13  # of normal force / stiffness: frees a mass that only the rounding of the forces holds
-EARLIER = np.geomspace(1e-6, 1.0, 33)[:-1]  # of a stick: where the margin is looked at if it need not be concave
+SCAN = np.geomspace(1e-6, 1.0, 33)  # of a stick: where the margin is looked at if it need not be concave
 PLAIN = (3, 1, 2, 4, 8, 16)  # cycles before each search for the orbit by Newton's method
 DRIFTING = 10  # cycles at the end of these: a motion that still drifts one way lingers, as just beyond an end
 NOT_YET, LOCATED, UNDECIDED = int(Stop.NOT_YET), int(Stop.LOCATED), (int(Stop.EVENT), int(Stop.STUCK))
@@ -222,44 +222,33 @@ class CycleBatch:
     def _stick(self, start: Array) -> tuple[Array, Array, Array]:
         """Durations (n,) of rests from states (n, n_x), the states at their ends, the force of the drive there [N].
 
-        Where the margin is concave in time, Newton's method from the far end meets its only zero; transients of a
-        series element may bring an earlier one.
+        The first zero of the breakaway margin is bracketed, by a scan where transients of a series element may bring
+        several, and met by Newton's method within its bracket.
         """
-        w, look = self.settings, _rests(self.model)
+        w, look, low = self.settings, _rests(self.model), np.zeros(len(start))
         strongest = np.max(w[:, :2], axis=1) * w[:, -2] + self._column("stiffness") * np.abs(start[:, ELONGATION])
-        t = 2.0 * strongest / (self._column("stiffness") * w[:, -1])
-        at_once = look([start, w, np.zeros_like(t)])[0][:, 0] <= 0.0
+        high = 2.0 * strongest / (self._column("stiffness") * w[:, -1])
+        at_once = look([start, w, low])[0][:, 0] <= 0.0
         for _ in range(DOUBLINGS):
-            row = look([start, w, t])[0]
-            if not np.any(row[:, 0] > 0.0):
+            held = look([start, w, high])[0][:, 0] > 0.0
+            if not np.any(held):
                 break
-            t = np.where(row[:, 0] > 0.0, 2.0 * t, t)
-        for _ in range(NEWTON_STEPS):
-            with np.errstate(all="ignore"):
-                step = np.where(row[:, 1] < 0.0, row[:, 0] / row[:, 1], 0.0)
-            t = np.where(at_once, 0.0, np.maximum(t - step, 0.0))
-            row = look([start, w, t])[0]
-            if np.all(np.abs(step) <= 1e-14 * t) or np.all(at_once):
-                break
+            high = np.where(held, 2.0 * high, high)
         if self.model.decays.numel_out(0):
-            t = self._first_zero(start, t)
+            times, rows = SCAN[:, None] * high, np.arange(high.size)
+            first = np.argmax([look([start, w, each])[0][:, 0] < 0.0 for each in times], axis=0)
+            low, high = np.where(first > 0, times[first - 1, rows], 0.0), times[first, rows]
+        t = high = np.where(at_once, 0.0, high)
+        for _ in range(NEWTON_STEPS):
             row = look([start, w, t])[0]
+            low, high = np.where(row[:, 0] > 0.0, t, low), np.where(row[:, 0] > 0.0, high, t)
+            with np.errstate(all="ignore"):
+                newton = t - row[:, 0] / row[:, 1]
+            after = np.where((low <= newton) & (newton <= high), newton, 0.5 * (low + high))
+            if np.all(np.abs(after - t) <= 1e-14 * t):
+                break
+            t = after
         return t, row[:, 3:], row[:, 2]
-
-    def _first_zero(self, start: Array, t: Array) -> Array:
-        """The first zero (n,) of margins that are zero at t (n,), by a scan and bisection of what is earlier."""
-        w, look, n = self.settings, _rests(self.model), t.size
-        times = EARLIER[:, None] * t
-        margins = np.array([look([start, w, row])[0][:, 0] for row in times])
-        early = np.any(margins < 0.0, axis=0) & (t > 0.0)
-        at = np.argmax(margins < 0.0, axis=0)
-        high = times[at, np.arange(n)]
-        low = np.where(at > 0, times[np.maximum(at - 1, 0), np.arange(n)], 0.0)
-        for _ in range(NEWTON_STEPS if np.any(early) else 0):
-            middle = 0.5 * (low + high)
-            below = look([start, w, middle])[0][:, 0] < 0.0
-            low, high = np.where(below, low, middle), np.where(below, middle, high)
-        return np.where(early, high, t)
 
     def _slip(self, x: Array, force: Array, keep: bool) -> tuple[Array, Array, Bools, Bools, tuple[Node, ...]]:
         """Slips from states x (n, n_x) under a force of the drive (n,) [N]: states at their ends, durations, whether

@@ -96,19 +96,16 @@ def test_without_dry_friction_none_is_named():
 
 
 def test_a_lag_of_the_load_cell_changes_nothing_that_is_told():
-    taps = ring_downs(*_columns(tapped(RIG, 0.01, 500.0, 0.003, np.random.default_rng(2))))
+    record = tapped(RIG, 0.01, 500.0, 0.003, np.random.default_rng(2))
+    taps = ring_downs(record.time, record.friction_force)
     assert len(taps) == 3
     for tap in taps:
         assert tap.frequency == pytest.approx(OMEGA, rel=4 * tap.frequency_error)
         assert tap.zeta == pytest.approx(ZETA, rel=4 * tap.zeta_error)
 
 
-def _columns(record):
-    return record.time, record.friction_force
-
-
 def test_what_does_not_ring_down_is_no_tap_and_a_swing_of_few_samples_is_refused():
-    time = np.arange(3000) / 500.0
+    time = np.arange(1200) / 300.0
     random = np.random.default_rng(3)
     assert ring_downs(time, random.standard_normal(time.size)) == []
     assert ring_downs(time, np.sin(OMEGA * time) + 0.01 * random.standard_normal(time.size)) == []  # goes on
@@ -197,7 +194,7 @@ def test_what_a_tap_ties_errs_together_in_the_priors():
     assert np.allclose(from_scene(again).prior_precision, unknowns.prior_precision)
 
 
-@pytest.mark.parametrize("held", [(), ("stiffness",), ("mass",), ("mass", "damping")])
+@pytest.mark.parametrize("held", [(), ("stiffness",), ("mass", "damping")])
 def test_a_problem_counts_tied_priors_whatever_of_them_is_held(held):
     """As a quadratic form of theta it is that of the priors, but for what does not change."""
     scene, random = tied_scene(Measured("frequency", OMEGA, 5e-4, "tap")), np.random.default_rng(5)
