@@ -1,10 +1,9 @@
 """What a map can be drawn over: each quantity, and what of an operating point it moves.
 
 A quantity moves itself and what is tied to it, everything else stays: `mu_k0` takes mu_s with it (their difference
-stays), `mu_step` is mu_s - mu_k0 at constant mu_k0, `zeta` sets the damping h = 2 zeta k, `stiffness_at_zeta` takes h
-along. Pressure and area move the normal force F_n = p A: pressure at the area of the point (or along its area law),
-area at the pressure of the point; beside a normal force they move the nominal area, which counts only where friction
-depends on pressure.
+stays), `mu_step` is mu_s - mu_k0 at constant mu_k0, `zeta` sets the damping h = 2 zeta k. Pressure and area move the
+normal force F_n = p A: pressure at the area of the point (or along its area law), area at the pressure of the point;
+beside a normal force they move the nominal area, which counts only where friction depends on pressure.
 """
 
 from __future__ import annotations
@@ -76,9 +75,7 @@ OWN: Mapping[str, tuple[str, str, float, float, bool]] = {
     "area": ("contact area", "m^2", 1e-12, 1e3, True),
     "zeta": ("damping ratio ζ", "", 1e-9, 1e3, True),
     "mu_step": ("μs − μk0", "", 1e-6, 20.0, False),
-    "stiffness_at_zeta": ("stiffness k (damping ratio ζ held)", "N/m", 1e-6, 1e12, True),
 }
-FOR_ADVICE = ("stiffness_at_zeta",)  # beside the stiffness itself nobody draws a map over it
 WORDS = {
     "mass": "mass",
     "stiffness": "stiffness k",
@@ -92,8 +89,8 @@ EVEN = ("mu_s", "mu_k0", "delta_mu_k")
 
 def known_axes(model: Model) -> tuple[str, ...]:
     """Names of every quantity that can be moved in a model."""
-    without = (*FOR_ADVICE, *(() if "damping" in model.parameter_names else ("zeta",)))
-    return (*(n for n in OWN if n not in without), *(n for n in model.parameter_names if n not in AREA))
+    names = (*OWN, *(name for name in model.parameter_names if name not in AREA))
+    return tuple(name for name in names if name != "zeta" or "damping" in names)
 
 
 def axis(site: Site, name: str) -> Axis:
@@ -102,7 +99,7 @@ def axis(site: Site, name: str) -> Axis:
     Raises:
         SimulationError: one that the model does not have, or an area that nobody stated.
     """
-    if name not in (*known_axes(site.model), *FOR_ADVICE):
+    if name not in known_axes(site.model):
         raise SimulationError(f"{name!r} is no quantity of this model; known are {', '.join(known_axes(site.model))}")
     if name in ("pressure", "area") and site.area is None:
         raise SimulationError(f'the {name} is not known here: give [contact] area = "0.8 cm^2" in the scene')
@@ -124,7 +121,7 @@ def quantity_of(site: Site, name: str, settings: Array) -> Array:
     if name in ("area", "pressure"):
         area = (site.area or np.nan) * (v["normal_force"] / site.normal_force) ** site.area_exponent
         return area if name == "area" else v["normal_force"] / area
-    return v[name.removesuffix("_at_zeta")]
+    return v[name]
 
 
 def _named(model: Model, settings: Array) -> dict[str, Array]:
@@ -165,9 +162,6 @@ def moved_values(site: Site, changes: Mapping[str, ArrayLike], settings: Array |
         v["mu_s"] = new["mu_k0"] + (now["mu_s"] - now["mu_k0"])
     if "mu_step" in new:
         v["mu_s"] = v["mu_k0"] + new["mu_step"]
-    if "stiffness_at_zeta" in new:
-        v["stiffness"] = new["stiffness_at_zeta"]
-        v["damping"] = v["damping"] * (v["stiffness"] / now["stiffness"])
     if "zeta" in new:
         v["damping"] = 2.0 * new["zeta"] * v["stiffness"]
     area, pressure = new.get("area"), new.get("pressure")

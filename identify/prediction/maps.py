@@ -15,9 +15,9 @@ from data_io.atomic import atomic_write
 from identify.base.errors import SimulationError
 from identify.base.result import Number
 from identify.model.model import Model
-from identify.prediction.axes import Axis, Site, admissible, axis, check_axes, moved
+from identify.prediction.axes import Axis, Site, admissible, axis, check_axes, known_axes, moved
 from identify.prediction.batch import CycleBatch
-from identify.prediction.draws import DRAWS, POINT, AnswerInterval, Draws, OperatingPoint
+from identify.prediction.draws import DRAWS, AnswerInterval, Draws, OperatingPoint
 from identify.prediction.orbit import QUANTITIES, check_calculable
 from identify.prediction.predict import number, site_at
 from identify.prediction.sources import Tested
@@ -39,7 +39,7 @@ MIDDLE = 1e-6  # of an edge: how far from its middle an outline of the grid cros
 STEP, MARGIN = 1.25, 0.2  # of a change that is advised: factor between the values looked at, distance from the limit
 # What advice is given on, and how far either way it is looked for.
 CHANGED = {"drive_speed": 1e5}
-CHANGED |= dict.fromkeys(("stiffness", "stiffness_at_zeta", "damping", "mass", "normal_force"), 100.0)
+CHANGED |= dict.fromkeys(("stiffness", "damping", "mass", "normal_force"), 100.0)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -434,8 +434,7 @@ def stabilising_changes(
     if point.covariance is not None and names:
         at = {"drive_speed": site.drive_speed, "normal_force": site.normal_force}
         drawn = Draws.of(model, {**site.values, **at}, names, point.covariance, draws)
-    known = (*model.parameter_names, *POINT, *(["stiffness_at_zeta"] if "damping" in model.parameter_names else []))
-    quantities = [axis(site, name) for name in CHANGED if name in known]
+    quantities = [axis(site, name) for name in CHANGED if name in known_axes(model)]
     changes = tuple(_change(site, q, drawn, tested, margin) for q in quantities if q.value > 0.0)
     steady = _steady(model, site.setting)
     goal = "To keep sliding steady" if steady else "To make sliding steady, one of these"
@@ -452,15 +451,13 @@ def _steady(model: Model, setting: Array) -> bool:
 
 def _change(site: Site, q: Axis, drawn: Draws | None, tested: Tested | None, margin: float) -> ChangeAdvice:
     """The change of one quantity, looked for over values around that of the point."""
-    own, unit, low, high = q.name.removesuffix("_at_zeta"), q.unit, q.value / CHANGED[q.name], q.value * CHANGED[q.name]
-    if q.name not in POINT:
-        low, high = max(low, site.model.parameter(own).lower), min(high, site.model.parameter(own).upper)
+    unit, low, high = q.unit, max(q.value / CHANGED[q.name], q.lower), min(q.value * CHANGED[q.name], q.upper)
 
     def settings_at(places: Array) -> Array:
         return moved(site, {q.name: q.value_at(places[:, 0])})
 
     def outside(value: float) -> bool:
-        return tested is not None and tested.extrapolated(own, value)
+        return tested is not None and tested.extrapolated(q.name, value)
 
     below, above = (int(abs(np.log(end / q.value)) / np.log(STEP) + 1e-9) for end in (low, high))
     places = q.place(q.value) + np.log(STEP) * np.arange(-below, above + 1)[:, None]
@@ -487,7 +484,7 @@ def _change(site: Site, q: Axis, drawn: Draws | None, tested: Tested | None, mar
     if drawn is not None:
         ends = drawn.ends(site, q, place, rising, start)
         # How far off the quantity is now, it will be at the limit: the value to be set is off by as much.
-        interval = drawn.interval(ends * q.value / drawn.column(own) if own in drawn.names else ends, limit)
+        interval = drawn.interval(ends * q.value / drawn.column(q.name), limit)
     advised = limit * (1 + margin) if rising else limit / (1 + margin)
     if steady[mine] and (q.value >= advised if rising else q.value <= advised):
         advised = q.value
