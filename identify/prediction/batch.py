@@ -257,6 +257,7 @@ class CycleBatch:
         at, (trials, events), clamped = BurstState(n_x), _steps(self.model), self.model.clamped
         lowest = 0.0 if clamped is None else self.model.states[clamped].lower or 0.0
         exits = [dict(mode.exits) for mode in sliding_modes(clamped is not None).values()]
+        leaves = np.array([[guard in mode for guard in GUARDS] for mode in exits])
         floor = FLOOR * np.insert(self.scale, SPEED, self.settings[:, -2] * self.time / self._column("mass"), axis=1)
         floor[:, SPEED] *= min(ROUNDING / ACCURACY, 1.0)
         tolerances = ACCURACY * np.insert(floor, 0, 1.0, axis=1)
@@ -308,10 +309,7 @@ class CycleBatch:
             ends = z[located, at.ends]
             with np.errstate(all="ignore"):
                 away = np.abs(ends[:, :N_GUARDS] / ends[:, N_GUARDS:])
-            for i, guard in enumerate(GUARDS):
-                out = np.array([guard not in exits[mode] for mode in modes[located]], dtype=bool)
-                away[out | ~np.isfinite(away[:, i]), i] = np.inf
-            met = np.argmin(away, axis=1)
+            met = np.argmin(np.where(leaves[modes[located]] & np.isfinite(away), away, np.inf), axis=1)
             stopped, other = located[met == 0], located[met != 0]
             if other.size and clamped is not None:
                 z[other[modes[other] == 0], clamped] = lowest

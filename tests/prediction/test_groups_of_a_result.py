@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from argparse import Namespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ import pytest
 from identify import Scene, examples
 from identify.base.result import Result
 from identify.cli.main import main
+from identify.cli.points import operating_points, points_of
 from identify.prediction.batch import cycle_figures
 from identify.prediction.orbit import CycleMap
+from identify.prediction.predict import predict
 from identify.prediction.sources import pair_of
 from tests.support.maps_case import settled_orbit
 
@@ -29,38 +32,26 @@ MATRIX = _MIX @ _MIX.T / np.sqrt(np.outer(np.diag(_MIX @ _MIX.T), np.diag(_MIX @
 
 def document():
     scene = Scene.from_toml(examples.SCENE).as_document()
+    scene["parameters"] |= {name: {"per": "volunteer"} for name in OWN["A"]}
     scene["parameters"]["mu_k0"] = {"tie": {"to": "mu_s", "offset": OFFSET}}
-    for name in ("mu_s", "D"):
-        scene["parameters"][name] = {"per": "volunteer"}
-    scene["logs"] = [
-        {"path": f"{group}_{speed}.csv", "drive_speed": speed, "labels": {"volunteer": group}} for group, speed in LOGS
-    ]
+    told = [{"path": f"{group}.csv", "labels": {"volunteer": group}} for group, _ in LOGS]
+    scene["logs"] = [log | {"drive_speed": speed} for log, (_, speed) in zip(told, LOGS, strict=True)]
+    at = {"sha256": "", "normal_force_N": 1.0, "reason_left_out": None}
     known = {"unit": "", "interval": None, "verdict": "identified"}
     parameters = {
         key: {"value": float(value), "standard_error": float(error), **known}
         for key, value, error in zip(KEYS, VALUE, ERRORS, strict=True)
     }
-    for name in ("mu_s", "D"):
+    for name in OWN["A"]:
         parameters[name] |= {"group": "A", "per": "volunteer"}
         parameters[f"{name} (B)"] |= {"group": "B", "per": "volunteer", "parameter": name}
     parameters["mu_k0"] = {"value": 0.62 + OFFSET, "standard_error": float(ERRORS[0]), **known}  # as older results have
-    logs = [
-        {
-            "path": f"{group}_{speed}.csv",
-            "sha256": "",
-            "labels": {"volunteer": group},
-            "normal_force_N": 1.0,
-            "drive_speed_m_per_s": speed,
-            "reason_left_out": None,
-        }
-        for group, speed in LOGS
-    ]
     return {
         "schema": 1,
         "status": "converged",
         "parameters": parameters,
         "correlation": {"names": list(KEYS), "matrix": MATRIX.tolist()},
-        "logs": logs,
+        "logs": [log | at | {"drive_speed_m_per_s": speed} for log, (_, speed) in zip(told, LOGS, strict=True)],
         "provenance": {"scene": scene},
     }
 
@@ -88,31 +79,32 @@ def spread_of_drop(group, speed):
     return float(np.sqrt(np.array(slopes) @ covariance @ np.array(slopes)))
 
 
-@pytest.fixture
-def path(tmp_path):
-    place = tmp_path / "result.json"
-    place.write_text(json.dumps(document()))
-    return str(place)
+def answer(point, draws=100):
+    """The prediction at a point of the command line, with fewer draws."""
+    site, covariance = point.site, point.covariance if draws else None
+    at = (site.model, site.values, site.drive_speed, site.normal_force)
+    return predict(*at, covariance, point.names, draws).amplitude.numbers
 
 
-def points(capsys, *arguments):
-    assert main([*arguments, "--json"]) == 0
-    return json.loads(capsys.readouterr().out)["points"]
+def half_width(entry):
+    return np.diff(entry.interval)[0] / (2 * 1.959964)
 
 
-def test_each_log_is_answered_by_its_own_group_and_covariance(path, capsys):
-    found = points(capsys, "amplitude", "--result", path)
-    assert [p["group"]["volunteer"] for p in found] == [group for group, _ in LOGS]
-    for (group, speed), point in zip(LOGS, found, strict=True):
-        assert point["amplitude"]["drop"]["value"] == pytest.approx(drop_at(group, speed), rel=1e-6)
-    drop = found[1]["amplitude"]["drop"]
-    width = np.log(drop["interval"][1] / drop["interval"][0]) / (2 * 1.959964)
-    assert width * drop["value"] == pytest.approx(spread_of_drop(*LOGS[1]), rel=0.2)
+def test_each_log_is_answered_by_its_own_group_and_covariance():
+    result = Result.from_dict(document())
+    for (group, speed), point in zip(LOGS, points_of(Scene.from_document(result.scene), result), strict=True):
+        drop = answer(point, 0 if group == "A" else 100)["drop"]
+        assert point.groups == (("volunteer", group),)
+        assert drop.value == pytest.approx(drop_at(group, speed), rel=1e-6)
+    assert half_width(drop) == pytest.approx(spread_of_drop(group, speed), rel=0.2)  # ends of 100 draws
 
 
 @pytest.mark.slow
-def test_one_group_is_answered_at_an_operating_point(path, capsys):
-    (alone,) = points(capsys, "amplitude", "--result", path, "--at", "drive_speed=1.5 mm/s", "--group", "volunteer=B")
+def test_one_group_is_answered_at_an_operating_point(tmp_path, capsys):
+    (tmp_path / "result.json").write_text(json.dumps(document()))
+    command = ["amplitude", "--result", str(tmp_path / "result.json"), "--at", "drive_speed=1.5 mm/s", "--json"]
+    assert main([*command, "--group", "volunteer=B"]) == 0
+    (alone,) = json.loads(capsys.readouterr().out)["points"]
     assert alone["group"]["volunteer"] == "B"
     assert alone["amplitude"]["drop"]["value"] == pytest.approx(drop_at("B", 1.5e-3), rel=1e-6)
 
@@ -146,7 +138,7 @@ def test_what_is_not_identifiable_has_an_infinite_variance():
     assert np.isinf(found.covariance[place, place]) and np.isfinite(found.covariance).sum() == found.covariance.size - 1
 
 
-def test_a_prior_of_a_scene_moves_what_is_tied_as_well(tmp_path, capsys):
+def test_a_prior_of_a_scene_moves_what_is_tied_as_well(tmp_path):
     """All of friction moves by the same: the level of the force with it, its drop not at all."""
     text = examples.SCENE.read_text(encoding="utf-8").split("[[logs]]")[0]
     rig = text.replace("[rig]", '[rig]\ndrive_speed = "1 mm/s"\nnormal_force = "1 N"')
@@ -155,7 +147,7 @@ def test_a_prior_of_a_scene_moves_what_is_tied_as_well(tmp_path, capsys):
     tied = f'mu_k0 = {{ tie = {{ to = "mu_s", offset = {OFFSET} }} }}'
     path = tmp_path / "scene.toml"
     path.write_text(f"{rig}\n[parameters]\n{shared}\n{own}\n{tied}\n", encoding="utf-8")
-    (point,) = points(capsys, "amplitude", "--scene", str(path))
-    onset, drop = point["amplitude"]["onset_force"], point["amplitude"]["drop"]
-    assert np.diff(onset["interval"])[0] / (2 * 1.959964) == pytest.approx(0.002, rel=0.2)  # ends of 400 draws
-    assert np.diff(drop["interval"])[0] < 1e-6
+    (point,), _, _ = operating_points(Namespace(scene=path, result=None, without=[], at=[], group=[]))
+    numbers = answer(point)
+    assert half_width(numbers["onset_force"]) == pytest.approx(0.002, rel=0.2)
+    assert half_width(numbers["drop"]) < 1e-6
