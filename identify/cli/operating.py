@@ -18,7 +18,7 @@ from identify.cli.common import Answer, CommandLineError, Terminal, file_to_writ
 from identify.diagnosis.effect_choice import choose_from_numbers
 from identify.logs.scene_records import unused
 from identify.prediction.axes import Site, axis, known_axes
-from identify.prediction.draws import Draws, OperatingPoint
+from identify.prediction.draws import DRAWS, Draws, OperatingPoint
 from identify.prediction.maps import (
     Chart,
     LineMap,
@@ -353,7 +353,7 @@ def _map(
     draws = None
     if point.covariance is not None:
         at = dict(zip(POINT, (site.drive_speed, site.normal_force), strict=True))
-        draws = Draws.of(site.model, dict(site.values) | at, point.names, point.covariance)
+        draws = Draws.of(site.model, dict(site.values) | at, point.names, point.covariance, DRAWS // 2)
     nodes = arguments.points if arguments.points is not None else LINE if len(names) == 1 else GRID
     made: LineMap | Chart
     if len(names) == 1:
