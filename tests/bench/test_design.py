@@ -18,7 +18,7 @@ from identify.model.model import assemble
 from identify.report.stored_result import as_json
 from identify.shooting.transcription import BOUNDED_START_SD
 from identify.simulation.simulate import run
-from tests.support.fake_fit import failed, fit_of_a_scene, with_verdicts
+from tests.support.fake_fit import fit_of_a_scene, with_verdicts
 
 ALL = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 
@@ -167,45 +167,27 @@ def test_a_fit_is_planned_from_its_estimates_at_the_load_of_its_logs(tmp_path, a
     assert {log["normal_force"] for log in document["logs"]} <= {0.5} and (document["logs"] or not open_)
 
 
-def listed(result):
-    """The [[logs]] of a result, as a scene lists them."""
-    logs = result["provenance"]["scene"]["logs"]
-    return "".join(f'[[logs]]\npath = "{log["path"]}"\ndrive_speed = {log["drive_speed"]}\n' for log in logs)
-
-
-@pytest.mark.parametrize("auto", [False, True])
-def test_a_fit_of_the_scene_takes_the_place_of_its_values_and_one_speed_is_repeated(tmp_path, ask, auto):
-    """Each of its speeds stands in one log: the plan asks for one more log at one of these, and only then. A scene may
-    leave its effects open, and name one parameter; the fit lists effects and all their parameters."""
+def test_one_speed_is_repeated_where_each_stands_in_one_log(tmp_path, ask):
     result = fit_of_a_scene().result
-    folder = tmp_path / "stickslip-pair"
-    folder.mkdir()
 
-    def told(specimen):
-        text = SCENE.replace("[parameters]", specimen)
-        if auto:
-            text = text.replace(text[text.index("effects") : text.index("[rig]")], 'effects = "auto"\n')
-            text += "[parameters]\nmu_s = { start = 0.6 }\n"
-        (tmp_path / "pair.toml").write_text(text + listed(result))
-        same = Scene.from_toml(tmp_path / "pair.toml")
-        same = same.with_effects(result["provenance"]["scene"]["effects"]) if auto else same
-        provenance = result["provenance"] | {"scene": same.as_document()}
-        (folder / "result.json").write_text(as_json(result | {"provenance": provenance}))
-        return ask("pair.toml")
+    def told(**tolerances):
+        scene = result["provenance"]["scene"] | ({"tolerances": tolerances} if tolerances else {})
+        provenance = result["provenance"] | {"scene": Scene.from_document(scene).as_document()}
+        (tmp_path / "result.json").write_text(as_json(result | {"provenance": provenance}))
+        return ask("result.json")
 
-    first = told("")
-    assert first["source"].startswith("From the fit of this scene in ") and "a" in first["measured"]
-    assert first["assumed"] == [] and [log["repeats"] for log in first["logs"]][:1] == [True]
+    first = told()
+    assert "a" in first["measured"] and first["assumed"] == []
+    assert [log["repeats"] for log in first["logs"]][:1] == [True]
     assert first["logs"][0]["drive"] in [abs(log["drive_speed_m_per_s"]) for log in result["logs"]]
-    assert not any(log["repeats"] for log in told("[tolerances]\nspecimen = 0\n")["logs"])
+    assert not any(log["repeats"] for log in told(specimen=0)["logs"])
 
 
-@pytest.mark.parametrize(("good", "why"), [(True, "another state of this scene; plan"), (False, "did not converge")])
-def test_a_fit_that_does_not_stand_for_the_scene_is_offered_not_used(tmp_path, ask, good, why):
+def test_a_fit_beside_the_scene_is_offered_not_used(tmp_path, ask):
     (tmp_path / "pair.toml").write_text(SCENE)
     (tmp_path / "stickslip-pair").mkdir()
-    fit = fit_of_a_scene() if good else failed(fit_of_a_scene(), "model_misfit", "the model does not fit")
-    (tmp_path / "stickslip-pair" / "result.json").write_text(as_json(fit.result))
+    (tmp_path / "stickslip-pair" / "result.json").write_text(as_json(fit_of_a_scene().result))
     document = ask("pair.toml")
-    assert why in document["source"] and document["existing_result"].endswith("result.json")
+    assert "A fit of this scene stands beside it" in document["source"]
+    assert document["existing_result"].endswith("result.json")
     assert document["measured"] == [] and "a" in document["assumed"]

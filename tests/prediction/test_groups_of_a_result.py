@@ -11,7 +11,7 @@ import pytest
 from identify import Scene, examples
 from identify.base.result import Result
 from identify.cli.main import main
-from identify.cli.points import operating_points, points_of
+from identify.cli.operating import operating_points, points_of
 from identify.prediction.batch import cycle_figures
 from identify.prediction.orbit import CycleMap
 from identify.prediction.predict import predict
