@@ -18,7 +18,7 @@ from data_io.layout import Head, is_row, line_at
 from data_io.own_clocks import CLOCK, with_clocks_of_channels, with_even_clock
 from data_io.source import Request, Source
 from data_io.table import Table, read_below, read_tables
-from data_io.text import decode, looks_like_text, split, to_number
+from data_io.text import as_utf8, looks_like_text, split, to_number
 from data_io.values import Finding, FloatArray
 
 # LabVIEW measurement files (.lvm).
@@ -120,8 +120,8 @@ def read_ni_channels(source: Source, request: Request) -> Contents:
     found = _CHANNEL_NAMES.search(source.head)
     assert found is not None
     delimiter = found[1].decode()
-    text = decode(source.read())
-    told, place, width = _head(source, text, delimiter)
+    data = as_utf8(source.read())
+    told, place, width = _head(source, data, delimiter)
     channels = told.get("channel name", [])
     if width not in (len(channels), 2 * len(channels)):
         raise source.error(
@@ -130,7 +130,7 @@ def read_ni_channels(source: Source, request: Request) -> Contents:
         )
     names = _names(channels, told.get("unit", []), pairs=width == 2 * len(channels))
     head = Head(match_names(names, request.columns), place, delimiter, width)
-    table = read_below(source, request, text, head)
+    table = read_below(source, request, data, head)
     part = Part(1, 1, head.header, table.columns)
     starts = seconds_apart(told.get("timestamp", []))
     if width == 2 * len(channels):
@@ -143,12 +143,12 @@ def read_ni_channels(source: Source, request: Request) -> Contents:
     return Contents([part], about, table.remarks)
 
 
-def _head(source: Source, text: str, delimiter: str) -> tuple[dict[str, list[str]], int, int]:
+def _head(source: Source, data: bytes, delimiter: str) -> tuple[dict[str, list[str]], int, int]:
     """Return what stands for each channel by key, where the rows begin, and their number of fields."""
     told: dict[str, list[str]] = {}
     position = 0
     for _ in range(_LONGEST_HEAD):
-        line, after = line_at(text, position)
+        line, after = line_at(data, position)
         fields = split(line, delimiter)
         if "channel name" in told and is_row(fields) and fields[0].lower() not in _KEYS:
             return told, position, len(fields)

@@ -32,21 +32,21 @@ class Head:
     width: int
 
 
-def head_at(source: Source, text: str, position: int, request: Request) -> Head | None:
+def head_at(source: Source, data: bytes, position: int, request: Request) -> Head | None:
     """Return the head of a table whose header row is the line at `position`, None if that line is none.
 
     A header row names at least one role, holds no number, and rows with as many fields follow it before any other
     header row. Raises the source's `LogError` where a clear header (time and force) is followed by rows that misfit.
     """
-    line, after = line_at(text, position)
+    line, after = line_at(data, position)
     if len(line) > _LONGEST_HEADER:
         return None
     line = COMMENT.sub("", line, count=1)
-    readings = [(d, *_with_names_above(text, position, d, fields, request)) for d, fields in _readings(line)]
+    readings = [(d, *_with_names_above(data, position, d, fields, request)) for d, fields in _readings(line)]
     readings = [reading for reading in readings if reading[2].roles]
     if not readings:
         return None
-    between, below, row = _rows_below(text, after)
+    between, below, row = _rows_below(data, after)
     numbers = [int(name) for name in request.columns.values() if name.isdecimal() and len(name) < 10]
     complaint: str | None = None
     for delimiter, fields, header in readings:
@@ -57,11 +57,11 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
         units = next(((u, here) for here, other in between if (u := _units_row(other, delimiter, len(fields)))), None)
         if row is None:
             if clear:
-                start = after if units is None else line_at(text, units[1])[1]
+                start = after if units is None else line_at(data, units[1])[1]
                 return Head(_with_units(source, request, header, units[0] if units else ()), start, delimiter, 0)
             continue
         layout = _row_layout(row, delimiter, len(_trimmed(fields)))
-        if layout is None and _has_row_names(text, below, delimiter, header):
+        if layout is None and _has_row_names(data, below, delimiter, header):
             fields, units = ["row", *fields], None
             header = match_header(fields, request.columns)
             layout = _row_layout(row, delimiter, len(fields))
@@ -70,7 +70,7 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
         words = between[:-1] if between and _are_units(between[-1][1], delimiter, len(fields), header) else between
         if (layout or clear) and any(
             lower and (not named or _named([name.raw for name in lower.header.names], request))
-            for lower in (head_at(source, text, here, request) for here, _ in words)
+            for lower in (head_at(source, data, here, request) for here, _ in words)
         ):
             return None  # words above the header row proper
         if layout is not None:
@@ -81,7 +81,7 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
             return Head(_with_units(source, request, header, units[0] if units else ()), below, *layout)
         if clear and complaint is None:
             held, names = len(split(row, delimiter)), len(_trimmed(fields))
-            complaint = f"line {text.count(chr(10), 0, below) + 1} holds {held} fields where the header names {names} "
+            complaint = f"line {data.count(10, 0, below) + 1} holds {held} fields where the header names {names} "
             complaint += (
                 "columns; decimal commas cannot be told from separating commas; export with ; or tabs between columns"
                 if delimiter == "," and held == 2 * names
@@ -92,16 +92,17 @@ def head_at(source: Source, text: str, position: int, request: Request) -> Head 
     return None
 
 
-def line_at(text: str, position: int) -> tuple[str, int]:
+def line_at(data: bytes, position: int) -> tuple[str, int]:
     """Return the line that starts at `position`, and where the next one starts."""
-    end = text.find("\n", position)
-    return (text[position:], len(text)) if end < 0 else (text[position:end], end + 1)
+    end = data.find(b"\n", position)
+    end, after = (len(data), len(data)) if end < 0 else (end, end + 1)
+    return data[position:end].decode("utf-8", "replace"), after
 
 
-def lines_from(text: str, position: int) -> Iterator[tuple[int, str]]:
+def lines_from(data: bytes, position: int) -> Iterator[tuple[int, str]]:
     """Yield the lines that are not blank, with their positions."""
-    while position < len(text):
-        line, after = line_at(text, position)
+    while position < len(data):
+        line, after = line_at(data, position)
         if line.strip():
             yield position, line
         position = after
@@ -145,7 +146,7 @@ def _named(fields: Sequence[str], request: Request) -> set[str]:
 
 
 def _with_names_above(
-    text: str, position: int, delimiter: str, fields: list[str], request: Request
+    data: bytes, position: int, delimiter: str, fields: list[str], request: Request
 ) -> tuple[list[str], Header]:
     """Return a row of names and what it tells; names that it leaves empty may stand in the row above (merged cells).
 
@@ -154,7 +155,7 @@ def _with_names_above(
     header = match_header(fields, request.columns)
     if all(fields) or not header.roles or delimiter not in ("\t", ";", ",") or position == 0:
         return fields, header
-    above = split(text[text.rfind("\n", 0, position - 1) + 1 : position - 1], delimiter)
+    above = split(line_at(data, data.rfind(b"\n", 0, position - 1) + 1)[0], delimiter)
     if len(above) != len(fields) or any(map(is_number, above)):
         return fields, header
     filled = [own or over for own, over in zip(fields, above, strict=True)]
@@ -162,10 +163,10 @@ def _with_names_above(
     return (filled, other) if len(other.roles) > len(header.roles) else (fields, header)
 
 
-def _rows_below(text: str, position: int) -> tuple[list[tuple[int, str]], int, str | None]:
+def _rows_below(data: bytes, position: int) -> tuple[list[tuple[int, str]], int, str | None]:
     """Return the lines before the first row of numbers, where that is, and the row (None: none is near)."""
     between: list[tuple[int, str]] = []
-    for here, line in lines_from(text, position):
+    for here, line in lines_from(data, position):
         if DIGIT.search(line) and any(is_row(split(line, candidate)) for candidate in DELIMITERS):
             return between, here, line
         between.append((here, line))
@@ -184,12 +185,12 @@ def _row_layout(row: str, delimiter: str, names: int) -> tuple[str, int] | None:
     return None
 
 
-def _has_row_names(text: str, start: int, delimiter: str, header: Header) -> bool:
+def _has_row_names(data: bytes, start: int, delimiter: str, header: Header) -> bool:
     """Tell whether rows hold one field more than names, the numbers 1, 2, 3, … of the rows in front of a rising time,
     as R's write.table writes them."""
     place = header.roles.get("time", -1) + 1
     own = BLANKS if delimiter == WIDE else delimiter
-    rows = [split(line, own) for _, line in itertools.islice(lines_from(text, start), _ROW_NAMES)]
+    rows = [split(line, own) for _, line in itertools.islice(lines_from(data, start), _ROW_NAMES)]
     if place == 0 or len(rows) < 2 or any(len(r) != len(header.names) + 1 or not is_number(r[place]) for r in rows):
         return False
     times = [to_number(row[place], ".") or 0.0 for row in rows]  # thousands may be grouped
@@ -236,7 +237,7 @@ def _trimmed(fields: Sequence[str]) -> list[str]:
     return list(fields[: last + 1])
 
 
-def numbered_head(text: str, request: Request, *, goes_on: bool) -> Head | None:
+def numbered_head(data: bytes, request: Request, *, goes_on: bool) -> Head | None:
     """Return the head of a file of bare numbers, its columns called "1", "2", ..., if the user named them so.
 
     The table is the longest block of rows of equal width, whichever delimiter tells it; other lines stand above it.
@@ -247,7 +248,7 @@ def numbered_head(text: str, request: Request, *, goes_on: bool) -> Head | None:
         return None
     places = [int(name) - 1 for name in wanted.values()]
     least = max(places) + 1 if goes_on else 1 if request.rate is not None else 2
-    lines = list(lines_from(text, 0))
+    lines = list(lines_from(data, 0))
     best = (0, 0, "", 0)  # rows, where, delimiter, width
     for delimiter in DELIMITERS:
         rows, start, before = 0, 0, 0
@@ -266,7 +267,7 @@ def numbered_head(text: str, request: Request, *, goes_on: bool) -> Head | None:
     rows, start, delimiter, width = best
     if not rows:
         return None
-    fields = _trimmed(split(line_at(text, start)[0], delimiter))
+    fields = _trimmed(split(line_at(data, start)[0], delimiter))
     units = [unit_word(beside) if is_number(own) else None for own, beside in itertools.pairwise([*fields, ""])]
     names = tuple(Name(str(i), str(i), unit) for i, unit in enumerate(units, start=1))
     roles = {role: int(name) - 1 for role, name in wanted.items() if 0 < int(name) <= len(names) and role in KIND}

@@ -162,7 +162,7 @@ def _with_clocks_of_slow_columns(request: Request, part: Part) -> Part:
             continue
         clocks[index] = clock
         known = np.isfinite(part.columns[index])
-        rows = np.flatnonzero(known)
+        rows = np.flatnonzero(known) if not known.all() else np.empty(0)
         if rows.size >= _FEWEST and np.median(np.diff(rows)) >= 2:
             clocks |= {index: len(names), len(names): len(names)}
             columns[len(names)] = np.where(known, part.columns[clock], np.nan)

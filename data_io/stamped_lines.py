@@ -7,7 +7,7 @@ from data_io.contents import Contents
 from data_io.delimited import read_delimited
 from data_io.layout import is_row
 from data_io.source import Request, Source
-from data_io.text import BLANKS, DELIMITERS, decode, is_clock_time, looks_like_text, split
+from data_io.text import BLANKS, DELIMITERS, as_utf8, is_clock_time, looks_like_text, split
 
 _LINE: Final = re.compile(r"(\[)?([\d:., T/-]{8,32}?)(?(1)\]| ?-?>) ?(?:-?> ?)?(.*)")
 _STAMP: Final = re.compile(rb"(?:^|[\r\n])\[?[\d:., T/-]{8,32}?(?:\]| ?-?>) ")
@@ -19,7 +19,7 @@ def is_stamped(head: bytes) -> bool:
     """Tell by lines that begin with a time of the day in square brackets or before an arrow."""
     if _STAMP.search(head) is None or not looks_like_text(head):
         return False
-    lines = [line for line in decode(head).split("\n")[:100] if line.strip()]
+    lines = [line for line in as_utf8(head).decode().split("\n")[:100] if line.strip()]
     stamped = sum(_parted(line) is not None for line in lines)
     return stamped >= max(_FEWEST, _SHARE * len(lines))
 
@@ -33,7 +33,7 @@ def read_stamped(source: Source, request: Request) -> Contents:
     Quirks: a greeting of the board above the names, or no names; a clock of the board beside the stamps is preferred to
     them, as it does not wait for the line.
     """
-    lines = [(line, _parted(line)) for line in decode(source.read()).split("\n")]
+    lines = [(line, _parted(line)) for line in as_utf8(source.read()).decode().split("\n")]
     rests = (parted[1] for _, parted in lines if parted is not None)
     delimiter = next((d for rest in rests for d in DELIMITERS if len(f := split(rest, d)) > 1 and is_row(f)), ",")
     mark = " " if delimiter == BLANKS else delimiter

@@ -5,7 +5,7 @@ from data_io.contents import Contents, Part
 from data_io.layout import Head, line_at
 from data_io.source import Request, Source
 from data_io.table import read_below
-from data_io.text import decode, split
+from data_io.text import as_utf8, split
 from data_io.values import Step
 from data_io.write import CSV_MARK, FORMAT_VERSION, read_account
 
@@ -17,12 +17,12 @@ def can_read(head: bytes) -> bool:
 
 def read(source: Source, request: Request) -> Contents:
     """Read the chosen step, or all of them. Raises `LogError`."""
-    text = decode(source.read())
-    first, position = line_at(text, 0)
+    data = as_utf8(source.read())
+    first, position = line_at(data, 0)
     version = first[len(CSV_MARK) :].strip()
     if version != str(FORMAT_VERSION):
         raise source.error(f"version {version!r} of our CSV was found; {FORMAT_VERSION} was expected; convert it again")
-    line, position = line_at(text, position)
+    line, position = line_at(data, position)
     try:
         account = read_account(line.removeprefix("#"))
     except ValueError as error:
@@ -30,9 +30,9 @@ def read(source: Source, request: Request) -> Contents:
             "line 2 does not hold the JSON account that a CSV of ours has there; "
             "restore it, or remove the first two lines to have it read as plain CSV"
         ) from error
-    line, position = line_at(text, position)
+    line, position = line_at(data, position)
     names = split(line, ",")
-    line, position = line_at(text, position)
+    line, position = line_at(data, position)
     units = split(line, ",")
     if len(units) != len(names) or len(names) < 2:
         raise source.error(
@@ -41,7 +41,7 @@ def read(source: Source, request: Request) -> Contents:
         )
     columns = tuple(Name(name, name, unit) for name, unit in zip(names, units, strict=True))
     header = Header(columns, role_indices(columns, request.columns))
-    table = read_below(source, request, text, Head(header, position, ",", len(names)))
+    table = read_below(source, request, data, Head(header, position, ",", len(names)))
     noted = account.steps and account.steps[-1].stop == table.rows  # else rows were added or taken away since
     steps = account.steps if noted else [Step(1, 1, 0, table.rows)]
     parts = [

@@ -3,7 +3,6 @@
 import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -23,12 +22,11 @@ from data_io.columns import (
 from data_io.layout import COMMENT, DIGIT, LOOKED_AT, Head, head_at, is_row, line_at, lines_from, numbered_head
 from data_io.rows import Above, Numbers, read_block, read_numbers
 from data_io.source import Request, Source
-from data_io.text import DELIMITERS, TEXT_LINE, decode, is_number_like, over_midnight, split
+from data_io.text import DELIMITERS, TEXT_LINE, as_utf8, is_number_like, is_words, over_midnight, split
 from data_io.values import Finding, FloatArray
 
 BLOCK: Final = 1 << 21
-"""Characters of numbers handed to pandas at once."""
-_THREADS: Final = 2
+"""Bytes of numbers handed to pandas at once."""
 _FIRST: Final = 1 << 18
 """Characters of rows with words among them that are taken at once; four times as many each time these go on."""
 LONGEST_LINE: Final = 1 << 20
@@ -78,25 +76,21 @@ def read_tables(
     A table is a header row with a role, perhaps a units row, then rows of numbers. Text between rows ends a table where
     it matches `breaks` or a header follows; other text between rows is left out with a remark. Where the request
     chooses channels, only these, the columns with a role and those called as in `keep` are read. A line that matches
-    `never` is no header, whatever it names. block: characters read at once. Raises `LogError` where there is no table.
+    `never` is no header, whatever it names. block: bytes read at once. Raises `LogError` where there is no table.
     """
     data = source.read()
     if b"\0" in data and bytes(_MOST_ZEROS) in data.rstrip(b"\0"):
         raise source.error(
             "the file holds long stretches of zero bytes; lines of text were expected; copy or export it again"
         )
-    with ThreadPoolExecutor(_THREADS) as pool:
-        walk = _Walk(source, request, _without_breaks(decode(data)), pool, block)
-        walk.breaks, walk.never, walk.keep = breaks, never, keep
-        del data
-        return walk.tables()
+    walk = _Walk(source, request, _without_breaks(as_utf8(data)), block)
+    walk.breaks, walk.never, walk.keep = breaks, never, keep
+    return walk.tables()
 
 
-def read_below(source: Source, request: Request, text: str, head: Head) -> Table:
+def read_below(source: Source, request: Request, data: bytes, head: Head) -> Table:
     """Return the table of a text whose head is known. Raises `LogError`."""
-    with ThreadPoolExecutor(_THREADS) as pool:
-        walk = _Walk(source, request, text, pool, BLOCK)
-        return walk.tables(head)[0][0]
+    return _Walk(source, request, data, BLOCK).tables(head)[0][0]
 
 
 def wanted_columns(header: Header, request: Request, keep: Sequence[str] = ()) -> frozenset[int] | None:
@@ -220,10 +214,10 @@ def _milliseconds_added(header: Header, columns: dict[int, FloatArray], clocks: 
 
 
 class _Walk:
-    """A text being read from front to back."""
+    """A text in UTF-8 being read from front to back."""
 
-    def __init__(self, source: Source, request: Request, text: str, pool: ThreadPoolExecutor, block: int) -> None:
-        self.source, self.request, self.text, self.pool, self.block = source, request, text, pool, block
+    def __init__(self, source: Source, request: Request, data: bytes, block: int) -> None:
+        self.source, self.request, self.data, self.block = source, request, data, block
         self.breaks: re.Pattern[str] | None = None
         self.never: re.Pattern[str] | None = None
         self.keep: Sequence[str] = ()
@@ -240,10 +234,9 @@ class _Walk:
                 raise self.source.error(
                     f"more than {_MOST_TABLES} header rows were found; one per step was expected; drop repeated ones"
                 )
-            preamble = _lines(self.text[above:place])
-            table = _OpenTable(
-                head, preamble, self._line(head.start), wanted_columns(head.header, self.request, self.keep)
-            )
+            preamble = self._lines(above, place)
+            wanted = wanted_columns(head.header, self.request, self.keep)
+            table = _OpenTable(head, preamble, self._line(head.start), wanted)
             if tables and (rows := [line for line in preamble if _is_lost_row(line)]):
                 text = f"{len(rows)} line(s) of numbers above line {table.first_line} fit no header and were left out"
                 table.remarks.append(Finding("rows_left_out", "warning", text))
@@ -251,8 +244,8 @@ class _Walk:
             tables.append(table.close())
             found = self._next_head(above, first=False)
         if not tables:
-            raise self.source.error(_why_no_table(self.text, self.request))
-        footer = _lines(self.text[above:])
+            raise self.source.error(_why_no_table(self.data, self.request))
+        footer = self._lines(above, len(self.data))
         if rows := [line for line in footer if _is_lost_row(line)]:
             text = f"{len(rows)} line(s) of numbers below the last table were left out: {rows[0]!r:.60}"
             remarks = (*tables[-1].remarks, Finding("rows_left_out", "warning", text))
@@ -261,8 +254,8 @@ class _Walk:
 
     def _next_head(self, position: int, *, first: bool) -> tuple[int, Head] | None:
         """Return where the words above the next table end, and its head; None where there is none."""
-        end = min(len(self.text), position + _MOST_WORDS) if first else len(self.text)
-        for count, place in enumerate(self._text_lines(position, end)):
+        data = self.data
+        for count, place in enumerate(self._words(position, position + _MOST_WORDS if first else len(data))):
             if (head := self._head(place)) is not None:
                 return place, head
             if count >= _MOST_LOOKED_AT:
@@ -271,143 +264,134 @@ class _Walk:
                     "were expected; a log was expected; check the file"
                 )
         for size in (1 << 17, _MOST_WORDS) if first else ():
-            top, last = self.text[:size], self.text.rstrip()[-LOOKED_AT:].rpartition("\n")[2]
-            head = numbered_head(top, self.request, goes_on=len(top) < len(self.text))
+            head = numbered_head(data[:size], self.request, goes_on=size < len(data))
+            last = data.rstrip()[-LOOKED_AT:].rpartition(b"\n")[2].decode("utf-8", "replace")
             if head is not None and (size == _MOST_WORDS or len(split(last, head.delimiter)) == head.width):
                 return head.start, head
         return None
 
     def _head(self, place: int) -> Head | None:
-        if self.never is not None and self.never.match(line_at(self.text, place)[0]):
+        if self.never is not None and self.never.match(line_at(self.data, place)[0]):
             return None
-        return head_at(self.source, self.text, place, self.request)
+        return head_at(self.source, self.data, place, self.request)
 
     def _read(self, table: _OpenTable, begin: int) -> int:
         """Read the rows of a table from a position on; return where it ends."""
         size = _FIRST
-        while begin < len(self.text):
+        while begin < len(self.data):
             reached = self._read_numbers_only(table, begin)
             size = min(_FIRST, 4 * self.block) if reached > begin else min(4 * size, 4 * self.block)
-            if reached == len(self.text):
+            if reached == len(self.data):
                 return reached
-            stop, resume = self._read_among_words(table, reached, self._line_end(reached + size))
+            end = self.data.find(b"\n", reached + size) + 1 or len(self.data)
+            if end - reached - size > LONGEST_LINE:
+                raise self.source.error(
+                    f"no line ends within a MiB below line {self._line(reached + size)}; lines of numbers were "
+                    "expected; check the file"
+                )
+            stop, resume = self._read_among_words(table, reached, end)
             if resume is None:
                 return stop
             begin = resume
         return begin
 
     def _read_numbers_only(self, table: _OpenTable, begin: int) -> int:
-        """Read lines that hold nothing but numbers, blocks of them in threads; return where others begin."""
-        while True:
-            blocks = list(itertools.islice(self._clean_blocks(begin), _THREADS))
-            numbers = self.pool.map(
-                lambda block: read_block(block[0], table.head, table.above.decimal, table.wanted), blocks
-            )
-            for (_, stop), read in zip(blocks, numbers, strict=True):
-                if read is None:
-                    return begin
-                table.add(read)
-                begin = stop
-                self.request.progress(begin / len(self.text))
-            if not blocks:
-                return begin
+        """Read blocks of whole lines that hold nothing but numbers; return where others begin.
 
-    def _clean_blocks(self, begin: int) -> Iterator[tuple[bytes, int]]:
-        """Yield blocks of whole lines without words, and where each ends; the last line of a log may be cut."""
+        Letters stand above the digits, which is faster than to look at every character. What else is no number
+        (brackets, percent signs) pandas will refuse; not a zero byte, a quote or a comment. The last line of a log may
+        be cut.
+        """
         clean = True
-        while clean and (stop := self.text.rfind("\n", begin, begin + self.block) + 1) > begin:
-            raw = self.text[begin:stop].encode()
-            clean = _is_clean(raw)
+        while clean and (stop := self.data.rfind(b"\n", begin, begin + self.block) + 1) > begin:
+            raw = self.data[begin:stop]
+            codes = np.frombuffer(raw, dtype=np.uint8)
+            clean = not any(mark in raw for mark in (b"\0", b'"', b"#"))
+            if clean and codes.max() > ord("9"):
+                clean = np.count_nonzero(codes > ord("9")) == sum(map(raw.count, (b";", b"e", b"E")))
             if not clean:
                 raw = raw[: raw.rfind(b"\n", 0, raw.find(raw.translate(None, _NUMBERS)[:1])) + 1]
                 stop = begin + len(raw)
-            if raw:
-                yield raw, stop
+            numbers = read_block(raw, table.head, table.above.decimal, table.wanted) if raw else None
+            if numbers is None:
+                break
+            table.add(numbers)
             begin = stop
+            self.request.progress(begin / len(self.data))
+        return begin
 
     def _read_among_words(self, table: _OpenTable, begin: int, end: int) -> tuple[int, int | None]:
         """Read rows up to about `end`; return where they end, and where those of this table go on (None: nowhere)."""
-        head, pieces, here = table.head, list[str](), begin
+        head, pieces, here, data = table.head, list[bytes](), begin, self.data
         while True:
-            stop = next((p for p in self._text_lines(here, end) if not self._is_row_of(head, p)), end)
-            pieces.append(self.text[here:stop])
-            if stop == end:
-                resume: int | None = end
+            stop = next((p for p in self._words(here, end) if not self._is_row_of(head, p)), end)
+            pieces.append(data[here:stop])
+            resume = end if stop == end else self._resume(head, stop)
+            if stop == end or resume is None:
                 break
-            resume = self._resume(head, stop)
-            if resume is None:
-                break
-            if skipped := _lines(COMMENT.sub("", self.text[stop:resume])):
+            if skipped := self._lines(stop, resume, comments=False):
                 text = f"text between the rows was left out: {skipped[0]!r:.60}"
                 table.remarks.append(Finding("text_in_rows", "warning", text))
             here = resume
             if here >= end:
                 break
-        ending = self.text[max(begin - LOOKED_AT, 0) : begin] if stop >= len(self.text) else None
+        ending = data[max(begin - LOOKED_AT, 0) : begin].decode("utf-8", "replace") if stop >= len(data) else None
         above = replace(table.above, ending=ending)
-        table.add(read_numbers(self.source, "".join(pieces), self._line(begin), head, above))
-        self._check_units(table)
-        self.request.progress(stop / len(self.text))
+        table.add(read_numbers(self.source, b"".join(pieces).decode(), self._line(begin), head, above))
+        header = head.header
+        for index, units in table.above.units.items():
+            name = header.names[index]
+            keys = {name.raw, name.name, *(role for role, place in header.roles.items() if place == index)}
+            given = next((unit for key, unit in self.request.units.items() if key in keys), None)
+            if given and len(units) > 1:
+                raise self.source.error(
+                    f"column {name.raw!r} holds {' and '.join(units)} by turns, and {given!r} was given for all of it; "
+                    "each row is read in its own unit; leave the unit out that was given"
+                )
+        self.request.progress(stop / len(data))
         return stop, resume
 
     def _resume(self, head: Head, place: int) -> int | None:
         """Return where the rows of the same table go on behind words; None where it ended."""
-        for line_start in itertools.islice(self._text_lines(place, len(self.text)), _MOST_LOOKED_AT):
-            line, after = line_at(self.text, line_start)
+        for line_start in itertools.islice(self._words(place, len(self.data)), _MOST_LOOKED_AT):
+            line, after = line_at(self.data, line_start)
             if (self.breaks is not None and self.breaks.match(line)) or self._head(line_start) is not None:
                 return None
-            position, row = next(lines_from(self.text, after), (len(self.text), ""))
-            if row and TEXT_LINE.match("\n" + row) is None:
+            position, row = next(lines_from(self.data, after), (len(self.data), ""))
+            if row and not is_words(row):
                 return position if self._is_row_of(head, position) else None
         return None
 
     def _is_row_of(self, head: Head, position: int) -> bool:
-        fields = split(line_at(self.text, position)[0], head.delimiter)
+        fields = split(line_at(self.data, position)[0], head.delimiter)
         return len(fields) == head.width and is_row(fields)
 
-    def _text_lines(self, position: int, end: int) -> Iterator[int]:
+    def _words(self, position: int, end: int) -> Iterator[int]:
         """Yield where lines begin that are no plain rows of numbers."""
-        if position == 0 and TEXT_LINE.match("\n" + line_at(self.text, 0)[0]):
+        if position == 0 and is_words(line_at(self.data, 0)[0]):
             yield 0
-        yield from (match.end() for match in TEXT_LINE.finditer(self.text, max(position - 1, 0), end))
-
-    def _line_end(self, position: int) -> int:
-        """Return where the line at a position ends. Raises the source's `LogError` where that is far."""
-        end = self.text.find("\n", position) + 1 or len(self.text)
-        if end - position > LONGEST_LINE:
-            raise self.source.error(
-                f"no line ends within a MiB below line {self._line(position)}; lines of numbers were expected; check "
-                "the file"
-            )
-        return end
+        yield from (match.end() for match in TEXT_LINE.finditer(self.data, max(position - 1, 0), end))
 
     def _line(self, position: int) -> int:
         known, line = self._counted
-        line += self.text.count("\n", known, position) - self.text.count("\n", position, known)
+        line += self.data.count(b"\n", known, position) - self.data.count(b"\n", position, known)
         self._counted = (position, line)
         return line
 
-    def _check_units(self, table: _OpenTable) -> None:
-        """Refuse one unit given for a column whose rows hold several."""
-        names, roles = table.head.header.names, table.head.header.roles
-        for index, units in table.above.units.items():
-            keys = {names[index].raw, names[index].name, *(role for role, place in roles.items() if place == index)}
-            given = next((unit for key, unit in self.request.units.items() if key in keys), None)
-            if given and len(units) > 1:
-                raise self.source.error(
-                    f"column {names[index].raw!r} holds {' and '.join(units)} by turns, and {given!r} was given for "
-                    "all of it; each row is read in its own unit; leave the unit out that was given"
-                )
+    def _lines(self, start: int, stop: int, *, comments: bool = True) -> tuple[str, ...]:
+        text = self.data[start:stop].decode("utf-8", "replace")
+        lines = (text if comments else COMMENT.sub("", text)).split("\n")
+        return tuple(line.strip() for line in lines if line.strip())
 
 
-def _without_breaks(text: str) -> str:
+def _without_breaks(data: bytes) -> bytes:
     """Return a text in which the cells of the first header hold no line breaks; empty lines stand for these."""
-    cut = text.rfind("\n", 0, 1 << 15)
-    if '"' not in text[: max(cut, 0)]:
-        return text
-    lines = text[:cut].split("\n")
+    cut = data.rfind(b"\n", 0, 1 << 15)
+    if b'"' not in data[: max(cut, 0)]:
+        return data
+    lines = data[:cut].decode("utf-8", "replace").split("\n")
     for i, line in enumerate(lines):
-        rows = TEXT_LINE.match("\n" + line) is None or any(is_row(split(line, delimiter)) for delimiter in DELIMITERS)
+        rows = not is_words(line) or any(is_row(split(line, delimiter)) for delimiter in DELIMITERS)
         if line.strip() and rows:
             break
         if line.startswith("#"):  # a comment has no cells
@@ -418,21 +402,7 @@ def _without_breaks(text: str) -> str:
                 lines[i : i + beyond] = [line, *[""] * (beyond - 1)]
                 break
             line = f"{line} {more}"
-    return "\n".join(lines) + text[cut:]
-
-
-def _is_clean(raw: bytes) -> bool:
-    """Tell lines without words, faster than by looking at every character: letters stand above the digits.
-
-    What else is no number (brackets, percent signs) pandas will refuse; not a zero byte, a quote or a comment.
-    """
-    if any(mark in raw for mark in (b"\0", b'"', b"#")):
-        return False
-    codes = np.frombuffer(raw, dtype=np.uint8)
-    if codes.max() <= ord("9"):
-        return True
-    high = np.count_nonzero(codes > ord("9"))
-    return bool(high == sum(np.count_nonzero(codes == code) for code in b";eE"))
+    return "\n".join(lines).encode() + data[cut:]
 
 
 def _is_lost_row(line: str) -> bool:
@@ -442,14 +412,10 @@ def _is_lost_row(line: str) -> bool:
     return any(len(f := split(line, d)) > 1 and is_row(f) and all(map(is_number_like, f)) for d in DELIMITERS)
 
 
-def _lines(text: str) -> tuple[str, ...]:
-    return tuple(line.strip() for line in text.split("\n") if line.strip())
-
-
-def _why_no_table(text: str, request: Request) -> str:
+def _why_no_table(data: bytes, request: Request) -> str:
     """Say what is missing: rows of numbers, a header row, or the columns the user named."""
     above: list[str] = []
-    for _, line in itertools.islice(lines_from(text, 0), _MOST_LOOKED_AT):
+    for _, line in itertools.islice(lines_from(data, 0), _MOST_LOOKED_AT):
         rows = (split(line, d) for d in DELIMITERS) if DIGIT.search(line) else ()
         width = max((len(row) for row in rows if is_row(row)), default=0)
         if width > 1:

@@ -25,8 +25,15 @@ MISSING: Final = frozenset((
 
 # a line is text unless its first field that is not empty begins like a number or a missing number
 TEXT_LINE: Final = re.compile(
-    r'\n(?![ \t",;]*+(?:[+-]?(?:\.?\d|\.\#)|[+-]?(?:nan|inf|infinity)\b|\n|\Z))', re.IGNORECASE
+    rb'\n(?![ \t",;]*+(?:[+-]?(?:\.?\d|\.\#)|[+-]?(?:nan|inf|infinity)\b|\n|\Z))', re.IGNORECASE
 )
+
+
+def is_words(line: str) -> bool:
+    """Tell a line that is no plain row of numbers."""
+    return TEXT_LINE.match(b"\n" + line.encode()) is not None
+
+
 # possessive: of 10,000 digits that are no number each is looked at once
 _NUMBER = re.compile(r"[+-]?(?:\d++\.?\d*+|\.\d++)(?:[eEdD][+-]?\d++)?")
 _IN_GROUPS: Final = {
@@ -39,8 +46,8 @@ _EASTERN: Final = (
 )  # fmt: skip
 """Words by which a text in an encoding of China or Japan is told."""
 _BOMS: Final = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
-_GROUP_MARKS: Final = "\u202f\u00a0\u2009'\u2019"
-"""Narrow blanks and apostrophes between thousands."""
+_GROUP_MARKS: Final = "\u202f\u00a0\u2009\u2019"
+"""Narrow blanks and the typographic apostrophe between thousands; the plain one stands in text of one byte, too."""
 _THOUSAND: Final = re.compile(r"\d{3}(?!\d)")
 _HEAD: Final = 1 << 16
 _LEAST_UNMARKED: Final = 32
@@ -102,24 +109,30 @@ def _without_mark(head: bytes) -> str | None:
     return None
 
 
-def decode(data: bytes) -> str:
-    """Decode a whole log: by byte-order mark, else UTF-8 with single bytes of cp1252. Lines end in a newline; marks
-    between thousands and zero bytes at the end are gone."""
+def as_utf8(data: bytes) -> bytes:
+    """Return a whole log in UTF-8: told by byte-order mark, else UTF-8 with single bytes of cp1252. Lines end in a
+    newline; marks between thousands and zero bytes at the end are gone. Plain bytes are not copied."""
     encoding = _encoding(data[:_HEAD])
-    if encoding is not None:
-        text = data.decode(encoding, "replace").removeprefix("\ufeff")
-    else:
-        text = data.removeprefix(codecs.BOM_UTF8).rstrip(b"\0").decode("utf-8", errors="data_io.cp1252")
-    if "\r" in text:
-        text = text.replace("\r\n", "\n").replace("\r", "\n")
-    if not text.isascii():
+    if encoding is not None or not data.isascii():
+        if encoding is not None:
+            text = data.decode(encoding, "replace").removeprefix("\ufeff")
+        else:
+            text = data.removeprefix(codecs.BOM_UTF8).rstrip(b"\0").decode("utf-8", errors="data_io.cp1252")
         text = text.replace("\u2212", "-")
-    for mark in _GROUP_MARKS:
-        if mark in text:
-            parts = text.split(mark)
-            gone = (a[-1:].isdecimal() and _THOUSAND.match(b) for a, b in pairwise(parts))
-            text = parts[0] + "".join(("" if one else mark) + part for one, part in zip(gone, parts[1:], strict=True))
-    return text
+        for mark in _GROUP_MARKS:
+            text = _without_group_marks(text, mark)
+        data = text.encode("utf-8", "replace")
+    elif data.endswith(b"\0"):
+        data = data.rstrip(b"\0")
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return _without_group_marks(data.decode(), "'").encode() if b"'" in data else data
+
+
+def _without_group_marks(text: str, mark: str) -> str:
+    parts = text.split(mark)
+    gone = (a[-1:].isdecimal() and _THOUSAND.match(b) for a, b in pairwise(parts))
+    return parts[0] + "".join(("" if one else mark) + part for one, part in zip(gone, parts[1:], strict=True))
 
 
 def split(line: str, delimiter: str) -> list[str]:
