@@ -65,14 +65,10 @@ def longest_run(flags: Sequence[bool] | np.ndarray[Any, Any]) -> int:
 
 # The step of the grid on which all values of a sensor lie, told from the values alone.
 
-_REPEATS: Final = 8
-"""Values met before from which on a grid is believed: noise of many digits hardly repeats a value."""
-_OFF_GRID: Final = 0.2
-"""Share of a step by which a difference may miss its multiple: the number format rounds too."""
-_ON_GRID: Final = 0.9
-"""Share of the differences that are multiples of the step, at least."""
-_NEAR: Final = 10
-"""Steps up to which a difference tells the step better: over more of them its own rounding adds up."""
+_REPEATS: Final = 8  # values met before from which on a grid is believed: noise of many digits hardly repeats a value
+_OFF_GRID: Final = 0.2  # share of a step by which a difference may miss its multiple: the number format rounds too
+_ON_GRID: Final = 0.9  # share of the differences that are multiples of the step, at least
+_NEAR: Final = 10  # steps up to which a difference tells the step better: over more of them its own rounding adds up
 
 
 def grid_step(values: FloatArray) -> float:

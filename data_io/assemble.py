@@ -13,7 +13,7 @@ from data_io.arrays import same, thinned, thinned_steps
 from data_io.clock import Rows, StepClock, joined, usable_rows
 from data_io.columns import ALIASES, EXAMPLES, KIND, find_column, shown, words
 from data_io.contents import Contents, Part, check_request, chosen, of_run, unit_of
-from data_io.record import WINDOW_START, Record, rising
+from data_io.record import WINDOW_START, Record, step_range
 from data_io.source import Request, Source, sha256_unchanged
 from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, rescaled
 from data_io.values import COLUMN_ROLES, LARGEST_FORCE, Finding, FloatArray, Later, Scalar, Step, UnitError, free_name
@@ -21,18 +21,15 @@ from data_io.values import COLUMN_ROLES, LARGEST_FORCE, Finding, FloatArray, Lat
 _ALWAYS: Final = float("inf")
 _VOLTS: Final = ("V", "mV", "volt", "Volt", "volts", "Volts")
 _CHANNEL_KINDS: Final = ("length", "speed", "force", "time")
-_FEWEST: Final = 50
-"""Rows from which a column is looked at for marks, or for standing still."""
+_FEWEST: Final = 50  # rows from which a column is looked at for marks, or for standing still
 _NO_VALUE: Final = (32767.0, 32768.0, 65535.0, 2147483647.0)
 """Marks for no value besides those of nines only: what a converter shows over range."""
-_MARK_FAR: Final = 3.0
-"""Times the range of all other numbers, by which a mark lies outside it."""
+_MARK_FAR: Final = 3.0  # times the range of all other numbers, by which a mark lies outside it
 _AXIS: Final = re.compile(r"(f|force|kraft)[xy]|[xy](force|kraft)?")
 """Keys of columns along the surface, of which one holds the friction force and the other hardly anything."""
 _STILL: Final = 1.5
 """Standard deviations of its white noise up to which a column stands still; from twice as many on it moves."""
-_FAR: Final = 5.0
-"""By how much more the other column moves than the one that was taken."""
+_FAR: Final = 5.0  # by how much more the other column moves than the one that was taken
 
 Span = tuple[float, float]
 
@@ -108,7 +105,7 @@ def _in_si(
     raw_time = _role(source, request, part, "time")
     wanted: Rows = slice(None)
     spans = _unused_spans(request)
-    if begin is not None and spans and np.isfinite(raw_time).any() and not rising(raw_time):
+    if begin is not None and spans and np.isfinite(raw_time).any() and not step_range(raw_time)[0] > 0.0:
         falls = ~(raw_time > np.concatenate(([-np.inf], np.fmax.accumulate(raw_time)[:-1])))
         since = raw_time - (raw_time[np.argmax(np.isfinite(raw_time))] - begin)
         wanted = np.flatnonzero(_without_needless(since, falls, spans, ends=False))
@@ -198,7 +195,10 @@ def _without_marks(part: Part) -> tuple[Part, list[Finding]]:
 
 def _mark_of(values: FloatArray) -> float | None:
     """Return the mark for no value in a column (n,), None where it has none."""
-    for mark in (float(np.nanmax(values)), float(np.nanmin(values))) if np.isfinite(values).any() else ():
+    ends = np.array([values.max(), values.min()])
+    if not np.isfinite(ends).all() and np.isfinite(values).any():
+        ends = np.array([np.nanmax(values), np.nanmin(values)])
+    for mark in map(float, ends[np.isfinite(ends)]):
         digits = f"{abs(mark):.10g}".replace(".", "").strip("0")
         if not (abs(mark) in _NO_VALUE or (len(digits) > 2 and set(digits) == {"9"})):
             continue

@@ -30,7 +30,11 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     temporary = target.parent / f".{secrets.token_hex(8)}.part{target.suffix[:16]}"
     try:
         yield temporary
-        _flush_to_disk(temporary)
+        descriptor = os.open(temporary, os.O_RDWR)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
         temporary.replace(target)
     except BaseException as error:
         temporary.unlink(missing_ok=True)
@@ -47,14 +51,6 @@ def atomic_write(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
     encoding, newline = ("utf-8", "") if mode == "w" else (None, None)
     with atomic_path(path) as temporary, temporary.open(mode, encoding=encoding, newline=newline) as handle:
         yield handle
-
-
-def _flush_to_disk(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDWR)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 @contextmanager

@@ -164,7 +164,9 @@ def match_names(names: tuple[Name, ...], wanted: Mapping[str, str]) -> Header:
     for role in ALIASES:
         if role in wanted:
             continue
-        found = [i for i in _by_alias(names, role) if i not in roles.values()]
+        places = {i: place for i, name in enumerate(names) if (place := _place(name.key, role)) is not None}
+        wrong = {i for i in places if (unit := names[i].unit) and kind_of(unit) != KIND[role]}  # these come last
+        found = sorted(places.keys() - roles.values(), key=lambda i: (i in wrong, places[i], i))
         if found:
             roles[role] = found[0]
         if len(found) > 1:
@@ -230,15 +232,3 @@ def shown(names: Iterable[str], most: int = 40) -> str:
 def words(role: str) -> str:
     """Return a role in words for people."""
     return role.replace("_", " ")
-
-
-def _by_alias(names: Sequence[Name], role: str) -> list[int]:
-    """Indices of the columns that may carry a role, best first; a wrong unit comes last."""
-
-    def rank(index: int) -> tuple[int, int, int]:
-        unit = names[index].unit
-        wrong = 1 if unit and kind_of(unit) != KIND[role] else 0
-        return wrong, places[index], index
-
-    places = {i: place for i, name in enumerate(names) if (place := _place(name.key, role)) is not None}
-    return sorted(places, key=rank)

@@ -167,7 +167,10 @@ def logs_at(path: Path) -> list[Path]:
     if not found:
         what = "the folder holds no log" if path.is_dir() else "no file fits the pattern"
         raise LogError(f"{path}: {what}; files such as {', '.join(_SUFFIXES[:3])} were expected; check it")
-    return sorted(found, key=lambda p: _natural(str(p)))
+    return sorted(  # stroke_9 before stroke_10
+        found,
+        key=lambda p: [(int(t), "") if t.isdecimal() else (-1, t) for t in re.split(r"(\d{1,18})", str(p))],
+    )
 
 
 def joined_contents(path: Path, read: Sequence[tuple[Path, Contents]]) -> Contents:
@@ -215,11 +218,6 @@ def _check_names(path: Path, paths: Sequence[Path]) -> None:
             f"{path}: {len(paths)} files were found ({names}) that neither say when they were started nor count up by "
             "one in their names; the files of one test were expected; name single files"
         )
-
-
-def _natural(name: str) -> list[tuple[int, str]]:
-    """Return a key by which stroke_9 stands before stroke_10."""
-    return [(int(piece), "") if piece.isdecimal() else (-1, piece) for piece in re.split(r"(\d{1,18})", name)]
 
 
 # Whether a log lies where a path says (a file, a folder, a pattern, a file in an archive), and its SHA-256.

@@ -1,6 +1,5 @@
 """Cut and correct a record as the user says: every change is a line of the account, and the raw forces are kept."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -21,8 +20,7 @@ def levelled(friction: FloatArray, normal: FloatArray, angle: float) -> tuple[Fl
 Span = tuple[float, float]
 RAW: Final = {"friction_force": "raw friction force", "normal_force": "raw normal force"}
 """Channels of a corrected record that hold the forces as they were read [N]."""
-_RESTLESS: Final = 5.0
-"""Standard deviations of the noise that a quiet interval may drift or scatter by."""
+_RESTLESS: Final = 5.0  # standard deviations of the noise that a quiet interval may drift or scatter by
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,20 @@ def correct(record: Record, given: Corrections) -> Corrected:
         used &= (time < start) | (time > stop)
         cuts.append(Cut("exclude", start, stop))
         changes.append(Change("exclude", f"{start:g} to {stop:g} s left out, as given"))
-    return Corrected(_with_forces(record, friction, normal, doubts), used, tuple(changes), tuple(cuts))
+    new = {"friction_force": friction, "normal_force": normal}
+    raw = {RAW[role]: own for role, values in new.items() if values is not (own := getattr(record, role))}
+    corrected = (
+        record
+        if not raw
+        else replace(
+            record,
+            **new,
+            channels={**record.channels, **raw},
+            channel_units={**record.channel_units, **dict.fromkeys(raw, "N")},
+            findings=(*record.findings, *doubts),
+        )
+    )
+    return Corrected(corrected, used, tuple(changes), tuple(cuts))
 
 
 def _zero(record: Record, values: FloatArray, tare: float | Span, which: str) -> tuple[Change, list[Finding]]:
@@ -139,19 +150,3 @@ def _zero(record: Record, values: FloatArray, tare: float | Span, which: str) ->
         f"its noise is {noise:.2g} N): choose a stretch before anything touches or moves"
     )
     return change, [Finding("tare_not_quiet", "warning", text)]
-
-
-def _with_forces(record: Record, friction: FloatArray, normal: FloatArray, doubts: Sequence[Finding]) -> Record:
-    """Return the record with its corrected forces; the raw ones go into channels of their own."""
-    new = {"friction_force": friction, "normal_force": normal}
-    raw = {RAW[role]: getattr(record, role) for role, values in new.items() if values is not getattr(record, role)}
-    if not raw:
-        return record
-    return replace(
-        record,
-        friction_force=friction,
-        normal_force=normal,
-        channels={**record.channels, **raw},
-        channel_units={**record.channel_units, **dict.fromkeys(raw, "N")},
-        findings=(*record.findings, *doubts),
-    )

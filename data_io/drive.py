@@ -18,26 +18,16 @@ SAME: Final = 0.05
 """Share of the larger by which the speeds of two pieces that follow each other differ if they are two."""
 _RAMP: Final = 10
 """Rows that a drive may always take from one speed to the next; fewer than that are no piece of their own."""
-_RAMP_SHARE: Final = 0.1
-"""Share of the shorter neighbour that it may take as well."""
-_SHORT: Final = 0.002
-"""Share of all rows that a piece lasts at least."""
-_CLEAR: Final = 6.0
-"""Standard errors by which two means differ if the rows are halved between them."""
-_SURE: Final = 4.0
-"""Standard errors by which they differ in the end if there is a step."""
-_SLIGHT: Final = 0.002
-"""Share of the largest speed below which nothing is looked at."""
-_AT_REST: Final = 0.005
-"""Share of the largest speed below which the drive rests."""
-_AS_LARGE: Final = 0.01
-"""Share by which speeds that are one on the dial differ from piece to piece."""
-_SHARP: Final = 0.5
-"""Share of a step that the rows beside it show: a sine or a long ramp shows a third."""
-_CLIMBS: Final = 0.3
-"""Share of its steps that a level goes on by; a sine cut into stairs does so by about all of it."""
-_UNDECIDED: Final = 10 * MOST
-"""Pieces beyond which it is no programme, before any are joined."""
+_RAMP_SHARE: Final = 0.1  # share of the shorter neighbour that it may take as well
+_SHORT: Final = 0.002  # share of all rows that a piece lasts at least
+_CLEAR: Final = 6.0  # standard errors by which two means differ if the rows are halved between them
+_SURE: Final = 4.0  # standard errors by which they differ in the end if there is a step
+_SLIGHT: Final = 0.002  # share of the largest speed below which nothing is looked at
+_AT_REST: Final = 0.005  # share of the largest speed below which the drive rests
+_AS_LARGE: Final = 0.01  # share by which speeds that are one on the dial differ from piece to piece
+_SHARP: Final = 0.5  # share of a step that the rows beside it show: a sine or a long ramp shows a third
+_CLIMBS: Final = 0.3  # share of its steps that a level goes on by; a sine cut into stairs does so by about all of it
+_UNDECIDED: Final = 10 * MOST  # pieces beyond which it is no programme, before any are joined
 
 
 @dataclass(frozen=True)
@@ -75,7 +65,9 @@ def steps_of(time: FloatArray, speed: FloatArray) -> SpeedSteps:
     fast = float(np.quantile(np.abs(values), 0.99)) or float(np.abs(values).max())
     if fast == 0.0:
         return SpeedSteps(None, "is 0 throughout", stands=True)
-    noise = max(_noise(values), _SLIGHT * fast)
+    jumps = np.abs(np.diff(values))  # the largest of them may be steps
+    usual = jumps[jumps <= np.quantile(jumps, 0.98)]
+    noise = max(float(np.sqrt(np.mean(usual**2) / 2.0)), _SLIGHT * fast)
     found = _split(values, noise, fast)
     if found is None:
         return SpeedSteps(None, _gradual(values))
@@ -113,12 +105,6 @@ def _gradual(values: FloatArray) -> str:
     return f"goes gradually from {1e3 * values.min():.4g} to {1e3 * values.max():.4g} mm/s, not in steps"
 
 
-def _noise(values: FloatArray) -> float:
-    """Standard deviation of the noise, from the differences of neighbours; the largest of them may be steps."""
-    jumps = np.abs(np.diff(values))
-    return float(np.sqrt(np.mean(jumps[jumps <= np.quantile(jumps, 0.98)] ** 2) / 2.0)) if jumps.size else 0.0
-
-
 def _split(values: FloatArray, noise: float, fast: float) -> list[_Level] | None:
     """Halve the rows where the means to both sides differ most, until they do not; None with too many pieces."""
     total = np.concatenate([[0.0], np.cumsum(values)])
@@ -128,30 +114,21 @@ def _split(values: FloatArray, noise: float, fast: float) -> list[_Level] | None
         a, b = waiting.pop()
         if len(done) + len(waiting) > _UNDECIDED:
             return None
-        cut = None if _is_level(total, a, b, fast) else _cut(total, a, b, noise)
+        width = min(_RAMP // 2, b - a)
+        means = (total[a + width : b + 1] - total[a : b + 1 - width]) / width
+        cut = None  # means over a few rows that stay within what counts as one speed are one level
+        if b - a > 1 and np.ptp(means) > SAME * max(abs(float(means.mean())), _AS_LARGE * fast):
+            left = np.arange(1, b - a)
+            right = b - a - left
+            apart = (total[a + 1 : b] - total[a]) / left - (total[b] - total[a + 1 : b]) / right
+            clear = np.abs(apart) * np.sqrt(left * right / (b - a))
+            best = int(np.argmax(clear))
+            cut = a + 1 + best if clear[best] > _CLEAR * noise else None
         if cut is None:
             done.append(_Level(a, b, float((total[b] - total[a]) / (b - a))))
         else:
             waiting += [(cut, b), (a, cut)]
     return done
-
-
-def _is_level(total: FloatArray, a: int, b: int, fast: float) -> bool:
-    """Whether means over a few rows stay within what counts as one speed."""
-    width = min(_RAMP // 2, b - a)
-    means = (total[a + width : b + 1] - total[a : b + 1 - width]) / width
-    return bool(np.ptp(means) <= SAME * max(abs(float(means.mean())), _AS_LARGE * fast))
-
-
-def _cut(total: FloatArray, a: int, b: int, noise: float) -> int | None:
-    if b - a < 2:
-        return None
-    left = np.arange(1, b - a)
-    right = b - a - left
-    apart = (total[a + 1 : b] - total[a]) / left - (total[b] - total[a + 1 : b]) / right
-    clear = np.abs(apart) * np.sqrt(left * right / (b - a))
-    best = int(np.argmax(clear))
-    return a + 1 + best if clear[best] > _CLEAR * noise else None
 
 
 def _joined(levels: list[_Level], fast: float, noise: float) -> list[_Level]:
@@ -199,11 +176,7 @@ def _sharp(values: FloatArray, levels: list[_Level], noise: float) -> bool:
         shown = abs(float(after.mean() - before.mean()))
         if shown + 3.0 * noise * float(np.sqrt(2.0 / width)) < _SHARP * abs(b.speed - a.speed):
             return False
-    return not _climbs(values, levels, noise)
-
-
-def _climbs(values: FloatArray, levels: list[_Level], noise: float) -> bool:
-    """Whether the levels themselves go on as their steps do, all of them together: stairs cut out of a sine."""
+    # stairs cut out of a sine: the levels themselves go on as their steps do, all of them together
     steps = [b.speed - a.speed for a, b in pairwise(levels)]
     likely = known = 0.0
     for level, before, after in zip(levels, [*steps[:1], *steps], [*steps, *steps[-1:]], strict=False):
@@ -214,24 +187,18 @@ def _climbs(values: FloatArray, levels: list[_Level], noise: float) -> bool:
         expected = 0.5 * (before + after)
         likely += level.rows * expected * rise
         known += level.rows * expected**2
-    return known > 0.0 and likely / known > _CLIMBS + 2.0 * noise * float(np.sqrt(12.0 / known))
+    return known == 0.0 or likely / known <= _CLIMBS + 2.0 * noise * float(np.sqrt(12.0 / known))
 
 
-_POINTS: Final = 4000
-"""Means over rows in which the motion is looked at; a turn is found to the row afterwards."""
-_STANDS: Final = 0.01
-"""Share of the fast speed below which the drive rests."""
+_POINTS: Final = 4000  # means over rows in which the motion is looked at; a turn is found to the row afterwards
+_STANDS: Final = 0.01  # share of the fast speed below which the drive rests
 _UNSURE: Final = 0.05
 """Share of it below which it rests where the noise hides how fast it is, and that a stated speed may be off."""
-_SAME_SPEED: Final = 0.10
-"""Share by which the speeds of two pieces that follow each other differ if they are two."""
-_FEWEST: Final = 4
-"""Means of which a piece consists at least."""
+_SAME_SPEED: Final = 0.10  # share by which the speeds of two pieces that follow each other differ if they are two
+_FEWEST: Final = 4  # means of which a piece consists at least
 _DISAGREES: Final = 0.05
-_CORNER: Final = 8.0
-"""Standard deviations of the noise by which a motion must leave a straight line to have a corner."""
-_STRAIGHT: Final = 0.003
-"""Share of the travel by which an even motion may leave a straight line."""
+_CORNER: Final = 8.0  # standard deviations of the noise by which a motion must leave a straight line to have a corner
+_STRAIGHT: Final = 0.003  # share of the travel by which an even motion may leave a straight line
 
 
 @dataclass(frozen=True)
@@ -255,15 +222,6 @@ class Motion:
     def programme(self) -> tuple[tuple[float, float], ...]:
         """(start [s], speed [m/s]) of each piece, as a scene takes it for `drive_speed`."""
         return tuple((piece.time, piece.speed) for piece in self.pieces)
-
-    @property
-    def speed(self) -> float | None:
-        """The one speed [m/s] of all moving pieces, without sign; None where they differ."""
-        speeds = [abs(piece.speed) for piece in self.pieces if piece.speed]
-        if not speeds or max(speeds) - min(speeds) > _SAME_SPEED * max(speeds):
-            return None
-        lengths = [piece.stop - piece.start for piece in self.pieces if piece.speed]
-        return float(np.average(speeds, weights=lengths))
 
 
 def motion_of(record: Record, column: str | None = None) -> Motion | None:
@@ -335,13 +293,19 @@ def _of_step(time: FloatArray, position: FloatArray, step: Step) -> list[Piece]:
     edges = [0, *edges, count]
     fast = max(abs(_slope(t, x, a, b)) for a, b in pairwise(edges))
     bounds = [step.start + edge * width for edge in edges[:-1]] + [step.stop]
-    pieces = []
+    pieces: list[Piece] = []
     for a, b in pairwise(bounds):
         speed = _slope(time, position, a, b)
         error = noise * float(np.sqrt(12.0 * width / (b - a))) / max(float(time[b - 1] - time[a]), 1e-300)
         slow = max(_STANDS, min(_CORNER * error / fast, _UNSURE)) * fast if fast else 0.0
-        pieces.append(Piece(a, b, float(time[a]), 0.0 if abs(speed) <= slow else speed))
-    return _refined(time, position, _joined_pieces(pieces), width)
+        speed = 0.0 if abs(speed) <= slow else speed
+        last = pieces[-1] if pieces else None
+        if last is not None and abs(speed - last.speed) <= _SAME_SPEED * max(abs(speed), abs(last.speed)):
+            share = (last.stop - last.start) / (b - last.start)
+            pieces[-1] = Piece(last.start, b, last.time, share * last.speed + (1 - share) * speed)
+        else:
+            pieces.append(Piece(a, b, float(time[a]), speed))
+    return _refined(time, position, pieces, width)
 
 
 def _corners(t: FloatArray, x: FloatArray, first: int, last: int, tolerance: float) -> list[int]:
@@ -358,19 +322,6 @@ def _corners(t: FloatArray, x: FloatArray, first: int, last: int, tolerance: flo
             found.append(corner)
             waiting += [(a, corner), (corner, b)]
     return sorted(found)
-
-
-def _joined_pieces(pieces: list[Piece]) -> list[Piece]:
-    """Put neighbours of the same speed together."""
-    kept = pieces[:1]
-    for piece in pieces[1:]:
-        last = kept[-1]
-        if abs(piece.speed - last.speed) <= _SAME_SPEED * max(abs(piece.speed), abs(last.speed)):
-            share = (last.stop - last.start) / (piece.stop - last.start)
-            kept[-1] = Piece(last.start, piece.stop, last.time, share * last.speed + (1 - share) * piece.speed)
-        else:
-            kept.append(piece)
-    return kept
 
 
 def _refined(time: FloatArray, position: FloatArray, pieces: list[Piece], width: int) -> list[Piece]:

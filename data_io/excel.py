@@ -16,13 +16,10 @@ from data_io.values import LogError
 
 _ZIP: Final = b"PK\x03\x04"
 _LARGEST: Final = 1 << 30
-_CELLS: Final = 1 << 22
-"""Cells that are looked at in any workbook."""
-_SPARSE: Final = 4
-"""Times the cells of all rows that rows of equal width may have."""
+_CELLS: Final = 1 << 22  # cells that are looked at in any workbook
+_SPARSE: Final = 4  # times the cells of all rows that rows of equal width may have
 _LOOKED_AT: Final = 1000
-_TOP: Final = 50
-"""Rows that tell how the cells of a column are shown."""
+_TOP: Final = 50  # rows that tell how the cells of a column are shown
 _OF_DAMAGE: Final = (
     OSError, zipfile.BadZipFile, zlib.error, ValueError, TypeError, LookupError, AttributeError, SyntaxError,
     RuntimeError, NotImplementedError, EOFError, ArithmeticError, AssertionError,

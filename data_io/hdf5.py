@@ -20,9 +20,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -40,29 +40,27 @@ from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, Account, read_account
 if TYPE_CHECKING:
     import h5py
 
+    _Table = tuple[Part, list[h5py.Dataset]]
+
 _UNITS: Final = ("units", "unit", "Units", "Unit", "column_units")
 _NAMES: Final = ("columns", "column_names", "names", "labels", "channels", "channel_names", "fields", "header")
 """Attributes in which programmes keep the names of the columns of a matrix."""
-_WIDEST: Final = 256
-"""Columns of the widest matrix: wider ones are pictures and spectra."""
+_WIDEST: Final = 256  # columns of the widest matrix: wider ones are pictures and spectra
 _SHOWN: Final = 12
 _DEEPEST: Final = 6
 _MOST_GROUPS: Final = 2000
 _PATIENCE: Final = 1
 """Seconds of computing after which a file whose structure is not walked through is given up; a sound one takes
 milliseconds."""
-_LONGEST: Final = 60.0
-"""Seconds of waiting after which it is given up whatever the reason."""
+_LONGEST: Final = 60.0  # seconds of waiting after which it is given up whatever the reason
 _BYTES_PER_SECOND: Final = 2e9
 _LONGEST_CHAIN: Final = 16
 _HELD: Final = ("unable to lock file", "already open for write")
 """What the library says of a file that is sound, but not free."""
 _SHARE: Final = 0.5
 """Of the free memory, that the columns of one log may take: whoever looks at them needs as much again."""
-_MOST_PACKED: Final = 1100
-"""Times that deflation can pack bytes that are all alike."""
-_MOST_UNWRITTEN: Final = 10
-"""Times the bytes that were written: a logger asks for room, and may stop before it is used."""
+_MOST_PACKED: Final = 1100  # times that deflation can pack bytes that are all alike
+_MOST_UNWRITTEN: Final = 10  # times the bytes that were written: a logger asks for room, and may stop before it is used
 
 # Files opened so that they can do no harm.
 
@@ -88,6 +86,7 @@ def opened(source: Source) -> Iterator[h5py.File]:
     import h5py
 
     target: Any = source.file()
+    damaged = "the HDF5 file is damaged ({:.120}); an intact one is needed; copy it again"
     if hasattr(os, "fork") and hasattr(signal, "SIGXCPU"):  # Windows has no way to limit the computing of a process
         if isinstance(target, str):
             found = Path(target).stat()
@@ -95,7 +94,7 @@ def opened(source: Source) -> Iterator[h5py.File]:
         else:
             wrong = _verdict(_forked(target, source.size))
         if wrong:
-            raise _damaged(source, wrong)
+            raise source.error(damaged.format(wrong))
     try:
         with h5py.File(target, "r", **({"locking": "best-effort"} if source.held is None else {})) as file:
             yield file
@@ -108,11 +107,7 @@ def opened(source: Source) -> Iterator[h5py.File]:
                 "another program has the HDF5 file open for writing, or ended without closing it; a closed file was "
                 "expected; close it there, or after a crash run: h5clear -s FILE"
             ) from error
-        raise _damaged(source, reason) from error
-
-
-def _damaged(source: Source, reason: str) -> LogError:
-    return source.error(f"the HDF5 file is damaged ({reason:.120}); an intact one is needed; copy it again")
+        raise source.error(damaged.format(reason)) from error
 
 
 @functools.lru_cache(maxsize=256)
@@ -327,28 +322,12 @@ def _texts(value: Any) -> Sequence[str]:
     return listed if len(listed) != 1 else [part.strip() for part in listed[0].split(",")]
 
 
-def _read_values(dataset: h5py.Dataset, rows: slice) -> FloatArray:
-    """Return the rows of a dataset, which is a column, as float64 (n,)."""
-    if dataset.ndim != 1:
-        return np.asarray(dataset[()], dtype=np.float64).reshape(-1)[rows].copy()
-    whole = rows == slice(0, dataset.size)  # without a selection the library is a third faster
-    return np.asarray(dataset[()] if whole else dataset[rows], dtype=np.float64)
-
-
 # What a file holds, and the part of it that was asked for.
 
 
-@dataclass(frozen=True, eq=False)
-class _Table:
-    """The columns of one step, not yet read: its run and number, header, datasets by index, attributes as text, and
-    what is known of its run."""
-
-    run: int
-    step: int
-    header: Header
-    datasets: Mapping[int, h5py.Dataset]
-    parameters: Mapping[str, str] = field(default_factory=dict)
-    run_items: Mapping[str, str] = field(default_factory=dict)
+def _unread(datasets: Sequence[h5py.Dataset]) -> dict[int, FloatArray]:
+    """Return columns of which only the lengths are told."""
+    return {i: np.broadcast_to(np.float64(np.nan), int(data.size or 0)) for i, data in enumerate(datasets)}
 
 
 def read(source: Source, request: Request) -> Contents:
@@ -359,7 +338,15 @@ def read(source: Source, request: Request) -> Contents:
         ours = not by_path and _text(file.attrs.get("format")) == FORMAT
         layout = not by_path and (ours or bool(runs))
         if by_path:
-            tables = [_named(source, request, file)]
+            datasets = [_dataset_at(source, file, path) for path in request.columns.values()]
+            for (role, path), dataset in zip(request.columns.items(), datasets, strict=True):
+                if dataset is None:
+                    raise source.error(f"no dataset {path!r} was found for {words(role)}; {_datasets(file)}; name one")
+            names = tuple(
+                Name(path, path, _unit(d)) for path, d in zip(request.columns.values(), datasets, strict=True)
+            )
+            roles = {role: index for index, role in enumerate(request.columns) if role in COLUMN_ROLES}
+            tables = [(Part(1, 1, Header(names, roles), _unread(datasets)), datasets)]
         elif layout:
             tables = _of_layout(source, request, file, runs)
         else:
@@ -369,17 +356,20 @@ def read(source: Source, request: Request) -> Contents:
         if layout:
             of_run = dict(runs).get(run or 0)  # of an archive every run has an account of its own
             place = file if of_run is None or ABOUT not in of_run else of_run
-            account, speed = _account(source, place), _drive_speed(source, place)
-        picked = [table for table in tables if table.run == run and request.step in (None, table.step)]
-        request, span = _by_file_clock(request, picked)
-        parts = []
-        for table in tables:
-            # of what nobody asked for the names and lengths only
-            unread = {i: np.broadcast_to(np.float64(np.nan), int(d.size or 0)) for i, d in table.datasets.items()}
-            columns = _columns(source, request, table) if table in picked else unread
-            parts.append(
-                Part(table.run, table.step, table.header, columns, table.parameters, run_items=table.run_items)
-            )
+            account = _account(source, place)
+            if "drive_speed" in place.attrs:
+                try:
+                    value, unit = float(place.attrs["drive_speed"]), _text(place.attrs.get("drive_speed_units"))
+                    speed = to_si(value, unit, "speed")
+                except (UnitError, ValueError, TypeError) as error:
+                    text = f"the attribute drive_speed: {error}; correct it and drive_speed_units"
+                    raise source.error(text) from error
+        asked = [part.run == run and request.step in (None, part.number) for part, _ in tables]
+        request, span = _by_file_clock(request, [table for table, read in zip(tables, asked, strict=True) if read])
+        parts = [
+            replace(part, columns=_columns(source, request, part.header, datasets)) if read else part
+            for (part, datasets), read in zip(tables, asked, strict=True)
+        ]
         skipped = _skipped(source, request, parts, span)
         return Contents(parts, account.metadata, account.findings, ours, speed, skipped)
 
@@ -392,14 +382,14 @@ def _of_layout(
     if version != FORMAT_VERSION:
         raise source.error(f"layout version {version} was found; {FORMAT_VERSION} was expected; update this tool")
     wanted = [run for run in runs if run[0] == request.run] or runs  # the other logs of an archive need not be opened
-    tables = []
+    tables: list[_Table] = []
     for run, run_group in wanted:
         for step, group in _groups(run_group, "step"):
             found = [(link, item) for link, item in _children(group) if _is_dataset(item)]
             names = tuple(Name(name, name, unit) for name, unit in map(_named_column, found))
-            header = Header(names, role_indices(names, request.columns))
+            header, datasets = Header(names, role_indices(names, request.columns)), [item for _, item in found]
             parameters = {key: _text(value) for key, value in group.attrs.items()}
-            tables.append(_Table(run, step, header, dict(enumerate(item for _, item in found)), parameters))
+            tables.append((Part(run, step, header, _unread(datasets), parameters), datasets))
     if not tables:
         raise source.error("no group /run_1/step_1 was found; the layout's groups were expected; convert the log again")
     return tables
@@ -419,25 +409,15 @@ def _tests(source: Source, request: Request, file: h5py.File) -> list[_Table]:
         needed |= {"friction_force"} if coefficient_column(header) is None else set()
         needed |= {"normal_force"} if request.normal_force is None else set()
         if needed <= set(header.roles):
-            datasets = dict(enumerate(item for _, item in found))
-            tables.append(_Table(len(tables) + 1, 1, header, datasets, run_items={"group": str(group.name)}))
+            datasets = [item for _, item in found]
+            items = {"group": str(group.name)}
+            tables.append((Part(len(tables) + 1, 1, header, _unread(datasets), run_items=items), datasets))
     if not tables:
         raise source.error(
             f"the HDF5 file is not in our layout (/run_1/step_1/time ...); {_datasets(file)}; "
             "name them, as in --columns time=/a,friction_force=/b,normal_force=/c"
         )
     return tables
-
-
-def _named(source: Source, request: Request, file: h5py.File) -> _Table:
-    """Return the datasets that the user named."""
-    datasets = [_dataset_at(source, file, path) for path in request.columns.values()]
-    for (role, path), dataset in zip(request.columns.items(), datasets, strict=True):
-        if dataset is None:
-            raise source.error(f"no dataset {path!r} was found for {words(role)}; {_datasets(file)}; name one")
-    names = [Name(path, path, _unit(item)) for path, item in zip(request.columns.values(), datasets, strict=True)]
-    roles = {role: index for index, role in enumerate(request.columns) if role in COLUMN_ROLES}
-    return _Table(1, 1, Header(tuple(names), roles), dict(enumerate(datasets)))
 
 
 def _dataset_at(source: Source, file: h5py.File, path: str) -> h5py.Dataset | None:
@@ -459,7 +439,7 @@ def _by_file_clock(request: Request, tables: Sequence[_Table]) -> tuple[Request,
 
     Where the clocks of several steps do not go on, no window can be found in them: everything is read, and cut later.
     """
-    clocks = [_clock(request, table) for table in tables if table.datasets]
+    clocks = [_clock(request, part.header, datasets) for part, datasets in tables if datasets]
     clocks = [(time, scale) for time, scale in clocks if time.size]
     if request.window is None or not clocks or any(scale is None for _, scale in clocks):
         return replace(request, window=None), (0.0, 0.0)
@@ -508,16 +488,17 @@ def _the_run(source: Source, request: Request, tables: Sequence[_Table]) -> int 
     """Return the run that will be read; None where it is open which, and nothing need be read."""
     if request.run is not None:
         return request.run
-    runs = {table.run for table in tables if request.step in (None, table.step)}
+    runs = {part.run for part, _ in tables if request.step in (None, part.number)}
     if not runs:
-        held = ", ".join(str(step) for step in sorted({table.step for table in tables})[:_SHOWN])
+        held = ", ".join(str(step) for step in sorted({part.number for part, _ in tables})[:_SHOWN])
         raise source.error(f"step {request.step} was asked for; the log holds step {held}; choose one of them")
     return runs.pop() if len(runs) == 1 else None
 
 
-def _columns(source: Source, request: Request, table: _Table) -> dict[int, FloatArray]:
+def _columns(
+    source: Source, request: Request, header: Header, datasets: Sequence[h5py.Dataset]
+) -> dict[int, FloatArray]:
     """Read the columns with a role, and the channels that were asked for; within the window, if there is one."""
-    header, datasets = table.header, table.datasets
     wanted = [
         index
         for index, name in enumerate(header.names)
@@ -542,7 +523,7 @@ def _columns(source: Source, request: Request, table: _Table) -> dict[int, Float
         raise source.error(f"the datasets differ in length ({sizes:.200}); equal lengths were expected; export again")
     if not header.names:
         return {}
-    time, scale = _clock(request, table)
+    time, scale = _clock(request, header, datasets)
     rows = slice(0, int(time.size))
     if request.window is not None and scale is not None:  # by `_by_file_clock` it is in the clock of the file
         places, number = range(int(time.size)), functools.partial(_number_at, time)
@@ -556,19 +537,24 @@ def _columns(source: Source, request: Request, table: _Table) -> dict[int, Float
     )
     columns = {}
     for count, index in enumerate(wanted, start=1):
-        columns[index] = _read_values(datasets[index], rows)
+        data = datasets[index]
+        if data.ndim != 1:
+            columns[index] = np.asarray(data[()], dtype=np.float64).reshape(-1)[rows].copy()
+        else:  # without a selection the library is a third faster
+            whole = rows == slice(0, data.size)
+            columns[index] = np.asarray(data[()] if whole else data[rows], dtype=np.float64)
         request.progress(count / len(wanted))
     return columns
 
 
-def _clock(request: Request, table: _Table) -> tuple[h5py.Dataset, float | None]:
+def _clock(request: Request, header: Header, datasets: Sequence[h5py.Dataset]) -> tuple[h5py.Dataset, float | None]:
     """The clock of the file, or its first column, and the factor to seconds; None where nothing tells seconds."""
-    index = table.header.roles.get("time", 0)
-    time = table.datasets[index]
-    if "time" not in table.header.roles or time.size == 0:
+    index = header.roles.get("time", 0)
+    time = datasets[index]
+    if "time" not in header.roles or time.size == 0:
         return time, None
     try:
-        return time, factor(unit_of(request, table.header, index) or "s", "s")
+        return time, factor(unit_of(request, header, index) or "s", "s")
     except UnitError:
         return time, None
 
@@ -635,15 +621,6 @@ def _account(source: Source, place: h5py.Group) -> Account:
     except ValueError as error:
         text = f"the dataset {item.name} does not hold our JSON account; remove it or convert the log again"
         raise source.error(text) from error
-
-
-def _drive_speed(source: Source, place: h5py.Group) -> float | None:
-    if "drive_speed" not in place.attrs:
-        return None
-    try:
-        return to_si(float(place.attrs["drive_speed"]), _text(place.attrs.get("drive_speed_units")), "speed")
-    except (UnitError, ValueError, TypeError) as error:
-        raise source.error(f"the attribute drive_speed: {error}; correct it and drive_speed_units") from error
 
 
 def _datasets(file: h5py.File) -> str:

@@ -1,21 +1,20 @@
 """Files of National Instruments: LabVIEW measurement files, channels in pairs, TDMS (npTDMS, optional extra `tdms`)."""
 
 import io
+import itertools
 import math
 import re
 import struct
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
-from data_io.clock import read_date, seconds_apart
+from data_io.clock import CLOCK, read_date, seconds_apart, with_clocks_of_channels, with_even_clock
 from data_io.columns import Name, match_names, parse_name, shown, with_unit
 from data_io.contents import Contents, Part
 from data_io.layout import Head, is_row, line_at
-from data_io.own_clocks import CLOCK, with_clocks_of_channels, with_even_clock
 from data_io.source import Request, Source
 from data_io.table import Table, read_below, read_tables
 from data_io.text import as_utf8, looks_like_text, split, to_number
@@ -55,7 +54,11 @@ def _lvm_part(table: Table, items: dict[str, list[str]], number: int) -> Part:
     started = read_date(f"{(items.get('Time') or [''])[0]} {(items.get('Date') or [''])[0]}")
     part = Part(1, number, table.header, table.columns, started=started)
     names = table.header.names
-    starts, begins, intervals = _starts(items), _numbers(items.get("X0", ())), _numbers(items.get("Delta_X", ()))
+    starts: list[float] = []  # of each channel [s], from the first one on
+    if (items.get("Time_Pref") or ["Relative"])[0] != "Absolute":  # else X counts from a date of its own
+        moments = zip(filter(None, items.get("Time", ())), filter(None, items.get("Date", ())), strict=False)
+        starts = seconds_apart([f"{time} {date}" for time, date in moments])
+    begins, intervals = _numbers(items.get("X0", ())), _numbers(items.get("Delta_X", ()))
     if max(len(set(starts)), len(set(intervals)), len(set(begins))) > 1:
         if (items.get("X_Columns") or ["One"])[0] == "Multi":
             # X_Value columns count from the start of the first channel, not each from its own
@@ -77,14 +80,6 @@ def _lvm_part(table: Table, items: dict[str, list[str]], number: int) -> Part:
             if index is not None and not header.names[index].unit:
                 header = with_unit(header, index, "s")
     return replace(part, header=header)
-
-
-def _starts(items: dict[str, list[str]]) -> list[float]:
-    """When each channel was started [s], from the first one on; nothing where X counts from a date of its own."""
-    if (items.get("Time_Pref") or ["Relative"])[0] == "Absolute":
-        return []
-    told = zip((t for t in items.get("Time", ()) if t), (d for d in items.get("Date", ()) if d), strict=False)
-    return seconds_apart([f"{time} {date}" for time, date in told])
 
 
 def _items(lines: Sequence[str]) -> dict[str, list[str]]:
@@ -128,8 +123,11 @@ def read_ni_channels(source: Source, request: Request) -> Contents:
             f"rows of {width} fields were found below {len(channels)} channel names; one field for each, or a time "
             "and a value for each, were expected; export again"
         )
-    names = _names(channels, told.get("unit", []), pairs=width == 2 * len(channels))
-    head = Head(match_names(names, request.columns), place, delimiter, width)
+    units = itertools.chain(told.get("unit", []), itertools.repeat(""))
+    names = [Name(channel, channel, unit or None) for channel, unit in zip(channels, units, strict=False)]
+    if width == 2 * len(channels):
+        names = [name for channel in names for name in (Name("Time", "Time", "s"), channel)]
+    head = Head(match_names(tuple(names), request.columns), place, delimiter, width)
     table = read_below(source, request, data, head)
     part = Part(1, 1, head.header, table.columns)
     starts = seconds_apart(told.get("timestamp", []))
@@ -158,15 +156,6 @@ def _head(source: Source, data: bytes, delimiter: str) -> tuple[dict[str, list[s
     raise source.error(
         f"no rows of numbers were found within {_LONGEST_HEAD} lines of channel names; they were expected; export again"
     )
-
-
-def _names(channels: Sequence[str], units: Sequence[str], *, pairs: bool) -> tuple[Name, ...]:
-    names = []
-    for place, channel in enumerate(channels):
-        if pairs:
-            names.append(Name("Time", "Time", "s"))
-        names.append(Name(channel, channel, units[place] or None if place < len(units) else None))
-    return tuple(names)
 
 
 # LabVIEW TDMS files, read by npTDMS (optional extra `tdms`).
@@ -200,6 +189,7 @@ def read_tdms(source: Source, request: Request) -> Contents:
     """
     try:
         import nptdms
+        from nptdms.log import log_manager
     except ImportError as error:
         raise source.error(
             "a LabVIEW TDMS file needs the package npTDMS, which is not installed; install it with pip install "
@@ -208,10 +198,15 @@ def read_tdms(source: Source, request: Request) -> Contents:
         ) from error
     try:
         target: Any = source.file()
-        with _messages() as messages, nptdms.TdmsFile.open(target) as file:
-            groups = [group for group in file.groups() if any(len(channel) for channel in group.channels())]
-            parts = [_tdms_part(source, request, group, dict(file.properties)) for group in groups]
-            about = {str(key): str(value) for key, value in file.properties.items()}
+        messages = io.StringIO()  # what npTDMS writes to its log of a file that it reads as far as it can
+        console = log_manager.console_handler.setStream(messages)
+        try:
+            with nptdms.TdmsFile.open(target) as file:
+                groups = [group for group in file.groups() if any(len(channel) for channel in group.channels())]
+                parts = [_tdms_part(source, request, group, dict(file.properties)) for group in groups]
+                about = {str(key): str(value) for key, value in file.properties.items()}
+        finally:
+            log_manager.console_handler.setStream(console)
     except MemoryError as error:
         raise source.error(
             "the channels of the TDMS file do not fit into memory; fewer were expected; export the ones that are "
@@ -229,19 +224,6 @@ def read_tdms(source: Source, request: Request) -> Contents:
     told = [part for part in parts if "friction_force" in part.header.roles] or parts
     findings = [Finding("damaged_parts", "warning", f"parts of the file could not be read: {t:.200}") for t in lost]
     return Contents([replace(part, run=run) for run, part in enumerate(told, start=1)], about, findings)
-
-
-@contextmanager
-def _messages() -> Iterator[io.StringIO]:
-    """Take what npTDMS writes to its log of a file that it reads as far as it can."""
-    from nptdms.log import log_manager
-
-    messages = io.StringIO()
-    console = log_manager.console_handler.setStream(messages)
-    try:
-        yield messages
-    finally:
-        log_manager.console_handler.setStream(console)
 
 
 def _tdms_part(source: Source, request: Request, group: Any, of_file: dict[str, Any]) -> Part:

@@ -17,8 +17,7 @@ WIDE: Final = r" {2,}|\t+"
 COMMENT: Final = re.compile(r"^\s*(?:#|%|//)+\s*")
 DIGIT: Final = re.compile(r"\d")
 _LOOK_AHEAD: Final = 6
-_ROW_NAMES: Final = 20
-"""Rows whose first fields are looked at for the names of rows."""
+_ROW_NAMES: Final = 20  # rows whose first fields are looked at for the names of rows
 _LONGEST_HEADER: Final = 20000
 
 
@@ -276,8 +275,7 @@ def numbered_head(data: bytes, request: Request, *, goes_on: bool) -> Head | Non
 
 # The decimal mark of a block of rows: point or comma, told from the other mark that may stand between thousands.
 
-_LOOKED_AT: Final = 200
-"""Rows in which commas between thousands are looked for."""
+_LOOKED_AT: Final = 200  # rows in which commas between thousands are looked for
 _COMMA_GROUPS: Final = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _POINT_GROUPS: Final = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")
 

@@ -183,7 +183,18 @@ def _variable(kind: int, body: memoryview, order: str, found: Columns, objects: 
 def _collect(name: str, array: _Array, order: str, found: Columns, depth: int) -> None:
     """Put every column of an array into `found`: a vector, the columns of a matrix, the fields of a struct."""
     if array.kind in _NUMERIC:
-        _collect_numbers(name, array, order, found)
+        if array.complex or len(array.shape) != 2:
+            return
+        kind, body = array.part(tuple(_NUMBERS), "the numbers")
+        numbers = np.dtype(order + _NUMBERS[kind])
+        if len(body) != array.size * numbers.itemsize:
+            raise _DamageError(f"{name!r} promises {array.size} numbers and holds {len(body) // numbers.itemsize}")
+        values = np.frombuffer(body, numbers).reshape(array.shape, order="F")
+        rows, columns = array.shape
+        if min(rows, columns) == 1:
+            found[name] = values.reshape(-1)
+        elif rows > columns > 0:
+            found.update({f"{name}:{i + 1}": values[:, i] for i in range(columns)})
     elif array.kind in (_CELL, _STRUCT, _OBJECT):
         if array.kind == _OBJECT:
             array.part((1, 2, *_TEXTS), "the name of its class")
@@ -206,18 +217,3 @@ def _field_names(array: _Array, order: str) -> list[str]:
         raise _DamageError(f"the field names of {array.name!r} cannot be told apart")
     raw = bytes(names)
     return [raw[i : i + width].split(b"\0")[0].decode("latin-1") for i in range(0, len(raw), width)]
-
-
-def _collect_numbers(name: str, array: _Array, order: str, found: Columns) -> None:
-    if array.complex or len(array.shape) != 2:
-        return
-    kind, body = array.part(tuple(_NUMBERS), "the numbers")
-    numbers = np.dtype(order + _NUMBERS[kind])
-    if len(body) != array.size * numbers.itemsize:
-        raise _DamageError(f"{name!r} promises {array.size} numbers and holds {len(body) // numbers.itemsize}")
-    values = np.frombuffer(body, numbers).reshape(array.shape, order="F")
-    rows, columns = array.shape
-    if min(rows, columns) == 1:
-        found[name] = values.reshape(-1)
-    elif rows > columns > 0:
-        found.update({f"{name}:{i + 1}": values[:, i] for i in range(columns)})

@@ -11,12 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from data_io import delimited, excel, hdf5, labview, matlab, parquet, stamped_lines, stickslip_csv, umt_text
+from data_io import delimited, excel, hdf5, labview, matlab, parquet, stickslip_csv, umt_text
 from data_io.assemble import assemble
-from data_io.clock import with_sound_clocks
+from data_io.clock import on_one_clock, with_clock_of_rate, with_sound_clocks
 from data_io.contents import Contents, is_series, joined_contents, logs_at
 from data_io.derived_columns import with_derived_columns, with_drive_of_rotation
-from data_io.own_clocks import on_one_clock, with_clock_of_rate
 from data_io.record import Record, within
 from data_io.source import Request, Source, load, no_progress, sha256_of_several, sha256_unchanged
 from data_io.text import looks_like_text
@@ -48,7 +47,7 @@ READERS: Final = (
     Reader("cetr-text", umt_text.is_cetr, umt_text.read_steps),
     Reader("rtec-csv", delimited.is_rtec, delimited.read_rtec),
     Reader("ni-channels", labview.is_ni_channels, labview.read_ni_channels),
-    Reader("stamped-lines", stamped_lines.is_stamped, stamped_lines.read_stamped),
+    Reader("stamped-lines", delimited.is_stamped, delimited.read_stamped),
     Reader("delimited", looks_like_text, delimited.read_delimited),
 )
 """One line per format, asked in this order; the most particular first."""
@@ -56,8 +55,7 @@ READERS: Final = (
 ROLES: Final = (*COLUMN_ROLES, "position")
 """What a column can be named for."""
 
-_LEAST_TEXT: Final = 32
-"""Bytes of text before zero bytes that tell a text from a file of another kind."""
+_LEAST_TEXT: Final = 32  # bytes of text before zero bytes that tell a text from a file of another kind
 
 REFUSED: Final = (
     (re.compile(rb"\xd0\xcf\x11\xe0"), "an old Excel workbook (.xls); .xlsx or text was expected; save it as one"),
@@ -106,14 +104,22 @@ def read_log(
     own; `logs.zip/slow.txt` is a file in an archive.
     """
     path = Path(path)
+    for role in columns or {}:
+        if role not in ROLES:
+            near = difflib.get_close_matches(role, ROLES, n=1)
+            hint = f"did you mean {near[0]}?" if near else "use one of these"
+            raise LogError(f"{path}: a column was named for {role!r}; {', '.join(ROLES)} were expected; {hint}")
     if window is not None:
         start, stop = window = (float(window[0]), float(window[1]))
         if not start < stop:
             raise LogError(f"{path}: the window runs from {start:g} to {stop:g} s; a start before its stop is needed")
-    request = replace(
-        _request(path, units, columns, normal_force, rate),
+    request = Request(
         step=step,
         run=run,
+        units=dict(units or {}),
+        columns=dict(columns or {}),
+        normal_force=_above_zero(path, normal_force, "N", "normal force"),
+        rate=_above_zero(path, rate, "Hz", "sampling rate"),
         channels=None if channels is None else tuple(channels),
         progress=progress,
         window=window,
@@ -129,8 +135,8 @@ def read_log(
     paths = logs_at(path)
     read = []
     for i, p in enumerate(paths):
-        own = replace(request, step=None, run=None, window=None, exclude=())
-        own = replace(own, progress=partial(_share_of, progress, i, len(paths)))
+        share = partial(lambda i, part: progress((i + part) / len(paths)), i)
+        own = replace(request, step=None, run=None, window=None, exclude=(), progress=share)
         read.append((p, contents_of(load(p), own)))
     record = within(assemble(load(paths[0]), request, joined_contents(path, read)), window)
     about = {"path": str(path), "sha256": sha256_of_several(sha256_unchanged(p, load(p).size) for p in paths)}
@@ -165,29 +171,6 @@ def _refuse_by_name(source: Source) -> None:
     for mark, words in REFUSED:
         if mark.match(source.head):
             raise source.error(f"the file is {words}")
-
-
-def _share_of(progress: Callable[[float], None], number: int, count: int, share: float) -> None:
-    """Tell how far one of several files is."""
-    progress((number + share) / count)
-
-
-def _request(
-    path: Path,
-    units: Mapping[str, str] | None,
-    columns: Mapping[str, str] | None,
-    normal_force: float | str | None,
-    rate: float | str | None,
-) -> Request:
-    """Return what the user said of a log, checked."""
-    for role in columns or {}:
-        if role not in ROLES:
-            near = difflib.get_close_matches(role, ROLES, n=1)
-            hint = f"did you mean {near[0]}?" if near else "use one of these"
-            raise LogError(f"{path}: a column was named for {role!r}; {', '.join(ROLES)} were expected; {hint}")
-    load_given = _above_zero(path, normal_force, "N", "normal force")
-    rate_given = _above_zero(path, rate, "Hz", "sampling rate")
-    return Request(units=dict(units or {}), columns=dict(columns or {}), normal_force=load_given, rate=rate_given)
 
 
 def _above_zero(path: Path, given: float | str | None, unit: str, name: str) -> float | None:

@@ -37,7 +37,9 @@ def read(source: Source, request: Request) -> Contents:
     target: Any = source.file()
     try:
         with pyarrow.parquet.ParquetFile(target, page_checksum_verification=True) as file:
-            fields = [field for field in file.schema_arrow if _is_column(field.type)]
+            types = pyarrow.types
+            kinds = (types.is_integer, types.is_floating, types.is_decimal, types.is_timestamp, types.is_duration)
+            fields = [field for field in file.schema_arrow if any(kind(field.type) for kind in kinds)]
             header = match_names(tuple(map(_name, fields)), request.columns)
             wanted = wanted_columns(header, request)
             kept = [i for i in range(len(fields)) if wanted is None or i in wanted]
@@ -50,13 +52,6 @@ def read(source: Source, request: Request) -> Contents:
         reason = " ".join(str(error).split())
         raise source.error(f"the Parquet file is damaged ({reason:.100}); write it again") from error
     return Contents([Part(1, 1, header, columns)])
-
-
-def _is_column(kind: Any) -> bool:
-    from pyarrow import types
-
-    numbers = (types.is_integer, types.is_floating, types.is_decimal, types.is_timestamp, types.is_duration)
-    return any(tell(kind) for tell in numbers)
 
 
 def _name(field: Any) -> Name:

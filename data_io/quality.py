@@ -17,18 +17,15 @@ from data_io.record import Record
 from data_io.thresholds import DEFAULTS, Thresholds, percent
 from data_io.values import LONGEST_GAP, Finding, FloatArray
 
-# The friction signal itself: dead, clipped, coarse, repeated; each as a number and a sentence.
+Rows = npt.NDArray[np.bool_]
 
-_CLIPPED_RUN: Final = 10
-"""Rows in a row at the very same extreme value before a sensor is said to stand at its end."""
-_CLIPPED_EXCESS: Final = 5.0
-"""A sensor at its end shows the last value this many times more often than the values before it."""
-_BIG_STEP: Final = 3.0
-"""Steps of the quantisation by which a held signal moves on; a coarse one moves by one or two."""
+# The friction signal itself: dead, clipped, coarse, repeated.
 
-
-_HELD_EVENLY: Final = 0.9
-"""Share of the values that are held as long as the usual one, give or take a row, by a logger ahead of its sensor."""
+_CLIPPED_RUN: Final = 10  # rows in a row at the very same extreme value before a sensor is at its end
+_CLIPPED_EXCESS: Final = 5.0  # times that its end is shown more often than the values before it
+_BIG_STEP: Final = (
+    3.0  # steps of the quantisation by which a repeated signal moves on; a coarse one moves by one or two
+)
 
 
 @dataclass(frozen=True)
@@ -41,80 +38,66 @@ class Signal:
     repeated: float
 
 
-def look_at_friction(record: Record, used: npt.NDArray[np.bool_], limits: Thresholds) -> tuple[Signal, list[Finding]]:
-    """Measure the friction force of the rows that count, used (n,), and say what lies beyond the thresholds."""
+def _look_at_friction(record: Record, used: Rows, limits: Thresholds) -> tuple[Signal, list[Finding]]:
+    """Measure the friction force of the rows that count, used (n,)."""
     friction = kept(record.friction_force, used)
     span = float(np.ptp(friction))
     if span == 0:
         text = f"the friction force is exactly {friction[0]:g} N in every row; a living signal was expected; check it"
         return Signal(0, 0.0, 0.0), [Finding("friction_constant", "reject", text)]
-    clipped, notes = clipping("friction force", friction, limits)
+    clipped, notes = _clipping("friction force", friction, limits)
     resolution = grid_step(friction)
-    if severity := limits.severity("quantisation", resolution / span):
-        text = (
-            f"the friction force comes in steps of {resolution:.3g} N, coarse against its range of {span:.3g} N; use a "
-            "smaller measuring range of the sensor, or export more digits"
-        )
-        notes.append(Finding("friction_coarse", severity, text))
-    repeated, evenly = _repeated(record, used, resolution)
-    if severity := limits.severity("repeated_rows", repeated):
-        cause = (
-            "they are held for equally many rows each: the logger ran faster than the sensor; log at the sensor's own "
-            "rate"
-            if evenly
-            else "they stand still now and then, for unlike times: a display that was read too slowly, or a link that "
-            "was lost for a while; check how the values come to the logger, and leave such stretches out"
-        )
-        text = f"{100 * repeated:.0f} % of the rows repeat the measured values of the row before; {cause}"
-        notes.append(Finding("repeated_rows", severity, text))
+    notes += limits.finding(
+        "friction_coarse", "quantisation", resolution / span,
+        f"the friction force comes in steps of {resolution:.3g} N, coarse against its range of {span:.3g} N; use a "
+        "smaller measuring range of the sensor, or export more digits",
+    )  # fmt: skip
+    repeated = _repeated(record, used, resolution)
+    notes += limits.finding(
+        "repeated_rows", "repeated_rows", repeated,
+        f"{100 * repeated:.0f} % of the rows repeat the measured values of the row before: the logger ran faster than "
+        "the sensor, or the link to it was lost for a while; log at the sensor's own rate, or leave such stretches out",
+    )  # fmt: skip
     return Signal(clipped, resolution, repeated), notes
 
 
-def clipping(name: str, force: FloatArray, limits: Thresholds) -> tuple[int, list[Finding]]:
+def _clipping(name: str, force: FloatArray, limits: Thresholds) -> tuple[int, list[Finding]]:
     """Return how many rows stand at an end of the sensor, and a finding for each end.
 
     A sensor at its end shows it in many rows in a row, and far more often than the values before it.
     """
-    notes, total = [], 0
+    notes, total = list[Finding](), 0
     for end, level in (("highest", float(force.max())), ("lowest", float(force.min()))):
         at_end = force == level
+        rows = int(np.count_nonzero(at_end))
+        if rows < _CLIPPED_RUN or longest_run(at_end) < _CLIPPED_RUN:
+            continue
         off = np.abs(force[~at_end] - level)
         near = off[off < 0.1 * np.ptp(force)]
         counts = np.unique(near if np.unique(near).size > 1 else off, return_counts=True)[1]
-        rows = int(np.count_nonzero(at_end))
-        if longest_run(at_end) < _CLIPPED_RUN or counts.size < 2 or rows <= _CLIPPED_EXCESS * float(counts[:5].mean()):
-            continue
-        total += rows
-        if severity := limits.severity("clipped_rows", rows / force.size):
-            text = (
-                f"the {name} stays at its {end} value {level:.4g} N in {rows} rows: the sensor was at its end; use a "
-                "larger measuring range"
-            )
-            notes.append(Finding(f"{name.split()[0]}_clipped", severity, text))
+        if counts.size > 1 and rows > _CLIPPED_EXCESS * float(counts[:5].mean()):
+            total += rows
+            text = f"the {name} stays at its {end} value {level:.4g} N in {rows} rows: the sensor was at its end; use "
+            code = f"{name.split()[0]}_clipped"
+            notes += limits.finding(code, "clipped_rows", rows / force.size, f"{text}a larger measuring range")
     return total, notes
 
 
-def _repeated(record: Record, used: npt.NDArray[np.bool_], step: float) -> tuple[float, bool]:
-    """Return the share of rows that repeat the row before in every measured column and move on by leaps afterwards, and
-    whether values are held for equally many rows each. As many as move on by one step of the grid, up or down, repeat
-    by chance, and do not count."""
+def _repeated(record: Record, used: Rows, step: float) -> float:
+    """Return the share of rows that repeat the row before in every measured column and move on by leaps afterwards. As
+    many as move on by one step of the grid, up or down, repeat by chance, and do not count."""
     pair = used[1:] & used[:-1]
     change = np.abs(np.diff(record.friction_force))
     same = pair & (change == 0.0)
-    if not same.any():
-        return 0.0, False
-    moved = change[pair & ~same]
+    moved = change[pair & ~same] if same.any() else np.empty(0)
     if moved.size == 0 or float(np.median(moved)) <= _BIG_STEP * step:
-        return 0.0, False
+        return 0.0
     beside = pair & ~same & (change < 1.5 * step)
     if np.ptp(record.normal_force[used]) > 0:
         still = np.diff(record.normal_force) == 0
         same, beside = same & still, beside & still
-    held = np.diff(np.flatnonzero(np.concatenate(([True], ~same, [True]))))
-    usual = float(np.median(held))
-    evenly = usual > 1 and bool(np.mean(np.abs(held - usual) <= 1.0) >= _HELD_EVENLY)
-    held_rows = int(np.count_nonzero(same)) - 0.5 * int(np.count_nonzero(beside))
-    return max(held_rows, 0.0) / max(int(np.count_nonzero(pair)), 1), evenly
+    by_chance = 0.5 * int(np.count_nonzero(beside))
+    return max(int(np.count_nonzero(same)) - by_chance, 0.0) / max(int(np.count_nonzero(pair)), 1)
 
 
 # The normal force: its level, drift and ripple, rows without load, a sensor at its end.
@@ -137,34 +120,42 @@ class Load:
     unloaded: float
 
 
-def look_at_load(record: Record, used: npt.NDArray[np.bool_], limits: Thresholds) -> tuple[Load, list[Finding]]:
-    """Measure the normal force of the rows that count, and say what lies beyond the thresholds."""
-    time, normal = kept(record.time, used), kept(record.normal_force, used)
-    level = typical_load(normal)
+def _look_at_load(record: Record, used: Rows, limits: Thresholds) -> tuple[Load, list[Finding]]:
+    """Measure the normal force of the rows that count."""
+    normal = kept(record.normal_force, used)
+    level, (mean, drift) = typical_load(normal), mean_and_drift(normal)
     if level <= 0:
         text = "the normal force is zero or pulls; a pressing load was expected; check its column, unit and zero point"
-        return Load(level, mean_and_drift(normal)[0], 0.0, 0.0, 1.0), [Finding("no_load", "reject", text)]
-    unloaded = np.count_nonzero(normal < UNLOADED * level) / normal.size
-    load = Load(level, *mean_and_drift(normal), _ripple(thinned(time), thinned(normal), level), unloaded)
-    notes, size = [], f"{level:.3g} N"
+        return Load(level, mean, 0.0, 0.0, 1.0), [Finding("no_load", "reject", text)]
+    few = thinned(normal)
+    loaded = few > _LOADED * level
+    ripple = 0.0
+    if np.count_nonzero(loaded) > 2:
+        time = thinned(kept(record.time, used))[loaded]
+        line = np.polyval(np.polyfit(time - time[0], few[loaded], 1), time - time[0])
+        ripple = float(np.std(few[loaded] - line)) / level
+    load = Load(level, mean, drift, ripple, np.count_nonzero(normal < UNLOADED * level) / normal.size)
+    notes, size = list[Finding](), f"{level:.3g} N"
     if np.ptp(normal) > 0:  # rows without a load lie at the lowest value of a sound sensor
-        notes += clipping("normal force", normal[normal >= UNLOADED * level], limits)[1]
+        notes += _clipping("normal force", normal[normal >= UNLOADED * level], limits)[1]
     elif not str(record.metadata.get("normal_force_source", "")).startswith("constant"):
         text = f"the normal force is exactly {level:g} N in every row; it was set, not measured"
         notes.append(Finding("normal_force_not_measured", "info", text))
-    if severity := limits.severity("unloaded_rows", unloaded):
-        share = f"{100 * unloaded:.1f} % of the rows press with less than {100 * UNLOADED:.0f} % of the load ({size})"
-        text = f"{share}; leave them out with window or choose the loaded step"
-        notes.append(Finding("unloaded_rows", severity, text))
-    if severity := limits.severity("load_drift", abs(load.drift)):
-        change = f"{'rises' if load.drift > 0 else 'falls'} by {percent(abs(load.drift), of=size)}"
-        text = f"the normal force {change} from the first to the last tenth; a fit follows it with the effect "
-        notes.append(Finding("load_drift", severity, f"{text}varying_normal_force, and else takes the mean"))
-    if severity := limits.severity("load_ripple", load.ripple):
-        text = (
-            f"the normal force ripples by {percent(load.ripple, of=size)} (standard deviation); check the load control"
-        )
-        notes.append(Finding("load_ripple", severity, f"{text} and the flatness of the track"))
+    notes += limits.finding(
+        "unloaded_rows", "unloaded_rows", load.unloaded,
+        f"{100 * load.unloaded:.1f} % of the rows press with less than {100 * UNLOADED:.0f} % of the load ({size}); "
+        "leave them out with window or choose the loaded step",
+    )  # fmt: skip
+    notes += limits.finding(
+        "load_drift", "load_drift", abs(drift),
+        f"the normal force {'rises' if drift > 0 else 'falls'} by {percent(abs(drift), of=size)} from the first to the "
+        "last tenth; a fit follows it with the effect varying_normal_force, and else takes the mean",
+    )  # fmt: skip
+    notes += limits.finding(
+        "load_ripple", "load_ripple", ripple,
+        f"the normal force ripples by {percent(ripple, of=size)} (standard deviation); check the load control and the "
+        "flatness of the track",
+    )  # fmt: skip
     return load, notes
 
 
@@ -179,7 +170,7 @@ def typical_load(normal: FloatArray) -> float:
     return float(np.median(finite[size >= _LOADED * level]))
 
 
-def presses(normal: FloatArray) -> npt.NDArray[np.bool_]:
+def presses(normal: FloatArray) -> Rows:
     """Return which rows (n,) press with more than a tenth of the typical load: only these take part in a ratio."""
     return np.asarray(normal > UNLOADED * typical_load(normal))
 
@@ -196,27 +187,13 @@ def mean_and_drift(normal: FloatArray) -> tuple[float, float]:
     return float(np.mean(force)), float(np.median(few[-tenth:]) - np.median(few[:tenth])) / level
 
 
-def _ripple(time: FloatArray, normal: FloatArray, level: float) -> float:
-    """Return the ripple of the loaded rows as share of the load."""
-    loaded = normal > _LOADED * level
-    if np.count_nonzero(loaded) < 3:
-        return 0.0
-    t, force = time[loaded] - time[loaded][0], normal[loaded]
-    return float(np.std(force - np.polyval(np.polyfit(t, force, 1), t))) / level
-
-
 # Where a log shows the drive at rest: before it starts and after it has stopped, and what the sensor shows there.
 
-FEWEST: Final = 20
-"""Rows of a rest that is worth a word."""
-_SLOW: Final = 0.05
-"""Share of the usual speed of the drive below which it rests."""
-_BAND: Final = 4.0
-"""Standard deviations of the noise that a force at rest may span to either side."""
-_LOW: Final = 0.5
-"""Share of the sliding force below which a flat beginning is rest and not sliding."""
-_SHARE: Final = 0.9
-"""Part of a flat stretch that is measured: its end already moves by what the band allows."""
+_FEWEST: Final = 20  # rows of a rest that is worth a word
+_SLOW: Final = 0.05  # share of the usual speed of the drive below which it rests
+_BAND: Final = 4.0  # standard deviations of the noise that a force at rest may span to either side
+_LOW: Final = 0.5  # share of the sliding force below which a flat beginning is rest and not sliding
+_SHARE: Final = 0.9  # part of a flat stretch that is measured: its end already moves by what the band allows
 
 
 @dataclass(frozen=True)
@@ -232,8 +209,8 @@ class Rest:
 class Rests:
     """Rest before the drive starts and after it has stopped; None where there is none."""
 
-    before: Rest | None
-    after: Rest | None
+    before: Rest | None = None
+    after: Rest | None = None
 
 
 def find_rests(record: Record, friction: FloatArray, speed: FloatArray | None = None) -> Rests:
@@ -245,28 +222,30 @@ def find_rests(record: Record, friction: FloatArray, speed: FloatArray | None = 
     """
     if speed is None and isinstance(record.drive_speed, np.ndarray):
         speed = np.abs(record.drive_speed)
-    if speed is not None:
-        moving = np.flatnonzero(speed > _SLOW * np.quantile(speed, 0.9))
-        if moving.size and speed.max() > 0:
-            ends = (0, int(moving[0])), (int(moving[-1]) + 1, friction.size)
-            counted = [friction[a:b][np.isfinite(friction[a:b])] for a, b in ends]
-            return Rests(
-                *(
-                    Rest(*end, float(values.mean())) if values.size >= FEWEST else None
-                    for end, values in zip(ends, counted, strict=True)
-                )
-            )
     finite = np.isfinite(friction)
+    if speed is not None and speed.max() > 0:
+        moving = np.flatnonzero(speed > _SLOW * np.quantile(speed, 0.9))
+        rests = []
+        for start, stop in ((0, int(moving[0])), (int(moving[-1]) + 1, friction.size)):
+            inside = friction[start:stop][finite[start:stop]]
+            rests.append(Rest(start, stop, float(inside.mean())) if inside.size >= _FEWEST else None)
+        return Rests(*rests)
     force = kept(friction, finite)
-    if force.size < 3 * FEWEST:
-        return Rests(None, None)
-    rows = _flat(force, max(_BAND * noise_of(force), 1e-9 * float(np.abs(force).max())))
-    if not FEWEST <= rows < _SHARE * force.size:
-        return Rests(None, None)
-    level = float(np.mean(force[: int(_SHARE * rows)]))
-    if abs(level) >= _LOW * float(np.median(np.abs(thinned(force[rows:])))):
-        return Rests(None, None)
-    return Rests(Rest(0, int(np.flatnonzero(finite)[rows - 1]) + 1, level), None)
+    if force.size < 3 * _FEWEST:
+        return Rests()
+    level, width = float(np.median(force[: _FEWEST // 2])), _FEWEST // 4
+    band = max(_BAND * noise_of(force), 1e-9 * float(np.abs(force).max()))
+    smooth = np.convolve(force, np.ones(width) / width, mode="valid")
+    outside = np.flatnonzero(np.abs(smooth - level) > band)
+    rows = int(outside[0]) + width // 2 if outside.size else force.size
+    inside = force[: int(_SHARE * rows)]
+    if not _FEWEST <= rows < _SHARE * force.size:
+        return Rests()
+    rises = abs(np.polyfit(np.arange(inside.size), inside, 1)[0]) * inside.size >= 0.5 * band
+    level = float(np.mean(inside))
+    if rises or abs(level) >= _LOW * float(np.median(np.abs(thinned(force[rows:])))):
+        return Rests()
+    return Rests(Rest(0, int(np.flatnonzero(finite)[rows - 1]) + 1, level))
 
 
 def noise_of(force: FloatArray) -> float:
@@ -280,26 +259,12 @@ def noise_of(force: FloatArray) -> float:
     return robust if robust < np.inf else 0.0
 
 
-def _flat(force: FloatArray, band: float) -> int:
-    """Return how many rows from the start stay level within a band [N]; 0 where they rise instead."""
-    level, width = float(np.median(force[: FEWEST // 2])), FEWEST // 4
-    smooth = np.convolve(force, np.ones(width) / width, mode="valid")
-    out = np.flatnonzero(np.abs(smooth - level) > band)
-    rows = int(out[0]) + width // 2 if out.size else force.size
-    if rows < FEWEST:
-        return 0
-    inside = force[: int(_SHARE * rows)]
-    slope = np.polyfit(np.arange(inside.size), inside, 1)[0]
-    return rows if abs(slope) * inside.size < 0.5 * band else 0
-
-
 # Gaps of the clock: pauses of the recording, packets of rows that were stamped when they were read, and rows lost.
 
 MOST_PAUSES: Final = 20
 """Gaps of a log that is taken in parts, each longer than one over this number of the rows; one with more lost rows."""
 _FEWEST_PACKETS: Final = 4
-_STRAIGHT: Final = 0.5
-"""Of a gap: by how much the begin of a packet may miss the line through all begins."""
+_STRAIGHT: Final = 0.5  # of a gap: by how much the begin of a packet may miss the line through all begins
 _AS_INSIDE: Final = 0.9
 """Quantile of the steps of the force from row to row, which the median step over a gap stays below in packets."""
 
@@ -344,8 +309,7 @@ def pauses(time: FloatArray, force: FloatArray) -> npt.NDArray[np.intp]:
 # How a record was sampled: rate, jitter, dropouts, rate switches; step by step, pauses between steps aside.
 
 _EVEN: Final = 1e-3
-_WINDOW: Final = 51
-"""Intervals over which the local rate is the median."""
+_WINDOW: Final = 51  # intervals over which the local rate is the median
 _DROPOUT: Final = 1.5
 _ODD_FIRST: Final = 0.2
 _NAMED: Final = 5
@@ -381,7 +345,7 @@ class Sampling:
 
 
 def describe_sampling(
-    record: Record, used: npt.NDArray[np.bool_] | None = None, thresholds: Thresholds = DEFAULTS
+    record: Record, used: Rows | None = None, thresholds: Thresholds = DEFAULTS
 ) -> tuple[Sampling, list[Finding]]:
     """Return the sampling of a record and what is worth saying about it.
 
@@ -426,7 +390,25 @@ def describe_sampling(
             f'evenly, give their rate, as in --rate "{rate:.4g} Hz" (in a scene: rate = "{rate:.4g} Hz")'
         )
         return sampling, [Finding("packets", "reject", text)]
-    return sampling, [*notes, *_of_sampling(sampling, change.size + len(clocks), thresholds)]
+    if odd:
+        text = "the first sampling interval differs from the others, as CETR logs have it"
+        notes.append(Finding("odd_first_interval", "info", text))
+    if switches:
+        named = [f"at {s.time:.6g} s from {s.before:.4g} to {s.after:.4g} Hz" for s in switches]
+        more = f" and {len(named) - _NAMED} more" if len(named) > _NAMED else ""
+        text = f"the sampling rate changes {'; '.join(named[:_NAMED])}{more}; log at one rate, or cut one part with "
+        notes.append(Finding("rate_switch", "warning", f"{text}window"))
+    notes += thresholds.finding(
+        "dropouts", "missing_rows", sampling.missing / (change.size + len(clocks) + sampling.missing),
+        f"{sampling.dropouts} gap(s) in the clock, about {sampling.missing} rows missing, the longest gap "
+        f"{sampling.longest_gap:.4g} s at {sampling.longest_at:.6g} s; write to a faster disk",
+    )  # fmt: skip
+    notes += thresholds.finding(
+        "jitter", "jitter", sampling.jitter,
+        f"the sampling interval jitters by {100 * sampling.jitter:.0f} % about {1 / sampling.rate:.4g} s; let the "
+        "hardware clock the sampling",
+    )  # fmt: skip
+    return sampling, notes
 
 
 def _without_pauses(
@@ -474,33 +456,6 @@ def _switches(time: FloatArray, level: FloatArray, previous: float | None, facto
             reference = settled
         start = place + _WINDOW // 2 + 1
     return found
-
-
-def _of_sampling(sampling: Sampling, rows: int, limits: Thresholds) -> list[Finding]:
-    notes: list[Finding] = []
-    if sampling.odd_first:
-        text = "the first sampling interval differs from the others, as CETR logs have it"
-        notes.append(Finding("odd_first_interval", "info", text))
-    if sampling.switches:
-        named = [f"at {s.time:.6g} s from {s.before:.4g} to {s.after:.4g} Hz" for s in sampling.switches]
-        more = f" and {len(named) - _NAMED} more" if len(named) > _NAMED else ""
-        text = (
-            f"the sampling rate changes {'; '.join(named[:_NAMED])}{more}; log at one rate, or cut one part with window"
-        )
-        notes.append(Finding("rate_switch", "warning", text))
-    if severity := limits.severity("missing_rows", sampling.missing / (rows + sampling.missing)):
-        text = (
-            f"{sampling.dropouts} gap(s) in the clock, about {sampling.missing} rows missing, "
-            f"the longest gap {sampling.longest_gap:.4g} s at {sampling.longest_at:.6g} s; write to a faster disk"
-        )
-        notes.append(Finding("dropouts", severity, text))
-    if severity := limits.severity("jitter", sampling.jitter):
-        text = (
-            f"the sampling interval jitters by {100 * sampling.jitter:.0f} % about {1 / sampling.rate:.4g} s; let the "
-            "hardware clock the sampling"
-        )
-        notes.append(Finding("jitter", severity, text))
-    return notes
 
 
 # The gate as a whole.
@@ -561,7 +516,7 @@ def verdict_of(findings: Sequence[Finding]) -> Verdict:
 
 def assess(
     record: Record,
-    used: npt.NDArray[np.bool_] | None = None,
+    used: Rows | None = None,
     thresholds: Thresholds = DEFAULTS,
     speed: FloatArray | None = None,
 ) -> Quality:
@@ -575,63 +530,55 @@ def assess(
     sound = used & np.isfinite(record.friction_force) & np.isfinite(record.normal_force)
     if np.count_nonzero(sound) < 2:
         text = "fewer than two rows count; widen window, exclude less, or take a longer log"
-        signal, load, rests = Signal(0, 0.0, 0.0), Load(0.0, 0.0, 0.0, 0.0, 0.0), Rests(None, None)
         findings = (*record.findings, *notes, Finding("no_rows", "reject", text))
-        return Quality(sampling, signal, load, rests, None, None, findings)
-    load, about_load = look_at_load(record, sound, thresholds)
+        return Quality(sampling, Signal(0, 0.0, 0.0), Load(0.0, 0.0, 0.0, 0.0, 0.0), Rests(), None, None, findings)
+    load, about_load = _look_at_load(record, sound, thresholds)
     rests = find_rests(record, shown(record.friction_force, sound), speed)
-    signal, about_friction = look_at_friction(record, sound, thresholds)
+    signal, about_friction = _look_at_friction(record, sound, thresholds)
     residual, about_rest = _at_rest(record, sound, load, rests, thresholds)
     error = _coefficient_error(record, sound, load.level)
-    notes += [*about_friction, *about_load, *about_rest]
-    if severity := thresholds.severity("coefficient", error or 0.0):
-        text = (
-            f"the file's own coefficient differs from friction force / normal force by {percent(error or 0.0)} "
-            "(median); check zero points and columns"
-        )
-        notes.append(Finding("coefficient_disagrees", severity, text))
-    return Quality(sampling, signal, load, rests, residual, error, (*record.findings, *notes))
+    about_coefficient = thresholds.finding(
+        "coefficient_disagrees", "coefficient", error or 0.0,
+        f"the file's own coefficient differs from friction force / normal force by {percent(error or 0.0)} (median); "
+        "check zero points and columns",
+    )  # fmt: skip
+    findings = (*record.findings, *notes, *about_friction, *about_load, *about_rest, *about_coefficient)
+    return Quality(sampling, signal, load, rests, residual, error, findings)
 
 
 def _at_rest(
-    record: Record, sound: npt.NDArray[np.bool_], load: Load, rests: Rests, limits: Thresholds
+    record: Record, sound: Rows, load: Load, rests: Rests, limits: Thresholds
 ) -> tuple[float | None, list[Finding]]:
     """Return the residual force [N] and what is to say of it and of a stop."""
-    moving = sound.copy()
-    for rest in (rests.before, rests.after):
-        if rest is not None:
-            moving[rest.start : rest.stop] = False
+    moving, stop = sound.copy(), rests.after
+    for rest in filter(None, (rests.before, stop)):
+        moving[rest.start : rest.stop] = False
     moving = moving if np.count_nonzero(moving) > 1 else sound
     sliding = float(np.median(np.abs(thinned(kept(record.friction_force, moving)))))
     unpressed = sound & (record.normal_force < UNLOADED * load.level)
     residual, when, remedy = None, "", ""
-    if np.count_nonzero(unpressed) >= FEWEST:
+    if np.count_nonzero(unpressed) >= _FEWEST:
         residual = float(np.median(record.friction_force[unpressed]))
         when, remedy = "while nothing presses", f'tare = "{residual:.3g} N"'
     elif rests.before is not None:
         end = record.time[max(int(0.9 * rests.before.stop), 1)]
         residual = rests.before.force
         when, remedy = f"before the drive moves (to {end:.4g} s)", f'tare = ["0 s", "{end:.4g} s"]'
-    notes = []
     share = abs(residual or 0.0) / sliding if sliding else 0.0
-    if residual is not None and (severity := limits.severity("residual_force", share)):
-        text = (
-            f"the friction force shows {residual:.3g} N {when}, {percent(share, of='the sliding force')}; zero the "
-            f"sensor or take it off with {remedy}"
-        )
-        notes.append(Finding("residual_force", severity, text))
-    stop = rests.after
-    if stop is not None and (severity := limits.severity("stopped_rows", (stop.stop - stop.start) / len(record))):
+    notes = limits.finding(
+        "residual_force", "residual_force", share,
+        f"the friction force shows {residual or 0.0:.3g} N {when}, {percent(share, of='the sliding force')}; zero the "
+        f"sensor or take it off with {remedy}",
+    )  # fmt: skip
+    if stop is not None:
         since = float(record.time[stop.start])
-        text = (
-            f"the drive stops at {since:.4g} s, and {stop.force:.3g} N stay locked in; leave it out with "
-            f'window = ["0 s", "{since:.4g} s"]'
-        )
-        notes.append(Finding("stopped", severity, text))
+        text = f"the drive stops at {since:.4g} s, and {stop.force:.3g} N stay locked in; leave it out with window = "
+        share = (stop.stop - stop.start) / len(record)
+        notes += limits.finding("stopped", "stopped_rows", share, f'{text}["0 s", "{since:.4g} s"]')
     return residual, notes
 
 
-def _coefficient_error(record: Record, sound: npt.NDArray[np.bool_], load: float) -> float | None:
+def _coefficient_error(record: Record, sound: Rows, load: float) -> float | None:
     name = next((name for name in record.channels if parse_name(name).key in COEFFICIENTS), None)
     if name is None or record.channel_units[name] not in ("", "-", "1"):
         return None

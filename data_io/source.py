@@ -52,8 +52,7 @@ MOST_TIMES: Final = 100
 """A log packs to a tenth of its size; what packs to less than one in this many is a trap or holds nothing."""
 HEAD: Final = 65536
 """Bytes that a reader sees when it is asked whether it can read a file."""
-_LARGEST: Final = 1 << 31
-"""Bytes of a packed file that may be taken into memory."""
+_LARGEST: Final = 1 << 31  # bytes of a packed file that may be taken into memory
 
 
 def members(path: Path) -> list[str]:

@@ -30,16 +30,13 @@ BLOCK: Final = 1 << 21
 _FIRST: Final = 1 << 18
 """Characters of rows with words among them that are taken at once; four times as many each time these go on."""
 LONGEST_LINE: Final = 1 << 20
-_MOST_WORDS: Final = 1 << 20
-"""Characters without a row of numbers after which no table is waited for any more."""
+_MOST_WORDS: Final = 1 << 20  # characters without a row of numbers after which no table is waited for any more
 _MOST_TABLES: Final = 5000
 """Steps of the longest test; a text with more headers is no log, and would take minutes to refuse otherwise."""
-_MOST_LOOKED_AT: Final = 20_000
-"""Lines of words in a row in which a header is looked for; more would take seconds."""
+_MOST_LOOKED_AT: Final = 20_000  # lines of words in a row in which a header is looked for; more would take seconds
 _MOST_ZEROS: Final = 1 << 18
 _MOST_REMARKS: Final = 20
-_MOST_BREAKS: Final = 12
-"""Lines that a quoted header may take."""
+_MOST_BREAKS: Final = 12  # lines that a quoted header may take
 _OPEN_CELL: Final = re.compile(r'(?:^|[,;\t])\s*"[^"]*$')
 """A quoted cell that begins behind a delimiter and does not end in its line."""
 _NUMBERS: Final = b"0123456789+-.eE,;\t \n"

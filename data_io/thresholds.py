@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from data_io.values import Frozen, LogError, Severity
+from data_io.values import Finding, Frozen, LogError, Severity
 
 # Numbers as people say them.
 
@@ -112,6 +112,11 @@ class Thresholds:
         if not math.isfinite(measured):
             return False
         return measured > self[name] if _DEFAULT[name].beyond == "above" else measured < self[name]
+
+    def finding(self, code: str, name: str, measured: float, text: str) -> list[Finding]:
+        """Return what is to say of a measured number that lies beyond a threshold: one finding, or none."""
+        severity = self.severity(name, measured)
+        return [] if severity is None else [Finding(code, severity, text)]
 
     def severity(self, name: str, measured: float) -> Severity | None:
         """Return "reject", "warning" or None by the thresholds `name` and, where there is one, `name`_reject."""

@@ -24,8 +24,7 @@ _CETR = re.compile(rb"Created by CETR", re.IGNORECASE)
 _BRUKER = re.compile(rb"bruker|tribolab", re.IGNORECASE)
 _ITEM = re.compile(r"(.+?)\s*(?:=|:(?=\s|$)|\s-(?=\s))\s*(.*)")
 _LONGEST_ITEM: Final = 1000
-_MOST_ITEMS: Final = 300
-"""Lines above a table that are kept; a step has some ten."""
+_MOST_ITEMS: Final = 300  # lines above a table that are kept; a step has some ten
 _ODD: Final = bytes(code for code in range(32) if code not in b"\t\n\r")
 _PHRASE = re.compile(r"(Script file|Run date|Created by)\s+(.*)", re.IGNORECASE)
 

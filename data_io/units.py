@@ -4,6 +4,7 @@ Pint knows the units; here is only what laboratories write differently (`sec`, `
 unit where a force is expected means gram-force: tribometers print `g` and mean gf.
 """
 
+import contextlib
 import functools
 import math
 import re
@@ -75,7 +76,12 @@ def parse_quantity(text: object, unit: str) -> float:
     finite number with a unit of the same dimension.
     """
     if isinstance(text, str):
-        number, given = _split_quantity(text, unit)
+        match = _QUANTITY.fullmatch(text.strip())
+        if match is None:
+            raise UnitError(f"{text!r} was found where {_expected(unit)} was expected; write a number, then its unit")
+        if re.match(r",\d", match[2]):
+            raise UnitError(f"{text!r} holds a decimal comma where a point was expected; write it with a point")
+        number, given = float(match[1]), match[2]
     elif isinstance(text, (int, float, np.integer, np.floating)) and not isinstance(text, bool):
         number, given = float(text), ""
     else:
@@ -137,7 +143,11 @@ def is_mass(unit: str) -> bool:
 def kind_of(unit: str) -> str | None:
     """Name the kind of quantity a unit measures (a key of `SI_UNIT`; mass units count as force), None if no such."""
     si = next((kind for kind in _LOG_KINDS if unit == SI_UNIT[kind]), None)
-    return si if si is not None else next((kind for kind in _LOG_KINDS if _fits(unit, SI_UNIT[kind])), None)
+    for kind in _LOG_KINDS if si is None else ():
+        with contextlib.suppress(UnitError):
+            factor(unit, SI_UNIT[kind])
+            return kind
+    return si
 
 
 def unit_word(text: str) -> str | None:
@@ -158,14 +168,6 @@ def split_cell(token: str) -> tuple[str, str] | None:
     match = _CELL.fullmatch(token.strip())
     unit = unit_word(match[2]) if match else None
     return (match[1], unit) if match and unit else None
-
-
-def _fits(unit: str, si_unit: str) -> bool:
-    try:
-        factor(unit, si_unit)
-    except UnitError:
-        return False
-    return True
 
 
 def scaled(values: Number, scale: float) -> Number:
@@ -191,15 +193,6 @@ def _inverse(scale: float) -> int:
     """Return the whole number whose inverse a scale is, else 0: 40 / 10**6 rounds once, 40 * 1e-6 twice."""
     inverse = round(1 / scale) if 0 < abs(scale) < 1 else 0
     return inverse if inverse and 1 / inverse == scale else 0
-
-
-def _split_quantity(text: str, unit: str) -> tuple[float, str]:
-    match = _QUANTITY.fullmatch(text.strip())
-    if match is None:
-        raise UnitError(f"{text!r} was found where {_expected(unit)} was expected; write a number, then its unit")
-    if re.match(r",\d", match[2]):
-        raise UnitError(f"{text!r} holds a decimal comma where a point was expected; write it with a point")
-    return float(match[1]), match[2]
 
 
 def _expected(unit: str) -> str:

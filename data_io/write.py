@@ -1,7 +1,5 @@
 """Write records so that they read back bit for bit: HDF5 in the project's layout, or CSV with a units row."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -11,7 +9,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,9 +17,6 @@ from data_io.atomic import atomic_hdf5, atomic_write
 from data_io.record import Record
 from data_io.source import no_progress
 from data_io.values import SEVERITIES, Finding, LogError, Scalar, Step
-
-if TYPE_CHECKING:
-    pass
 
 # The JSON account in our own files of what is no column: read back with every value of the kind it must be.
 
@@ -64,17 +59,14 @@ def read_account(text: str) -> Account:
 def about_of(record: Record) -> dict[str, Any]:
     """Return what is no column as plain values that JSON can hold."""
     about = record.about()
-    metadata: dict[str, Scalar] = {k: _plain(v) for k, v in about["metadata"].items()}
+    plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in about["metadata"].items()}
+    metadata: dict[str, Scalar] = plain
     path, digest, form = (metadata.pop(key, None) for key in ("path", "sha256", "format"))
     if path is not None and "source_file" not in metadata:
         metadata["source_file"] = PurePath(str(path)).name
         metadata["source_sha256"] = str(digest)
         metadata["source_format"] = str(form)
     return {**about, "metadata": metadata}
-
-
-def _plain(value: Scalar) -> Scalar:
-    return value.item() if isinstance(value, np.generic) else value
 
 
 # The HDF5 layout of this project: `/run_1/step_1/{time,normal_force,friction_force,...}`, float64, compressed, with the
@@ -88,8 +80,7 @@ ABOUT: Final = "about"
 _DISTRIBUTION: Final = "stick-slip-workbench"
 _CHUNK: Final = 1 << 16
 _BLOCK: Final = 1 << 22
-_LEVEL: Final = 1
-"""Of gzip: with the bytes shuffled, higher levels cost time and gain little."""
+_LEVEL: Final = 1  # of gzip: with the bytes shuffled, higher levels cost time and gain little
 
 
 CSV_MARK: Final = f"# {FORMAT} "
