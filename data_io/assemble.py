@@ -4,6 +4,7 @@ the account of where everything came from; a sentence where something is missing
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final, cast
 
 import numpy as np
@@ -16,7 +17,7 @@ from data_io.contents import Contents, Part, check_request, chosen, of_run, unit
 from data_io.record import WINDOW_START, Record, step_range
 from data_io.source import Request, Source, sha256_unchanged
 from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, rescaled
-from data_io.values import COLUMN_ROLES, LARGEST_FORCE, Finding, FloatArray, Later, Scalar, Step, UnitError, free_name
+from data_io.values import COLUMN_ROLES, LARGEST_FORCE, Finding, FloatArray, Scalar, Step, UnitError, free_name
 
 _ALWAYS: Final = float("inf")
 _VOLTS: Final = ("V", "mV", "volt", "Volt", "volts", "Volts")
@@ -70,7 +71,10 @@ def assemble(source: Source, request: Request, contents: Contents) -> Record:
     )
     notes += remarks
     start = float(steps[0].time[0])
-    times = [_shifted(step.time, offset - start) for step, offset in zip(steps, offsets, strict=True)]
+    times = []  # moved in place where nobody else holds them
+    for step, shift in zip(steps, np.subtract(offsets, start).tolist(), strict=True):
+        own = step.time if step.time.flags.writeable else None
+        times.append(np.add(step.time, shift, out=own) if shift else step.time)
     if pulls:
         message = "the file has the normal force negative in compression; its sign was turned, compression is positive"
         notes.append(Finding("normal_force_flipped", "info", message))
@@ -97,8 +101,7 @@ def assemble(source: Source, request: Request, contents: Contents) -> Record:
 def _in_si(
     source: Source, request: Request, part: Part, label: str, settled: bool, begin: float | None
 ) -> tuple[_SiStep, list[Finding]]:
-    """Return one step in SI and what was noticed. begin: the time of its first row [s] in that of the user's window,
-    None where that is not told before steps are joined."""
+    """Return one step in SI and what was noticed; begin: of its first row [s] in the window's clock, if known."""
     _check_roles(source, request, part, label)
     _refuse_doubtful_roles(source, request, part)
     notes = _choices(request, part)  # before any column is turned into SI where it stands
@@ -135,12 +138,7 @@ def _unused_spans(request: Request) -> list[Span]:
 def _without_needless(
     time: FloatArray, bad: npt.NDArray[np.bool_], spans: Sequence[Span], *, ends: bool
 ) -> npt.NDArray[np.bool_]:
-    """Return which rows (n,) to keep: all but those `bad` ones that stand in an unused stretch.
-
-    time: (n,) [s] from the first row of the log on, in the order of the file; it may hold NaN and fall, so that a
-    stretch is the rows from the first one at its begin to the first one behind its end. ends: keep the first and last
-    row of a stretch that is bad all over, so that it is still seen that there was one. The first row is always kept.
-    """
+    """Return which rows (n,) to keep: no bad ones of unused stretches; ends: but the ends of one all bad."""
     keep = np.ones(time.size, dtype=bool)
     for first, last in spans:
         start = 0 if first == -_ALWAYS else int(np.argmax(np.append(time >= first, True)))
@@ -229,10 +227,7 @@ class _Look:
 
 
 def _refuse_doubtful_roles(source: Source, request: Request, part: Part) -> None:
-    """Ask where the friction force stands still and another force along the surface moves, or the load does instead.
-
-    What the user named is not doubted. Raises the source's `LogError` with both names.
-    """
+    """Ask where the friction force stands still and another force along the surface moves, or the load does instead."""
     roles, names = part.header.roles, part.header.names
     index = roles.get("friction_force")
     if index is None or "friction_force" in request.columns or part.rows < _FEWEST or index not in part.columns:
@@ -360,8 +355,7 @@ def _kept(values: FloatArray, rows: Rows) -> FloatArray:
 
 
 def _choices(request: Request, part: Part) -> list[Finding]:
-    """Say where another column might have been meant, unless it only repeats the one taken; where a unit of mass was
-    taken as the weight of it; and that the load is the user's."""
+    """Say where another column might have been meant, where a mass was taken as its weight, and what the user gave."""
     notes = []
     for role, others in part.header.passed_over.items():
         index = part.header.roles[role]
@@ -397,20 +391,13 @@ def _one(pieces: Sequence[FloatArray]) -> FloatArray:
     return joined
 
 
-def _shifted(time: FloatArray, shift: float) -> FloatArray:
-    """Return a time that nobody else holds, moved."""
-    if shift == 0:
-        return time
-    return np.add(time, shift, out=time if time.flags.writeable else None)
-
-
 def _account(source: Source, request: Request, part: Part, contents: Contents, start: float) -> dict[str, Scalar]:
     about: dict[str, Scalar] = {f"{role}_source": _origin(request, part, role) for role in COLUMN_ROLES[:3]}
     about |= {**contents.metadata, **part.run_items}
     path, size = source.path, source.size  # and nothing else of the source is kept
     about |= {
         "path": str(path),
-        "sha256": cast(str, Later(lambda: sha256_unchanged(path, size))),
+        "sha256": cast(str, partial(sha256_unchanged, path, size)),
         "format": contents.form,
     }
     about.pop(WINDOW_START, None)  # of the log that the file was made from

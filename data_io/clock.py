@@ -126,10 +126,7 @@ def evened(time: FloatArray, of_step: str = "") -> tuple[FloatArray, list[Findin
 
 
 def _grid(time: FloatArray) -> float:
-    """Return the largest time [s] whose multiples all the intervals are, 0 where there is none.
-
-    Of six significant digits the stamps beyond a power of ten keep one decimal less: the coarser step counts.
-    """
+    """Return the largest time [s] whose multiples all the intervals are, 0 where there is none."""
     late = time[np.searchsorted(time, 10.0 ** np.floor(np.log10(max(float(time[-1]), 1e-12)))) :]
     change = np.diff(late if late.size >= _FEWEST else time)
     apart = _NEAR * float(np.mean(change))
@@ -436,10 +433,7 @@ def _side_by_side(part: Part) -> list[Part]:
 
 
 def _with_clocks_of_slow_columns(request: Request, part: Part) -> Part:
-    """Return a part in which forces and drive that stand in every so many-th row only have these rows for their clock.
-
-    Loggers write a channel that is sampled slower with blanks between its values, or two channels row by row by turns.
-    """
+    """Return a part in which columns with numbers in every so many-th row only have these rows for their clock."""
     clock = part.header.roles.get("time")
     if clock is None or clock not in part.columns:
         return part
@@ -533,10 +527,7 @@ def _like(source: Source, part: Part, index: int, other: int) -> FloatArray:
 
 
 def _at(time: FloatArray, clock: FloatArray, values: FloatArray) -> tuple[FloatArray, int]:
-    """Return the values (n,) sampled at `clock` (n,) at other times (m,), and how many of these lie in gaps.
-
-    NaN outside, and in gaps of more than `LONGEST_GAP` rows.
-    """
+    """Return values (n,) at other times (m,), NaN outside and in long gaps, and how many of the times lie in gaps."""
     known = np.flatnonzero(np.isfinite(clock) & np.isfinite(values))
     if known.size < 2:
         return np.full(time.size, np.nan), 0

@@ -117,7 +117,8 @@ def correct(record: Record, given: Corrections) -> Corrected:
         if not raw
         else replace(
             record,
-            **new,
+            friction_force=friction,
+            normal_force=normal,
             channels={**record.channels, **raw},
             channel_units={**record.channel_units, **dict.fromkeys(raw, "N")},
             findings=(*record.findings, *doubts),

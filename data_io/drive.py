@@ -172,8 +172,8 @@ def _sharp(values: FloatArray, levels: list[_Level], noise: float) -> bool:
     for a, b in pairwise(levels):
         rows = min(a.rows, b.rows)  # means of a few rows right before and right after the border, a ramp aside
         width, gap = max(rows // 5, 1), min(rows // 10, _RAMP // 2)
-        before, after = values[b.start - gap - width : b.start - gap], values[b.start + gap : b.start + gap + width]
-        shown = abs(float(after.mean() - before.mean()))
+        low, high = values[b.start - gap - width : b.start - gap], values[b.start + gap : b.start + gap + width]
+        shown = abs(float(high.mean() - low.mean()))
         if shown + 3.0 * noise * float(np.sqrt(2.0 / width)) < _SHARP * abs(b.speed - a.speed):
             return False
     # stairs cut out of a sine: the levels themselves go on as their steps do, all of them together

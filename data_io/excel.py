@@ -98,10 +98,7 @@ def _sheets(source: Source) -> dict[str, str]:
 
 
 def _as_text(source: Source, sheet: Any, most: int) -> str:
-    """Return a sheet as lines of equal width, however far apart single cells stand. Raises the source's `LogError`.
-
-    most: cells that may be looked at, those between others as well; a cell that is there takes some bytes of the file.
-    """
+    """Return a sheet as lines of equal width; most: cells that may be looked at, those between others as well."""
     sheet.reset_dimensions()  # what a sheet says of its size need not be so
     rows: list[tuple[Any, ...]] = []
     cells = 0
@@ -117,22 +114,17 @@ def _as_text(source: Source, sheet: Any, most: int) -> str:
     widths = np.sort([len(row) for row in rows])
     fitting = widths * widths.size <= max(_CELLS, _SPARSE * int(widths.sum()))
     width = int(widths[fitting][-1]) if fitting.any() else 0
-    hundredfold = _percent_columns(sheet)
-    cell_rows = ([_cell(value, 100.0 if i in hundredfold else 1.0) for i, value in enumerate(row)] for row in rows)
-    lines = ("\t".join([*row, *[""] * (width - len(row))]) for row in cell_rows)
-    return "".join(line + "\n" for line in lines)
-
-
-def _percent_columns(sheet: Any) -> set[int]:
-    """Return the columns whose name says % and whose cells are shown in percent: they hold a hundredth of that."""
-    named, shown_so = set[int](), set[int]()
+    named, shown_so = set[int](), set[int]()  # columns called % whose cells are shown in percent hold a hundredth
     for row in sheet.iter_rows(max_row=_TOP):
         for column, cell in enumerate(row):
             if isinstance(cell.value, str) and "%" in cell.value:
                 named.add(column)
             elif isinstance(cell.value, float | int) and "%" in str(cell.number_format):
                 shown_so.add(column)
-    return named & shown_so
+    hundredfold = named & shown_so
+    cell_rows = ([_cell(value, 100.0 if i in hundredfold else 1.0) for i, value in enumerate(row)] for row in rows)
+    lines = ("\t".join([*row, *[""] * (width - len(row))]) for row in cell_rows)
+    return "".join(line + "\n" for line in lines)
 
 
 def _cell(value: Any, scale: float) -> str:

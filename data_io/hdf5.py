@@ -162,10 +162,7 @@ def _spawned(path: str, size: int) -> int | None:
 
 
 def _member(source: Source, file: h5py.File, path: str) -> h5py.Group | h5py.Dataset | None:
-    """Return the group or dataset at a path, None where there is none.
-
-    Raises the source's `LogError` for a link into another file: what is not in this file is not followed.
-    """
+    """Return the group or dataset at a path, None where there is none; a link into another file is refused."""
     import h5py
 
     place, parts, links = file["/"], [part for part in path.split("/") if part], 0
@@ -435,10 +432,7 @@ def _dataset_at(source: Source, file: h5py.File, path: str) -> h5py.Dataset | No
 
 
 def _by_file_clock(request: Request, tables: Sequence[_Table]) -> tuple[Request, tuple[float, float]]:
-    """Return the request with its window in the clock of the file, and where that begins and ends [s].
-
-    Where the clocks of several steps do not go on, no window can be found in them: everything is read, and cut later.
-    """
+    """Return the request with its window in the clock of the file (None: clocks restart), and that clock's ends [s]."""
     clocks = [_clock(request, part.header, datasets) for part, datasets in tables if datasets]
     clocks = [(time, scale) for time, scale in clocks if time.size]
     if request.window is None or not clocks or any(scale is None for _, scale in clocks):

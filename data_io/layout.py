@@ -147,10 +147,7 @@ def _named(fields: Sequence[str], request: Request) -> set[str]:
 def _with_names_above(
     data: bytes, position: int, delimiter: str, fields: list[str], request: Request
 ) -> tuple[list[str], Header]:
-    """Return a row of names and what it tells; names that it leaves empty may stand in the row above (merged cells).
-
-    They are taken from a row of words of the same width, where that tells a role.
-    """
+    """Return a row of names and what it tells; names that it leaves empty may stand in the row above (merged cells)."""
     header = match_header(fields, request.columns)
     if all(fields) or not header.roles or delimiter not in ("\t", ";", ",") or position == 0:
         return fields, header
@@ -185,8 +182,7 @@ def _row_layout(row: str, delimiter: str, names: int) -> tuple[str, int] | None:
 
 
 def _has_row_names(data: bytes, start: int, delimiter: str, header: Header) -> bool:
-    """Tell whether rows hold one field more than names, the numbers 1, 2, 3, … of the rows in front of a rising time,
-    as R's write.table writes them."""
+    """Tell whether rows hold the numbers 1, 2, 3, … in front of the named columns, as R's write.table writes them."""
     place = header.roles.get("time", -1) + 1
     own = BLANKS if delimiter == WIDE else delimiter
     rows = [split(line, own) for _, line in itertools.islice(lines_from(data, start), _ROW_NAMES)]
@@ -206,16 +202,14 @@ def _units_row(line: str, delimiter: str, names: int) -> list[str]:
 
 
 def _are_units(line: str, delimiter: str, names: int, header: Header) -> bool:
-    """Tell whether a line is a units row that says Time below the column of times: as wide as the names, with units of
-    force, and without the name of any other role."""
+    """Tell whether a line is a units row that says Time below the column of times."""
     units = _units_row(line, delimiter, names)
     roles = match_header(units, {}).roles if len(units) == names else {}
     return list(roles.items()) == [("time", header.roles.get("time"))] and any(kind_of(u) == "force" for u in units)
 
 
 def _with_units(source: Source, request: Request, header: Header, units: Sequence[str]) -> Header:
-    """Return the header with the entries of a units row where the names say no unit; both, differing, is an error
-    unless the user says which."""
+    """Return the header with the entries of a units row where the names say no unit; both, differing, is an error."""
     names: list[Name] = []
     roles = {index: role for role, index in header.roles.items()}
     for index, name in enumerate(header.names):

@@ -76,8 +76,7 @@ class _DamageError(Exception):
 
 
 def _columns(source: Source, objects: list[str] | None = None) -> Columns:
-    """Return the columns of all variables in the numbers they are stored in; names and classes of objects go into
-    `objects`. Raises the source's `LogError`."""
+    """Return the columns of all variables as they are stored; names and classes of objects go into `objects`."""
     data = source.read()
     order = ">" if data[126:128] == b"MI" else "<"
     most = max(LEAST_SUSPECT, MOST_TIMES * source.size)

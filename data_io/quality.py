@@ -62,10 +62,7 @@ def _look_at_friction(record: Record, used: Rows, limits: Thresholds) -> tuple[S
 
 
 def _clipping(name: str, force: FloatArray, limits: Thresholds) -> tuple[int, list[Finding]]:
-    """Return how many rows stand at an end of the sensor, and a finding for each end.
-
-    A sensor at its end shows it in many rows in a row, and far more often than the values before it.
-    """
+    """Return how many rows stand at an end of the sensor, in a row and far more often than beside it."""
     notes, total = list[Finding](), 0
     for end, level in (("highest", float(force.max())), ("lowest", float(force.min()))):
         at_end = force == level
@@ -84,8 +81,7 @@ def _clipping(name: str, force: FloatArray, limits: Thresholds) -> tuple[int, li
 
 
 def _repeated(record: Record, used: Rows, step: float) -> float:
-    """Return the share of rows that repeat the row before in every measured column and move on by leaps afterwards. As
-    many as move on by one step of the grid, up or down, repeat by chance, and do not count."""
+    """Return the share of rows that repeat the row before in every measured column, but for repetitions by chance."""
     pair = used[1:] & used[:-1]
     change = np.abs(np.diff(record.friction_force))
     same = pair & (change == 0.0)

@@ -174,7 +174,9 @@ class Record:
         if np.isnan(normal.min()) or np.isnan(friction.min()):
             begin = self.metadata.get(WINDOW_START, 0.0)
             begin = float(begin) if isinstance(begin, (int, float)) else 0.0
-            gaps = _check_gaps(self._gap_error, time, normal, friction, begin)
+            # what a reader found in place of numbers is the cause of a gap
+            causes = [finding.message for finding in self.findings if finding.code == "text_in_rows"][:1]
+            gaps = _check_gaps(lambda text: fail("; ".join([text, *causes])), time, normal, friction, begin)
         speed = self.drive_speed
         if speed is not None:
             column = _column(fail, "drive speed", np.atleast_1d(speed), n if np.ndim(speed) else 1)
@@ -187,6 +189,12 @@ class Record:
             if not _is_plain(unit := self.channel_units.get(name, "")):
                 raise fail(f"the unit of channel {name!r} is {unit!r}; plain text was expected; correct it")
         channels = {name: _column(fail, f"channel {name!r}", values, n) for name, values in self.channels.items()}
+        steps = tuple(self.steps) or (Step(1, 1, 0, n),)
+        bounds = [step.start for step in steps] + [n]
+        if bounds[0] != 0 or any(s.stop != b or s.stop <= s.start for s, b in zip(steps, bounds[1:], strict=True)):
+            raise fail(f"the steps do not cover rows 0 to {n} one after the other; give each row to one step")
+        if len({(step.run, step.number) for step in steps}) != len(steps):
+            raise fail("two steps carry the same run and number; number them one after the other")
         values: dict[str, Any] = {
             "time": time,
             "normal_force": normal,
@@ -194,21 +202,12 @@ class Record:
             "drive_speed": speed,
             "channels": Frozen(channels),
             "channel_units": Frozen({name: self.channel_units.get(name, "") for name in channels}),
-            "steps": self._checked_steps(n),
+            "steps": steps,
             "metadata": Frozen(self.metadata),
             "findings": (*self.findings, *(g for g in gaps if g.code not in {f.code for f in self.findings})),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
-
-    def _checked_steps(self, n: int) -> tuple[Step, ...]:
-        steps = tuple(self.steps) or (Step(1, 1, 0, n),)
-        bounds = [step.start for step in steps] + [n]
-        if bounds[0] != 0 or any(s.stop != b or s.stop <= s.start for s, b in zip(steps, bounds[1:], strict=True)):
-            raise self.error(f"the steps do not cover rows 0 to {n} one after the other; give each row to one step")
-        if len({(step.run, step.number) for step in steps}) != len(steps):
-            raise self.error("two steps carry the same run and number; number them one after the other")
-        return steps
 
     def __reduce__(self) -> tuple[Any, ...]:
         # through the constructor, so that arrays are read-only in the other process as well
@@ -221,11 +220,6 @@ class Record:
         """Return the error of this record with its path in front."""
         path = self.metadata.get("path")
         return LogError(f"{path}: {sentence}" if path else sentence)
-
-    def _gap_error(self, sentence: str) -> LogError:
-        """What a reader found in place of numbers is the cause of a gap."""
-        causes = [finding.message for finding in self.findings if finding.code == "text_in_rows"]
-        return self.error("; ".join([sentence, *causes[:1]]))
 
     def to_frame(self) -> pd.DataFrame:
         """Return the columns as a data frame; what is no column stands in `frame.attrs["stickslip"]`."""

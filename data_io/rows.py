@@ -57,23 +57,13 @@ class Above:
     units: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
 
 
-class _Bytes:
+class _Bytes(list[bytes]):
     """Bytes as a file that pandas reads. It is no binary file by type: pandas would decode its bytes, and encode them
     again for the parser, which takes longer than parsing."""
 
-    def __init__(self, raw: bytes) -> None:
-        self._raw = raw
-
-    def __iter__(self) -> _Bytes:
-        return self
-
-    def __next__(self) -> bytes:
-        raise StopIteration
-
     def read(self, _size: int = -1) -> bytes:
-        """Return all of them at once."""
-        raw, self._raw = self._raw, b""
-        return raw
+        """Return all of them at once, then nothing."""
+        return self.pop() if self else b""
 
 
 def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | None) -> Numbers | None:
@@ -93,7 +83,7 @@ def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | N
         use = sorted({*(index for index in wanted if index < names), names - 1})
     try:
         frame: pd.DataFrame = pd.read_csv(
-            cast(Any, _Bytes(raw)),
+            cast(Any, _Bytes([raw])),
             sep=head.delimiter,
             header=None,
             usecols=use,
@@ -141,7 +131,15 @@ def read_numbers(source: Source, block: str, first_line: int, head: Head, above:
     usual = above.fields
     if len(frame) == len(lines):
         usual = usual or int(np.bincount(fields).argmax())
-        frame = _without_short_rows(lines, fields, usual, head, frame, remarks)
+        lacking = fields < min(usual, head.width)
+        if usual > head.width:  # rows end with a delimiter: one that does so a field early lacks one, too
+            lacking |= (fields < usual) & [line.rstrip("\r\n ").endswith(head.delimiter) for _, line in lines]
+        if (short := np.flatnonzero(lacking)).size:  # every number in them may stand in a wrong column
+            frame = frame.copy()
+            frame.iloc[short, :] = np.nan
+            number, line = lines[short[0]]
+            text = f"line {number} holds {fields[short[0]]} fields where the others hold {usual} ({line!r:.60}); "
+            remarks.append(Finding("short_rows", "warning", text + f"{short.size} such row(s) were left empty"))
     frame = _without_statistics(frame, head, above, remarks)
     columns: dict[int, FloatArray] = {}
     days: dict[int, FloatArray | None] = {}
@@ -226,29 +224,6 @@ def _parsed(
     return frame
 
 
-def _without_short_rows(
-    lines: Sequence[tuple[int, str]],
-    fields: npt.NDArray[np.intp],
-    usual: int,
-    head: Head,
-    frame: pd.DataFrame,
-    remarks: list[Finding],
-) -> pd.DataFrame:
-    """Empty the rows that lack fields: nobody knows which ones, so every number in them may stand in a wrong column."""
-    lacking = fields < min(usual, head.width)
-    if usual > head.width:  # rows end with a delimiter: one that does so a field early lacks one, too
-        lacking |= (fields < usual) & [line.rstrip("\r\n ").endswith(head.delimiter) for _, line in lines]
-    short = np.flatnonzero(lacking)
-    if not short.size:
-        return frame
-    frame = frame.copy()
-    frame.iloc[short, :] = np.nan
-    number, line = lines[short[0]]
-    text = f"line {number} holds {fields[short[0]]} fields where the others hold {usual} ({line!r:.60}); "
-    remarks.append(Finding("short_rows", "warning", text + f"{short.size} such row(s) were left empty"))
-    return frame
-
-
 def _without_statistics(frame: pd.DataFrame, head: Head, above: Above, remarks: list[Finding]) -> pd.DataFrame:
     """Leave out the rows at the end whose time, or first field, is a word below numbers: mean, deviation, maximum."""
     for index in sorted({0, head.header.roles.get("time", 0)}):
@@ -268,11 +243,7 @@ def _without_statistics(frame: pd.DataFrame, head: Head, above: Above, remarks: 
 
 
 def _columns_of_units(source: Source, frame: pd.DataFrame, head: Head) -> dict[int, int]:
-    """Return the columns that hold a unit in each row, and the column of numbers that each of them is the unit of.
-
-    That is the only one without a unit of its own between it and the column of units before it. Raises the source's
-    `LogError` where units change and it is not clear of which column.
-    """
+    """Return the columns that hold a unit in each row, and the column of numbers before each that it is the unit of."""
     found: dict[int, int] = {}
     names, roles = head.header.names, {index: role for role, index in head.header.roles.items()}
     before: list[int] = []
@@ -303,8 +274,7 @@ def _columns_of_units(source: Source, frame: pd.DataFrame, head: Head) -> dict[i
 def _in_first_unit(
     values: FloatArray, units: Sequence[str], above: Sequence[str]
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return numbers (n,), each in a unit of its own, in the first of these units, NaN where none stands; and all
-    units. above: those of the rows above."""
+    """Return numbers (n,), each in a unit of its own, in the first of these, NaN where none stands; and all units."""
     every = tuple(dict.fromkeys((*above, *(unit for unit in units if unit))))
     si = SI_UNIT[kind_of(every[0]) or ""]
     scales = {unit: factor(unit, si) / factor(every[0], si) if unit != every[0] else 1.0 for unit in every}
@@ -312,10 +282,7 @@ def _in_first_unit(
 
 
 def _with_units(tokens: Sequence[str], decimal: str, above: Sequence[str]) -> tuple[FloatArray, tuple[str, ...]] | None:
-    """Return the numbers of cells that hold their unit (8.84 N), in the first unit, and all units.
-
-    above: those of the rows above. None where a cell holds something else.
-    """
+    """Return the numbers of cells that hold their unit (8.84 N), in the first unit, and all units; None else."""
     filled = [token.strip().lower() not in MISSING for token in tokens]
     if not any(filled) or split_cell(tokens[filled.index(True)]) is None:
         return None
@@ -336,10 +303,7 @@ def _slow_column(
     first_line: int,
     numeric: bool,
 ) -> tuple[FloatArray | None, list[Finding]]:
-    """Read a column that is not all numbers: words become NaN with a remark; words in long blocks are an error.
-
-    numeric: whether it held numbers above. None where it is a column of words, which is left out.
-    """
+    """Read a column that is not all numbers: words become NaN; None where it is one of words, an error where many."""
     parsed = [to_number(token, decimal) for token in tokens]
     bad = np.array([value is None for value in parsed])
     name, row = head.header.names[index].raw, int(np.argmax(bad))

@@ -135,12 +135,9 @@ class _OpenTable:
         header, pieces = self.head.header, self.pieces
         columns: dict[int, FloatArray] = {}
         for index in sorted({index for piece in pieces for index in piece.columns}):
-            columns[index] = np.concatenate(
-                [
-                    np.full(piece.rows, np.nan) if index not in piece.columns else piece.columns[index]
-                    for piece in pieces
-                ]
-            )
+            own = (piece.columns.get(index) for piece in pieces)
+            filled = [np.full(piece.rows, np.nan) if v is None else v for piece, v in zip(pieces, own, strict=True)]
+            columns[index] = np.concatenate(filled)
         if not pieces:
             columns = {index: np.empty(0) for index in range(len(header.names))}
         end = sum(piece.rows for piece in pieces)
@@ -155,7 +152,14 @@ class _OpenTable:
         for index, units in self.above.units.items():
             if header.names[index].unit is None:
                 header = with_unit(header, index, units[0])
-        header = _since_1970(_with_clock(header, columns, clocks), columns)
+        for index in clocks:  # times of the day are seconds; an elapsed time beside them is the clock
+            header = with_unit(header, index, "s")
+        taken, others = header.roles.get("time"), header.passed_over.get("time", ())
+        elapsed = [i for i in others if i not in clocks and i in columns and np.isfinite(columns[i]).any()]
+        if taken is not None and taken in clocks and elapsed:
+            passed = {**header.passed_over, "time": tuple(i for i in (taken, *others) if i != elapsed[0])}
+            header = replace(header, roles={**header.roles, "time": elapsed[0]}, passed_over=passed)
+        header = _since_1970(header, columns)
         remarks = list(dict.fromkeys(self.remarks + _milliseconds_added(header, columns, clocks)))
         if len(remarks) > _MOST_REMARKS:
             text = f"and {len(remarks) - _MOST_REMARKS} remarks more of this kind"
@@ -163,22 +167,8 @@ class _OpenTable:
         return Table(header, columns, self.preamble, self.first_line, tuple(remarks))
 
 
-def _with_clock(header: Header, columns: Mapping[int, FloatArray], clocks: Set[int]) -> Header:
-    """Return a header in which times of the day are seconds, and an elapsed time beside them is the clock."""
-    for index in clocks:
-        header = with_unit(header, index, "s")
-    taken, others = header.roles.get("time"), header.passed_over.get("time", ())
-    elapsed = [i for i in others if i not in clocks and i in columns and np.isfinite(columns[i]).any()]
-    if taken not in clocks or not elapsed:
-        return header
-    roles = {**header.roles, "time": elapsed[0]}
-    passed = {**header.passed_over, "time": tuple(i for i in (taken, *others) if i is not None and i != elapsed[0])}
-    return replace(header, roles=roles, passed_over=passed)
-
-
 def _since_1970(header: Header, columns: Mapping[int, FloatArray]) -> Header:
-    """Return a header in which a clock without a unit that counts from 1970 has the unit in which it tells a time of
-    our days. A counter of something else may stand there for a while; its rows would then be seconds apart and more."""
+    """Return a header in which a clock without a unit that counts from 1970 has the one that tells our days."""
     index = header.roles.get("time")
     if index is None or header.names[index].unit is not None or index not in columns:
         return header
@@ -293,15 +283,12 @@ class _Walk:
         return begin
 
     def _read_numbers_only(self, table: _OpenTable, begin: int) -> int:
-        """Read blocks of whole lines that hold nothing but numbers; return where others begin.
-
-        Letters stand above the digits, which is faster than to look at every character. What else is no number
-        (brackets, percent signs) pandas will refuse; not a zero byte, a quote or a comment. The last line of a log may
-        be cut.
-        """
+        """Read blocks of whole lines that hold nothing but numbers; return where others begin."""
         clean = True
         while clean and (stop := self.data.rfind(b"\n", begin, begin + self.block) + 1) > begin:
             raw = self.data[begin:stop]
+            # letters stand above the digits: faster than to look at every character; what else is no number
+            # (brackets, percent signs) pandas refuses, not a zero byte, a quote or a comment
             codes = np.frombuffer(raw, dtype=np.uint8)
             clean = not any(mark in raw for mark in (b"\0", b'"', b"#"))
             if clean and codes.max() > ord("9"):

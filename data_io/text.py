@@ -73,11 +73,7 @@ def looks_like_text(head: bytes) -> bool:
 
 
 def _encoding(head: bytes) -> str | None:
-    """Name the encoding of a text by its first bytes, None for UTF-8 and what is near it.
-
-    UTF-16 by its mark, or by the zeros that every other byte then is; GB 18030 or Shift JIS where the bytes are no
-    UTF-8 and hold words that logs have in them.
-    """
+    """Name the encoding of a text by its first bytes and words that logs hold, None for UTF-8 or near."""
     marked = next((name for mark, name in _BOMS if head.startswith(mark)), None)
     if marked is not None:
         return None if marked == "utf-8" else marked

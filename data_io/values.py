@@ -1,6 +1,6 @@
 """Small frozen values that everything here is made of: errors, findings, steps, a mapping that cannot change."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeVar, cast
 
@@ -45,21 +45,11 @@ K = TypeVar("K")
 V = TypeVar("V")
 
 
-class Later:
-    """A value of a frozen mapping that is computed when it is first asked for."""
-
-    __slots__ = ("_work",)
-
-    def __init__(self, work: Callable[[], object]) -> None:
-        self._work = work
-
-    def __call__(self) -> object:
-        """Compute it."""
-        return self._work()
-
-
 class Frozen(Mapping[K, V]):
-    """A mapping that cannot change and, unlike `types.MappingProxyType`, can be sent to another process."""
+    """A mapping that cannot change and, unlike `types.MappingProxyType`, can be sent to another process.
+
+    A value that is a function is called, once, when it is first asked for.
+    """
 
     __slots__ = ("_items",)
 
@@ -69,7 +59,7 @@ class Frozen(Mapping[K, V]):
 
     def __getitem__(self, key: K) -> V:
         value = self._items[key]
-        if isinstance(value, Later):
+        if callable(value):
             value = self._items[key] = value()
         return cast(V, value)
 
