@@ -18,50 +18,41 @@ def lines() -> list[bytes]:
     return [b"%.4f,%.6f,%.6f\n" % (0.01 * i, *forces[i]) for i in range(ROWS)]
 
 
+MIDDLE = ROWS // 2
+ONE_ROW = {
+    "word": b"100.0000,overload,0.8\n",
+    "zero byte": b"100.0000,2.\0000,0.8\n",
+    "truth": b"100.0000,True,0.8\n",
+    "blanks": b"100.0000, 2.0 ,0.8\n",
+    "two numbers": b"100.0000,2.0 2.1,0.8\n",
+    "nan": b"100.0000,nan,0.8\n",
+    "empty field": b"100.0000,,0.8\n",
+    "quoted": b'100.0000,"2.0","0.8"\n',
+    "long row": b"100.0000,2.0,0.8,7.5\n",
+    "short row": b"100.0000,2.0\n",
+}
+MORE = {"zero bytes": bytes(500) + b"\n", "remark": b"# 100,2.0,0.8\n", "second header": HEADER, "blank lines": b"\n\n"}
+BELOW = {
+    "long rows below": lambda row: row[:-1] + b",7.5\n",
+    "decimal comma": lambda row: row.translate(bytes.maketrans(b".,", b",;")),
+}
+WHOLE = {
+    "as it is": lambda text: text,
+    "CRLF": lambda text: text.replace(b"\n", b"\r\n"),
+    "blank line above": lambda text: b"\n" + text,
+    "cut row": lambda text: text[:-4],
+    "no last line end": lambda text: text[:-1],
+    "zeros at the end": lambda text: text + bytes(500),
+}
+
+
 def changed(lines: list[bytes], what: str) -> bytes:
-    rows, middle = list(lines), len(lines) // 2
-    if what == "long row":
-        rows[middle] = rows[middle][:-1] + b",7.5\n"
-    elif what == "long rows below":
-        rows[middle:] = [row[:-1] + b",7.5\n" for row in rows[middle:]]
-    elif what == "short row":
-        rows[middle] = rows[middle].rsplit(b",", 1)[0] + b"\n"
-    elif what == "word":
-        rows[middle] = b"100.0000,overload,0.8\n"
-    elif what == "zero byte":
-        rows[middle] = b"100.0000,2.\0000,0.8\n"
-    elif what == "zero bytes":
-        rows.insert(middle, bytes(500) + b"\n")
-    elif what == "remark":
-        rows.insert(middle, b"# 100,2.0,0.8\n")
-    elif what == "truth":
-        rows[middle] = b"100.0000,True,0.8\n"
-    elif what == "decimal comma":
-        rows[middle:] = [row.replace(b".", b"#").replace(b",", b";").replace(b"#", b",") for row in rows[middle:]]
-    elif what == "blanks":
-        rows[middle] = b"100.0000, 2.0 ,0.8\n"
-    elif what == "two numbers":
-        rows[middle] = b"100.0000,2.0 2.1,0.8\n"
-    elif what == "nan":
-        rows[middle] = b"100.0000,nan,0.8\n"
-    elif what == "empty field":
-        rows[middle] = b"100.0000,,0.8\n"
-    elif what == "quoted":
-        rows[middle] = b'100.0000,"2.0","0.8"\n'
-    elif what == "second header":
-        rows.insert(middle, HEADER)
-    elif what == "blank lines":
-        rows.insert(middle, b"\n\n")
-    elif what == "cut row":
-        rows[-1] = rows[-1][:-4]
-    elif what == "no last line end":
-        rows[-1] = rows[-1][:-1]
-    elif what == "zeros at the end":
-        rows.append(bytes(500))
-    whole = HEADER + b"".join(rows)
-    if what == "blank line above":
-        whole = b"\n" + whole
-    return whole.replace(b"\n", b"\r\n") if what == "CRLF" else whole
+    rows = list(lines)
+    if what in BELOW:
+        rows[MIDDLE:] = map(BELOW[what], rows[MIDDLE:])
+    elif what not in WHOLE:
+        rows[MIDDLE : MIDDLE + (what in ONE_ROW)] = [ONE_ROW.get(what) or MORE[what]]
+    return WHOLE.get(what, bytes)(HEADER + b"".join(rows))
 
 
 def told(path, channels, block):
@@ -73,14 +64,7 @@ def told(path, channels, block):
     return columns, footer, [sorted((f.code, f.message) for f in table.remarks) for table in tables]
 
 
-KINDS = (
-    "as it is, CRLF, blank lines, blank line above, blanks, long row, long rows below, short row, word, nan, "
-    "zero byte, zero bytes, remark, truth, decimal comma, two numbers, empty field, quoted, second header, cut row, "
-    "no last line end, zeros at the end"
-).split(", ")
-
-
-@pytest.mark.parametrize("what", KINDS)
+@pytest.mark.parametrize("what", [*WHOLE, *BELOW, *MORE, *ONE_ROW])
 @pytest.mark.parametrize("channels", [None, ()])
 def test_blocks_change_nothing(tmp_path, lines, what, channels):
     path = tmp_path / "log.csv"

@@ -11,7 +11,6 @@ import openpyxl
 import pytest
 
 from data_io import LogError, Record, Step, read_log, write_csv, write_hdf5
-from data_io import read_log as read
 from data_io.clock import evened
 from data_io.quality import assess
 from identify.logs.classical import classical_table
@@ -232,7 +231,7 @@ def test_one_row_lost_or_repeated_is_no_rounding(tmp_path, fault, code):
     rows[40:41] = [rows[40], rows[40]] if fault == "repeated" else []
     path = tmp_path / "log.csv"
     path.write_text("T [s],Fx [N],Fz [N]\n" + "\n".join(rows) + "\n")
-    record = read(path)
+    record = read_log(path)
     findings = {finding.code for finding in (*record.findings, *assess(record).findings)}
     assert code in findings and "clock_rounded" not in findings
     assert np.diff(record.time).min() == pytest.approx(0.02) and np.isclose(np.diff(record.time), 0.02).sum() >= 80
@@ -276,24 +275,6 @@ def test_clocks_that_jitter_have_gaps_or_are_even_stay():
         assert same is stamps and findings == []
 
 
-def test_files_with_such_clocks(tmp_path):
-    force = 0.5 + 0.1 * (np.arange(2000) % 40) / 40
-    true = 5000.0 + np.arange(2000) / 2000.0
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        for name, values, unit in (("time", true, "s"), ("Fx", force, "N"), ("Fz", np.ones(2000), "N")):
-            file.create_dataset(name, data=values.astype(np.float32)).attrs["units"] = unit
-    record = read(tmp_path / "a.h5")
-    assert np.ptp(np.diff(record.time)) < 1e-9 and 1 / record.time[1] == pytest.approx(2000.0, rel=1e-3)
-    rows = "".join(f"{np.floor(i / 100 * 64) / 64:.6f},{force[i]:.4f},1\n" for i in range(2000))
-    (tmp_path / "b.csv").write_text("Time [s],Fx [N],Fz [N]\n" + rows)
-    record = read(tmp_path / "b.csv")
-    assert len(record) == 2000 and 1 / record.time[1] == pytest.approx(100.0, rel=1e-3)
-    rows = "".join(f"{12 + i // 10}\t{force[i]:.4f}\t1\n" for i in range(600))
-    (tmp_path / "c.txt").write_text("Time [s]\tFx [N]\tFz [N]\n" + rows)
-    record = read(tmp_path / "c.txt")
-    assert len(record) == 600 and 1 / record.time[1] == pytest.approx(10.0, rel=2e-3)
-
-
 CASES = Path(__file__).parents[1] / "cases"
 
 
@@ -305,10 +286,6 @@ def load(t):
     return 2.0 + 0.05 * t
 
 
-def codes_of_file(record):
-    return {finding.code for finding in record.findings}
-
-
 @pytest.mark.parametrize("name", ["lvm_multi_x_rates.lvm", "lvm_start_differs.lvm"])
 def test_the_peaks_of_labview_channels_of_other_rates_or_starts(name):
     """Static peaks of 0.6 at every load, by the way the files were made; row by row they are 0.507 and 0.575."""
@@ -316,7 +293,7 @@ def test_the_peaks_of_labview_channels_of_other_rates_or_starts(name):
     ratio = record.friction_force / record.normal_force
     peaks = ratio[: len(ratio) // 80 * 80].reshape(-1, 80).max(axis=1)  # a cycle takes 0.8 s
     assert peaks.size >= 9 and np.median(peaks) == pytest.approx(0.6, abs=2e-3)
-    assert "own_clocks" in codes_of_file(record)
+    assert "own_clocks" in {f.code for f in record.findings}
 
 
 @pytest.mark.parametrize("names", [("Time [s]", "Time [s]"), ("Time [s]", "Time [s].1"), ("Time 1 (ms)", "Time 2 (s)")])
@@ -334,7 +311,7 @@ def test_other_formats_of_columns_in_pairs(tmp_path, names, delimiter):
     t = record.time + 1.0
     np.testing.assert_allclose(record.friction_force, friction(t), atol=1e-4)
     np.testing.assert_allclose(record.normal_force, load(t), atol=1e-4)
-    assert {"own_clocks", "rows_without_partner"} <= codes_of_file(record)
+    assert {"own_clocks", "rows_without_partner"} <= {f.code for f in record.findings}
 
 
 def test_labview_with_one_x_column_and_starts_past_midnight(tmp_path):

@@ -43,15 +43,13 @@ def test_every_format_is_read_to_the_last_digit(tmp_path, name):
 def test_broken_variants(tmp_path, name, mutation):
     kind = ALL[name]
     made = kind.make(SMALL)
-    for seed in range(1):
-        data = TEXT[mutation].change(made.data, random.Random(seed))
-        path = put(tmp_path, kind, data)
-        outcome = run_reader_fuzz.judge(path, kind, made, [TEXT[mutation]], data)
-        assert not outcome.startswith("WRONG"), (seed, outcome)
+    data = TEXT[mutation].change(made.data, random.Random(0))
+    outcome = run_reader_fuzz.judge(put(tmp_path, kind, data), kind, made, [TEXT[mutation]], data)
+    assert not outcome.startswith("WRONG"), outcome
 
 
 def test_broken_and_drawn_logs_hold_no_defect(capsys):
-    outcomes = run_reader_fuzz.main(count=150, first=10**6, draws=60)
+    outcomes = run_reader_fuzz.main(count=150, first=10**6, draws=240)
     assert outcomes["WRONG"] == 0, capsys.readouterr().out
     assert min(outcomes[o] for o in ("read as written", "read with a warning", "refused")) > 15
 
@@ -144,12 +142,11 @@ def test_files_that_may_be_several_tests_are_not_joined(tmp_path):
         read_log(tmp_path / "x*.txt")
 
 
-@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", [name for name in TEXTS if name not in run_reader_fuzz.FIXED])
-def test_the_order_of_columns_does_not_matter(tmp_path, name, seed):
+def test_the_order_of_columns_does_not_matter(tmp_path, name):
     kind = ALL[name]
     made = kind.make(SMALL)
-    data = ORDER.change(made.data, random.Random(seed))
+    data = ORDER.change(made.data, random.Random(1))
     assert (data == made.data) == (name == "blanks")
     path = put(tmp_path, kind, data)
     assert run_reader_fuzz.judge(path, kind, made, [ORDER], data) == "read as written"

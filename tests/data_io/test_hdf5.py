@@ -36,14 +36,6 @@ def test_named_datasets_in_si(tmp_path):
     assert "normal_force_flipped" in {finding.code for finding in record.findings}
 
 
-def test_units_and_load_from_the_user(tmp_path):
-    path = foreign(tmp_path, t=(None, np.arange(9)), Fz=(None, None))
-    record = read_log(
-        path, columns={k: v for k, v in COLUMNS.items() if k != "normal_force"}, units={"time": "min"}, normal_force=5
-    )
-    assert record.time[1] == 60.0 and record.normal_force.tolist() == [5.0] * 9
-
-
 @pytest.mark.parametrize(
     ("changes", "columns", "words"),
     [
@@ -223,14 +215,6 @@ def test_a_link_into_another_file_is_not_followed(tmp_path):
         file["daq/Fx"] = np.arange(9.0)
         file["daq/Fx"].attrs["units"] = "N"
     assert read_log(path, columns=NAMED).friction_force.tolist() == list(range(9))
-
-
-def test_a_group_of_our_layout_that_lies_elsewhere_is_not_there(tmp_path):
-    other = good(tmp_path / "other.h5")
-    with h5py.File(tmp_path / "log.h5", "w") as file:
-        file["run_1"] = h5py.ExternalLink(str(other), "/run_1")
-    with pytest.raises(LogError, match="not in our layout"):
-        read_log(tmp_path / "log.h5")
 
 
 def test_links_within_the_file_are_followed_and_rings_of_them_end(tmp_path):

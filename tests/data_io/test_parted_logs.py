@@ -8,9 +8,7 @@ import pytest
 
 from data_io import Record, write_csv
 from experiments.study_problem import DEMO
-from identify import Scene, examples, identification, report
-from identify.base.result import Result
-from identify.cli.operating import points_of
+from identify import identification, report
 from identify.logs.scene_records import parted, parts_of, with_records
 from identify.report.finished import Fit
 from identify.studies.batch_store import RESULT, write_document
@@ -101,16 +99,3 @@ def test_a_log_that_changed_while_it_was_fitted_is_seen_behind_its_parts(tmp_pat
     (tmp_path / "one_way.csv").write_text((tmp_path / "one_way.csv").read_text() + "\n")
     end = make(job, tmp_path / "again")
     assert end.status == "outdated" and "one_way.csv" in end.message
-
-
-def points(logs, told, parameters=None):
-    """The operating points (values, drive speed) of a result with these logs."""
-    scene = Scene.from_document(Scene.from_toml(examples.SCENE).as_document() | {"logs": logs}, Path())
-    known = {"unit": "", "standard_error": 1e-3, "verdict": "identified"}
-    found = {name: {"value": value, **known} for name, value in DEMO.items()} | (parameters or {})
-    result = {"status": "converged", "parameters": found, "logs": told, "provenance": {"scene": scene.as_document()}}
-    return [(p.site.values, p.site.drive_speed) for p in points_of(scene, Result.from_dict(result))]
-
-
-def told(path, **more):
-    return {"path": path, "drive_speed_m_per_s": 1e-3, "normal_force_N": 1.0, "derived": {}, **more}
