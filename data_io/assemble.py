@@ -384,7 +384,7 @@ def _choices(request: Request, part: Part) -> list[Finding]:
 def _one(pieces: Sequence[FloatArray]) -> FloatArray:
     """Join columns that nobody else holds, and freeze them, so that the record need not copy them."""
     joined = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
-    base: Any = joined
+    base: object = joined
     while isinstance(base, np.ndarray):
         base.flags.writeable = False
         base = base.base

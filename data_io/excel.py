@@ -100,7 +100,7 @@ def _sheets(source: Source) -> dict[str, str]:
 def _as_text(source: Source, sheet: Any, most: int) -> str:
     """Return a sheet as lines of equal width; most: cells that may be looked at, those between others as well."""
     sheet.reset_dimensions()  # what a sheet says of its size need not be so
-    rows: list[tuple[Any, ...]] = []
+    rows: list[tuple[object, ...]] = []
     cells = 0
     for number, row in enumerate(sheet.iter_rows(values_only=True), start=1):
         cells += len(row)
@@ -127,7 +127,7 @@ def _as_text(source: Source, sheet: Any, most: int) -> str:
     return "".join(line + "\n" for line in lines)
 
 
-def _cell(value: Any, scale: float) -> str:
+def _cell(value: object, scale: float) -> str:
     if value is None:
         return ""
     if scale != 1.0 and isinstance(value, float | int):

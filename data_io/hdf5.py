@@ -13,6 +13,7 @@ from __future__ import annotations
 import bisect
 import contextlib
 import functools
+import io
 import os
 import re
 import signal
@@ -85,7 +86,7 @@ def opened(source: Source) -> Iterator[h5py.File]:
     """
     import h5py
 
-    target: Any = source.file()
+    target = source.file()
     damaged = "the HDF5 file is damaged ({:.120}); an intact one is needed; copy it again"
     if hasattr(os, "fork") and hasattr(signal, "SIGXCPU"):  # Windows has no way to limit the computing of a process
         if isinstance(target, str):
@@ -124,7 +125,7 @@ def _verdict(status: int | None) -> str:
     return "the library crashes on it" if status < 0 else ""
 
 
-def _forked(target: Any, size: int) -> int | None:
+def _forked(target: str | io.BytesIO, size: int) -> int | None:
     """Walk in a copy of this process; return how it ended (negative: by that signal), None where it did not."""
     import h5py  # noqa: F401  in the parent, so that every child has it
 
@@ -286,7 +287,7 @@ class _ColumnWithin:
     def __getattr__(self, name: str) -> Any:
         return getattr(self.dataset, name)
 
-    def __getitem__(self, key: Any) -> Any:
+    def __getitem__(self, key: object) -> Any:
         rows = key[0] if isinstance(key, tuple) and key else slice(None)
         if isinstance(self.key, str):
             return np.ravel(self.dataset[self.key])[rows]
@@ -606,8 +607,8 @@ def _text(value: Any) -> str:
 
 
 def _account(source: Source, place: h5py.Group) -> Account:
-    item: Any = _member(source, place, f"{place.name}/{ABOUT}") if ABOUT in place else None
-    if not _is_dataset(item):
+    item = _member(source, place, f"{place.name}/{ABOUT}") if ABOUT in place else None
+    if item is None or not _is_dataset(item):
         keys = ("source_file", "source_sha256")
         return Account({key: _text(place.attrs[key]) for key in keys if key in place.attrs})
     try:

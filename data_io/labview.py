@@ -197,11 +197,10 @@ def read_tdms(source: Source, request: Request) -> Contents:
             "or export the file as .lvm or text"
         ) from error
     try:
-        target: Any = source.file()
         messages = io.StringIO()  # what npTDMS writes to its log of a file that it reads as far as it can
         console = log_manager.console_handler.setStream(messages)
         try:
-            with nptdms.TdmsFile.open(target) as file:
+            with nptdms.TdmsFile.open(source.file()) as file:
                 groups = [group for group in file.groups() if any(len(channel) for channel in group.channels())]
                 parts = [_tdms_part(source, request, group, dict(file.properties)) for group in groups]
                 about = {str(key): str(value) for key, value in file.properties.items()}

@@ -1,7 +1,9 @@
 """Parquet tables, read by pyarrow (optional extra `parquet`)."""
 
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -11,6 +13,9 @@ from data_io.hdf5 import check_memory, check_promise
 from data_io.source import Request, Source
 from data_io.table import wanted_columns
 from data_io.values import FloatArray
+
+if TYPE_CHECKING:
+    import pyarrow
 
 _MARK: Final = b"PAR1"
 _UNITS: Final = (b"unit", b"units", b"Unit", b"Units")
@@ -34,9 +39,8 @@ def read(source: Source, request: Request) -> Contents:
             "a Parquet file needs the package pyarrow, which is not installed; install it with pip install pyarrow, "
             "or export the table as CSV"
         ) from error
-    target: Any = source.file()
     try:
-        with pyarrow.parquet.ParquetFile(target, page_checksum_verification=True) as file:
+        with pyarrow.parquet.ParquetFile(source.file(), page_checksum_verification=True) as file:
             types = pyarrow.types
             kinds = (types.is_integer, types.is_floating, types.is_decimal, types.is_timestamp, types.is_duration)
             fields = [field for field in file.schema_arrow if any(kind(field.type) for kind in kinds)]
@@ -54,7 +58,7 @@ def read(source: Source, request: Request) -> Contents:
     return Contents([Part(1, 1, header, columns)])
 
 
-def _name(field: Any) -> Name:
+def _name(field: pyarrow.Field) -> Name:
     from pyarrow import types
 
     name = parse_name(field.name)
@@ -64,7 +68,7 @@ def _name(field: Any) -> Name:
     return name if told is None else replace(name, unit=told.decode("utf-8", errors="replace").strip())
 
 
-def _numbers(column: Any) -> FloatArray:
+def _numbers(column: pyarrow.ChunkedArray) -> FloatArray:
     """Return a column as float64 (n,); instants [s] from the first one on, durations [s]."""
     import pyarrow
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from data_io.arrays import true_runs
 from data_io.values import (
@@ -42,7 +43,7 @@ def step_range(time: FloatArray) -> tuple[float, float]:
     return (float(ends[:, 0].min()), float(ends[:, 1].max())) if ends.size else (np.nan, np.nan)
 
 
-def _column(fail: Fail, name: str, values: Any, n: int | None = None) -> FloatArray:
+def _column(fail: Fail, name: str, values: npt.ArrayLike, n: int | None = None) -> FloatArray:
     """Return a read-only float64 copy of shape (n,); what is already frozen is not copied again."""
     try:
         array = np.asarray(values, dtype=np.float64)
@@ -51,7 +52,7 @@ def _column(fail: Fail, name: str, values: Any, n: int | None = None) -> FloatAr
     if array.ndim != 1 or (n is not None and array.size != n):
         expected = "one column" if n is None else f"a column of {n} rows, as many as the time has,"
         raise fail(f"the {name} has shape {array.shape} where {expected} was expected; give equal lengths")
-    base: Any = array
+    base: object = array
     while isinstance(base, np.ndarray) and not base.flags.writeable:
         base = base.base
     if base is None:
@@ -209,7 +210,7 @@ class Record:
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         # through the constructor, so that arrays are read-only in the other process as well
         return Record, tuple(getattr(self, name) for name in self.__dataclass_fields__)
 

@@ -4,15 +4,20 @@ Pint knows the units; here is only what laboratories write differently (`sec`, `
 unit where a force is expected means gram-force: tribometers print `g` and mean gf.
 """
 
+from __future__ import annotations
+
 import contextlib
 import functools
 import math
 import re
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
 from data_io.values import FloatArray, UnitError
+
+if TYPE_CHECKING:
+    import pint
 
 SI_UNIT: Final = {
     "time": "s",
@@ -200,13 +205,13 @@ def _expected(unit: str) -> str:
 
 
 @functools.cache
-def _registry() -> Any:
+def _registry() -> pint.UnitRegistry:
     import pint  # 0.5 s: only where a unit other than SI turns up
 
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=False)
 
 
-def _parsed(unit: str) -> Any:
+def _parsed(unit: str) -> pint.Quantity | None:
     """Return the pint quantity of one `unit`, None where pint does not know it."""
     import tokenize
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, TypeVar, cast
+from typing import Final, Literal, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -55,7 +55,7 @@ class Frozen(Mapping[K, V]):
 
     def __init__(self, items: Mapping[K, V] | None = None) -> None:
         # a mapping of this kind may hold values that nobody has asked for yet
-        self._items: dict[K, Any] = dict(items._items if isinstance(items, Frozen) else items or {})
+        self._items: dict[K, object] = dict(items._items if isinstance(items, Frozen) else items or {})
 
     def __getitem__(self, key: K) -> V:
         value = self._items[key]
@@ -63,7 +63,7 @@ class Frozen(Mapping[K, V]):
             value = self._items[key] = value()
         return cast(V, value)
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return Frozen, (dict(self),)
 
     def __iter__(self) -> Iterator[K]:
