@@ -14,7 +14,7 @@ from data_io import LogError, Record, Step, read_log, write_csv, write_hdf5
 from data_io.clock import evened
 from data_io.quality import assess
 from identify.logs.classical import classical_table
-from tests.data_io.test_tables_as_people_keep_them import check, drawn
+from tests.data_io.test_tables_as_people_keep_them import check, drawn, written
 
 SIBLINGS = range(4)
 
@@ -92,21 +92,16 @@ def test_bursts_of_a_logger_are_no_packets() -> None:
     assert "packets" not in told and "dropouts" in told
 
 
-def write(path: Path, unit: str, stamps: list[str], force: np.ndarray, load: np.ndarray) -> None:
-    rows = "".join(f"{t},{f},{n}\n" for t, f, n in zip(stamps, force.tolist(), load.tolist(), strict=True))
-    path.write_text(f"Time [{unit}],Fx [N],Fz [N]\n{rows}")
-
-
 @pytest.mark.parametrize("seed", SIBLINGS)
 def test_a_counter_that_begins_anew_goes_on(tmp_path: Path, seed: int) -> None:
     time, force, load, random = drawn(seed, rows=3000)
     bits, unit, per_second = [(16, "ms", 1e3), (32, "us", 1e6), (24, "us", 1e6), (32, "ms", 1e3)][seed % 4]
     counts = np.round(time * per_second).astype(np.int64)
     counts += 2**bits - int(random.integers(1, counts[-1]))  # it begins anew somewhere within
-    write(tmp_path / "log.csv", unit, [str(count) for count in (counts % 2**bits).tolist()], force, load)
+    written(tmp_path / "log.csv", (counts % 2**bits).tolist(), force, load, unit)
     check(tmp_path / "log.csv", time, force, load)
     scaled = [f"{count / per_second:.6f}" for count in (counts % 2**bits).tolist()]
-    write(tmp_path / "scaled.csv", "s", scaled, force, load)
+    written(tmp_path / "scaled.csv", scaled, force, load)
     check(tmp_path / "scaled.csv", time, force, load)
 
 
@@ -115,7 +110,7 @@ def test_a_clock_that_restarts_with_each_block_is_no_counter(tmp_path: Path, len
     """Negative control: nobody knows the pause between the blocks."""
     _, force, load, _ = drawn(0, rows=6000)
     time = np.arange(6000) / 50.0 % length
-    write(tmp_path / "log.csv", "s", [f"{t:.3f}" for t in time.tolist()], force, load)
+    written(tmp_path / "log.csv", [f"{t:.3f}" for t in time.tolist()], force, load)
     with pytest.raises(LogError, match=r"restarts|falls"):
         read_log(tmp_path / "log.csv")
 
@@ -124,7 +119,7 @@ def test_a_clock_that_restarts_with_each_block_is_no_counter(tmp_path: Path, len
 def test_the_newest_row_may_stand_first(tmp_path: Path, seed: int) -> None:
     time, force, load, random = drawn(seed)
     begin = random.uniform(0.0, 1e4)
-    write(tmp_path / "log.csv", "s", [f"{begin + t:.4f}" for t in time[::-1].tolist()], force[::-1], load[::-1])
+    written(tmp_path / "log.csv", [f"{begin + t:.4f}" for t in time[::-1].tolist()], force[::-1], load[::-1])
     check(tmp_path / "log.csv", time, force, load)
     assert "newest_first" in {finding.code for finding in read_log(tmp_path / "log.csv").findings}
 
@@ -140,7 +135,7 @@ def test_rows_that_were_never_written_are_none(tmp_path: Path, seed: int) -> Non
         args = none + stamps, np.r_[blank, force], np.r_[blank, load]
     else:  # buffers that were not filled; the forces in them may be of before
         args = stamps + [str(unused)] * count, np.r_[force, force[:count]], np.r_[load, load[:count]]
-    write(tmp_path / "log.csv", "s", *args)
+    written(tmp_path / "log.csv", *args)
     check(tmp_path / "log.csv", time, force, load)
 
 
@@ -148,11 +143,11 @@ def test_a_log_may_begin_at_rest(tmp_path: Path) -> None:
     """Negative control: one row of zeros, and stamps of whole seconds that rows share."""
     time, force, load, _ = drawn(0)
     force[0] = load[0] = 0.0
-    write(tmp_path / "log.csv", "s", [f"{t:.4f}" for t in time.tolist()], force, load)
+    written(tmp_path / "log.csv", time, force, load)
     check(tmp_path / "log.csv", time, force, load)
     time = np.arange(3000) / 10.0
     _, force, load, _ = drawn(1, rows=3000)
-    write(tmp_path / "whole.csv", "s", [f"{np.floor(t):.0f}" for t in time.tolist()], force, load)
+    written(tmp_path / "whole.csv", [f"{np.floor(t):.0f}" for t in time.tolist()], force, load)
     assert len(read_log(tmp_path / "whole.csv")) == 3000
 
 
@@ -163,7 +158,7 @@ def test_six_significant_digits_are_a_rounded_clock(tmp_path: Path, seed: int) -
     time = np.arange(int(12 * rate)) / rate
     _, force, load, _ = drawn(seed, rows=time.size)
     begin = float(random.choice([3.0, 95.0, 123.4, 995.0, 1234.5]))  # at some of them the digits change within
-    write(tmp_path / "log.csv", "s", [f"{begin + t:.6g}" for t in time.tolist()], force, load)
+    written(tmp_path / "log.csv", [f"{begin + t:.6g}" for t in time.tolist()], force, load)
     record = read_log(tmp_path / "log.csv")
     assert len(record) == time.size
     np.testing.assert_allclose(record.time, time, atol=0.6 / rate if begin < 900 else 6e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from data_io import LogError, read_log
 
 SIBLINGS = range(4)
+Column = Iterable[object]
 
 
 def drawn(seed: int, rows: int = 600) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.random.Generator]:
@@ -19,6 +21,15 @@ def drawn(seed: int, rows: int = 600) -> tuple[np.ndarray, np.ndarray, np.ndarra
     time = np.arange(rows) / random.choice([100.0, 200.0, 500.0])
     force = random.uniform(0.3, 1.5) + 0.1 * random.random() * np.sin(7.0 * time) + 0.01 * random.standard_normal(rows)
     return time, np.round(force, 4), np.round(2.0 + 0.002 * random.standard_normal(rows), 4), random
+
+
+def written(
+    path: Path, stamps: Iterable[object], force: Iterable[object], load: Iterable[object], unit: str = "s"
+) -> None:
+    """A text of three columns; times are written with four decimals."""
+    times = (f"{stamp:.4f}" if isinstance(stamp, float) else stamp for stamp in stamps)
+    rows = "".join(f"{t},{f},{n}\n" for t, f, n in zip(times, force, load, strict=True))
+    path.write_text(f"Time [{unit}],Fx [N],Fz [N]\n{rows}")
 
 
 def check(path: Path, time: np.ndarray, force: np.ndarray, load: np.ndarray, atol: float = 1e-9) -> None:
@@ -99,8 +110,7 @@ def test_a_channel_with_blanks_between_its_values_is_paired_by_time(tmp_path: Pa
 def test_a_slow_channel_that_stops_for_a_while_is_no_load(tmp_path: Path) -> None:
     time, force, load, _ = drawn(0, rows=2000)
     there = (np.arange(time.size) % 10 == 0) & ((time < time[700]) | (time > time[1300]))
-    rows = [f"{t:.4f},{f},{n if s else ''}" for t, f, n, s in zip(time, force, load, there, strict=True)]
-    (tmp_path / "log.csv").write_text("Time [s],Fx [N],Fz [N]\n" + "\n".join(rows) + "\n")
+    written(tmp_path / "log.csv", time, force, np.where(there, load.astype(str), ""))
     with pytest.raises(LogError, match="normal force holds no number in rows"):
         read_log(tmp_path / "log.csv")
 
@@ -111,10 +121,9 @@ def test_a_slow_channel_that_stops_for_a_while_is_no_load(tmp_path: Path) -> Non
 def test_a_mark_for_no_value_is_none(tmp_path: Path, mark: float, column: int, seed: int) -> None:
     time, *forces, _ = drawn(seed, 1000)
     rows = np.unique(np.random.default_rng(seed).integers(20, 980, 5)[:, None] + np.arange(9))
-    written = [force.copy() for force in forces]
-    written[column][rows] = mark
-    text = "Time [s],Fx [N],Fz [N]\n" + "".join(f"{t:.4f},{f},{n}\n" for t, f, n in zip(time, *written, strict=True))
-    (tmp_path / "log.csv").write_text(text)
+    marked = [force.copy() for force in forces]
+    marked[column][rows] = mark
+    written(tmp_path / "log.csv", time, *marked)
     there = np.setdiff1d(np.arange(time.size), rows)
     record = read_log(tmp_path / "log.csv")
     check(tmp_path / "log.csv", time[there], *(force[there] for force in forces))
@@ -125,31 +134,28 @@ def test_a_force_that_reaches_nine_hundred_and_ninety_nine_is_no_mark(tmp_path: 
     """Negative control: round and repeated, but not far from all others."""
     time, force, load, _ = drawn(0)
     force = np.clip(2000.0 * force, None, 999.0)
-    text = "Time [s],Fx [N],Fz [N]\n" + "".join(f"{t:.4f},{f},{n}\n" for t, f, n in zip(time, force, load, strict=True))
-    (tmp_path / "log.csv").write_text(text)
+    written(tmp_path / "log.csv", time, force, load)
     check(tmp_path / "log.csv", time, force, load)
 
 
 @pytest.mark.parametrize("change", [(2, 1), (1, 2), (-4, -5)])
 def test_an_offset_of_the_clock_may_change_within_a_log(tmp_path: Path, change: tuple[int, int]) -> None:
     time, force, load, _ = drawn(0)
-    lines = []
-    for t, f, n in zip(time, force, load, strict=True):
-        offset = change[int(t > time[500])]
-        utc = 12 * 3600.0 + t + 3600.0 * offset
-        stamp = f"2023-10-29T{int(utc // 3600):02d}:{int(utc % 3600 // 60):02d}:{utc % 60:06.3f}{offset:+03d}:00"
-        lines.append(f"{stamp},{f},{n}\n")
-    (tmp_path / "log.csv").write_text("Time,Fx [N],Fz [N]\n" + "".join(lines))
-    record = read_log(tmp_path / "log.csv")
-    np.testing.assert_allclose(record.time, time, atol=2e-3)
+    offsets = np.where(time > time[500], change[1], change[0]).tolist()
+    stamps = [
+        f"2023-10-29T{int(utc // 3600):02d}:{int(utc % 3600 // 60):02d}:{utc % 60:06.3f}{offset:+03d}:00"
+        for t, offset in zip(time, offsets, strict=True)
+        for utc in [12 * 3600.0 + t + 3600.0 * offset]
+    ]
+    written(tmp_path / "log.csv", stamps, force, load)
+    np.testing.assert_allclose(read_log(tmp_path / "log.csv").time, time, atol=2e-3)
 
 
 @pytest.mark.parametrize("begin", [0.0, 59 * 60.0 + 58.0, 12 * 60.0])
 def test_minutes_and_seconds_go_on_over_the_hour(tmp_path: Path, begin: float) -> None:
     time, force, load, _ = drawn(1)
     stamps = [f"{int((begin + t) // 60) % 60:02d}:{(begin + t) % 60:06.3f}" for t in time.tolist()]
-    rows = "".join(f"{s},{f},{n}\n" for s, f, n in zip(stamps, force, load, strict=True))
-    (tmp_path / "log.csv").write_text(f"Time,Fx [N],Fz [N]\n{rows}")
+    written(tmp_path / "log.csv", stamps, force, load)
     check(tmp_path / "log.csv", time, force, load)
 
 
@@ -157,13 +163,9 @@ def test_minutes_and_seconds_go_on_over_the_hour(tmp_path: Path, begin: float) -
 def test_marks_between_thousands_are_no_delimiters(tmp_path: Path, mark: str) -> None:
     time, force, load, _ = drawn(2)
 
-    def written(value: float) -> str:
-        return f"{value:,.1f}".replace(",", mark).replace(".", ",")
-
-    rows = "".join(
-        f"{written(1e3 * t + 1e4)};{written(1e3 * f)};{written(1e3 * n)}\n"
-        for t, f, n in zip(time, force, load, strict=True)
-    )
+    rows = ""
+    for row in zip(1e3 * time + 1e4, 1e3 * force, 1e3 * load, strict=True):
+        rows += ";".join(f"{value:,.1f}".replace(",", mark).replace(".", ",") for value in row) + "\n"
     (tmp_path / "log.csv").write_text(f"Time [ms];Fx [mN];Fz [mN]\n{rows}", encoding="utf-8")
     check(tmp_path / "log.csv", time, force, load, 1e-3)
 
