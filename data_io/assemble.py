@@ -5,7 +5,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Final, cast
+from itertools import pairwise
+from typing import Final, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,7 @@ from data_io.contents import Contents, Part, check_request, chosen, of_run, unit
 from data_io.record import WINDOW_START, Record, step_range
 from data_io.source import Request, Source, sha256_unchanged
 from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, rescaled
-from data_io.values import COLUMN_ROLES, LARGEST_FORCE, Finding, FloatArray, Scalar, Step, UnitError, free_name
+from data_io.values import COLUMN_ROLES, LARGEST_FORCE, Finding, FloatArray, Scalar, UnitError, free_name
 
 _ALWAYS: Final = float("inf")
 _VOLTS: Final = ("V", "mV", "volt", "Volt", "volts", "Volts")
@@ -78,24 +79,32 @@ def assemble(source: Source, request: Request, contents: Contents) -> Record:
     if pulls:
         message = "the file has the normal force negative in compression; its sign was turned, compression is positive"
         notes.append(Finding("normal_force_flipped", "info", message))
-    channels, units = _channels(steps)
+    columns = {"time": _one(times)}
     along = all("drive_speed" in step.roles for step in steps)
-    ends = np.cumsum([step.time.size for step in steps]).tolist()
-    values: dict[str, Any] = {
-        "time": _one(times),
-        "normal_force": _one([rescaled(step.roles["normal_force"], -1.0 if pulls else 1.0) for step in steps]),
-        "friction_force": _one([step.roles["friction_force"] for step in steps]),
-        "drive_speed": _one([step.roles["drive_speed"] for step in steps]) if along else contents.drive_speed,
-        "channels": channels,
-        "steps": tuple(
-            Step(part.run, part.number, end - step.time.size, end, part.parameters)
-            for part, step, end in zip(picked, steps, ends, strict=True)
-        ),
-    }
+    for role in COLUMN_ROLES[1:] if along else COLUMN_ROLES[1:3]:
+        sign = -1.0 if pulls and role == "normal_force" else 1.0
+        columns[role] = _one([rescaled(step.roles[role], sign) for step in steps])
+    channels, units = _channels(steps)
+    columns |= channels
+    bounds = np.cumsum([0, *(step.time.size for step in steps)])
+    bad = np.zeros(0, bool)
     if spans := _unused_spans(request):
-        values = _without_needless_rows(values, spans, contents.skipped)
-    metadata = _account(source, request, picked[0], contents, start)
-    return Record(**values, channel_units=units, metadata=metadata, findings=tuple(dict.fromkeys(notes)))
+        bad = ~(np.isfinite(columns["normal_force"]) & np.isfinite(columns["friction_force"]))
+    if bad.any():  # rows that hold no force in stretches that nobody uses
+        keep = _without_needless(columns["time"] + contents.skipped, bad, spans, ends=True)
+        columns = {name: values[keep] for name, values in columns.items()}
+        bounds = np.concatenate(([0], np.cumsum(keep)))[bounds]
+    rows = zip(picked, pairwise(bounds.tolist()), strict=True)
+    about = {
+        "drive_speed": contents.drive_speed,
+        "channel_units": units,
+        "steps": [
+            (part.run, part.number, first, stop, part.parameters) for part, (first, stop) in rows if stop > first
+        ],
+        "metadata": _account(source, request, picked[0], contents, start),
+        "findings": [(note.code, note.severity, note.message) for note in dict.fromkeys(notes)],
+    }
+    return Record.from_columns(columns, about)
 
 
 def _in_si(
@@ -149,23 +158,6 @@ def _without_needless(
             keep[[start, stop - 1]] = True
     keep[:1] = True
     return keep
-
-
-def _without_needless_rows(values: dict[str, Any], spans: Sequence[Span], begin: float) -> dict[str, Any]:
-    """Return the columns without the rows that hold no force in stretches that nobody uses; begin: of the first row."""
-    bad = ~(np.isfinite(values["normal_force"]) & np.isfinite(values["friction_force"]))
-    if not bad.any():
-        return values
-    keep = _without_needless(values["time"] + begin, bad, spans, ends=True)
-    rows = np.concatenate(([0], np.cumsum(keep)))
-    steps = [replace(s, start=int(rows[s.start]), stop=int(rows[s.stop])) for s in values["steps"]]
-    drive = values["drive_speed"]
-    return {
-        **{name: values[name][keep] for name in COLUMN_ROLES[:3]},
-        "drive_speed": drive[keep] if isinstance(drive, np.ndarray) else drive,
-        "channels": {name: column[keep] for name, column in values["channels"].items()},
-        "steps": tuple(step for step in steps if step.stop > step.start),
-    }
 
 
 # Marks for no value: a display over range, or a logger without a reading, writes one number far from all others.
