@@ -8,13 +8,14 @@ from typing import Final
 import numpy as np
 
 from data_io.clock import with_even_clock
-from data_io.columns import Header, coefficient_column, find_column, shown, with_unit
+from data_io.columns import Header, Name, coefficient_column, find_column, role_indices, shown, with_unit
 from data_io.contents import Contents, Part
-from data_io.layout import is_row
+from data_io.layout import Head, is_row, line_at
 from data_io.source import Request, Source
-from data_io.table import Table, read_tables
+from data_io.table import Table, read_below, read_tables
 from data_io.text import BLANKS, DELIMITERS, as_utf8, is_clock_time, looks_like_text, split
-from data_io.values import Finding
+from data_io.values import Finding, Step
+from data_io.write import CSV_MARK, FORMAT_VERSION, read_account
 
 _INTERVAL = re.compile(
     r"[ \t]*+\"?(?:sample |sampling )?interval(?: ?[(\[]s(?:ec)?[)\]])?\"?(?=[ \t,;:=])[ \t]*+[,;:=]?[ \t]*+"
@@ -166,3 +167,47 @@ def _joined(stamp: str, rest: str, mark: str) -> str:
     stamp = stamp.replace(",", ".").replace(" ", "T") if mark in ", " else stamp
     numbers = any(is_row(split(rest, delimiter)) for delimiter in DELIMITERS)
     return f"{stamp if numbers else 'Time'}{mark}{rest}"
+
+
+# The own CSV of the project, as `write.write_csv` makes it: everything a record holds, bit for bit.
+
+
+def is_ours(head: bytes) -> bool:
+    """Tell a CSV of ours by its first line."""
+    return head.startswith(CSV_MARK.encode())
+
+
+def read_ours(source: Source, request: Request) -> Contents:
+    """Read the chosen step, or all of them. Raises `LogError`."""
+    data = as_utf8(source.read())
+    first, position = line_at(data, 0)
+    version = first[len(CSV_MARK) :].strip()
+    if version != str(FORMAT_VERSION):
+        raise source.error(f"version {version!r} of our CSV was found; {FORMAT_VERSION} was expected; convert it again")
+    line, position = line_at(data, position)
+    try:
+        account = read_account(line.removeprefix("#"))
+    except ValueError as error:
+        raise source.error(
+            "line 2 does not hold the JSON account that a CSV of ours has there; "
+            "restore it, or remove the first two lines to have it read_ours as plain CSV"
+        ) from error
+    line, position = line_at(data, position)
+    names = split(line, ",")
+    line, position = line_at(data, position)
+    units = split(line, ",")
+    if len(units) != len(names) or len(names) < 2:
+        raise source.error(
+            f"line 4 holds {len(units)} units for {len(names)} columns; one for each was expected; "
+            "repair it, or remove the first two lines to have it read_ours as plain CSV"
+        )
+    columns = tuple(Name(name, name, unit) for name, unit in zip(names, units, strict=True))
+    header = Header(columns, role_indices(columns, request.columns))
+    table = read_below(source, request, data, Head(header, position, ",", len(names)))
+    noted = account.steps and account.steps[-1].stop == table.rows  # else rows were added or taken away since
+    steps = account.steps if noted else [Step(1, 1, 0, table.rows)]
+    parts = [
+        Part(s.run, s.number, header, {i: v[s.start : s.stop] for i, v in table.columns.items()}, s.parameters)
+        for s in steps
+    ]
+    return Contents(parts, account.metadata, [*table.remarks, *account.findings], True, account.drive_speed)

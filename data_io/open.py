@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from data_io import delimited, excel, hdf5, labview, matlab, parquet, stickslip_csv, umt_text
+from data_io import delimited, excel, hdf5, labview, matlab, parquet, umt_text
 from data_io.assemble import assemble
 from data_io.clock import on_one_clock, with_clock_of_rate, with_sound_clocks
 from data_io.contents import Contents, is_series, joined_contents, logs_at
@@ -41,7 +41,7 @@ READERS: Final = (
     Reader("excel", excel.can_read, excel.read),
     Reader("parquet", parquet.can_read, parquet.read),
     Reader("tdms", labview.is_tdms, labview.read_tdms),
-    Reader("stickslip-csv", stickslip_csv.can_read, stickslip_csv.read),
+    Reader("stickslip-csv", delimited.is_ours, delimited.read_ours),
     Reader("labview-lvm", labview.is_lvm, labview.read_lvm),
     Reader("bruker-csv", umt_text.is_bruker, umt_text.read_steps),
     Reader("cetr-text", umt_text.is_cetr, umt_text.read_steps),
