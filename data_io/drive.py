@@ -1,6 +1,5 @@
 """How the drive moved: pieces of a position column, steps of a speed column, and what neither tells."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -8,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from data_io.record import Record
-from data_io.values import Finding, FloatArray, LogError, Step
+from data_io.values import FloatArray, LogError, Step
 
 Programme = tuple[tuple[float, float], ...]
 
@@ -192,11 +191,9 @@ def _sharp(values: FloatArray, levels: list[_Level], noise: float) -> bool:
 
 _POINTS: Final = 4000  # means over rows in which the motion is looked at; a turn is found to the row afterwards
 _STANDS: Final = 0.01  # share of the fast speed below which the drive rests
-_UNSURE: Final = 0.05
-"""Share of it below which it rests where the noise hides how fast it is, and that a stated speed may be off."""
+_UNSURE: Final = 0.05  # share of it below which it rests where the noise hides how fast it is
 _SAME_SPEED: Final = 0.10  # share by which the speeds of two pieces that follow each other differ if they are two
 _FEWEST: Final = 4  # means of which a piece consists at least
-_DISAGREES: Final = 0.05
 _CORNER: Final = 8.0  # standard deviations of the noise by which a motion must leave a straight line to have a corner
 _STRAIGHT: Final = 0.003  # share of the travel by which an even motion may leave a straight line
 
@@ -237,34 +234,6 @@ def motion_of(record: Record, column: str | None = None) -> Motion | None:
     if not any(piece.speed for piece in pieces):
         return None
     return Motion(name, tuple(pieces))
-
-
-def check_drive(
-    record: Record, speed: float | Sequence[tuple[float, float]], column: str | None = None
-) -> list[Finding]:
-    """Compare a stated drive with the position column: a warning where their speeds differ by more than 5 %.
-
-    speed: [m/s], or (start [s], speed [m/s]) pairs. Empty where they agree or the log does not tell.
-    """
-    motion = motion_of(record, column)
-    if motion is None:
-        return []
-    edges = np.array([0.0]) if isinstance(speed, (int, float)) else np.array([start for start, _ in speed])
-    stated = np.array([speed] if isinstance(speed, (int, float)) else [value for _, value in speed], dtype=np.float64)
-    middle = [0.5 * (record.time[p.start] + record.time[p.stop - 1]) for p in motion.pieces]
-    told = np.abs([p.speed for p in motion.pieces])
-    meant = np.abs(stated[np.clip(np.searchsorted(edges, middle, side="right") - 1, 0, None)])
-    largest = max(float(meant.max()), float(told.max()))
-    moving = told > 0  # a scene with one speed says nothing of rests
-    wrong = np.flatnonzero(moving & (np.abs(told - meant) > _DISAGREES * np.maximum(meant, _UNSURE * largest)))
-    if wrong.size == 0:
-        return []
-    piece = motion.pieces[int(wrong[0])]
-    text = (
-        f"the drive was stated as {meant[wrong[0]]:.4g} m/s, but column {motion.column} moves at {told[wrong[0]]:.4g} "
-        f"m/s from {piece.time:.4g} s on ({wrong.size} of {len(motion.pieces)} pieces differ); correct drive_speed"
-    )
-    return [Finding("drive_speed_disagrees", "warning", text)]
 
 
 def _position(record: Record, column: str | None) -> str | None:

@@ -12,8 +12,9 @@ import numpy as np
 
 from data_io import Finding, Record, read_log
 from data_io.correct import Corrections, correct
-from data_io.drive import check_drive
+from identify import Scene
 from identify.logs.judgement import judge
+from identify.logs.recorded_drive import with_drive_checked
 from tests.support.verdict_cases import RATE, N, clipped_run, made, noise, saw
 
 Found = Sequence[Finding]
@@ -125,8 +126,10 @@ def driven(stated: float) -> Make:
 
     def make(_folder: Path) -> Found:
         time = np.arange(N) / RATE
-        track = {"channels": {"X": 1e-3 * time}, "channel_units": {"X": "m"}}
-        return check_drive(Record(time, np.ones(N), np.full(N, 0.3), **track), stated)
+        track = {"channels": {"position": 1e-3 * time}, "channel_units": {"position": "m"}}
+        rig = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": stated}
+        scene = Scene.from_document({"rig": rig, "logs": [{"path": "log.csv"}]}, Path())
+        return with_drive_checked(scene, scene.logs[0], Record(time, np.ones(N), np.full(N, 0.3), **track)).findings
 
     return make
 
@@ -276,5 +279,5 @@ CASES: dict[str, list[tuple[Make, Make]]] = {
     "friction_clipped": [(judged(lambda: clipped_run(10)), judged(lambda: clipped_run(9)))],
     "forces_swapped": [(judged(lambda: swapped(3)), judged(lambda: swapped(2)))],
     "tare_not_quiet": [(tared(2.2), tared(1.9))],
-    "drive_speed_disagrees": [(driven(1.06e-3), driven(1.04e-3))],
+    "drive_speed_disagrees": [(driven(1.03e-3), driven(1.01e-3))],
 }
