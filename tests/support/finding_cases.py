@@ -128,7 +128,7 @@ def driven(stated: float) -> Make:
         time = np.arange(N) / RATE
         track = {"channels": {"position": 1e-3 * time}, "channel_units": {"position": "m"}}
         rig = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": stated}
-        scene = Scene.from_document({"rig": rig, "logs": [{"path": "log.csv"}]}, Path())
+        scene = Scene.from_document({"effects": "auto", "rig": rig, "logs": [{"path": "log.csv"}]}, Path())
         return with_drive_checked(scene, scene.logs[0], Record(time, np.ones(N), np.full(N, 0.3), **track)).findings
 
     return make
