@@ -10,13 +10,6 @@ from data_io.quality import noise_of
 from data_io.record import Record, zero_of_times
 from data_io.values import Finding, FloatArray
 
-
-def levelled(friction: FloatArray, normal: FloatArray, angle: float) -> tuple[FloatArray, FloatArray]:
-    """Return friction and normal force along and across a surface that is tilted by an angle [rad] to the machine."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    return friction * cos - normal * sin, normal * cos + friction * sin
-
-
 Span = tuple[float, float]
 RAW: Final = {"friction_force": "raw friction force", "normal_force": "raw normal force"}
 """Channels of a corrected record that hold the forces as they were read [N]."""
@@ -95,7 +88,8 @@ def correct(record: Record, given: Corrections) -> Corrected:
         text = f"{100 * given.crosstalk:.3g} % of the normal force taken off the friction force (crosstalk), as given"
         changes.append(Change("crosstalk", text, given.crosstalk))
     if given.tilt is not None:
-        friction, normal = levelled(friction, normal, given.tilt)
+        cos, sin = np.cos(given.tilt), np.sin(given.tilt)
+        friction, normal = friction * cos - normal * sin, normal * cos + friction * sin
         text = f"forces turned by {np.degrees(given.tilt):.3g}° into the tilted surface, as given"
         changes.append(Change("tilt", text, given.tilt, "rad"))
     time, end = record.time, float(record.time[-1])

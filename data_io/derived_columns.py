@@ -24,12 +24,9 @@ def with_derived_columns(request: Request, contents: Contents) -> Contents:
     findings = list(contents.findings)
     parts = []
     for part in contents.parts:
-        part, text = _friction(request, part)
-        if text:
-            findings.append(Finding("friction_from_coefficient", "warning", text))
-        part, text = _time(request, part)
-        if text:
-            findings.append(Finding("time_from_distance", "warning", text))
+        for make, code in ((_friction, "friction_from_coefficient"), (_time, "time_from_distance")):
+            part, text = make(request, part)
+            findings += [Finding(code, "warning", text)] if text else []
         parts.append(part)
     return replace(contents, parts=parts, findings=list(dict.fromkeys(findings)))
 

@@ -66,15 +66,9 @@ _MOST_UNWRITTEN: Final = 10  # times the bytes that were written: a logger asks 
 # Files opened so that they can do no harm.
 
 
-def signature_at(head: bytes) -> int | None:
-    """Return where the HDF5 signature stands, at the start or behind a user block; None where it does not."""
-    places = (0, *(512 << i for i in range(7)))
-    return next((place for place in places if head[place : place + 8] == b"\x89HDF\r\n\x1a\n"), None)
-
-
 def can_read(head: bytes) -> bool:
     """Tell HDF5 by its signature, at the start or behind a user block."""
-    return signature_at(head) is not None
+    return any(head[place : place + 8] == b"\x89HDF\r\n\x1a\n" for place in (0, *(512 << i for i in range(7))))
 
 
 @contextmanager
