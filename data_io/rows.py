@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import warnings
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, cast
 
@@ -57,13 +57,20 @@ class Above:
     units: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
 
 
-class _Bytes(list[bytes]):
+class _Bytes:
     """Bytes as a file that pandas reads. It is no binary file by type: pandas would decode its bytes, and encode them
     again for the parser, which takes longer than parsing."""
 
+    def __init__(self, raw: bytes) -> None:
+        self._raw = raw
+
+    def __iter__(self) -> Iterator[bytes]:
+        return iter(())
+
     def read(self, _size: int = -1) -> bytes:
         """Return all of them at once, then nothing."""
-        return self.pop() if self else b""
+        raw, self._raw = self._raw, b""
+        return raw
 
 
 def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | None) -> Numbers | None:
@@ -83,7 +90,7 @@ def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | N
         use = sorted({*(index for index in wanted if index < names), names - 1})
     try:
         frame: pd.DataFrame = pd.read_csv(
-            cast(Any, _Bytes([raw])),
+            cast(Any, _Bytes(raw)),
             sep=head.delimiter,
             header=None,
             usecols=use,
