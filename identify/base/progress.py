@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Literal, Protocol, Self, TextIO
+from typing import Literal, Self, TextIO
 
 from identify.base.wording import wrapped
 
@@ -53,12 +53,6 @@ def silence(stream: TextIO) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-class _Place(Protocol):
-    """The output of a notebook's cell."""
-
-    def update(self, shown: object) -> None: ...
-
-
 class ProgressBar:
     """A bar for a notebook or a terminal: `fit(scene, progress=ProgressBar())`.
 
@@ -74,7 +68,7 @@ class ProgressBar:
     def __init__(self, stream: TextIO | None = None, style: Style = "bar") -> None:
         self._stream, self._style, self._began = stream or sys.stderr, style, time.monotonic()
         self._notices: list[str] = []
-        self._shown: _Place | None = None
+        self._show: Callable[[object], object] | None = None  # changes what stands below the cell of a notebook
         self._last: tuple[str, float | None] = ("", None)
         modules = sys.modules  # nobody is in a notebook who has not loaded IPython
         self._notebook = "IPython" in modules and getattr(modules["IPython"].get_ipython(), "kernel", None) is not None
@@ -91,39 +85,29 @@ class ProgressBar:
 
     def __call__(self, stage: str, share: float | None = None) -> None:
         """The work is at this stage."""
-        seconds = time.monotonic() - self._began
-        if isinstance(stage, Notice):
-            self._notices.append(stage)
+        seconds, stays = time.monotonic() - self._began, isinstance(stage, Notice)
         if self._notebook:
-            self._show_in_notebook(stage, share)
+            from IPython.display import HTML, display
+
+            if stays:
+                self._notices.append(html.escape(stage))
+            value = "" if share is None else f' value="{share:.3f}"'
+            bar = [] if stays else [f"<progress{value}></progress> {html.escape(stage)}"]
+            shown = HTML("<br>".join([*self._notices, *bar]))
+            if self._show is None:
+                self._show = display(shown, display_id=True).update
+            else:
+                self._show(shown)
         elif self._moves:
-            line = f"{wrapped(stage)}\n" if isinstance(stage, Notice) else _bar(stage, share, seconds)
-            self._stream.write(f"{CLEARED}{line}")
+            done = min(max(share or 0.0, 0.0), 1.0)
+            left = f"left about {seconds / done - seconds:.0f} s" if done else ""
+            bar_text = "#" * round(BAR * done) + "-" * (BAR - round(BAR * done))
+            line = f"{stage[:STAGE]:<{STAGE}} {bar_text} {done:4.0%} {seconds:4.0f} s {left}"
+            self._stream.write(f"{CLEARED}{wrapped(stage)}\n" if stays else f"{CLEARED}{line}")
             self._stream.flush()
         elif self._style == "json" and (stage, share) != self._last:
             write_line(json.dumps({"stage": stage, "share": share, "seconds": round(seconds, 3)}), self._stream)
         elif self._style in ("shown", "verbose") and stage != self._last[0]:
-            text = wrapped(stage) if isinstance(stage, Notice) else stage
+            text = wrapped(stage) if stays else stage
             write_line(f"{seconds:7.2f} s  {text}" if self._style == "verbose" else text, self._stream)
         self._last = stage, share
-
-    def _show_in_notebook(self, stage: str, share: float | None) -> None:
-        from IPython.display import HTML, display
-
-        value = "" if share is None else f' value="{share:.3f}"'
-        lines = [*map(html.escape, self._notices)]
-        if not isinstance(stage, Notice):
-            lines.append(f"<progress{value}></progress> {html.escape(stage)}")
-        shown = HTML("<br>".join(lines))
-        if self._shown is None:
-            self._shown = display(shown, display_id=True)
-        else:
-            self._shown.update(shown)
-
-
-def _bar(stage: str, share: float | None, seconds: float) -> str:
-    """The line of a terminal: stage, bar, share, time taken and time left."""
-    done = min(max(share or 0.0, 0.0), 1.0)
-    left = f"left about {seconds / done - seconds:.0f} s" if done else ""
-    bar = "#" * round(BAR * done) + "-" * (BAR - round(BAR * done))
-    return f"{stage[:STAGE]:<{STAGE}} {bar} {done:4.0%} {seconds:4.0f} s {left}"

@@ -10,7 +10,7 @@ from identify.base.errors import SceneError
 from identify.effects import ALL
 from identify.effects.quantities import Parameter
 from identify.model.model import BASE_PARAMETERS, RIG_PARAMETERS, assemble
-from identify.scene.tables import Key, TomlTable, share, text
+from identify.scene.tables import POSITIVE, Key, TomlTable, share, text
 from identify.scene.values import ParameterSpec, Tie
 
 SEARCHED = ("start", "prior", "per", "tie")  # what makes a given parameter one that is searched
@@ -76,6 +76,7 @@ def _check_admitted(stated: str, number: float | None, p: Parameter) -> None:
 
 
 def _parameter(value: object, p: Parameter) -> ParameterSpec:
+    """What [parameters] says of one parameter; the sd of a prior may be a share of its mean."""
     where = f"[parameters] {p.name}"
     if p.kind == "given" and isinstance(value, (str, int, float)):  # a bare value holds it there
         value = {"fixed": value}
@@ -95,7 +96,21 @@ def _parameter(value: object, p: Parameter) -> ParameterSpec:
     for word in ("lower", "upper"):
         if stated[word] is not None:
             _check_admitted(f"{table.place(word)} is {stated[word]:g}", stated[word], p)
-    mean, sd = _prior(table, number)
+    prior = TomlTable.of(
+        table.data.get("prior", {}), table.place("prior"), {"mean": number, "sd": number}, "{ mean = …, sd = … }"
+    )
+    if len(prior.data) == 1:
+        raise SceneError(f"{prior.where} has only {next(iter(prior.data))!r}; give both mean and sd")
+    mean, relative = prior.get("mean"), share(prior.data.get("sd"), prior.place("sd"))
+    tie = None
+    if "tie" in table.data:
+        relation = {"factor": Key(sign=POSITIVE)} if p.scale == "log" else {"offset": Key(p.unit)}
+        follows = TomlTable.of(
+            table.data["tie"], table.place("tie"), {"to": Key(read=text)} | relation, 'tie = { to = "mu_s" }'
+        )
+        if "to" not in follows.data:
+            raise SceneError(f'{follows.where} names no parameter; give tie = {{ to = "mu_s" }}')
+        tie = Tie(**follows.values())
     return ParameterSpec(
         name=p.name,
         start=stated["start"],
@@ -103,59 +118,21 @@ def _parameter(value: object, p: Parameter) -> ParameterSpec:
         upper=p.upper if stated["upper"] is None else stated["upper"],
         fixed=stated["fixed"],
         prior_mean=mean,
-        prior_sd=sd,
+        prior_sd=prior.get("sd") if relative is None else relative * abs(mean or 0.0),
         per=table.get("per"),
-        tie=_tie(table.data["tie"], table.place("tie"), p) if "tie" in table.data else None,
+        tie=tie,
         stated=True,
     )
 
 
-def _prior(table: TomlTable, number: Key) -> tuple[float | None, float | None]:
-    """Mean and standard deviation, which may be a share of the mean."""
-    prior = TomlTable.of(
-        table.data.get("prior", {}),
-        table.place("prior"),
-        {"mean": number, "sd": number},
-        "prior = { mean = …, sd = … }",
-    )
-    if len(prior.data) == 1:
-        raise SceneError(f"{prior.where} has only {next(iter(prior.data))!r}; give both mean and sd")
-    mean: float | None = prior.get("mean")
-    relative = share(prior.data.get("sd"), prior.place("sd"))
-    return mean, prior.get("sd") if relative is None else relative * abs(mean or 0.0)
-
-
-def _tie(value: object, where: str, p: Parameter) -> Tie:
-    """The parameter this one follows; a logarithmic one by a factor, another by an offset."""
-    relation, other = ("factor", "offset") if p.scale == "log" else ("offset", "factor")
-    known = {"to": Key(read=text), "factor": Key(), "offset": Key(p.unit)}
-    table = TomlTable.of(value, where, known, 'tie = { to = "mu_s" }')
-    if "to" not in table.data:
-        raise SceneError(f'{where} names no parameter; give tie = {{ to = "mu_s" }}')
-    if other in table.data:
-        raise SceneError(f"{where} has {other}, which {p.name} cannot take; give {relation} instead")
-    stated = table.values()
-    if not stated.get("factor", 1.0) > 0.0:
-        raise SceneError(f"{where} factor is {stated['factor']:g}; expected a positive number: correct it")
-    return Tie(**stated)
-
-
 def _check_ties(specs: Mapping[str, ParameterSpec], declared: Sequence[Parameter]) -> None:
-    """Refuse ties to what is not there, is tied itself, or has another scale."""
+    """Refuse ties to what is not there, is not searched itself, or has another scale."""
     scales = {p.name: p.scale for p in declared if p.kind != "rig"}
+    free = [name for name in scales if specs[name].tie is None and specs[name].fixed is None]
     for name, spec in specs.items():
-        if spec.tie is None:
-            continue
-        to = spec.tie.to
-        if to not in scales or name not in scales or to not in specs:
+        able = [other for other in free if other != name and scales[other] == scales.get(name)]
+        if spec.tie is not None and spec.tie.to not in able:
             raise SceneError(
-                f"{name} is tied to {to!r}, which is no friction parameter of this scene; expected one of "
-                f"{', '.join(scales)}: correct it"
-            )
-        if specs[to].tie is not None or specs[to].fixed is not None or to == name:
-            raise SceneError(f"{name} is tied to {to}, which is not searched itself; tie it to one that is")
-        if scales[name] != scales[to]:
-            raise SceneError(
-                f"{name} is tied to {to}, but one is searched by its logarithm and the other is not; tie parameters of "
-                "one kind"
+                f"{name} is tied to {spec.tie.to!r}; expected a friction parameter that is searched itself, as "
+                f"{'its logarithm' if scales.get(name) == 'log' else 'it is'} ({', '.join(able) or 'none'}): correct it"
             )

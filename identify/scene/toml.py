@@ -14,7 +14,8 @@ from data_io.open import contents_of
 from data_io.source import Request, load
 from data_io.values import LogError
 from identify.base.errors import SceneError
-from identify.scene.tables import RIG, Key, text
+from identify.scene.tables import RIG, Key
+from identify.scene.tables import text as read_text
 
 DEEPEST = 10  # tables of a scene within each other
 LONGEST_INTEGER = 10_000  # bits
@@ -22,7 +23,7 @@ Tables = dict[str, Any]
 BACKSLASH = "a backslash within \" begins an escape: write paths of Windows within ', as in 'C:\\logs\\new.txt'"
 TOP: Mapping[str, Key] = dict.fromkeys(
     "effects extrapolate rig contact initial parameters quality fit tolerances logs".split(), Key()
-) | {"name": Key(read=text)}
+) | {"name": Key(read=read_text)}
 
 
 def read_toml(path: Path, overrides: Sequence[str] = ()) -> Tables:
@@ -36,10 +37,19 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> Tables:
     except (FileNotFoundError, IsADirectoryError):
         raise SceneError("no such scene file; give an existing one, or write one with: stickslip scene LOG") from None
     except ValueError as error:
-        _refuse_a_log(path)
+        with suppress(LogError, OSError):
+            contents_of(load(path), Request())
+            raise SceneError(
+                f"this is a log, not a scene; write a scene from it with: stickslip scene {path} --out SCENE.toml"
+            ) from None
         if isinstance(error, UnicodeDecodeError):
             raise SceneError("this is not UTF-8 text; save the scene file as UTF-8") from None
-        raise SceneError(f"this is not valid TOML ({error}); {_remedy(path, str(error))}") from None
+        text, remedy = path.read_text(encoding="utf-8-sig"), "mend that line"
+        if text.lstrip().startswith("{") and '"schema"' in text:
+            remedy = "it is a result of stickslip fit: give the scene file, or the result where --result takes it"
+        elif re.search(r'"[^"\n]*\\', text):
+            remedy = BACKSLASH
+        raise SceneError(f"this is not valid TOML ({error}); {remedy}") from None
     except OSError as error:
         raise SceneError(f"the scene file cannot be read ({error.strerror}); check its path and permissions") from None
     document = with_rig_file(document, path.parent)
@@ -69,25 +79,6 @@ def parsed(text: str) -> Tables:
         if not level:
             return document
     raise ValueError(f"more than {DEEPEST} tables within each other")
-
-
-def _remedy(path: Path, complaint: str) -> str:
-    """What mends a scene file that is no TOML."""
-    text = path.read_text(encoding="utf-8-sig")
-    if text.lstrip().startswith("{") and '"schema"' in text:
-        return "it is a result of stickslip fit: give the scene file, or the result where a command takes --result"
-    place = re.search(r"at line (\d+)", complaint)
-    line = text.split("\n")[int(place[1]) - 1] if place else ""
-    return BACKSLASH if re.search(r'"[^"]*\\', line) else "mend that line"
-
-
-def _refuse_a_log(path: Path) -> None:
-    """Raise SceneError where a file that is no scene is a log."""
-    with suppress(LogError, OSError):
-        contents_of(load(path), Request())
-        raise SceneError(
-            f"this is a log, not a scene; write a scene from it with: stickslip scene {path} --out SCENE.toml"
-        )
 
 
 def is_rig(document: Mapping[str, object]) -> bool:
@@ -171,15 +162,13 @@ def question_bare_numbers(document: Mapping[str, object]) -> None:
         SceneError: which one, and how to write it.
     """
     logs = document.get("logs")
-    tables: list[tuple[str, Any]] = [("[rig]", document.get("rig"))]
-    tables += [(f"[[logs]] number {n}", log) for n, log in enumerate(logs if isinstance(logs, list) else [], 1)]
-    for where, table in tables:
+    tables = {f"[[logs]] number {n}": log for n, log in enumerate(logs if isinstance(logs, list) else [], 1)}
+    for where, table in (tables | {"[rig]": document.get("rig")}).items():
         for name, key in RIG.items() if isinstance(table, Mapping) else ():
             value: Any = table.get(name)
             value = value.get("value") if isinstance(value, Mapping) else value
-            pairs = value if isinstance(value, (list, tuple)) else [(0.0, value)]
-            pairs = [pair for pair in pairs if isinstance(pair, (list, tuple))]
-            for number in (item for pair in pairs for item in pair[1:2]):
+            pairs = value if isinstance(value, list) else [[0, value]]
+            for number in (pair[1] for pair in pairs if isinstance(pair, list) and len(pair) > 1):
                 plain = isinstance(number, (int, float)) and not isinstance(number, bool) and 0.0 < abs(number) < 1e300
                 if key.usual and plain and not key.usual[0] <= abs(number) <= key.usual[1]:
                     raise SceneError(
