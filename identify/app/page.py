@@ -46,12 +46,12 @@ class Page:
             "cancel": ("POST", lambda q: self.jobs.cancel(q.text("id"))),
             "fit": ("GET", lambda q: fit_seen(folder, q.text("path"))),
             "batch": ("GET", lambda q: batch_seen(folder, q.text("path"))),
-            "residuals": ("GET", self._residuals),
+            "residuals": ("GET", lambda q: residuals(folder, q.text("path"), q.whole("number", 1), *self._span(q))),
             "examples": ("POST", lambda _: self._put_examples()),
             "manifest": ("POST", self._write_manifest),
-            "groups": ("GET", self._read_manifest),
+            "groups": ("GET", lambda q: {"rows": self._rows(folder.path(q.values.get("path")))}),
             "log": ("GET", self._open_log),
-            "curves": ("GET", self._curves),
+            "curves": ("GET", lambda q: self.logs.opened(*self._named(q)[:2]).window(*self._span(q))),
             "cut": ("GET", lambda q: seen_by_a_fit(self._segmented(self._scene(q), q.whole("number", 0)))),
             "scene": ("GET", lambda q: self.scenes.seen(q.text("path"))),
             "edit": ("POST", self._edit),
@@ -70,9 +70,9 @@ class Page:
         fits = [fit_row(self.folder, name) for name in found["fits"]]
         return found | {"folder": str(self.folder.root), "logs": logs, "fits": fits, "jobs": self.jobs.listed()}
 
-    def _residuals(self, asked: PageQuery) -> Answer:
-        begin, end = asked.number("begin", -np.inf), asked.number("end", np.inf)
-        return residuals(self.folder, asked.text("path"), asked.whole("number", 1), begin, end)
+    @staticmethod
+    def _span(asked: PageQuery) -> tuple[float, float]:
+        return asked.number("begin", -np.inf), asked.number("end", np.inf)
 
     def _put_examples(self) -> Document:
         """Copy the example logs and their scene into the folder; what is there already stays."""
@@ -99,13 +99,11 @@ class Page:
             handle.write(text.getvalue())
         return {"path": self.folder.name(path)}
 
-    def _read_manifest(self, asked: PageQuery) -> Document:
-        path = self.folder.path(asked.values.get("path"))
-        return {"rows": self._rows(path) if path.is_file() else []}
-
     @staticmethod
     def _rows(path: Path) -> list[dict[str, str]]:
         """Rows of a manifest that the page has written; none of any other file."""
+        if not path.is_file():
+            return []
         with path.open(encoding="utf-8", errors="replace") as handle:
             if not handle.readline(10_000).startswith("path,group"):
                 return []
@@ -122,16 +120,10 @@ class Page:
         about: Document = {"path": name, "share": opened.share, "error": opened.error, "ready": ready}
         if opened.record is None:
             return about
-        cut = (
-            None
-            if entry is None
-            else {
-                "window": entry.window and list(entry.window),
-                "exclude": [list(span) for span in entry.exclude],
-                "skip_cycles": entry.skip_cycles,
-                "tare": list(entry.tare) if isinstance(entry.tare, tuple) else None,
-            }
-        )
+        cut: Document | None = None
+        if entry is not None:
+            tare = entry.tare if isinstance(entry.tare, tuple) else None
+            cut = {"window": entry.window, "exclude": entry.exclude, "skip_cycles": entry.skip_cycles, "tare": tare}
         return about | {
             "rows": len(opened.record),
             "duration": float(opened.record.time[-1]),
@@ -139,10 +131,6 @@ class Page:
             "inspection": seen if entry is None else None,
             "cut": cut,
         }
-
-    def _curves(self, asked: PageQuery) -> Answer:
-        name, options, _ = self._named(asked)
-        return self.logs.opened(name, options).window(asked.number("begin", 0.0), asked.number("end", np.inf))
 
     # ---- scenes, simulations and maps --------------------------------------------------------------------------------
 
