@@ -201,11 +201,6 @@ def quantity(value: float | None, unit: str, digits: int = 4) -> str:
     return f"{number(value / scale.factor, digits)}{space}{scale.unit}"
 
 
-def speed(value: float | None) -> str:
-    """A speed [m/s]; a slow one in mm/min, as it is on the dial of the tribometer."""
-    return quantity(value, "m/s")
-
-
 def split_key(key: str) -> tuple[str, str]:
     """Name and SI unit told by a key of the document: "onset_force_N" -> ("onset force", "N")."""
     for ending, unit in KEY_UNITS:

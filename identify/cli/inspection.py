@@ -14,7 +14,7 @@ from data_io.record import WINDOW_START
 from data_io.thresholds import percent
 from identify.base.document import Json, to_dict, to_document
 from identify.base.result import ClassicalTable
-from identify.base.wording import DASH, columns, number, programme_text, quantity, speed, split_key, wrapped
+from identify.base.wording import DASH, columns, number, programme_text, quantity, split_key, wrapped
 from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, RecordPart, judge
 from identify.logs.recorded_drive import UNTOLD, RecordedDrive, drive_of, recorded_drive
@@ -152,7 +152,7 @@ def lines(seen: Inspection) -> Iterator[str]:
 
 
 def _drive(drive: RecordedDrive) -> str:
-    return speed(drive.speed) if drive.speed is not None else programme_text(drive.programme or ())
+    return quantity(drive.speed, "m/s") if drive.speed is not None else programme_text(drive.programme or ())
 
 
 def _regime_line(seen: LogRegime) -> str:
@@ -229,7 +229,7 @@ def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:
         row = [
             name,
             f"{seen.judgement.quality.sampling.rate:.4g} Hz",
-            speed(drive_speed) if drive_speed is not None else "several" if seen.drive.programme else DASH,
+            quantity(drive_speed, "m/s") if drive_speed is not None else "several" if seen.drive.programme else DASH,
             DASH if regime is None else regime.value.replace("_", " "),
             str(sum(step.phases.count for step in seen.steps)),
             seen.judgement.verdict.removeprefix("accept with "),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from data_io.notebook_figure import NotebookFigure
 from identify.base.outcome import LogCurves, SlipDetail
 from identify.base.result import StrengthCurve, UnevenCycles, UnevenResult
-from identify.base.wording import number, scale_for, speed
+from identify.base.wording import number, quantity, scale_for
 from identify.estimation.starts import Preview, PreviewLog
 from identify.report.style import (
     ARREST,
@@ -512,7 +512,7 @@ def draw_preview(seen: Preview) -> Figure:
         _preview_panel(whole, log, 0, len(log.time))
         middle = float(log.onset[log.onset.size // 2]) if log.onset.size else 0.0
         _preview_panel(near, log, *_close_up(log.time, log.onset, middle))
-        whole.set_title(f"{printable(log.name)} · {speed(log.drive_speed)} · {log.told}")
+        whole.set_title(f"{printable(log.name)} · {quantity(log.drive_speed, 'm/s')} · {log.told}")
         whole.set_ylabel("force (N)")
     for axes in grid[-1]:
         axes.set_xlabel("time (s)")

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from identify.base.document import Json, to_dict
 from identify.base.outcome import Status
 from identify.base.result import LogResult, Result
-from identify.base.wording import DASH, number, quantity, speed
+from identify.base.wording import DASH, number, quantity
 from identify.prediction.wording import listed
 from identify.report.report_tables import (
     accuracy_rows,
@@ -241,7 +241,7 @@ def _log(place: int, log: LogResult, converged: bool) -> dict[str, object]:
 
 def _facts(log: LogResult) -> dict[str, str]:
     facts = {
-        "drive speed": speed(log.drive_speed_m_per_s),
+        "drive speed": quantity(log.drive_speed_m_per_s, "m/s"),
         "normal force": quantity(log.normal_force_N, "N", 3),
         "step": DASH if log.step is None else str(log.step),
         "samples": _thousands(log.rows),

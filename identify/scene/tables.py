@@ -104,14 +104,8 @@ def speed(value: object, unit: str, where: str) -> float | tuple[tuple[float, fl
 
 def _span(value: object, _unit: str, where: str) -> tuple[float, float]:
     if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise SceneError(f'{where} is {value!r}; expected two times such as ["5 s", "20 s"]')
+        raise SceneError(f'{where} is {value!r}; expected two times ["5 s", "20 s"], of several pairs a list')
     return stated(value[0], "s", where), stated(value[1], "s", where)
-
-
-def _spans(value: object, unit: str, where: str) -> tuple[tuple[float, float], ...]:
-    if not isinstance(value, (list, tuple)):
-        raise SceneError(f'{where} is {value!r}; expected pairs of times [["5 s", "6 s"]]')
-    return tuple(_span(pair, unit, where) for pair in value)
 
 
 def _zero(value: object, unit: str, where: str) -> float | tuple[float, float]:
@@ -124,16 +118,13 @@ def _number(value: object, unit: str, where: str) -> float:
     return stated(value, unit, where) if unit else part(value, unit, where)
 
 
-def _whole(value: object, _unit: str, where: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise SceneError(f"{where} is {value!r}; expected a whole number: correct it")
-    return value
+def _of_kind(kind: type, words: str) -> Reader:
+    def read(value: object, _unit: str, where: str) -> object:
+        if type(value) is not kind:
+            raise SceneError(f"{where} is {value!r}; expected {words}: correct it")
+        return value
 
-
-def _truth(value: object, _unit: str, where: str) -> bool:
-    if not isinstance(value, bool):
-        raise SceneError(f"{where} is {value!r}; expected true or false: correct it")
-    return value
+    return read
 
 
 def text(value: object, _unit: str, where: str) -> str:
@@ -160,17 +151,9 @@ def _words(value: object, _unit: str, where: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Key:
-    """What a key of a scene holds.
-
-    Attributes
-    ----------
-    unit : SI; "" of a pure number and of what is none.
-    read : from what the file has to what the scene takes.
-    sign : "positive", "not negative" or "" (any).
-    limit : of the size of a number.
-    usual : least and most that a tribometer has in SI, and the unit that was probably meant where a bare number is
-        something else.
-    """
+    """What a key of a scene holds: SI unit ("" of a pure number and of what is none), how it is read, sign ("positive",
+    "not negative", "" for any), limit of its size, and the least and most that a tribometer has in SI with the unit that
+    was probably meant where a bare number is something else."""
 
     unit: str = ""
     read: Reader = stated
@@ -180,6 +163,7 @@ class Key:
 
 
 POSITIVE, NOT_NEGATIVE = "positive", "not negative"
+WHOLE = Key(read=_of_kind(int, "a whole number"))
 SHARE = Key(read=part, sign=NOT_NEGATIVE, limit=1.0)
 DAMPING = ("damping", "zeta", "loss_factor", "log_decrement")
 TIED = "natural_frequency_tolerance"  # of sqrt(k/m), in which errors of stiffness and mass that are the same cancel
@@ -198,20 +182,20 @@ RIG: Mapping[str, Key] = {
 }
 LOG: Mapping[str, Key] = {
     "path": Key(read=text),
-    "step": Key(read=_whole),
-    "run": Key(read=_whole),
+    "step": WHOLE,
+    "run": WHOLE,
     "columns": Key(read=_words),
     "units": Key(read=_words),
     **{name: RIG[name] for name in ("drive_speed", "normal_force", "stiffness", "damping", "noise")},
     "mass": Key("kg", sign=POSITIVE, usual=RIG["mass"].usual),
     "window": Key("s", _span),
-    "exclude": Key("s", _spans),
-    "skip_cycles": Key(read=_whole, sign=NOT_NEGATIVE),
+    "exclude": Key("s", lambda v, u, at: tuple(_span(p, u, at) for p in (v if isinstance(v, list | tuple) else [v]))),
+    "skip_cycles": Key(read=WHOLE.read, sign=NOT_NEGATIVE),
     "tare": Key("N", _zero),
     "normal_tare": Key("N", _zero),
     "crosstalk": Key("", _number, limit=1.0),
     "tilt": Key("rad", _number, limit=math.pi / 4),
-    "flip_sign": Key(read=_truth),
+    "flip_sign": Key(read=_of_kind(bool, "true or false")),
     "labels": Key(read=_words),
     "rate": Key("Hz", sign=POSITIVE),
 }

@@ -3,7 +3,6 @@
 The system lets no file grow beyond a limit here, which fails as a full disk does: in the middle of a write.
 """
 
-import json
 import resource
 import sys
 from contextlib import contextmanager
@@ -13,10 +12,8 @@ import numpy as np
 import pytest
 
 from data_io import Record, write_csv
-from experiments.batch_trials import started
 from identify import identification
 from identify.cli import main as cli
-from tests.support.batch_case import write_case
 from tests.support.fake_fit import fake_fit
 
 SCENE = """
@@ -105,36 +102,5 @@ def test_a_fit_leaves_no_half_report(case, capsys, monkeypatch):
     capsys.readouterr()
     with no_file_larger_than(sizes[-1] - 1):
         assert cli.main(["fit", "--scene", "fit.toml", "--out", "new", "--quiet"]) == 2
-    _, words = capsys.readouterr()
-    assert words.count("\n") == 1 and "too large" in words and files(case) == before
-
-
-def test_a_batch_stops_and_keeps_what_is_whole_and_so_does_its_comparison(case, capsys):
-    manifest, scene = write_case(case / "case", ["g1", "g2", "g3"])
-
-    def batch(out, size=None):
-        limit = (
-            "" if size is None else f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size})); "
-        )
-        process = started([manifest, "--scene", scene, "--out", out, "--json"], before=limit)
-        document = json.loads(process.communicate()[0])
-        return process.returncode, document
-
-    assert batch(case / "whole")[0] == 0
-    sizes = {path.name: path.stat().st_size for path in files(case / "whole")}
-    for size in (0, sizes["job.json"] + 1):
-        out = case / f"new{size}"
-        code, document = batch(out, size)
-        assert code == 2 and "too large" in document["message"].lower()
-        assert {path.name for path in files(out)} <= {"batch.json", "index.csv"}
-    compared = ["compare", str(case / "whole"), "--by", "material", "--out", "compared", "--quiet"]
-    before = files(case)
-    assert cli.main(compared) == 0
-    sizes = sorted(path.stat().st_size for path in files(case) - before)
-    before = files(case)
-    compared[-2] = "again"
-    capsys.readouterr()
-    with no_file_larger_than(sizes[-1] - 1):
-        assert cli.main(compared) == 2
     _, words = capsys.readouterr()
     assert words.count("\n") == 1 and "too large" in words and files(case) == before

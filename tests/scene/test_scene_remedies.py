@@ -14,7 +14,6 @@ RESTING = 'effects=["contact_ageing", "velocity_weakening"]'  # without inertia
 # What is set in the good scene ("-key" leaves it out), the remedy that the sentence names, and what it sets instead.
 CASES = [
     (['rig.stiffnes="1 N/m"'], "did you mean 'stiffness'", ['rig.stiffness="1 N/m"']),
-    (['effects=["inertai"]'], "did you mean 'inertia'", ['effects=["inertia"]', "-parameters"]),
     (['rig.drive_speed="-1 mm/s"'], "give it without its sign", ['rig.drive_speed="1 mm/s"']),
     (["-effects"], r"expected a list: effects = \[", [f"effects={MAIN}]"]),
     ([f'effects={MAIN}, "inertia"]'], "remove one of the two", [f"effects={MAIN}]"]),
@@ -25,7 +24,6 @@ CASES = [
       "parameters.damping_frequency=3"], "keep one of them",
      ['effects=["inertia", "driven_damping"]', "-parameters", "rig.damping_frequency=2"]),
     (["parameters.a={lower=-40}"], "admits 0.001 to 1e.07 s/m: move it there", ["parameters.a={lower=0.001}"]),
-    (["parameters.mu_s={start=30}"], "move it inside or widen the bounds", ["parameters.mu_s={start=20}"]),
     (["parameters.t_cr={fixed=0.5, start=1}"], "keep one of them", ["parameters.t_cr={fixed=0.5}"]),
     (["parameters.mu_s={start=0.3}"], "give .parameters. a start of mu_k0 below",
      ["parameters.mu_s={start=0.3}", "parameters.mu_k0={start=0.2}"]),
@@ -35,17 +33,14 @@ CASES = [
     (['parameters.D={per="volunteer"}'], r'give it labels = \{ volunteer = "…" \}',
      ['parameters.D={per="volunteer"}', 'logs.2.labels={volunteer="8"}']),
     (['parameters.D={per="volunteer"}'], 'or write per = "log"', ['parameters.D={per="log"}']),
-    (["-rig.damping"], "give one of damping, zeta", ["-rig.damping", "rig.zeta=0.05"]),
     (["-rig.mass"], 'give mass = "0.2 kg"', ['rig.mass="0.2 kg"']),
     ([RESTING, "-rig.mass", 'rig.damping="1 N s/m"'], "give the mass, or h in N/m",
      [RESTING, "-rig.mass", 'rig.damping="1 N/m"']),
     (["rig.mass=0"], "take inertia out of effects", ["rig.mass=0", RESTING]),
-    (["rig.stiffness=-1"], "expected a positive number: correct it", ["rig.stiffness=1"]),
     (['rig.mass="1e308 kg"'], "between 1e-18 and .*: correct it, or its unit", ['rig.mass="0.2 kg"']),
     (['rig.stiffness="1470"'], 'write for instance "1470 N/m"', ['rig.stiffness="1470 N/m"']),
     (['rig.stiffness="1.47 mm"'], "N/m", ['rig.stiffness="1.47 N/m"']),
     (["-logs", "-rig.drive_speed"], 'give drive_speed = "… mm/s" under .rig.', ["-logs", 'rig.drive_speed="1 mm/s"']),
-    (["-logs.1.path"], 'give path = "slow.csv"', ['logs.1.path="slow.csv"']),
     (['logs.1.window=["5 min", "1 min"]'], "expected start before stop", ['logs.1.window=["1 min", "5 min"]']),
     (["logs.1.crosstalk=2"], "expected less than 1 to either side", ["logs.1.crosstalk=0.9"]),
     (['rig.mass="TODO g"'], "replace each TODO by a quantity with its unit", ['rig.mass="180 g"']),
@@ -57,7 +52,6 @@ CASES = [
      r'use it there all the same: extrapolate = \["power_law"\]',
      ['effects=["inertia", "power_law"]', "-parameters", 'rig.drive_speed="5 m/s"', 'extrapolate=["power_law"]']),
     (["contact.area=1", "contact.area_law={coefficient=1, exponent=1}"], "keep exactly one", ["contact.area=1"]),
-    (["initial.gamma=2"], "expected a share between 0 and 1", ["initial.gamma=1"]),
 ]  # fmt: skip
 
 
