@@ -151,9 +151,9 @@ def _words(value: object, _unit: str, where: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Key:
-    """What a key of a scene holds: SI unit ("" of a pure number and of what is none), how it is read, sign ("positive",
-    "not negative", "" for any), limit of its size, and the least and most that a tribometer has in SI with the unit that
-    was probably meant where a bare number is something else."""
+    """What a key of a scene holds: SI unit ("" of a pure number and of what is none), how it is read, sign (POSITIVE,
+    NOT_NEGATIVE or "" for any), limit of its size, and the least and most that a tribometer has in SI with the unit
+    that was probably meant where a bare number is something else."""
 
     unit: str = ""
     read: Reader = stated
