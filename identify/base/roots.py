@@ -43,7 +43,7 @@ Function = Callable[[Array], Array]  # times (n,) [s] -> values (n,)
 DECADES = 16  # the grid begins at this many decades below its end
 PER_DECADE = 12
 PER_PERIOD = 16
-FIRST_CHUNK, CHUNK = 64, 1024  # times per call while scanning an oscillation
+CHUNK = 256  # times per call while scanning an oscillation
 MAX_SCAN = 500_000  # times of one search: a bound, so that no scene runs for ever
 DEEP = 0.5  # a dip is looked at where a parabola comes within this share of its rise to zero
 
@@ -67,7 +67,10 @@ def first_zero(function: Function, limit: float, period: float = np.inf, below: 
         return _first_in(function, grid, function(grid))
     looked = 0
     for low, high in ((0.0, limit),) if below is None else _fallen(below, grid, below(grid)):
-        for times in _chunks(low, high, period / PER_PERIOD, limit):
+        n = max(int(np.ceil((high - low) * PER_PERIOD / period)), 2)  # a dip needs a time at either side
+        step = (high - low) / n
+        for first in range(0, n, CHUNK):  # neighbours overlap: a dip between two chunks is in one of them
+            times = np.clip(low + step * np.arange(first - 1, min(first + CHUNK, n) + 2), 0.0, limit)
             looked += times.size
             if looked > MAX_SCAN:
                 raise SimulationError(
@@ -79,17 +82,6 @@ def first_zero(function: Function, limit: float, period: float = np.inf, below: 
             if zero is not None:
                 return zero
     return None
-
-
-def _chunks(start: float, end: float, step: float, limit: float) -> Iterator[Array]:
-    """The times to look at, in order and even; neighbours overlap by two times: a dip between two chunks is seen by one
-    of them."""
-    n = max(int(np.ceil((end - start) / step)), 2)  # a dip needs a time at either side
-    step, first, chunk = (end - start) / n, 0, FIRST_CHUNK
-    while first < n:
-        places = start + step * np.arange(first - 1, min(first + chunk - 3, n) + 2)
-        yield np.clip(places, 0.0, limit)
-        first, chunk = first + chunk - 3, min(2 * chunk, CHUNK)
 
 
 def _fallen(function: Function, t: Array, v: Array) -> Iterator[tuple[float, float]]:
@@ -120,18 +112,13 @@ def _first_in(function: Function, t: Array, v: Array) -> float | None:
     last = int(fallen[0]) + 1 if fallen.size else t.size
     dips = _dips(v)
     for i in dips[dips < last].tolist():
-        found = _in_dip(function, t[i - 1], t[i + 1])
-        if found is not None:
-            return found
+        # From its start on: scipy's tolerance is relative to the time, which after an hour is many periods.
+        low, span = float(t[i - 1]), float(t[i + 1] - t[i - 1])
+        value = lambda part, low=low: float(function(np.array([low + part]))[0])  # noqa: E731
+        lowest = scipy.optimize.minimize_scalar(value, bounds=(0.0, span), options={"xatol": 0.0})
+        if lowest.fun <= 0.0:
+            return _refined(function, low, low + float(lowest.x))
     return _refined(function, t[last - 1], t[last]) if fallen.size else None
-
-
-def _in_dip(function: Function, low: float, high: float) -> float | None:
-    """The first zero around a minimum between low and high, None if the minimum is positive."""
-    # From its start on: scipy's tolerance is relative to the time, which after an hour is many periods of a vibration.
-    value = lambda part: float(function(np.array([low + part]))[0])  # noqa: E731
-    lowest = scipy.optimize.minimize_scalar(value, bounds=(0.0, high - low), options={"xatol": 0.0})
-    return _refined(function, low, low + float(lowest.x)) if lowest.fun <= 0.0 else None
 
 
 def _refined(function: Function, low: float, high: float) -> float:
