@@ -59,18 +59,11 @@ SIMULATE: Options = {
 }
 
 
-def stability(arguments: Namespace, terminal: Terminal) -> Answer:
-    """Whether the pair sticks and slips."""
+def calculated(arguments: Namespace, terminal: Terminal) -> Answer:
+    """What the pair does at operating points, or over a map."""
     from identify.cli.operating import answers
 
-    return answers(arguments, terminal, "stability")
-
-
-def amplitude(arguments: Namespace, terminal: Terminal) -> Answer:
-    """How large its jumps are."""
-    from identify.cli.operating import answers
-
-    return answers(arguments, terminal, "amplitude")
+    return answers(arguments, terminal, arguments.command)
 
 
 def simulate(arguments: Namespace, terminal: Terminal) -> Answer:
@@ -174,6 +167,6 @@ def simulate(arguments: Namespace, terminal: Terminal) -> Answer:
 
 COMMANDS = (
     Command("simulate", "run the model of a scene forward and write a log", SIMULATE, simulate),
-    Command("stability", "does the pair stick and slip at an operating point, and up to which speed", POINT, stability),
-    Command("amplitude", "how large, fast and frequent the jumps are at an operating point", POINT, amplitude),
+    Command("stability", "does the pair stick and slip at an operating point, up to which speed", POINT, calculated),
+    Command("amplitude", "how large, fast and frequent the jumps are at an operating point", POINT, calculated),
 )

@@ -114,20 +114,13 @@ def _scene_of(arguments: Namespace) -> Scene:
             options[name] = quantity(options[name], unit, f"--{name.replace('_', '-')}")
     limit = [f"fit.time_limit={arguments.time_limit!r}"] if arguments.time_limit else []
     scene = Scene.from_toml(arguments.scene, [*arguments.set, *limit])
-    folders = [Path(log) for log in arguments.logs if Path(log).is_dir()]
-    logs = scene.logs
-    if not any(not log_is_at(folder) for folder in folders):
-        scene = scene.choose([Path(log) for log in arguments.logs], LogEntry(Path()))
-        logs = tuple(replace(entry, **options) for entry in scene.logs)
-    if not logs and not folders:
+    logs = tuple(replace(entry, **options) for entry in scene.choose(arguments.logs, LogEntry(Path())).logs)
+    if not logs:
         raise CommandLineError(f"{scene.source} lists no log and none was given; name a LOG, or add [[logs]] to it")
-    for path in (*folders, *(entry.path for entry in logs)):
-        if path.is_dir() and not log_is_at(path):
-            raise CommandLineError(
-                f"{path} is a folder that holds no log; expected a log or a folder of them: name a file"
-            )
+    for path in (entry.path for entry in logs):
         if not log_is_at(path):
-            raise CommandLineError(f"{path}: there is no such log; check its path in the scene, or put it there")
+            what = "this is a folder that holds no log" if path.is_dir() else "there is no such log"
+            raise CommandLineError(f"{path}: {what}; check its path in the scene, or put it there")
     return replace(scene, logs=logs)
 
 

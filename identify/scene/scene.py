@@ -273,7 +273,8 @@ class Scene:
         same = [entry for entry in self.logs if entry.path.name == path.name]
         files = {entry.path.resolve() for entry in same}
         if not files:
-            raise SceneError(f"{path}: there is no such log, as a file or among the logs of the scene; check its path")
+            what = "this is a folder that holds no log" if path.is_dir() else "there is no such log"
+            raise SceneError(f"{path}: {what}, nor one of this name among those of the scene; check its path")
         if len(files) > 1:
             raise SceneError(f"{path} stands for {len(files)} files of the scene; give the path as the scene has it")
         return same

@@ -1,13 +1,11 @@
 """The command line: exit codes, one sentence per error, JSON on standard output, help for whoever mistypes."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from identify import examples
-from identify.cli import fit as fit_group
 from identify.cli.common import Answer
 from tests.support.command import refused, stickslip
 
@@ -15,17 +13,6 @@ LOG = examples.FOLDER / "5_mm_per_s.txt.gz"
 RIG = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N"]
 SIMULATE = ["simulate", "--scene", examples.SCENE, *RIG, "--out", "a.csv"]
 NO_RESULT = {"schema": 1, "status": "converged", "parameters": {}, "logs": [], "provenance": {"scene": {}}}
-
-
-@pytest.fixture
-def work(monkeypatch):
-    """Have `stickslip fit` do something else."""
-
-    def put(run):
-        (fit,) = (command for command in fit_group.COMMANDS if command.name == "fit")
-        monkeypatch.setattr(fit_group, "COMMANDS", (replace(fit, run=run),))
-
-    return put
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,7 @@ def run_cell(source, space):
     return None if last is None else eval(compile(last, "cell", "eval"), space)
 
 
+@pytest.mark.slow
 def test_the_notebook_runs_and_shows_what_it_says(tmp_path, monkeypatch, no_further_logs):
     """Its cells, one after the other; its tables hold what they gave when it was made."""
     page = json.loads((DOCS / "notebook.ipynb").read_text(encoding="utf-8"))

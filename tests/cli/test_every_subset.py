@@ -76,7 +76,7 @@ def test_two_speeds_without_damping_give_the_values_they_were_made_with(folder, 
         text = text.replace("labels =", f'drive_speed = "{speed}"\nlabels  =', 1)
     (folder / "scene.toml").write_text(text, encoding="utf-8")
     for number, (speed, duration) in enumerate(zip(logs, ("3 s", "15 s"), strict=True), 1):
-        log = ("--duration", duration, "--rate", "1 kHz", "--noise", "10 mN", "--out", f"log_{number}.csv")
+        log = ("--duration", duration, "--rate", "400 Hz", "--noise", "5 mN", "--out", f"log_{number}.csv")
         one = ("simulate", "--scene", "scene.toml", "--set", f'rig.drive_speed="{speed}"', "--seed", number)
         assert stickslip(capsys, *one, *log)[0] == 0
     code, _, err = stickslip(capsys, "fit", "--scene", "scene.toml", "--out", "out")

@@ -7,12 +7,10 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from identify.cli import fit as fit_group
 from identify.cli import interrupt
 from identify.cli.common import Answer, CommandLineError
 from identify.cli.folder import check_replaceable, result_folder
@@ -46,17 +44,6 @@ fit.COMMANDS = (replace(fit.COMMANDS[1], run=run),)
 sys.argv = ["stickslip", "fit", "--scene", "x", *sys.argv[1:]]
 raise SystemExit(cli.main())
 """
-
-
-@pytest.fixture
-def work(monkeypatch):
-    """Have `stickslip fit` do something else."""
-
-    def put(run):
-        (fit,) = (command for command in fit_group.COMMANDS if command.name == "fit")
-        monkeypatch.setattr(fit_group, "COMMANDS", (replace(fit, run=run),))
-
-    return put
 
 
 def stopped(folder, number, *arguments, before="pass", seconds=60.0):
