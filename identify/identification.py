@@ -51,7 +51,7 @@ from identify.estimation.influence import largest_inflation
 from identify.estimation.search import SearchProblem, alike, search
 from identify.estimation.starts import Sources
 from identify.estimation.stick_strength import with_strengths
-from identify.estimation.strategies import Strategy, Trace, Trial, tracing
+from identify.estimation.strategies import Trace, Trial, note, tracing
 from identify.logs.prepare import Prepared
 from identify.logs.scene_records import prepare_scene, with_drives, with_records
 from identify.logs.unknowns import Unknowns, from_scene, stated_rig, user_start
@@ -75,10 +75,13 @@ CHOICE_SHARE = 0.5  # for the comparison of effects that are to be chosen
 SEARCH_SHARE = 0.6  # of what is left: the rest is for the intervals of an answer, or the cause of a misfit
 PLAIN_SHARE = 0.75  # where cycles differ: the estimator of uneven records needs the rest
 
-TIMES_LONGER = 4.0  # a limit that is advised, of one that did not suffice
-LONGEST_ADVISED = 600.0  # [s]: a fit that takes longer wants less to do, not more time
 UNEVEN_EFFECT = "friction_heterogeneity"  # asks for the estimator of uneven records
-LAST_STAGE = "stability and amplitude"
+LAST_STAGE, NEXT_LOG = "stability and amplitude", "the log that would tell more"
+BY_NAME = {effect.name: effect for effect in ALL}
+LIKELY = 3.0  # standard deviations of the usual error of a rig or a sensor
+ERRORS = {name: name for name in ("mass", "stiffness", "damping", "drive_speed")}
+ERRORS |= {"force_gain": "friction_force", "load_gain": "normal_force"}
+SCALES = ("drive_speed", "friction_force")  # what a stiffness, mass and damping that are estimated stand in for
 
 
 @dataclass(frozen=True)
@@ -142,7 +145,8 @@ def fit(
     stated, drives = with_drives(given, records)
     used, choice, left = stated, None, (1.0 - REPORT_SHARE) * stated.time_limit  # [s]
     with timing_stages() as seconds:
-        if estimator is None and asks_for_uneven(used):
+        uneven = used.effects != "auto" and UNEVEN_EFFECT in used.effects
+        if estimator is None and uneven and BY_NAME[UNEVEN_EFFECT].unfit(used.values()) is not None:
             used, estimator = used.with_effects([e for e in used.effects if e != UNEVEN_EFFECT]), UnevenEstimator()
         if used.effects == "auto":
             used, records = with_records(used, records)
@@ -217,9 +221,8 @@ def _prepared(
             "add inertia to effects and give the mass under [rig]"
         )
     values = scene.values()
-    for effect in ALL:
-        if effect.name in scene.effects and (refusal := effect.unfit(values)) is not None:
-            raise FitError(refusal)
+    if refusal := next(filter(None, (BY_NAME[name].unfit(values) for name in scene.effects)), None):
+        raise FitError(refusal)
     if not np.any(from_scene(scene).free):
         raise FitError(
             "[parameters] fixes or ties every parameter, so that nothing is left to fit; expected one that is free: "
@@ -237,11 +240,6 @@ def _prepared(
     return Task(made.scene, made.records, made.logs, made.unknowns, options, starts, seed, progress)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The estimate: by multiple shooting, and by the estimator of uneven records where cycles differ among themselves.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
 def plain_or_uneven(task: Task) -> tuple[list[Prepared], Findings]:
     """What multiple shooting finds, and where it fails since cycles differ among themselves, the estimator of uneven
     records; where that fails too, what multiple shooting found."""
@@ -253,8 +251,7 @@ def plain_or_uneven(task: Task) -> tuple[list[Prepared], Findings]:
     began = now()
     uneven = estimated_by(UnevenEstimator(), replace(task, prepared=prepared))
     logs = tuple(i + 1 for i in range(len(prepared)) if i not in uneven.left_out)
-    with tracing() as trace:
-        trace.trials.append(Trial("uneven estimator", logs, uneven.status.value, None, now() - began))
+    note(Trial("uneven estimator", logs, uneven.status.value, None, now() - began))
     if uneven.status is not Status.CONVERGED:
         return prepared, replace(findings, message=f"{findings.message}; {uneven.message}")
     return prepared, uneven
@@ -263,22 +260,8 @@ def plain_or_uneven(task: Task) -> tuple[list[Prepared], Findings]:
 def estimated_by(estimator: Estimator, task: Task) -> Findings:
     """What another estimator finds, as the result document takes it."""
     found = estimator.estimate(EstimationTask(task.scene, task.prepared, task.unknowns, task.seed, task.progress))
-    return Findings(
-        found.status,
-        found.message,
-        task.unknowns,
-        left_out=found.left_out,
-        estimator=estimator.name,
-        estimated=found,
-    )
-
-
-def asks_for_uneven(scene: Scene) -> bool:
-    """Whether a scene says that cycles differ by chance."""
-    if scene.effects == "auto" or UNEVEN_EFFECT not in scene.effects:
-        return False
-    effect = next(e for e in ALL if e.name == UNEVEN_EFFECT)
-    return effect.unfit(scene.values()) is not None
+    findings = Findings(found.status, found.message, task.unknowns, left_out=found.left_out, estimated=found)
+    return replace(findings, estimator=estimator.name)
 
 
 def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
@@ -293,21 +276,12 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
     with stage("intervals"):
         task.progress("intervals", 0.9)
         findings = _quantified(task, prepared, attempt, left_out)
-        findings, better = explain(findings, task.scene, task.records, prepared, task.progress)
-        if better is not None:  # another optimum of the same model
-            left_out = {i: why for i, why in left_out.items() if i not in better.log_numbers}
-            findings = _quantified(task, prepared, replace(better, found_by=(Strategy.CAUSES.value,)), left_out)
+        findings = explain(findings, task.scene, prepared, task.progress)
         if _within_usual_errors(task.scene, findings):
             prepared, findings = _with_rig_estimated(task, prepared, findings)
         if _logs_may_differ(task.scene, findings):
             return _with_logs_apart(task, prepared, findings)
     return prepared, findings
-
-
-LIKELY = 3.0  # standard deviations of the usual error of a rig or a sensor
-ERRORS = {name: name for name in ("mass", "stiffness", "damping", "drive_speed")}
-ERRORS |= {"force_gain": "friction_force", "load_gain": "normal_force"}
-SCALES = ("drive_speed", "friction_force")  # what a stiffness, mass and damping that are estimated stand in for
 
 
 def _within_usual_errors(scene: Scene, findings: Findings) -> bool:
@@ -344,11 +318,10 @@ def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings
     again = _quantified(at, at.prepared, found.attempt, dict(findings.left_out))
     if again.status is not Status.CONVERGED:
         return prepared, findings
+    said = "{} {} {unit} instead of {} {unit} (usual error {:.2g} %)"
     units = {parameter.name: parameter.unit for parameter in found.unknowns.model.parameters}
     words = ", ".join(
-        "{} {} {unit} instead of {} {unit} (usual error {:.2g} %)".format(
-            name, *told_apart(rig[name], stated[name]), 100.0 * share, unit=units[name]
-        )
+        said.format(name, *told_apart(rig[name], stated[name]), 100.0 * share, unit=units[name])
         for name, share in shares.items()
     )
     message = f"the rig is not exactly as stated; estimated within its usual errors it is: {words}; {again.message}"
@@ -410,41 +383,30 @@ def _quantified(task: Task, prepared: list[Prepared], attempt: Attempt | None, l
     if status is Status.CONVERGED:
         message = slides_only(attempt.fitted_logs, attempt.solved.trajectories) or message
     accepted = attempt.fits and sure.refused is None
-    held = against_data(attempt, unknowns, rig, largest_inflation(attempt, sure.noise)) if accepted else []
+    held = against_data(attempt, unknowns, rig, largest_inflation(attempt, sure.allowed.noise)) if accepted else []
     return Findings(status, message, unknowns, attempt, left_out, sure, held)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What goes with a finding into the result document.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _with_next_logs(findings: Findings, trace: Trace, progress: Progress) -> tuple[Findings, tuple[NextLogResult, ...]]:
     """Findings of an answer with the log to add beside every verdict that leaves something open, and these logs."""
     if findings.status is not Status.CONVERGED or findings.attempt is None:
         return findings, ()
-    progress("the log that would tell more", 0.95)
+    progress(NEXT_LOG, 0.95)
     logs = next_logs(findings)
-    if logs is not None:
-        return advised(findings, logs), logs
-    if time_is_up():
-        trace.not_tried.append("the log that would tell more")
-    return findings, ()
+    if logs is None and time_is_up():
+        trace.not_tried.append(NEXT_LOG)
+    return (findings, ()) if logs is None else (advised(findings, logs), logs)
 
 
 def _with_trace(findings: Findings, trace: Trace, limit: float) -> Findings:
     """Findings with what was tried for them, and, in the sentence, what the time limit [s] did not suffice for."""
-    trace.found_by = () if findings.attempt is None else findings.attempt.found_by
-    if not trace.not_tried:
-        return replace(findings, trace=trace)
-    begun = tuple(trial.strategy for trial in trace.trials)
-    parts = [f"{part} (begun)" if any(t.startswith(part) for t in begun) else part for part in trace.not_tried]
-    more = "fit fewer or shorter logs together, or fix under [parameters] what is known otherwise"
-    if limit < LONGEST_ADVISED:
-        longer = min(TIMES_LONGER * limit, LONGEST_ADVISED)
-        more = f'a longer one: --time-limit "{longer:g} s", or time_limit under [fit] in the scene'
-    late = f"the time limit of {limit:g} s left no time for: {', '.join(parts)} (see search in result.json); {more}"
-    return replace(findings, trace=trace, message=f"{findings.message}; {late}")
+    message = findings.message
+    if trace.not_tried:
+        message = (
+            f"{message}; the time limit of {limit:g} s left no time for: {', '.join(trace.not_tried)} (see search in "
+            "result.json); give more with --time-limit or time_limit under [fit], or fit fewer or shorter logs"
+        )
+    return replace(findings, trace=trace, message=message)
 
 
 def _curves(prepared: list[Prepared], findings: Findings) -> tuple[LogCurves, ...]:

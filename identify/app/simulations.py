@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identify.app.folder import Document, PageError
 from identify.base.document import to_document
 from identify.base.result import LogResult, Result
-from identify.estimation.starts import preview
+from identify.estimation.preview import preview
 from identify.logs.prepare import Segmented
 from identify.logs.regime import Regime
 from identify.logs.scene_records import with_drives, with_records

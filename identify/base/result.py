@@ -64,8 +64,8 @@ class EffectReason:
     """Why one effect stays or goes.
 
     sentence: in lab words; group, value: the dimensionless group that tells, and its value ("" and None without one);
-    error: relative error of the force or the period that leaving it out would make; cost: what it costs, in words;
-    statistic: likelihood-ratio statistic that it gains on the data. None: not known.
+    error: relative error of the force or the period that leaving it out would make; statistic: likelihood-ratio
+    statistic that it gains on the data. None: not known.
     """
 
     effect: str
@@ -74,7 +74,6 @@ class EffectReason:
     group: str = ""
     value: float | None = None
     error: float | None = None
-    cost: str = ""
     statistic: float | None = None
 
 
@@ -451,7 +450,6 @@ class Result:
     logs: tuple[LogResult, ...] = ()
     notes: tuple[str, ...] = ()
     search: tuple[SearchTrial, ...] = ()
-    found_by: tuple[str, ...] = ()
     not_tried: tuple[str, ...] = ()
     rig_sensitivity: Mapping[str, Mapping[str, Shift]] | None = field(default=None, metadata=OMITTED)
     tolerances: Mapping[str, ToleranceResult] | None = field(default=None, metadata=OMITTED)

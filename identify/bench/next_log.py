@@ -69,7 +69,7 @@ def _knowledge(found: Findings) -> Knowledge | None:
     places = drawn_places(unknowns, theta, precision, log.data.base)
     shared = inverse(sure.covariance[np.ix_(kept, kept)])
     load_sd = float(np.median(log.data.onset_load_sd_at(trajectory.loaded_at))) if trajectory.parts else 0.0
-    apart = [each.data.interval * model.inflation for (each, _), model in zip(pairs, sure.noise, strict=True)]
+    apart = [each.data.interval * model.inflation for (each, _), model in zip(pairs, sure.allowed.noise, strict=True)]
     return Knowledge(
         unknowns,
         kept,
@@ -82,7 +82,7 @@ def _knowledge(found: Findings) -> Knowledge | None:
         load_sd / log.mean_load,
         1.0 / min(each.data.interval for each, _ in pairs),
         LONGEST,
-        apart=max(apart) if any(not model.white for model in sure.noise) else 0.0,
+        apart=max(apart) if any(not model.white for model in sure.allowed.noise) else 0.0,
     )
 
 

@@ -151,7 +151,7 @@ def _preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     from data_io.atomic import atomic_path
     from identify.base.wording import columns, quantity, wrapped
     from identify.diagnosis.selection import LOOKED_AT
-    from identify.estimation.starts import preview
+    from identify.estimation.preview import preview
     from identify.logs.scene_records import with_drives, with_records
     from identify.report.figures import draw_preview
     from identify.report.style import drawing_style

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from identify.base.errors import SceneError
 from identify.base.result import EffectReason, EffectsResult
 from identify.effects import ALL, MAIN
-from identify.model.model import assemble
 from identify.scene import Scene
 
 NORMAL_FORCE = 1.0  # [N], where neither rig nor logs state one
@@ -43,21 +41,6 @@ def effects_result(choice: Choice, *, auto: bool) -> EffectsResult:
     return EffectsResult(choice.effects, "auto" if auto else "listed", choice.reasons)
 
 
-def price(effect: str, effects: Sequence[str]) -> str:
-    """What an effect costs in a model with (or without) it, in words: states, operations of one evaluation of the
-    motion, parameters; "" where the comparison does not compose."""
-    others = tuple(e for e in effects if e != effect)
-    try:
-        with_it, without = assemble((*others, effect)), assemble(others)
-    except SceneError:
-        return ""
-    states = len(with_it.states) - len(without.states)
-    before, after = int(without.slip.n_instructions()), int(with_it.slip.n_instructions())
-    parameters = sum(q.kind != "given" for q in with_it.parameters) - sum(q.kind != "given" for q in without.parameters)
-    share = 100.0 * (after - before) / before
-    return f"{states} states, {after - before} operations ({share:+.0f} %), {parameters} parameters"
-
-
 def choose_from_numbers(scene: Scene) -> Choice:
     """The effects that the numbers of a scene call for, without logs: those of the paper's model, and every effect of
     which the scene gives a number.
@@ -78,8 +61,7 @@ def choose_from_numbers(scene: Scene) -> Choice:
             matters = effect.importance(values, rigs[0].normal_force or NORMAL_FORCE, abs(speed)) if speed else None
             if matters is not None:
                 sentence, group, value = f"{matters.sentence}; {sentence}", matters.group, matters.value
-        cost = price(effect.name, chosen) if kept else ""
-        reasons.append(EffectReason(effect.name, kept, sentence, group, value, cost=cost))
+        reasons.append(EffectReason(effect.name, kept, sentence, group, value))
     return Choice(tuple(e.name for e in ALL if e.name in full.model.effects), tuple(reasons))
 
 

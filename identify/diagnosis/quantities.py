@@ -29,11 +29,12 @@ EFFECTS = {
     "force_zero": ("force_sensor", "sensor_offset"),
 }  # the effect, and its parameter, that a quantity is
 USUAL, EXPONENT = 0.05, 0.3  # errors of zeros, of the load, and exponents that are no surprise
+STOPPED = 0.2  # of its median: the least of a power spectrum that a filter made; autocorrelated noise has 0.4 and more
+LINES, FEWEST, QUIET = 64, 512, 0.25  # samples of a stretch, of a log that tells, and the share of stretches that count
+SHOWS = 9.0  # squares in noise variances by which an average changes a curve: three standard deviations
 VARIED = 0.02  # relative range of the normal force below which nothing can be told of what it does
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What differs in a log with a quantity moved from one value to another. Ratios are moved by their logarithm.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def parameter(index: int, *, logarithmic: bool) -> Change:
@@ -112,29 +113,29 @@ force_zero = _sensed(lambda _log, curve, size: curve + size)
 sensor_lag = _sensed(_lagged)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Which of them a fit held.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
 def held_quantities(attempt: Attempt, unknowns: Unknowns) -> list[Column]:
     """The columns of all that a fit took as stated.
 
     Args:
         unknowns: of the fit, without the weak priors of its solves.
     """
-    logs = [log.data for log in attempt.fitted_logs]
+    logs, layout, theta = [log.data for log in attempt.fitted_logs], attempt.solved.problem.layout, attempt.solved.theta
     loads = np.concatenate([log.normal_force.values for log in logs])
-    load = float(np.mean([log.mean_normal_force for log in logs]))
+    load, near = float(np.mean([log.mean_normal_force for log in logs])), 1e-6 * unknowns.spread
+    low, high = theta - unknowns.lower < near, unknowns.upper - theta < near
+    at_wall = low & unknowns.walls[0] | high & unknowns.walls[1]
     names, out = unknowns.names, list[Column]()
     for i, declared in enumerate(unknowns.model.parameters):
-        if declared.kind != "given" and is_held(unknowns, attempt, i):
-            change = parameter(i, logarithmic=declared.scale == "log")
+        logarithmic = declared.scale == "log"
+        nothing = logarithmic and not np.exp(theta[i]) * logs[0].base[i] > 0.0
+        if declared.kind != "given" and not nothing and (not unknowns.free[i] or at_wall[i]):
             most = REACH if declared.name in RIG_PARAMETERS else np.inf
+            change = parameter(i, logarithmic=logarithmic)
             out.append(Column(declared.name, change, DIFFERENCE, usual=declared.spread, most=most))
         elif unknowns.free[i] and np.isfinite(unknowns.prior_sd[i]) and unknowns.prior_about[i] < 0:
-            usual, mine = float(unknowns.prior_sd[i]), unknowns_of(attempt, i)
-            out.append(Column(declared.name, None, 1.0, usual=usual, prior=mine))
+            own = [int(place.own[i]) for place in layout.places if place.own[i] >= 0]  # of single logs or groups
+            mine = tuple(dict.fromkeys([*np.flatnonzero(layout.free == i).tolist(), *own]))
+            out.append(Column(declared.name, None, 1.0, usual=float(unknowns.prior_sd[i]), prior=mine))
     out.append(Column("drive_speed", drive_speed, DIFFERENCE, of="both", most=REACH))
     out.append(Column("force_gain", force_gain, DIFFERENCE, of="both", most=REACH))
     out.append(Column("load_gain", load_gain, DIFFERENCE, of="single", most=REACH))
@@ -149,39 +150,14 @@ def held_quantities(attempt: Attempt, unknowns: Unknowns) -> list[Column]:
     return [c for c in out if c.name not in EFFECTS or EFFECTS[c.name][0] not in unknowns.model.effects]
 
 
-def is_held(unknowns: Unknowns, attempt: Attempt, i: int) -> bool:
-    """Whether parameter i is held at a value other than none: fixed, tied, or at a bound that the scene gives."""
-    theta = attempt.solved.theta
-    if unknowns.logarithmic[i] and not np.exp(theta[i]) * attempt.fitted_logs[0].data.base[i] > 0.0:
-        return False
-    near = 1e-6 * unknowns.spread[i]
-    low, high = theta[i] - unknowns.lower[i] < near, unknowns.upper[i] - theta[i] < near
-    return bool(not unknowns.free[i] or low & unknowns.walls[0, i] or high & unknowns.walls[1, i])
-
-
-def unknowns_of(attempt: Attempt, i: int) -> tuple[int, ...]:
-    """The unknowns that parameter i is, of all logs or groups of them."""
-    layout = attempt.solved.problem.layout
-    shared = np.flatnonzero(layout.free == i).tolist()
-    own = [int(place.own[i]) for place in layout.places if place.own[i] >= 0]
-    return tuple(dict.fromkeys([*shared, *own]))
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A force that was averaged, filtered or resampled before the log was stored. Every such treatment leaves frequencies at
-# which hardly any noise is left (zeros of a moving average, the stop band of a filter), while the spectrum of
-# autocorrelated noise falls gradually.
-# ----------------------------------------------------------------------------------------------------------------------
-
-STOPPED = 0.2  # of its median: the least of a power spectrum that a filter made; autocorrelated noise has 0.4 and more
-LINES, FEWEST, QUIET = 64, 512, 0.25  # samples of a stretch, of a log that tells, and the share of stretches that count
-SHOWS = 9.0  # squares in noise variances by which an average changes a curve: three standard deviations
-
-
 def smoothed(logs: Sequence[Prepared], curves: Sequence[Array]) -> str:
     """A sentence where the noise of a log is that of an averaged, filtered or resampled force, and an average as wide
     would change its curve (n,), whatever the model makes of it: a wrong damping looks like one. "" where no log is
-    such. The curve is that of a fit, or the force itself where no start was met."""
+    such. The curve is that of a fit, or the force itself where no start was met.
+
+    Such a treatment leaves frequencies at which hardly any noise is left (zeros of a moving average, the stop band of a
+    filter), while the spectrum of autocorrelated noise falls gradually.
+    """
     from scipy.signal import detrend  # which takes a third of a second to load
 
     for log, curve in zip(logs, curves, strict=True):
@@ -209,10 +185,6 @@ def smoothed(logs: Sequence[Prepared], curves: Sequence[Array]) -> str:
             )
     return ""
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# How they are said.
-# ----------------------------------------------------------------------------------------------------------------------
 
 SAID = {
     "drive_speed": (

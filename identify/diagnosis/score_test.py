@@ -100,16 +100,13 @@ class ScoreTable:
         return out
 
 
-def score_table(
-    solved: Solved, columns: Sequence[Column], inflation: float = 1.0, held: Sequence[int] = ()
-) -> ScoreTable:
+def score_table(solved: Solved, columns: Sequence[Column], inflation: float = 1.0) -> ScoreTable:
     """The score of every column at the last iterate of a solve.
 
     Of a column that is tried with several sizes the one of the highest score counts.
 
     Args:
         inflation: by how much the autocorrelation and the level of the noise widen a variance.
-        held: unknowns that count as constants.
 
     Raises:
         LinAlgError: the optimality conditions are singular there.
@@ -127,7 +124,6 @@ def score_table(
     _add_priors(layout, z, columns, (border, gradient, own))
     x, near = z * layout.scale, AT_BOUND * layout.scale
     moving = np.flatnonzero((x - layout.lower > near) & (layout.upper - x > near))
-    moving = np.setdiff1d(moving, np.array(held, dtype=np.int64))
     point = problem.evaluate(z, derivatives=True)
     assert point.hessian is not None and point.jacobian is not None and point.gradient is not None
     hessian, jacobian = point.hessian[moving][:, moving].tocsc(), point.jacobian[:, moving].tocsc()

@@ -20,7 +20,7 @@ from identify.base.budget import time_is_up
 from identify.base.progress import Notice, Progress, to_nobody
 from identify.base.result import EffectReason
 from identify.base.wording import three_figures
-from identify.diagnosis.effect_choice import Choice, price
+from identify.diagnosis.effect_choice import Choice
 from identify.diagnosis.findings import against_data
 from identify.diagnosis.fitted import Fitted, fit_beside, fit_model
 from identify.diagnosis.quantities import EFFECTS, held_quantities
@@ -46,14 +46,12 @@ BY_NAME = {effect.name: effect for effect in ALL}
 LOOKED_AT = (*ALWAYS, "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
 NO_TIME = "the time limit ended the comparison before it was asked whether the data need it: a longer --time-limit"
 NOT_COMPARED = "not compared: cycles differ so among themselves, or from the rig, that no sum of squares tells which"
-UNASKED = {
-    "driven_damping": "a damping at a given frequency acts like the one at the natural frequency: list it by name",
-    "power_law": "a law measured on wet smooth glass: list it by name",
-    "pressure_dependence": "the same as load_dependence where only the load varies: list it by name",
-    "force_sensor": "gain and offset of the load cell cannot be told from friction: calibrate, then list it by name",
-    "sensor_second_lag": "a second stage of the load cell: list it by name",
-    "friction_heterogeneity": "cycles that differ are described by the simulation, not by the fit",
-}
+CLEAR = 3.0  # standard errors by which a stick slope must differ from k v_0
+SOFTER = 0.005  # share of the rig's stiffness that it must lack at least
+SPAN = 0.03  # by which the normal force must vary (as a share) to tell how friction depends on it
+LOAD_VARIES = 2e-3  # half range of the normal force over its mean from which its course counts
+SLIP_SAMPLES = 6.0  # per slip: fewer cannot tell a lag or a direct effect
+BANDS = {"breathing": (0.05, 0.5), "pulse": (0.5, 3.0), "tremor": (4.0, 20.0)}  # of a live finger [Hz]
 
 
 def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress | None = None) -> Choice:
@@ -74,26 +72,13 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     for sentence in prefit_warnings(prepared):
         report(Notice(sentence), 0.0)
     if wrong_unit(prepared) or not alike([log for log in prepared if log.left_out is None]):
-        notes = {effect.name: NOT_COMPARED for effect in ALL if effect.name not in ALWAYS}
-        return _choice([e for e in LOOKED_AT if e not in ALWAYS], (), {}, notes)
+        return _choice(LOOKED_AT, (), {}, {effect.name: NOT_COMPARED for effect in ALL if effect.name not in ALWAYS})
     lines, left = rhythms(prepared)
     candidates = candidates_of(prepared, lines)
     comparison = _Comparison(with_one_noise(scene, prepared, lines, left), tuple(records), candidates, report)
     finished = comparison.run()
     notes = {} if finished else {e: NO_TIME for e in comparison.tried if e not in comparison.gains}
     return replace(_choice(comparison.kept, candidates, comparison.gains, notes), unfinished=not finished)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What the logs call for before anything is fitted.
-# ----------------------------------------------------------------------------------------------------------------------
-
-CLEAR = 3.0  # standard errors by which a stick slope must differ from k v_0
-SOFTER = 0.005  # share of the rig's stiffness that it must lack at least
-SPAN = 0.03  # by which the normal force must vary (as a share) to tell how friction depends on it
-LOAD_VARIES = 2e-3  # half range of the normal force over its mean from which its course counts
-SLIP_SAMPLES = 6.0  # per slip: fewer cannot tell a lag or a direct effect
-BANDS = {"breathing": (0.05, 0.5), "pulse": (0.5, 3.0), "tremor": (4.0, 20.0)}  # of a live finger [Hz]
 
 
 @dataclass(frozen=True)
@@ -113,33 +98,31 @@ def candidates_of(prepared: Sequence[Prepared], lines: Sequence[SpectralLine]) -
     loads = np.array([log.data.mean_normal_force for log in prepared])
     within = max(swing(log.data.normal_force, log.data.begin, log.data.end) for log in prepared)
     varies = max(float(np.ptp(loads) / 2 / np.mean(loads)), within)
-    middle = float(np.exp(np.mean(np.log(loads))))
     samples = max((log.segmentation.samples_per_slip for log in prepared if log.segmentation.count), default=0.0)
     resolved, damped = samples >= SLIP_SAMPLES, any(log.rig.damping > 0.0 for log in prepared)
     slips = f"slips hold {samples:.3g} samples{'' if resolved else ', too few to tell how they start'}"
-    natural = float(np.mean([log.rig.half_period for log in prepared])) / np.pi
+    lag = {"lag_time": 0.1 * float(np.mean([log.rig.half_period for log in prepared])) / np.pi}
     finger = [line for line in lines if any(low <= line.frequency <= high for low, high in BANDS.values())]
     vibration = [line for line in lines if line not in finger]
-
-    def swings(found: Sequence[SpectralLine], nothing: str) -> str:
-        return f"the sticks swing at {', '.join(f'{line.frequency:.4g} Hz' for line in found)}" if found else nothing
-
+    swings = [
+        f"the sticks swing at {', '.join(f'{line.frequency:.4g} Hz' for line in some)}" if some else "no such rhythm"
+        for some in (finger, vibration)
+    ]
     paper, ages = "the paper's model has it", "the friction level may drift along the logs"
-    exponent = {"reference_force": middle, "load_exponent": 0.0}
-    rows: tuple[tuple[str, bool, bool, str, dict[str, float]], ...] = (
-        ("hysteresis_damping", damped, True, f"the rig {'has a' if damped else 'states no'} damping", {}),
-        ("contact_ageing", True, True, paper, {}),
-        ("velocity_weakening", True, True, paper, {}),
-        ("direct_effect", resolved, False, slips, {}),
-        ("load_dependence", varies >= SPAN, True, f"the normal force varies by ± {100 * varies:.2g} %", exponent),
-        ("varying_normal_force", within >= LOAD_VARIES, True, f"within a log it varies by ± {100 * within:.2g} %", {}),
-        ("occlusion", True, False, ages, {"occlusion_level": 0.0}),
-        ("finger_motion", bool(finger), True, swings(finger, "no rhythm of a finger in the sticks"), {}),
-        ("excitation", bool(vibration), True, swings(vibration, "no vibration in the sticks"), {}),
-        ("sensor_lag", resolved, False, slips, {"lag_time": 0.1 * natural}),
+    exponent = {"reference_force": float(np.exp(np.mean(np.log(loads)))), "load_exponent": 0.0}
+    return (
+        Candidate("hysteresis_damping", damped, damped, f"the rig {'has a' if damped else 'states no'} damping"),
+        Candidate("contact_ageing", True, True, paper),
+        Candidate("velocity_weakening", True, True, paper),
+        Candidate("direct_effect", resolved, False, slips),
+        Candidate("load_dependence", *2 * (varies >= SPAN,), f"the load varies by ± {100 * varies:.2g} %", exponent),
+        Candidate("varying_normal_force", *2 * (within >= LOAD_VARIES,), f"by ± {100 * within:.2g} % within a log"),
+        Candidate("occlusion", True, False, ages, {"occlusion_level": 0.0}),
+        Candidate("finger_motion", *2 * (bool(finger),), swings[0]),
+        Candidate("excitation", *2 * (bool(vibration),), swings[1]),
+        Candidate("sensor_lag", resolved, False, slips, lag),
+        _skin(prepared),
     )
-    found = [Candidate(name, tried, tried and first, words, starts) for name, tried, first, words, starts in rows]
-    return (*found, _skin(prepared))
 
 
 def _skin(prepared: Sequence[Prepared]) -> Candidate:
@@ -175,11 +158,6 @@ def with_one_noise(scene: Scene, prepared: Sequence[Prepared], lines: Sequence[S
         for entry, log, share in zip(scene.logs, prepared, left, strict=True)
     ]
     return replace(scene, logs=tuple(logs))
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The comparison.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 class _Comparison:
@@ -296,17 +274,13 @@ def _fall(larger: Fitted, smaller: Fitted) -> float:
     return float((smaller.excess - larger.excess) / max(1.0, 1.0 + larger.excess / larger.samples))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# One reason per effect, in the order of their table.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
 def _choice(
     kept: Sequence[str],
     candidates: Sequence[Candidate],
     gains: Mapping[str, tuple[float, float]],
     notes: Mapping[str, str],
 ) -> Choice:
+    """One reason per effect, in the order of their table."""
     effects = tuple(e.name for e in ALL if e.name in (*ALWAYS, *kept))
     looks, out = {one.effect: one for one in candidates}, list[EffectReason]()
     for name in (effect.name for effect in ALL):
@@ -325,7 +299,6 @@ def _choice(
         elif look is not None:
             sentence = f"{look.sentence}; {worth}" if look.tried else look.sentence
         else:
-            sentence = UNASKED.get(name, "a law that nothing calls for")
-        statistic = float(gain) if np.isfinite(gain) else None
-        out.append(EffectReason(name, stays, sentence, cost=price(name, effects), statistic=statistic))
+            sentence = "not looked for in the data: list it by name"
+        out.append(EffectReason(name, stays, sentence, statistic=float(gain) if np.isfinite(gain) else None))
     return Choice(effects, tuple(out))

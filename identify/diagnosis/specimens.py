@@ -20,7 +20,7 @@ from identify.diagnosis.score_test import Column, ScoreTable, score_table
 from identify.estimation.attempt import Attempt, solve_again
 from identify.estimation.influence import largest_inflation, noise_of
 from identify.estimation.search import SearchProblem, search
-from identify.estimation.strategies import Strategy, may_run
+from identify.estimation.strategies import in_time
 from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
@@ -120,7 +120,7 @@ def with_scatter(attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unkno
         if best is attempt and effects.fall < chi_square_exceeded(CHANCE, len(table.scores)):
             return None
         small = np.abs(effects.step) < SETTLED * np.sqrt(np.diag(effects.covariance))
-        if (best is not attempt and np.all(small)) or not may_run(Strategy.LOG_EFFECTS):
+        if (best is not attempt and np.all(small)) or not in_time("scatter between logs"):
             return Scattered(best, logs, off, effects.sd) if best.fits else None
         off[of] = np.clip(off[of] + effects.step, -FARTHEST, FARTHEST)
         theta = best.solved.theta.copy()

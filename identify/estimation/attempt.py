@@ -32,13 +32,12 @@ MET = 0.2  # of the noise variance: a beginning that misfits by more is not met
 @dataclass(frozen=True)
 class Attempt:
     """A solved start: the numbers of the logs that took part (from 0), and these logs as far as they were followed; the
-    solution and its gate; found_by: the strategies that led to it, in their order."""
+    solution and its gate."""
 
     log_numbers: tuple[int, ...]
     fitted_logs: tuple[Prepared, ...]
     solved: Solved
     gate: Gate
-    found_by: tuple[str, ...] = ()
 
     @property
     def fits(self) -> bool:
@@ -66,7 +65,8 @@ class Attempt:
 
     def with_solved(self, solved: Solved) -> Attempt:
         """The same logs with another solution, and the tests of that."""
-        return replace(attempt_of(self.log_numbers, self.fitted_logs, solved), found_by=self.found_by)
+        gate = pass_gate(solved, self.names, [log.noise_estimated for log in self.fitted_logs])
+        return replace(self, solved=solved, gate=gate)
 
 
 def usable(prepared: Sequence[Prepared]) -> list[int]:
@@ -74,31 +74,25 @@ def usable(prepared: Sequence[Prepared]) -> list[int]:
     return [i for i, log in enumerate(prepared) if log.left_out is None]
 
 
-def attempt_of(numbers: Sequence[int], logs: Sequence[Prepared], solved: Solved) -> Attempt:
-    """A solution of logs with these numbers, tested."""
-    gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
-    return Attempt(tuple(numbers), tuple(logs), solved, gate)
+# ----------------------------------------------------------------------------------------------------------------------
+# Solving: from a start, from the motion simulated at the answer, and by way of the beginnings of a programme.
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def solve_from(
     prepared: list[Prepared], chosen: list[int], unknowns: Unknowns, cost_cutoff: float = np.inf
 ) -> Attempt | None:
-    """Place the start on the chosen logs and solve; None where no log can be placed.
+    """Place the start on the chosen logs and solve, programmes that are not met by way of their beginnings; None where
+    no log can be placed.
 
     Args:
         cost_cutoff: a pass that ends with a larger cost is the last one.
     """
     with stage("place"):
-        placed = place_on(prepared, chosen, unknowns) if chosen else []
-    return solve_placed(prepared, placed, unknowns, cost_cutoff) if placed else None
-
-
-def solve_placed(
-    prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float = np.inf
-) -> Attempt:
-    """Solve from a start that is placed on some of the logs, one at least, and from the motion simulated at the answer;
-    programmes that are not met, by way of their beginnings. The one that fits better is kept."""
-    attempt = _moved(prepared, placed, unknowns, cost_cutoff)
+        placed = place_on(prepared, chosen, unknowns)
+    if not placed:
+        return None
+    attempt = _simulated_and_solved(prepared, placed, unknowns, cost_cutoff)
     programmes = any(log.fit_mode.name == "continuous" for log in attempt.fitted_logs)
     if attempt.fits or attempt.solved.solution.cost > cost_cutoff or not programmes:
         return attempt
@@ -106,16 +100,40 @@ def solve_placed(
     return extended if extended is not None and _is_better(extended, attempt) else attempt
 
 
-def _moved(prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float) -> Attempt:
-    """Solve from a start, and from the motion simulated at the answer, where its sequence of phases is another one."""
-    attempt = _solved(placed, unknowns, cost_cutoff)
+def solve_placed(placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float = np.inf) -> Attempt:
+    """Solve from a start that is placed on some logs, one at least."""
+    numbers, logs, trajectories = (list(column) for column in zip(*placed, strict=True))
+    # What every log has for itself, the first log has in the shared theta.
+    unknowns = replace(unknowns, start=trajectories[0].theta(unknowns.start))
+    trajectories[0] = replace(trajectories[0], own=np.empty(0))
+    with stage("solve"):
+        data, weak = [log.data for log in logs], unknowns.with_weak_priors()
+        solved = solve_in_passes(data, trajectories, weak, cost_cutoff=cost_cutoff)
+        of_which("build", solved.transcription_seconds, of="solve")
+        gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
+    return Attempt(tuple(numbers), tuple(logs), solved, gate)
+
+
+def solve_again(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0) -> Attempt:
+    """Solve the logs of an attempt again from another theta (unknowns.start) and the motion found before, with at least
+    so many steps per interval."""
+    data, weak = [log.data for log in attempt.fitted_logs], unknowns.with_weak_priors()
+    return attempt.with_solved(solve_in_passes(data, attempt.solved.trajectories, weak, steps=steps))
+
+
+def _simulated_and_solved(
+    prepared: list[Prepared], placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float = np.inf
+) -> Attempt:
+    """Solve from a start, and from the motion simulated at the answer where its sequence of phases is another one; the
+    one that fits better is kept."""
+    attempt = solve_placed(placed, unknowns, cost_cutoff)
     for _ in range(MOVES):
         solved = attempt.solved
         if solved.solution.cost > cost_cutoff or not np.all(np.isfinite(solved.theta)) or time_is_up():
             break
         at_answer = replace(unknowns, start=solved.theta)
         simulated = _simulated(prepared, attempt, at_answer)
-        other = None if simulated is None else _solved(simulated, at_answer, cost_cutoff)
+        other = None if simulated is None else solve_placed(simulated, at_answer, cost_cutoff)
         if other is None or not _is_better(other, attempt):
             break
         attempt = other
@@ -137,23 +155,11 @@ def _by_horizons(prepared: list[Prepared], numbers: Sequence[int], unknowns: Unk
         placed = place_on(logs, list(numbers), unknowns)
         if len(placed) < len(numbers) or time_is_up():
             return None
-        attempt = _moved(logs, placed, unknowns, np.inf)
+        attempt = _simulated_and_solved(logs, placed, unknowns)
         if not abs(attempt.gate.chi2_per_sample - 1.0) < MET:
             return None
         unknowns = replace(unknowns, start=attempt.solved.theta)
     return attempt
-
-
-def _solved(placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float) -> Attempt:
-    numbers, logs, trajectories = (list(column) for column in zip(*placed, strict=True))
-    # What every log has for itself, the first log has in the shared theta.
-    unknowns = replace(unknowns, start=trajectories[0].theta(unknowns.start))
-    trajectories[0] = replace(trajectories[0], own=np.empty(0))
-    with stage("solve"):
-        data, weak = [log.data for log in logs], unknowns.with_weak_priors()
-        solved = solve_in_passes(data, trajectories, weak, cost_cutoff=cost_cutoff)
-        of_which("build", solved.transcription_seconds, of="solve")
-        return attempt_of(numbers, logs, solved)
 
 
 def _simulated(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -> list[PlacedLog] | None:
@@ -167,18 +173,15 @@ def _simulated(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -
             continue
         whole = replace(prepared[number], fit_mode=log.fit_mode)
         at_answer = replace(unknowns, start=trajectory.theta(unknowns.start))
+        # A motion that turns back is none of the model.
+        backwards = any(bool(np.any(back)) for back in turned_back(trajectory))
         for form in (whole, whole.as_continuous):  # slip by slip as they were seen, and as the model has them
-            simulated = place_on([form], [0], at_answer)
-            if simulated and _differs(simulated[0][2], trajectory):
-                out[-1], changed = (number, simulated[0][1], _with_loads_of(simulated[0][2], trajectory)), True
+            placed = place_on([form], [0], at_answer)
+            modes = [[mode[:2] for mode in motion.modes] for motion in (trajectory, *(one[2] for one in placed))]
+            if placed and (backwards or modes[0] != modes[1]):
+                out[-1], changed = (number, placed[0][1], _with_loads_of(placed[0][2], trajectory)), True
                 break
     return out if changed else None
-
-
-def _differs(simulated: ShootingTrajectory, trajectory: ShootingTrajectory) -> bool:
-    """Whether the sequence of phases is another one, or that of the answer is none of the model."""
-    backwards = any(bool(np.any(back)) for back in turned_back(trajectory))
-    return backwards or [mode[:2] for mode in simulated.modes] != [mode[:2] for mode in trajectory.modes]
 
 
 def _with_loads_of(simulated: ShootingTrajectory, trajectory: ShootingTrajectory) -> ShootingTrajectory:
@@ -190,32 +193,31 @@ def _with_loads_of(simulated: ShootingTrajectory, trajectory: ShootingTrajectory
     return replace(simulated, **{name: getattr(trajectory, name) for name in names})
 
 
-def solve_again(attempt: Attempt, unknowns: Unknowns, *, steps: int = 0) -> Attempt:
-    """Solve the logs of an attempt again from another theta (unknowns.start) and the motion found before, with at least
-    so many steps per interval."""
-    data, weak = [log.data for log in attempt.fitted_logs], unknowns.with_weak_priors()
-    return attempt.with_solved(solve_in_passes(data, attempt.solved.trajectories, weak, steps=steps))
+# ----------------------------------------------------------------------------------------------------------------------
+# Placing a start on the data.
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[PlacedLog]:
     """Number, cut log and trajectory of every chosen log that the start can be placed on."""
     out: list[PlacedLog] = []
-    for number in chosen:
-        if prepared[number].fit_mode.name != "cycles":
-            out += [(number, *found) for found in _followed(prepared[number], unknowns)]
-    chosen = [i for i in chosen if prepared[i].fit_mode.name == "cycles"]
-    logs = [prepared[i] for i in chosen]
-    p = [unknowns.values(log.data.theta(unknowns.start), log.data.base) for log in logs]
-    placed = place(unknowns.model, [log.data for log in logs], p, [log.falls for log in logs], COARSE_GRID)
-    for number, log, trajectory in zip(chosen, logs, placed, strict=True):
-        if trajectory is None:
+    cycling = [i for i in chosen if prepared[i].fit_mode.name == "cycles"]
+    data = [prepared[i].data for i in cycling]
+    p = [unknowns.values(log.theta(unknowns.start), log.base) for log in data]
+    motions = place(unknowns.model, data, p, [prepared[i].falls for i in cycling], COARSE_GRID)
+    placed = dict(zip(cycling, motions, strict=True))
+    for number in sorted(chosen):
+        log, trajectory = prepared[number], placed.get(number)
+        if number in placed and trajectory is None:
             continue
-        ends = np.append(trajectory.onset[1:], log.data.end)
-        if trajectory.onset[0] > log.data.begin and np.all(ends > trajectory.arrest):
-            out.append((number, as_far_as_placed(log, trajectory), trajectory))
-        else:  # rests are shorter than slips are placed exactly
-            out += [(number, *found) for found in _followed(log.as_continuous, unknowns)]
-    return sorted(out, key=lambda entry: entry[0])
+        if trajectory is not None:
+            ends = np.append(trajectory.onset[1:], log.data.end)
+            if trajectory.onset[0] > log.data.begin and np.all(ends > trajectory.arrest):
+                out.append((number, as_far_as_placed(log, trajectory), trajectory))
+                continue
+            log = log.as_continuous  # rests are shorter than slips are placed exactly
+        out += [(number, *found) for found in _followed(log, unknowns)]
+    return out
 
 
 def as_far_as_placed(log: Prepared, trajectory: ShootingTrajectory) -> Prepared:

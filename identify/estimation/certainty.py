@@ -17,13 +17,12 @@ from identify.base.budget import no_time_limit, time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.base.quantiles import LEVEL, NORMAL, chi_square
-from identify.estimation.attempt import Attempt, solve_again, solve_from
+from identify.estimation.attempt import Attempt, solve_again
 from identify.estimation.bootstrap import Bootstrap, bootstrap
 from identify.estimation.covariance import (
     IDENTIFIED,
     Estimate,
     Information,
-    Interval,
     estimates,
     information_at,
     sizes,
@@ -31,10 +30,9 @@ from identify.estimation.covariance import (
 )
 from identify.estimation.fit_wording import at_bounds, hints, not_determined, onsets
 from identify.estimation.influence import Allowed, allowed, contradiction, imbalance, influence
-from identify.estimation.multistart import Optimum, multistart, weakens
+from identify.estimation.multistart import OTHER_OPTIMA, Optimum, multistart
 from identify.estimation.profile import CRITICAL, Profiles, converged, profile
-from identify.estimation.residual_autocorrelation import ArModel
-from identify.estimation.strategies import Strategy, may_run, no_time_for, run_strategy
+from identify.estimation.strategies import FINER_STEPS, in_time, no_time_for, tried
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import rhythmic
 from identify.shooting.accuracy import AccuracyRow, FitOptions, accuracy_table
@@ -107,29 +105,14 @@ class Certainty:
     of_groups: list[tuple[Share, Estimate]] = field(default_factory=list)
 
     @property
-    def white(self) -> Array:
-        """Covariance (f, f) for white noise."""
-        return self.allowed.white
-
-    @property
     def covariance(self) -> Array:
         """Covariance (f, f) with all that is allowed for."""
-        return self.joint[: len(self.white), : len(self.white)]
-
-    @property
-    def noise(self) -> list[ArModel]:
-        """Of each log."""
-        return self.allowed.noise
-
-    @property
-    def inflation(self) -> Array:
-        """(f,) by how much all that is allowed for beside white noise widens each variance."""
-        return self.allowed.inflation
+        return self.joint[: len(self.allowed.white), : len(self.allowed.white)]
 
     @property
     def region(self) -> float:
         """The likelihood ratio within which all free parameters together are likely."""
-        return chi_square(LEVEL, len(self.white)) * float(np.max(self.inflation, initial=1.0))
+        return chi_square(LEVEL, len(self.allowed.white)) * float(np.max(self.allowed.inflation, initial=1.0))
 
     def within(self, optima: Sequence[Optimum]) -> list[Optimum]:
         """Those of some optima, beside the answer, that the data do not rule out."""
@@ -160,7 +143,7 @@ def certainty(attempt: Attempt, q: Question) -> Certainty | None:
     here = _at(attempt, known, q)
     if attempt.fits:
         refused = _held_by_event(here)
-        if refused is None and _poorly_determined(here, q) and may_run(Strategy.OTHER_OPTIMA):
+        if refused is None and _poorly_determined(here, q) and in_time(OTHER_OPTIMA):
             q.progress("looking for other optima", None)
             optima = multistart(attempt, q.unknowns, q.seed, here.covariance)
             if optima[0].attempt is not attempt:
@@ -171,7 +154,7 @@ def certainty(attempt: Attempt, q: Question) -> Certainty | None:
         if refused is None and not here.bounds:  # at a bound the scores do not cancel
             refused = _held_by_event(here)
             if refused is None and len(here.attempt.log_numbers) > 1:
-                message = contradiction(here.attempt, q.unknowns, q.base, here.noise)
+                message = contradiction(here.attempt, q.unknowns, q.base, here.allowed.noise)
                 refused = (Status.MODEL_MISFIT, message) if message else None
     shares, of_groups = _groups(here, q)
     judged = _without_late(here, profiles, q) if refused is None and here.attempt.fits else here.estimates
@@ -181,8 +164,8 @@ def certainty(attempt: Attempt, q: Question) -> Certainty | None:
         return out
     with no_time_limit():
         if q.options.bootstrap:
-            size, count = np.sqrt(np.diag(out.white)), q.options.bootstrap
-            made = bootstrap(out.attempt, q.unknowns, out.noise, size, count, seed=q.seed, progress=q.progress)
+            size, count = np.sqrt(np.diag(out.allowed.white)), q.options.bootstrap
+            made = bootstrap(out.attempt, q.unknowns, out.allowed.noise, size, count, seed=q.seed, progress=q.progress)
             out = replace(out, bootstrap=made)
         if q.options.accuracy_table:
             q.progress("table of accuracies", None)
@@ -201,10 +184,10 @@ def _at(
     bounds = at_bounds(unknowns, theta)
     texts = {n: str(hint) for n, hint in hints(attempt.fitted_logs, solved.trajectories, unknowns, theta).items()}
     out = Certainty(attempt, known, seen, seen.joint.copy(), [], bounds, texts)
-    intervals = {} if profiles is None else {n: Interval(*(s.end for s in ends)) for n, ends in profiles.ends.items()}
+    intervals = {} if profiles is None else {n: (low.end, high.end) for n, (low, high) in profiles.ends.items()}
     largest, likely, limits = float(np.max(seen.inflation, initial=1.0)), list[Array](), list[float]()
     if profiles is not None and profiles.likely.size:
-        likely += list(profiles.likely + (profiles.best - theta)[free])
+        likely += list(profiles.likely)
         limits += (profiles.ratios / largest).tolist()
     for other in out.within(optima):
         likely.append((other.attempt.solved.theta - theta)[free])
@@ -247,11 +230,6 @@ def _groups(here: Certainty, q: Question) -> tuple[list[Share], list[tuple[Share
         reason = f"{made.reason} ({share.group})" if share.tied else made.reason
         beyond.append((share, replace(made, name=f"{made.name} ({share.group})", reason=reason)))
     return out, beyond
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What is worth asking.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _poorly_determined(here: Certainty, q: Question) -> bool:
@@ -325,43 +303,26 @@ def _profiles(here: Certainty, along: list[int], q: Question, *, restart: bool) 
     if time_is_up() and not q.options.profile:
         no_time_for("profiles")
         return None
-    attempt, white = here.attempt, np.sqrt(np.diag(here.white))
+    q.progress("profiles", None)
+    attempt, white = here.attempt, np.sqrt(np.diag(here.allowed.white))
     with no_time_limit() if q.options.profile else nullcontext():
-        return profile(
-            *(attempt.fitted_logs, attempt.solved, q.unknowns, white, here.inflation),
-            only=along,
-            points=CURVE_POINTS if q.options.profile else 1,
-            restart=restart,
-            progress=q.progress,
-        )
+        points = CURVE_POINTS if q.options.profile else 1
+        return profile(attempt.solved, q.unknowns, white, here.allowed.inflation, along, points, restart)
 
 
 def _restarted(here: Certainty, profiles: Profiles, q: Question) -> tuple[Certainty, tuple[Status, str] | None]:
     """The answer from a lower point; the one there was where the solver does not converge within the joint region of
-    that, or only at a bound, or among contacts that weaken at rest; refused where it does not beyond."""
+    that, or only at a bound; refused where it does not beyond."""
     attempt, unknowns, lower = here.attempt, q.unknowns, profiles.lower
     assert lower is not None
+    there = replace(attempt, solved=replace(attempt.solved, trajectories=lower.trajectories))
     start = replace(unknowns, start=lower.theta)
-
-    def solved() -> Attempt:
-        moved = replace(attempt, solved=replace(attempt.solved, trajectories=lower.trajectories))
-        moved = solve_again(moved, start)
-        if moved.fits:
-            return moved
-        logs = list(attempt.fitted_logs)  # from there as from a start that a user gives
-        placed = solve_from(logs, list(range(len(logs))), start)
-        if placed is None or len(placed.log_numbers) < len(logs) or not placed.fits or placed.excess > attempt.excess:
-            return moved
-        return replace(placed, log_numbers=attempt.log_numbers)
-
-    moved = run_strategy(Strategy.PROFILE_OPTIMUM, solved, attempt, attempt.log_numbers)
+    moved = tried("optimum of a profile", lambda: solve_again(there, start), attempt)
     if moved is None:
         return here, None
     theta = moved.solved.theta
-    if profiles.gain < here.region:
-        lost = not moved.fits or bool(np.any(unknowns.at_own_bounds(theta)))
-        if lost or (weakens(unknowns, theta) and not weakens(unknowns, attempt.solved.theta)):
-            return here, None
+    if profiles.gain < here.region and (not moved.fits or np.any(unknowns.at_own_bounds(theta))):
+        return here, None
     if moved.fits:
         return _moved(moved, q), None
     values = unknowns.values(lower.theta, q.base)
@@ -375,11 +336,6 @@ def _restarted(here: Certainty, profiles: Profiles, q: Question) -> tuple[Certai
         f"does not converge there ({moved.gate.solver}); {remedy}; that place: {where}"
     )
     return replace(here, attempt=moved), (Status.BETTER_START_FOUND, message)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Steps of the integration so fine that their error is a small part of each standard error.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def fine_enough(
@@ -415,16 +371,11 @@ def fine_enough(
                 return solve_again(before, replace(unknowns, start=before.solved.theta), steps=steps)
             return before.with_solved(replace(solved, grid=replace(before.solved.grid, steps=steps)))
 
-        again = run_strategy(Strategy.FINER_STEPS, refined, before)
+        again = tried(FINER_STEPS, refined, before)
         if again is None or again.gate.status is Status.SOLVER_FAILED:
             break  # no reason to give up the answer: what its steps cost is told
         attempt, known = again, information_at(again.solved, unknowns)
     return attempt, known, shares
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# An answer at which a phase shrinks to nothing.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _held_by_event(here: Certainty) -> tuple[Status, str] | None:
@@ -442,23 +393,16 @@ def active_event_bound(solved: Solved, names: Sequence[str]) -> str | None:
     Args:
         names: of the logs.
     """
-    problem, solution, held = solved.problem, solved.solution, list[tuple[float, float, str]]()
-    for place, trajectory, name in zip(problem.layout.places, solved.trajectories, names, strict=True):
-        if goes_as_far_as_it_can(problem, solution.x, place.events).any():
-            lengths = np.diff(trajectory.until)
-            shortest = int(np.argmin(lengths)) if lengths.size else 0
-            length = float(lengths[shortest]) if lengths.size else 0.0
-            held.append((length, float(trajectory.until[shortest]), name))
-    if not held:
-        return None
+    places = zip(solved.problem.layout.places, names, strict=True)
+    x = solved.solution.x
+    held = [name for place, name in places if goes_as_far_as_it_can(solved.problem, x, place.events).any()]
     try:
-        squared = imbalance(influence(solved))
+        squared = imbalance(influence(solved)) if held else 0.0
     except (np.linalg.LinAlgError, RuntimeError):  # directions that no log determines: their verdicts say so
         return None
     if squared < HELD:
         return None
-    length, begin, name = min(held)
     return (
-        f"{name}: at this answer what happens from {begin:.5g} s lasts {length:.2g} s only, if it happens at all, and "
-        f"holds the answer back by {np.sqrt(squared):.1f} standard errors; leave this log out or end it there"
+        f"{held[0]}: at this answer a phase gets as short as it can, if it happens at all, and holds the answer back "
+        f"by {np.sqrt(squared):.1f} standard errors; leave this log out or end it earlier"
     )

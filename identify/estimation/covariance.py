@@ -26,6 +26,8 @@ from identify.shooting.shooting import Problem
 Array = NDArray[np.float64]
 
 IDENTIFIED, WEAK = 0.20, 3.0  # interval ends within 20 % of the value; within a factor 3
+ENOUGH = 1.5  # times its limit: the squared distance that a likely point may have
+ROUNDS, ROUNDING = 200, 1e-9
 FARTHEST = 20.0  # a logarithm that is farther off than that is open
 
 
@@ -64,8 +66,7 @@ class Information:
         return self._response(self.total[self.free, column])
 
     def drive_speed_shift(self, values: Array) -> Array:
-        """How far the free theta (f,) move per relative error of all drive speeds together; values (n_p,) [SI] of all
-        parameters at the answer."""
+        """The same per relative error of all drive speeds together; values (n_p,) [SI] of all parameters there."""
         return self._response(-(self.data @ _by_drive_speed(self.unknowns, values))[self.free])
 
     def _response(self, change: Array) -> Array:
@@ -121,43 +122,25 @@ def inverse(matrix: Array) -> Array:
     return np.asarray(scaled * np.outer(scale, scale))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# A covariance that holds what a curved likelihood allows: widened until every likely point lies within it.
-#
-# Where the likelihood is no paraboloid, the covariance of its curvature at the answer leaves out points that the data
-# find as likely. Profiles lead to such points; the covariance is widened towards each that lies outside.
-# ----------------------------------------------------------------------------------------------------------------------
-
-ENOUGH = 1.5  # times the limit that a point's squared distance may have
-ROUNDS = 200
-ROUNDING = 1e-9
-
-
 def widened(covariance: Array, away: Array, limits: Array) -> Array:
-    """The covariance (f, f) widened until no squared distance exceeds ENOUGH times its limit.
+    """The covariance (f, f), wide enough that no squared distance exceeds ENOUGH times its limit: where the likelihood
+    is no paraboloid, that of its curvature leaves out points that the data find as likely.
 
     Args:
         away: (m, f) likely points, from the answer; limits: (m,) squared distances at which they should lie.
     """
     out = np.array(covariance, float)
-    if away.size == 0 or not np.all(np.isfinite(out)):
-        return out
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS if np.all(np.isfinite(out)) else 0):
         try:
             distances = np.sum(away * np.linalg.solve(out, away.T).T, axis=1)
         except np.linalg.LinAlgError:
-            return out
+            break
         far = int(np.argmax(distances / limits))
         enough = ENOUGH * limits[far]
         if not distances[far] > enough * (1.0 + ROUNDING):
-            return out
+            break
         out = out + (1.0 / enough - 1.0 / distances[far]) * np.outer(away[far], away[far])
     return out
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Intervals and verdicts.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -174,12 +157,7 @@ class Estimate:
     reason: str
 
 
-@dataclass(frozen=True)
-class Interval:
-    """An interval of theta from a profile; None: open."""
-
-    lower: float | None
-    upper: float | None
+Interval = tuple[float | None, float | None]  # of theta from a profile; None: open
 
 
 def estimates(
@@ -213,9 +191,9 @@ def estimates(
         if name in at_bound:
             out.append(replace(nothing, verdict="at bound", reason=at_bound[name]))
             continue
-        interval = profiles.get(unknowns.names[of], Interval(theta[of] - NORMAL * sd[of], theta[of] + NORMAL * sd[of]))
-        interval, walled = _within_walls(unknowns, of, interval)
-        low, high = (parameter_value(unknowns, i, end, base[i]) for end in (interval.lower, interval.upper))
+        curvature = float(theta[of] - NORMAL * sd[of]), float(theta[of] + NORMAL * sd[of])
+        interval, walled = _within_walls(unknowns, of, profiles.get(unknowns.names[of], curvature))
+        low, high = (parameter_value(unknowns, i, end, base[i]) for end in interval)
         verdict = verdict_of(value, low, high, float(size_of[i]), declared.scale == "log")
         tied = f"tied to {unknowns.names[of]}" if of != i else ""
         if verdict == "not identifiable" or low is None or high is None:
@@ -240,12 +218,12 @@ def sizes(unknowns: Unknowns, values: Array) -> Array:
 
 def _within_walls(unknowns: Unknowns, i: int, interval: Interval) -> tuple[Interval, str]:
     """The interval without what the scene's own bounds exclude, and a sentence where they do."""
-    lower, upper, ends = interval.lower, interval.upper, list[str]()
+    (lower, upper), ends = interval, list[str]()
     if unknowns.walls[0, i] and (lower is None or lower <= unknowns.lower[i]):
         lower, ends = float(unknowns.lower[i]), ["lower"]
     if unknowns.walls[1, i] and (upper is None or upper >= unknowns.upper[i]):
         upper, ends = float(unknowns.upper[i]), [*ends, "upper"]
-    return Interval(lower, upper), f"its interval ends at the {' and '.join(ends)} bound of the scene" if ends else ""
+    return (lower, upper), f"its interval ends at the {' and '.join(ends)} bound of the scene" if ends else ""
 
 
 def parameter_value(unknowns: Unknowns, i: int, theta: float | None, base: float) -> float | None:

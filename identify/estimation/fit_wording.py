@@ -29,10 +29,8 @@ EXCHANGE = (
 SLOWER = "slower, with a softer spring or at a higher load"
 SCATTER_SHOWN = "see the cycle scatter and the classical table in the report"
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Before anything is fitted.
-# ----------------------------------------------------------------------------------------------------------------------
-
+RESOLVED = 12  # samples of a slip from which on its shape can be read
+WANTED = 25  # samples of a slip to ask for
 UNITS = 30.0  # factor by which sticks rise too slowly where a unit is wrong: nothing soft in series does that
 STEEPER = 5.0  # and by which they rise too fast: nothing in series does that, and no rig value is so wrong
 STICKS, AGREE = 2, 0.3  # sticks that a unit has to be wrong in, and how much they may differ: cycles may be misread
@@ -90,11 +88,6 @@ def uneven_words(prepared: Sequence[Prepared]) -> str:
         f"friction differs from cycle to cycle: in {log.name} the drop changes by {100 * log.scatter:.0f} % from one "
         "cycle to the next, which noise does not explain, while the model takes all cycles as alike"
     )
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# How a search ended.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
@@ -178,9 +171,6 @@ def slides_only(logs: Sequence[Prepared], trajectories: Sequence[ShootingTraject
 # What these logs cannot determine, and what test would: in lab words, from their own figures.
 # ----------------------------------------------------------------------------------------------------------------------
 
-RESOLVED = 12  # samples of a slip from which on its shape can be read
-WANTED = 25  # samples of a slip to ask for
-
 
 @dataclass(frozen=True)
 class Hint:
@@ -205,12 +195,27 @@ def hints(
     if not slipping:
         return _without_cycles(logs, trajectories)
     slips = [float(np.median(g.arrest - g.onset)) for _, g in slipping]
-    samples = [slip / log.data.interval for slip, (log, _) in zip(slips, slipping, strict=True)]
-    shape = _shape(samples, slips, sorted({log.data.drive_speed for log, _ in slipping}))
+    samples = max(slip / log.data.interval for slip, (log, _) in zip(slips, slipping, strict=True))
+    speeds = sorted({log.data.drive_speed for log, _ in slipping})
+    if samples < RESOLVED:
+        remedy = f"sample at {round_up(WANTED / min(slips)):.0f} Hz or more, or add a log that slips for longer"
+        shape = Hint(f"slips hold at most {samples:.0f} samples, so their shape is not seen", remedy)
+    elif len(speeds) == 1:
+        remedy = f"add a log at {1e3 * 10 * speeds[0]:.2g} mm/s or more, with {WANTED} samples per slip"
+        shape = Hint(f"one drive speed ({1e3 * speeds[0]:.3g} mm/s) shows one kind of slip", remedy)
+    else:
+        shape = Hint(f"the slips of these {len(speeds)} speeds are too alike", "add a faster log, or more cycles")
     out = dict.fromkeys(("a", "delta_mu_k", "D", "mu_k0", "mass", "damping"), shape)
     if "t_cr" in unknowns.names:
-        t_cr = float(np.exp(theta[unknowns.names.index("t_cr")]))
-        out |= dict.fromkeys(("t_cr", "mu_s"), _holds(np.concatenate([g.sticks for _, g in slipping]), t_cr))
+        sticks, t_cr = np.concatenate([g.sticks for _, g in slipping]), np.exp(theta[unknowns.names.index("t_cr")])
+        rests = Hint("sticks of different length tell it", "add a slower and a faster log")
+        if sticks.size and np.min(sticks) > 3 * t_cr:
+            shown = f"every stick lasts {np.min(sticks):.2g} s or more, long enough to saturate the contact"
+            rests = Hint(shown, "add a faster log, with sticks of a few tenths of that")
+        elif sticks.size and np.max(sticks) < t_cr:
+            shown = f"the longest stick is {np.max(sticks):.2g} s, too short to saturate the contact"
+            rests = Hint(shown, "add a slower log")
+        out |= dict.fromkeys(("t_cr", "mu_s"), rests)
     return out
 
 
@@ -246,38 +251,6 @@ def _without_cycles(logs: Sequence[Prepared], trajectories: Sequence[ShootingTra
         hold = Hint(f"{peaks} the strength after those rests", "add holds that last a tenth and ten times as long")
         out |= {"mu_s": hold, "t_cr": hold, "D": Hint("the peaks hold too few samples", f"sample faster, or {slower}")}
     return out
-
-
-def _shape(samples: Sequence[float], slips: Sequence[float], speeds: Sequence[float]) -> Hint:
-    best = int(np.argmax(samples))
-    if samples[best] < RESOLVED:
-        rate = WANTED / min(slips)
-        # With some samples more it may be the speeds as well: which of both, only a profile of other designs would say.
-        faster = ", and add a faster log" if samples[best] > RESOLVED / 2 else ""
-        return Hint(
-            f"slips hold at most {samples[best]:.0f} samples, so their shape is not seen",
-            f"sample at {round_up(rate):.0f} Hz or more{faster}",
-        )
-    if len(speeds) == 1:
-        return Hint(
-            f"one drive speed ({1e3 * speeds[0]:.3g} mm/s) shows one kind of slip",
-            f"add a log at {1e3 * 10 * speeds[0]:.2g} mm/s or more, with {WANTED} samples per slip",
-        )
-    return Hint(f"the slips of these {len(speeds)} speeds are too alike", "add a faster log, or more cycles")
-
-
-def _holds(sticks: Array, t_cr: float) -> Hint:
-    if sticks.size == 0:
-        return Hint("no stick between two slips was seen", "record several cycles")
-    longest, shortest = float(np.max(sticks)), float(np.min(sticks))
-    if shortest > 3 * t_cr:
-        return Hint(
-            f"every stick lasts {shortest:.2g} s or more, long enough to saturate the contact",
-            "add a faster log, with sticks of a few tenths of that",
-        )
-    if longest < t_cr:
-        return Hint(f"the longest stick is {longest:.2g} s, too short to saturate the contact", "add a slower log")
-    return Hint("sticks of different length tell it", "add a slower and a faster log")
 
 
 def round_up(rate: float) -> float:

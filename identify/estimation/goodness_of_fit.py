@@ -39,6 +39,11 @@ OUTLIER, NEIGHBOURS, OUTLIER_RATIO = 30.0, 2, 20.0
 """z of a cycle above which a slip is more likely missing, or the force disturbed, than the law wrong, where all but the
 cycles next to it are so many times better."""
 CHANCE = 1e-7  # of any other test to refuse a right answer
+LONGEST = 512  # samples of a window of the scan
+QUARTILES = 2.0 * normal(0.75)
+ENOUGH = 1 << 12  # sums of windows that determine their spread to 3 %
+LINE_SHARE = 0.05  # share of the power of what is left: a line that is so clear by chance is no matter of its height
+MARGIN = 0.5  # standard deviations of the force noise: closer to being pulled back, the answer may hide that it is
 
 
 @dataclass(frozen=True)
@@ -82,46 +87,46 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
         names: of the logs, for the message; noise_estimated: per log, whether its noise is from the data.
     """
     squares, counts, log, cycle = _per_cycle(solved)
-    total, samples = float(squares.sum()), max(float(counts.sum()), 1.0)
-    chi2, estimated = total / samples, np.array(noise_estimated, dtype=float)
+    samples, estimated = max(float(counts.sum()), 1.0), np.array(noise_estimated, dtype=float)
     # chi^2 scales with the inverse square of the noise: an estimated noise widens what is credible.
     slack = 2.0 * NOISE_ERROR * estimated
     by_log = np.bincount(log, weights=counts, minlength=len(names))
     level = np.bincount(log, weights=squares, minlength=len(names)) / np.maximum(by_log, 1.0)
-    allowed = OVERALL * np.sqrt(2.0 / samples) + float(slack @ by_log) / samples
     spread = np.sqrt(2.0 * np.maximum(counts, 1.0) + (slack[log] * counts) ** 2)
     # Slips that hardly show are taken for noise while it is measured: a curve that follows them leaves less.
     quiet = np.where(estimated > 0.0, np.clip(level, QUIETEST, 1.0), 1.0)
     z = (squares - quiet[log] * counts) / (quiet[log] * spread)
-    levels, cycles = np.ones(len(names)), (log, cycle, names)
-    status, message = _chi_square(solved, total / max(float(quiet[log] @ counts), 1.0), allowed, z, *cycles)
-    if status is Status.CONVERGED:
-        variance = "its variance" if np.min(quiet) > 1.0 - 4.0 * NOISE_ERROR else "the variance measured in the sticks"
-        message = message or f"the misfit is noise ({chi2:.3f} of {variance}) in all {z.size} cycles"
-    if status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and chi2 < 1.0 + MORE:
-        logs = solved.problem.logs, solved.trajectories, solved.fitted
-        known = autocorrelation_test(*logs, noise_estimated, level)
+    total, cycles = float(squares.sum()), [(names[i], n + 1) for i, n in zip(log.tolist(), cycle.tolist(), strict=True)]
+    allowed = OVERALL * np.sqrt(2.0 / samples) + float(slack @ by_log) / samples
+    status, message = _chi_square(solved, total / max(float(quiet[log] @ counts), 1.0), allowed, z, cycles)
+    chi2, levels = total / samples, np.ones(len(names))
+    sound = solved.solution.success and solved.event_shift < SETTLED
+    if status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and chi2 < 1.0 + MORE and sound:
+        known = autocorrelation_test(solved, noise_estimated, level)
         if known is not None:
             of_cycle = known.levels[log]
             wider = (squares - of_cycle * counts) / (known.spread_inflation[log] * of_cycle * spread)
-            if _chi_square(solved, 1.0, allowed, wider, *cycles)[0] is Status.CONVERGED:
+            left = abs(total / max(float(of_cycle @ counts), 1.0) - 1.0)
+            if left <= allowed and float(np.max(np.abs(wider))) <= PER_CYCLE:
                 levels, z, status = known.levels, wider, Status.CONVERGED
+                apart = ", which have nothing in common" if np.max(levels) > 1.0 + CLOSE else ""
                 message = (
                     f"the misfit is autocorrelated noise ({chi2:.3f} of the variance measured in the sticks) in all "
-                    f"{z.size} cycles{', which have nothing in common' if np.max(levels) > 1.0 + CLOSE else ''}"
+                    f"{z.size} cycles{apart}"
                 )
     if status is Status.CONVERGED:
+        variance = "its variance" if np.min(quiet) > 1.0 - 4.0 * NOISE_ERROR else "the variance measured in the sticks"
+        message = message or f"the misfit is noise ({chi2:.3f} of {variance}) in all {z.size} cycles"
         unknowns = solved.problem.layout.unknowns
+        refused = (test(solved, names) for test in (_windows, _swings, _load_pulls, odd_stick))
         if broken := inconsistency(solved.problem.logs, solved.trajectories, unknowns, solved.theta, names):
             status, message = Status.WRONG_EVENT_COUNT, broken
-        elif refused := (
-            _windows(solved, names) or _swings(solved, names) or _load_pulls(solved, names) or odd_stick(solved, names)
-        ):
-            status, message = Status.MODEL_MISFIT, refused
+        elif sentence := next(filter(None, refused), ""):
+            status, message = Status.MODEL_MISFIT, sentence
         elif scatter := stick_scatter(solved):
             message += f"; strength (mu_s - mu_k0) differs from stick to stick by {three_figures(100.0 * scatter)} %"
-    found = solved.solution.return_status, solved.event_shift
-    return Gate(chi2, z, log + 1, cycle + 1, *found, status, message, levels)
+    ended = solved.solution.return_status, solved.event_shift
+    return Gate(chi2, z, log + 1, cycle + 1, *ended, status, message, levels)
 
 
 def _per_cycle(solved: Solved) -> tuple[Array, Array, Indices, Indices]:
@@ -140,89 +145,72 @@ def _per_cycle(solved: Solved) -> tuple[Array, Array, Indices, Indices]:
 
 
 def _chi_square(
-    solved: Solved, chi2: float, allowed: float, z: Array, log: Indices, cycle: Indices, names: Sequence[str]
+    solved: Solved, chi2: float, allowed: float, z: Array, cycles: Sequence[tuple[str, int]]
 ) -> tuple[Status, str]:
-    """Status and sentence by the sum of squares of the record and of every cycle, and by the end of the solver."""
-    solution, status = solved.solution, solved.solution.return_status
+    """Status and sentence by the sums of squares of the record and of every cycle, and by the end of the solver."""
+    solution, ended = solved.solution, solved.solution.return_status
     if not np.isfinite(chi2):
         return Status.SOLVER_FAILED, (
-            f"the solver left the region where the model can be computed ({status}); "
+            f"the solver left the region where the model can be computed ({ended}); "
             "check mass, stiffness and drive speed"
         )
-    worst = int(np.argmax(np.abs(z))) if z.size else 0
-    loud, settled = bool(np.any(z > PER_CYCLE)), solved.event_shift < SETTLED
-    misfits = abs(chi2 - 1.0) > allowed or float(np.max(np.abs(z), initial=0.0)) > PER_CYCLE
-    if chi2 < 1.0 and not loud and solution.success and settled:
-        missed = max(
-            np.sqrt(chi2) * data.noise / max(float(np.nanmax(np.abs(data.force))), 1e-300)
-            for data in solved.problem.logs
-        )
-        if missed < NOISELESS:
+    sound, off = solution.success and solved.event_shift < SETTLED, np.abs(z)
+    worst, quieter = int(np.argmax(off)) if z.size else 0, chi2 < 1.0 and not np.any(z > PER_CYCLE)
+    if quieter and sound:
+        highest = [max(float(np.nanmax(np.abs(log.force))), 1e-300) / log.noise for log in solved.problem.logs]
+        if (missed := np.sqrt(chi2) / min(highest)) < NOISELESS:
             return Status.CONVERGED, (
-                f"the logs hold no noise: the curve misses them by {missed:.1g} of their force in all {z.size} "
-                "cycles, as a simulation does; the intervals are those of the noise that was assumed"
+                f"the logs hold no noise: the curve misses them by {missed:.1g} of their force, as a simulation does; "
+                "the intervals are those of the noise that was assumed"
             )
-    if not misfits and not (solution.success and settled):
-        return Status.SOLVER_FAILED, (
-            f"the curve fits, but the solver ended with {status} after {solved.iterations} iterations and its event "
+    if abs(chi2 - 1.0) <= allowed and float(np.max(off, initial=0.0)) <= PER_CYCLE:
+        failed = (
+            f"the curve fits, but the solver ended with {ended} after {solved.iterations} iterations and its event "
             f"times move by {solved.event_shift:.2g} samples per pass; {START_VALUES}, or fix a parameter that these "
             "logs cannot determine"
         )
-    if not misfits:
-        return Status.CONVERGED, ""
-    where = f"{names[log[worst]]}, cycle {cycle[worst] + 1}"
+        return (Status.CONVERGED, "") if sound else (Status.SOLVER_FAILED, failed)
+    name, number = cycles[worst]
     # What is wrong with one cycle spoils those next to it.
-    apart = (log != log[worst]) | (np.abs(cycle - cycle[worst]) > NEIGHBOURS)
-    others = float(np.max(np.abs(z[apart]), initial=0.0))
+    apart = [log != name or abs(cycle - number) > NEIGHBOURS for log, cycle in cycles]
+    others = float(np.max(off[apart], initial=0.0))
     if z[worst] > OUTLIER and OUTLIER_RATIO * others < max(z[worst], OUTLIER_RATIO * PER_CYCLE):
-        beside = "while the others fit" if others < PER_CYCLE else f"where the others do by up to {others:.0f}"
         return Status.WRONG_EVENT_COUNT, (
-            f"{where} misfits by {z[worst]:.0f} standard deviations {beside}; perhaps a slip was missed, or the "
-            "force disturbed: look at it in the report and exclude that stretch"
+            f"{name}, cycle {number} misfits by {z[worst]:.0f} standard deviations where the others do by up to "
+            f"{others:.0f}; perhaps a slip was missed, or the force disturbed: look at it in the report and exclude "
+            "that stretch"
         )
-    if chi2 < 1.0 and not loud and solution.success:
+    if quieter and solution.success:
         return Status.MODEL_MISFIT, (
             f"the curve follows these data more closely than their noise allows: misfit {chi2:.3g} times the noise "
             "variance; if the noise is stated, state less; if not, slips of few samples counted as noise while it "
             'was measured: sample faster, or give the noise of the force sensor under [rig], noise = "… N"'
         )
-    failing = int(np.count_nonzero(np.abs(z) > PER_CYCLE))
-    stopped = "" if solution.success else f"; the solver stopped with {status}, and may do better: {START_VALUES}"
+    stopped = "" if solution.success else f"; the solver stopped with {ended}, and may do better: {START_VALUES}"
     return Status.MODEL_MISFIT, (
-        f"the model does not describe these data: misfit {chi2:.3g} times the noise variance, {failing} of {z.size} "
-        f"cycles beyond {PER_CYCLE:g} standard deviations, worst {where} ({z[worst]:.0f}); "
-        f"see the cycle scatter in the report{stopped}"
+        f"the model does not describe these data: misfit {chi2:.3g} times the noise variance, "
+        f"{np.count_nonzero(off > PER_CYCLE)} of {z.size} cycles beyond {PER_CYCLE:g} standard deviations, worst "
+        f"{name}, cycle {number} ({z[worst]:.0f}); see the cycle scatter in the report{stopped}"
     )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Scan: sums of neighbouring residuals over windows of all lengths.
-#
-# A wrong answer can keep the sum of squares of a long cycle within its noise and still miss a slip altogether, by a few
-# standard deviations of many neighbouring samples. Noise cancels in sums, a misfit does not.
+# Scan: sums of neighbouring residuals over windows of all lengths. A wrong answer can keep the sum of squares of a long
+# cycle within its noise and still miss a slip altogether. Noise cancels in sums, a misfit does not.
 # ----------------------------------------------------------------------------------------------------------------------
-
-LONGEST = 512  # samples of a window
-QUARTILES = 2.0 * normal(0.75)
-ENOUGH = 1 << 12  # sums that determine their spread to 3 %
 
 
 @dataclass(frozen=True)
 class ResidualWindow:
     """The window whose residuals stand out most: log, mean time [s], length [s], mean residual [N], by how many
-    standard deviations, and the number of them that noise reaches by chance."""
+    standard deviations, and over the number of them that noise reaches by chance."""
 
     log: int
     time: float
     length: float
     residual: float
     deviations: float
-    limit: float
-
-    @property
-    def ratio(self) -> float:
-        """Deviations over the limit."""
-        return self.deviations / self.limit
+    ratio: float
 
 
 def residual_scan(logs: Sequence[LogData], fitted: Sequence[Array]) -> ResidualWindow | None:
@@ -245,10 +233,11 @@ def residual_scan(logs: Sequence[LogData], fitted: Sequence[Array]) -> ResidualW
             low, high = np.quantile(thinned(scaled, ENOUGH), [0.25, 0.75])
             first = int(np.argmax(np.abs(scaled)))
             window = slice(first, first + width)
-            length = float(time[first + width - 1] - time[first])
             middle, mean = float(np.mean(time[window])), float(np.mean(residual[window]))
             deviations = abs(float(scaled[first])) / max(1.0, float(high - low) / QUARTILES)
-            out.append(ResidualWindow(number, middle, length, mean, deviations, limit))
+            out.append(
+                ResidualWindow(number, middle, float(np.ptp(time[window])), mean, deviations, deviations / limit)
+            )
     return max(out, key=lambda window: window.ratio, default=None)
 
 
@@ -264,6 +253,26 @@ def _windows(solved: Solved, names: Sequence[str]) -> str:
     )
 
 
+def _swings(solved: Solved, names: Sequence[str]) -> str:
+    """A sentence where what is left of the last slide of a log swings as stick-slip does, in slips that counted as
+    noise while that was measured; "" where none does."""
+    unknowns = solved.problem.layout.unknowns
+    pairs = zip(solved.problem.logs, solved.trajectories, solved.fitted, names, strict=True)
+    for log, trajectory, curve, name in pairs if not unknowns.model.vibrates else ():
+        p = unknowns.values(trajectory.theta(solved.theta), log.base)
+        values = dict(zip(unknowns.names, p.tolist(), strict=True))
+        if trajectory.rests_at_end or not values.get("mass", 0.0) > 0.0:
+            continue
+        rested = (s.until for s in trajectory.stretches if s.kind == "rest" or s.ended_by == "arrest")
+        rows = slice(*np.searchsorted(log.time, [max(rested, default=log.begin), log.end]))
+        rig = Known(values["stiffness"], log.speed_at(log.end), np.pi * (values["mass"] / values["stiffness"]) ** 0.5)
+        left = np.where(log.weight[rows] > 0.0, log.force[rows] - curve[rows], np.nan)
+        swing = hidden_rhythm(log.time[rows], left, None, rig, LINE_SHARE)  # what the load does the answer follows
+        if swing is not None:
+            return f"the misfit is noise on the whole, but where this answer slides, {name} {swing}, or leave it out"
+    return ""
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Random effects: the normal force of a cycle with the error of its measurement, the strength of a stick with the
 # scatter of all. The misfit of the samples does not see what a wrong answer makes these take up.
@@ -271,8 +280,7 @@ def _windows(solved: Solved, names: Sequence[str]) -> str:
 
 
 def _load_pulls(solved: Solved, names: Sequence[str]) -> str:
-    """A sentence where cycles fit only because their normal force was moved farther than its measurement allows; ""
-    where none do."""
+    """A sentence where cycles fit only as their normal force was moved farther than its measurement allows, or ""."""
     remedy = "" if "occlusion" in solved.problem.layout.unknowns.model.effects else ", or add occlusion to effects"
     for data, trajectory, name in zip(solved.problem.logs, solved.trajectories, names, strict=True):
         off = load_deviations(data, trajectory)
@@ -313,9 +321,9 @@ def load_deviations(data: LogData, trajectory: ShootingTrajectory) -> Array:
     where it is exact."""
     if not data.normal_force_sd > 0.0 or not trajectory.deviation.size:
         return np.empty(0)
-    slid = trajectory.slip_deviation.size
     at_onset = trajectory.deviation / data.onset_load_sd_at(trajectory.loaded_at)
-    return np.append(at_onset, trajectory.slip_deviation / data.load_sd_at(trajectory.slid_at[:slid]))
+    slid_at = trajectory.slid_at[: trajectory.slip_deviation.size]
+    return np.append(at_onset, trajectory.slip_deviation / data.load_sd_at(slid_at))
 
 
 def loads_stand_in(solved: Solved) -> bool:
@@ -338,40 +346,9 @@ def stick_scatter(solved: Solved) -> float | None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Slips of a few samples, or smaller than the noise of one, count as noise while the noise is measured: an answer that
-# slides there fits, and takes the mean force of stick-slip for that of sliding. What it leaves still swings.
-# ----------------------------------------------------------------------------------------------------------------------
-
-LINE_SHARE = 0.05  # share of the power of what is left: a line that is so clear by chance is no matter of its height
-
-
-def _swings(solved: Solved, names: Sequence[str]) -> str:
-    """A sentence where what is left of the last slide of a log swings as stick-slip does; "" where none does."""
-    problem = solved.problem
-    unknowns = problem.layout.unknowns
-    if unknowns.model.vibrates:
-        return ""
-    for log, trajectory, curve, name in zip(problem.logs, solved.trajectories, solved.fitted, names, strict=True):
-        p = unknowns.values(trajectory.theta(solved.theta), log.base)
-        values = dict(zip(unknowns.names, p.tolist(), strict=True))
-        if trajectory.rests_at_end or not values.get("mass", 0.0) > 0.0:
-            continue
-        rested = (s.until for s in trajectory.stretches if s.kind == "rest" or s.ended_by == "arrest")
-        rows = slice(*np.searchsorted(log.time, [max(rested, default=log.begin), log.end]))
-        rig = Known(values["stiffness"], log.speed_at(log.end), np.pi * (values["mass"] / values["stiffness"]) ** 0.5)
-        left = np.where(log.weight[rows] > 0.0, log.force[rows] - curve[rows], np.nan)
-        swing = hidden_rhythm(log.time[rows], left, None, rig, LINE_SHARE)  # what the load does the answer follows
-        if swing is not None:
-            return f"the misfit is noise on the whole, but where this answer slides, {name} {swing}, or leave it out"
-    return ""
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # Inequalities of the mode sequence. The rows of the shooting problem hold what is equal: continuity, guards. What must
 # be greater or smaller is checked here: a mass that arrests stays at rest, and slips go forward.
 # ----------------------------------------------------------------------------------------------------------------------
-
-MARGIN = 0.5  # standard deviations of the force noise: closer to being pulled back, the answer may hide that it is
 
 
 def inconsistency(
@@ -387,13 +364,9 @@ def inconsistency(
         theta: (n_p,) the solution; names: of the logs.
     """
     for log, trajectory, name in zip(logs, trajectories, names, strict=True):
-        net, static_limit, part = _at_arrests(
-            log, trajectory, unknowns, unknowns.values(trajectory.theta(theta), log.base)
-        )
-        for excess, what, allowed in (
-            (-net - static_limit, "back", -MARGIN * log.noise),
-            (net - static_limit, "on", MARGIN * log.noise),
-        ):
+        net, limit, part = _at_arrests(log, trajectory, unknowns, unknowns.values(trajectory.theta(theta), log.base))
+        margin = MARGIN * log.noise
+        for excess, what, allowed in ((-net - limit, "back", -margin), (net - limit, "on", margin)):
             worst = int(np.argmax(excess)) if excess.size else 0
             if excess.size and excess[worst] > allowed:
                 return (
@@ -403,8 +376,7 @@ def inconsistency(
                     "normal force"
                 )
         backwards = (n for n, back in zip(trajectory.part, turned_back(trajectory), strict=True) if back.any())
-        cycle = next(backwards, None)
-        if cycle is not None:
+        if (cycle := next(backwards, None)) is not None:
             return (
                 f"{name}, cycle {cycle + 1}: at this answer the slip runs backwards on its way, which the fit does not "
                 "follow; exclude that stretch"
@@ -415,8 +387,7 @@ def inconsistency(
 def _at_arrests(
     log: LogData, trajectory: ShootingTrajectory, unknowns: Unknowns, p: Array
 ) -> tuple[Array, Array, Indices]:
-    """Net driving force and static limit at every arrest (c,) [N]; the number of the part of the record that each
-    ends."""
+    """Net driving force and static limit at every arrest (c,) [N]; the part of the record that each ends."""
     model, arrests = unknowns.model, trajectory.ending("arrest")
     part = np.array(trajectory.part, dtype=np.int64)[arrests]
     if arrests.size == 0:

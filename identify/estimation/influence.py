@@ -2,13 +2,10 @@
 the logs agree.
 
 With U the columns of the inverse of the optimality matrix that belong to the parameters, a residual r with weight w and
-slope x of its curve moves them by U^T x w r.
-
-At a common answer the pulls of all logs cancel. How far one log may pull follows from its share of the information:
-with C the covariance of the answer and S that of what the noise of one log does to it, the pull has the covariance
-S - S C^-1 S (the score test; for linear models its squared distance is that between the answer of this log alone and
-that of the others). A log that pulls farther has an answer of its own, however well the common one fits: the misfit of
-thousands of samples does not see what a few parameters do.
+slope x of its curve moves them by U^T x w r. At a common answer the pulls of all logs cancel. With C the covariance of
+the answer and S that of what the noise of one log does to it, the pull of that log has the covariance S - S C^-1 S (the
+score test; for linear models its squared distance is that between the answer of this log alone and that of the others).
+A log that pulls farther has an answer of its own, however well the common one fits.
 """
 
 from __future__ import annotations
@@ -32,6 +29,10 @@ from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.shooting import Problem, samples_of
 
 Array = NDArray[np.float64]
+
+UNINFORMATIVE = 1e-3  # share of the information on a direction: with less, or all but less, nothing can be compared
+CHANCE = 1e-9  # by which noise alone calls a log contradicting
+MATTERS = 0.10  # of its size by which a parameter must move for it: less is a short error bar, and no other answer
 
 
 @dataclass(frozen=True)
@@ -107,11 +108,6 @@ def _owners(problem: Problem) -> NDArray[np.int64]:
     return np.where(owner.sum(axis=0) == 1, np.argmax(owner, axis=0), -1)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The covariance at an answer with all that is allowed for: autocorrelation and level of the noise, the drive speed.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Allowed:
     """Covariances of the free parameters (f,) at an answer: white (f, f) for white noise, joint (f + o, f + o) with all
@@ -163,15 +159,6 @@ def largest_inflation(attempt: Attempt, noise: Sequence[ArModel]) -> float:
     return max(1.0, attempt.gate.level) * max([1.0, *(model.inflation for model in noise)])
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Do the logs agree?
-# ----------------------------------------------------------------------------------------------------------------------
-
-UNINFORMATIVE = 1e-3  # share of the information on a direction: with less, or all but less, nothing can be compared
-CHANCE = 1e-9  # by which noise alone calls a log contradicting
-MATTERS = 0.10  # of its size by which a parameter must move for it: less is a short error bar, and no other answer
-
-
 @dataclass(frozen=True)
 class LogScore:
     """One log against the others: log, its index; squared distance, in units of its covariance, and its degrees of
@@ -203,9 +190,9 @@ def scores_of(moves: Array, covariances: Array) -> list[LogScore]:
     for number, (move, own) in enumerate(zip(whitened, covariances / np.outer(size, size), strict=True)):
         share, directions = np.linalg.eigh(np.linalg.solve(half, np.linalg.solve(half, own).T))
         compared = (share > UNINFORMATIVE) & (share < 1.0 - UNINFORMATIVE)
-        along = (directions.T @ move)[compared]
-        squared = float(np.sum(along**2 / (share[compared] * (1.0 - share[compared]))))
-        shift = size * (half @ (directions[:, compared] @ (along / (1.0 - share[compared]))))
+        along, rest = (directions.T @ move)[compared], 1.0 - share[compared]
+        shift = size * (half @ (directions[:, compared] @ (along / rest)))
+        squared = float(np.sum(along**2 / (share[compared] * rest)))
         out.append(LogScore(number, squared, int(np.count_nonzero(compared)), -shift))
     return out
 
@@ -234,19 +221,17 @@ def contradiction(attempt: Attempt, unknowns: Unknowns, base: Array, noise: Sequ
     """
     try:
         known = influence(attempt.solved)
-        *scores, beside = scores_of(known.moves, known.covariances)
+        scores = scores_of(known.moves, known.covariances)
     except (np.linalg.LinAlgError, RuntimeError):  # directions that no log determines: their verdicts say so
         return ""
     slow = largest_inflation(attempt, noise)
-    *scores, beside = [replace(score, squared=score.squared / slow) for score in (*scores, beside)]
-    if beside.contradicts:
-        return ""
+    *of_logs, beside = [replace(score, squared=score.squared / slow) for score in scores]
     free, theta = np.flatnonzero(unknowns.free), attempt.solved.theta
     values, compared = unknowns.values(theta, base), ~rhythmic(unknowns)[free]
     size = np.maximum(sizes(unknowns, values), 1e-300)
-    for score in sorted((each for each in scores if each.contradicts), key=lambda each: -each.squared):
-        fitted = _without_log(attempt, unknowns, score.log)
-        without = theta.copy()
+    against = [score for score in of_logs if score.contradicts and not beside.contradicts]
+    for score in sorted(against, key=lambda each: -each.squared):
+        fitted, without = _without_log(attempt, unknowns, score.log), theta.copy()
         without[free] += score.shift[: free.size]
         others = unknowns.values(without if fitted is None else fitted, base)
         moved = np.where(compared, np.abs((others - values) / size)[free], 0.0)
@@ -255,10 +240,9 @@ def contradiction(attempt: Attempt, unknowns: Unknowns, base: Array, noise: Sequ
             unit = unknowns.model.parameters[worst].unit
             return (
                 f"{attempt.names[score.log]} contradicts the other logs (squared distance {score.squared:.0f} with "
-                f"{score.freedom} degrees of freedom): without it {unknowns.names[worst]} "
-                f"{'would be about' if fitted is None else 'is'} {said(others[worst], unit)} instead of "
-                f"{said(values[worst], unit)}; check its normal force, its drive speed and what else differs in it, "
-                "look at its slips in the report, or fit it apart"
+                f"{score.freedom} degrees of freedom): without it {unknowns.names[worst]} is "
+                f"{said(others[worst], unit)} instead of {said(values[worst], unit)}; check its load, its drive "
+                "speed and what else differs in it, look at its slips in the report, or fit it apart"
             )
     return ""
 
@@ -266,10 +250,8 @@ def contradiction(attempt: Attempt, unknowns: Unknowns, base: Array, noise: Sequ
 def _without_log(attempt: Attempt, unknowns: Unknowns, log: int) -> Array | None:
     """The answer (n_p,) of all logs but one, from the common one; None where the solver does not settle, or logs have
     parameters of their own, which the first of them lends its place in theta."""
-    if np.any(unknowns.own):
-        return None
     rest = [i for i in range(len(attempt.log_numbers)) if i != log]
     at_answer = replace(unknowns, start=attempt.solved.theta).with_weak_priors()
     data, motion = [attempt.fitted_logs[i].data for i in rest], [attempt.solved.trajectories[i] for i in rest]
-    solved = solve_in_passes(data, motion, at_answer)
-    return solved.theta if solved.solution.success else None
+    solved = None if np.any(unknowns.own) else solve_in_passes(data, motion, at_answer)
+    return solved.theta if solved is not None and solved.solution.success else None

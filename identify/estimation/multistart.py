@@ -17,7 +17,7 @@ from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.attempt import Attempt, place_on, solve_again, solve_from
 from identify.estimation.profile import converged
 from identify.estimation.starts import apart, features_of
-from identify.estimation.strategies import Strategy, no_time_for, run_strategy
+from identify.estimation.strategies import no_time_for, tried
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import quieted, rhythmic
@@ -29,6 +29,7 @@ from identify.shooting.starts import GOOD, candidates, fit_features
 
 Array = NDArray[np.float64]
 
+OTHER_OPTIMA = "other optima"
 DRAWN = 16  # starts of a Latin hypercube
 REACH = 2.0  # of the spread of a logarithm (a factor of seven); of a coefficient, half as far
 DISTINCT = 0.35  # of that reach, in one parameter at least, between two starts that are both solved
@@ -53,7 +54,8 @@ class Optimum:
 
 
 def multistart(attempt: Attempt, unknowns: Unknowns, seed: int, covariance: Array) -> list[Optimum]:
-    """The optima that starts about an answer lead to, the one to report first; the answer is one of them.
+    """The optima that starts about an answer lead to, the lowest first; the answer is one of them, and the first where
+    none is clearly lower.
 
     All are of the very samples of the answer. A start is solved coarsely first, and left where that leads to a known
     optimum, within some standard errors at about its cost, or far above it.
@@ -61,10 +63,10 @@ def multistart(attempt: Attempt, unknowns: Unknowns, seed: int, covariance: Arra
     Args:
         covariance: (f, f) of the free theta at the answer.
     """
-    logs, known = list(attempt.fitted_logs), [Optimum(attempt, 1)]
-    at_answer = replace(unknowns, start=attempt.solved.theta)
-    count, precision = len(covariance), np.linalg.pinv(covariance)
-    coarse = [_coarse(logs, attempt.solved.trajectories, at_answer)]  # where each known optimum has its coarse one
+    logs, known, free = list(attempt.fitted_logs), [Optimum(attempt, 1)], np.flatnonzero(unknowns.free)
+    precision, every = np.linalg.pinv(covariance), list(range(len(attempt.fitted_logs)))
+    # Where each known optimum has its coarse one.
+    coarse = [_coarse(logs, attempt.solved.trajectories, replace(unknowns, start=attempt.solved.theta))]
 
     def nearest(thetas: list[Array], theta: Array) -> int | None:
         squared = [float((theta - each) @ precision @ (theta - each)) for each in thetas]
@@ -73,50 +75,34 @@ def multistart(attempt: Attempt, unknowns: Unknowns, seed: int, covariance: Arra
 
     for theta in _starts(logs, unknowns, attempt.solved.theta, seed)[:SOLVED]:
         if time_is_up():
-            no_time_for(Strategy.OTHER_OPTIMA.value)
+            no_time_for(OTHER_OPTIMA)
             break
         start = replace(unknowns, start=theta)
-        placed = place_on(logs, list(range(len(logs))), start)
+        placed = place_on(logs, every, start)
         if len(placed) < len(logs):
             continue
-        tried = _coarse([log for _, log, _ in placed], [motion for _, _, motion in placed], start)
-        if tried.success and not tried.cost < coarse[0].cost + COST_CUTOFF:
-            continue
-        number = nearest([each.x[:count] for each in coarse], tried.x[:count]) if tried.success else None
-        if number is None or not 2.0 * abs(tried.cost - coarse[number].cost) < chi_square(LEVEL, count):
-            if tried.success:  # else its iterate is no motion of the model
-                theta = theta.copy()
-                theta[unknowns.free] = tried.x[:count]
+        first = _coarse([log for _, log, _ in placed], [motion for _, _, motion in placed], start)
+        number = None
+        if first.success:  # else its iterate is no motion of the model
+            if not first.cost < coarse[0].cost + COST_CUTOFF:
+                continue
+            theta = theta.copy()
+            theta[free] = first.x[: free.size]
+            number = nearest([each.x[: free.size] for each in coarse], theta[free])
+        if number is None or not 2.0 * abs(first.cost - coarse[number].cost) < chi_square(LEVEL, free.size):
             found = _solved(attempt, replace(unknowns, start=theta), np.sqrt(np.diag(covariance)))
             if found is None:
                 continue
-            ends = [optimum.attempt.solved.theta[unknowns.free] for optimum in known]
-            number = nearest(ends, found.solved.theta[unknowns.free])
+            number = nearest([optimum.attempt.solved.theta[free] for optimum in known], found.solved.theta[free])
             if number is None:
-                known, coarse = [*known, Optimum(found, 1)], [*coarse, tried]
+                known, coarse = [*known, Optimum(found, 1)], [*coarse, first]
                 continue
         known[number] = replace(known[number], starts=known[number].starts + 1)
         if min(known, key=lambda optimum: optimum.cost).starts > AGAIN:
             break
-    preferred = _preferred(known, unknowns)
-    return sorted(known, key=lambda optimum: (optimum is not preferred, optimum.cost))
-
-
-def _preferred(known: list[Optimum], unknowns: Unknowns) -> Optimum:
-    """The optimum to report: the lowest, but the answer itself where none is clearly lower; of those that the data do
-    not tell from the lowest, one whose contact strengthens while it rests."""
     answer, lowest = known[0], min(known, key=lambda optimum: optimum.cost)
-    lowest = answer if 2.0 * (answer.cost - lowest.cost) < LOWER else lowest
-    likely = 0.5 * chi_square(LEVEL, int(np.count_nonzero(unknowns.free)))
-    aged = [o for o in known if not weakens(unknowns, o.attempt.solved.theta) and o.cost < lowest.cost + likely]
-    weak = weakens(unknowns, lowest.attempt.solved.theta)
-    return min(aged, key=lambda optimum: optimum.cost) if weak and aged else lowest
-
-
-def weakens(unknowns: Unknowns, theta: Array) -> bool:
-    """Whether contacts weaken while they rest (n_p,): mu_k0 above mu_s, which no scene admits as a start."""
-    static, kinetic = (unknowns.names.index(name) for name in ("mu_s", "mu_k0"))
-    return bool(theta[static] < theta[kinetic])
+    preferred = answer if 2.0 * (answer.cost - lowest.cost) < LOWER else lowest
+    return sorted(known, key=lambda optimum: (optimum is not preferred, optimum.cost))
 
 
 def _coarse(logs: Sequence[Prepared], motion: Sequence[ShootingTrajectory], unknowns: Unknowns) -> Solution:
@@ -131,22 +117,16 @@ def _coarse(logs: Sequence[Prepared], motion: Sequence[ShootingTrajectory], unkn
 def _solved(attempt: Attempt, unknowns: Unknowns, sizes: Array) -> Attempt | None:
     """The optimum of all logs of an answer, of its very samples, from unknowns.start; None where there is none."""
     logs, cutoff = list(attempt.fitted_logs), attempt.solved.solution.cost + COST_CUTOFF
-    found = run_strategy(
-        Strategy.OTHER_OPTIMA,
-        lambda: solve_from(logs, list(range(len(logs))), unknowns, cost_cutoff=cutoff),
-        attempt,
-        attempt.log_numbers,
-    )
-    if found is None or len(found.log_numbers) < len(logs) or not found.fits:
+    every = list(range(len(logs)))
+    found = tried(OTHER_OPTIMA, lambda: solve_from(logs, every, unknowns, cutoff), attempt, attempt.log_numbers)
+    if found is None or len(found.log_numbers) < len(logs):
         return None
-    if found.solved.problem.samples != attempt.solved.problem.samples:  # the end of a log was cut elsewhere
-        moved = replace(attempt, solved=replace(attempt.solved, trajectories=found.solved.trajectories))
-        moved = solve_again(moved, replace(unknowns, start=found.solved.theta))
-        found = replace(moved, found_by=found.found_by)
-        if not found.fits:
-            return None
-    solved = converged(found.solved, found.solved.problem, sizes) or found.solved
-    return replace(found, solved=solved, log_numbers=attempt.log_numbers, fitted_logs=attempt.fitted_logs)
+    found = replace(found, log_numbers=attempt.log_numbers, fitted_logs=attempt.fitted_logs)
+    if found.fits and found.solved.problem.samples != attempt.solved.problem.samples:  # a log was cut elsewhere
+        found = solve_again(found, replace(unknowns, start=found.solved.theta))
+    if not found.fits:
+        return None
+    return replace(found, solved=converged(found.solved, found.solved.problem, sizes) or found.solved)
 
 
 def _starts(logs: Sequence[Prepared], unknowns: Unknowns, centre: Array, seed: int) -> list[Array]:

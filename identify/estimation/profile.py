@@ -17,11 +17,9 @@ from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
 from identify.base.linear import Factors, optimality_matrix
-from identify.base.progress import Progress, to_nobody
 from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.covariance import WEAK
 from identify.estimation.strategies import no_time_for
-from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.layout import kept_parameters
 from identify.shooting.passes import SETTLED, Solved
@@ -37,7 +35,7 @@ REACH_LOG = 3.0 * float(np.log(WEAK))  # of a logarithm: farther than a verdict 
 REACH_STEP, REACH_VALUE = 0.9, 1.05 * (1.0 - 1.0 / WEAK)  # of a coefficient: of mu_s - mu_k0, and of its own value
 CLOSE = 0.05  # of a side, by which an end is extrapolated
 FAR = 1.3  # of the root of the critical ratio: from a point no farther, an end is interpolated
-FARTHER, SHORTER, LEAP, SHORTEST = 2.5, 0.3, 0.3, 0.05  # times the step before; and of that of the covariance
+FARTHER, SHORTER, SHORTEST = 2.5, 0.3, 0.05  # times the step before; and of that of the covariance
 POINTS, SOLVES = 20, 3  # of one side: at most, and of these by IPOPT, where Newton's method finds none
 FREE = -1  # no parameter is fixed
 
@@ -61,25 +59,13 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class ProfilePoint:
-    """The lowest cost with one parameter fixed (FREE: none): theta (n_p,), the motion there, the cost of data and
-    user's priors."""
-
-    theta: Array
-    trajectories: list[ShootingTrajectory]
-    cost: float
-    fixed: int
-
-
-@dataclass(frozen=True)
 class Profiles:
-    """Profile intervals and curves by parameter, theta (n_p,) at the lowest cost, a point that lies lower than the
-    answer (None: there is none) and the likelihood ratio by which it does; likely (m, f): points on the profiles from
-    there, and the likelihood ratios (m,) at them, for white noise."""
+    """Profile intervals and curves by parameter; a point that lies lower than the answer (None: there is none) and the
+    likelihood ratio by which it does; likely (m, f): outermost points on the profiles, from the answer, and the
+    likelihood ratios (m,) at them, for white noise."""
 
     ends: dict[str, tuple[Side, Side]]
     curves: Mapping[str, Curve] = field(default_factory=dict)
-    best: Array = field(default_factory=lambda: np.empty(0))
     lower: ProfilePoint | None = None
     gain: float = 0.0
     likely: Array = field(default_factory=lambda: np.empty((0, 0)))
@@ -97,16 +83,13 @@ class Profiles:
 
 
 def profile(
-    logs: Sequence[Prepared],
     solved: Solved,
     unknowns: Unknowns,
     sizes: Array,
     inflation: Array,
-    *,
     only: Sequence[int],
     points: int = 1,
     restart: bool = False,
-    progress: Progress = to_nobody,
 ) -> Profiles:
     """Profile intervals about an answer. Where the time is up, the parameters that are left have none.
 
@@ -116,53 +99,48 @@ def profile(
         only: indices of the parameters; points: of each side at least: 1 finds its end, more draw the curve.
         restart: end at the first point that lies lower than the answer.
     """
-    work = _Workspace(logs, solved, unknowns, sizes)
-    best, answer = work.lowest(solved)
+    search = _Search(solved, unknowns, sizes)
+    around = search.problem_about(solved.theta, solved.formed_from)
+    both = np.concatenate([solved.solution.z, solved.solution.multipliers])
+    answer = search.point(around, both, FREE).cost
+    lowest = _newton(around.problem, both, sizes)
+    best = None if lowest is None else search.point(around, lowest, FREE)
+    best = best or search.by_ipopt(solved.theta, solved.trajectories, FREE)
     if best is None:
         return Profiles({})
-    at = {index: number for number, index in enumerate(np.flatnonzero(unknowns.free).tolist())}
-    limits = {i: CRITICAL * float(inflation[at[i]]) for i in only}
-    sides, seen = dict[int, tuple[Side, Side]](), [best.point]
-    outermost = dict[tuple[int, float], ProfilePoint]()
-    for index, limit in limits.items():
-        progress(f"profile of {unknowns.names[index]}", None)
-        root = float(np.sqrt(limit))
-        (low, down), (high, up) = (_side(work, best, index, root, sign * sizes[at[index]], points) for sign in (-1, 1))
+    place = {index: number for number, index in enumerate(np.flatnonzero(unknowns.free).tolist())}
+    sides, seen, outermost = dict[int, tuple[Side, Side]](), [best], list[ProfilePoint]()
+    for index in only:
+        root = float(np.sqrt(CRITICAL * inflation[place[index]]))
+        (low, down), (high, up) = (
+            _side(search, best, index, root, sign * sizes[place[index]], points) for sign in (-1, 1)
+        )
         if time_is_up():
             no_time_for("profiles")
             break
         sides[index] = low, high
-        for sign, found in ((-1.0, down), (1.0, up)):
-            outermost[index, sign] = found[-1] if found else best.point
+        outermost += [[best, *down][-1], [best, *up][-1]]
         seen += [*down, *up]
         if restart and 2.0 * (answer - min(point.cost for point in seen)) > BETTER:
             break
-    lowest = min(seen, key=lambda point: point.cost)
-    gain = max(0.0, 2.0 * (answer - lowest.cost))
+    lower = min(seen, key=lambda point: point.cost)
+    gain = max(0.0, 2.0 * (answer - lower.cost))
     ends, curves = {}, {}
     for index, (low, high) in sides.items():
+        name, wider = unknowns.names[index], float(inflation[place[index]])
         # A side holds every likely point of any profile.
-        inside = [float(p.theta[index]) for p in seen if 2.0 * (p.cost - best.point.cost) < limits[index]]
-        ends[unknowns.names[index]] = (
+        inside = [float(p.theta[index]) for p in seen if p.ratio(best) < CRITICAL * wider]
+        ends[name] = (
             low if low.end is None else replace(low, end=min(low.end, *inside)),
             high if high.end is None else replace(high, end=max(high.end, *inside)),
         )
-        mine = [best.point, *(p for p in seen if p.fixed == index)]
-        curves[unknowns.names[index]] = _curve(mine, index, limits[index] / CRITICAL)
-    likely = np.array([(p.theta - best.point.theta)[unknowns.free] for p in outermost.values()])
-    ratios = np.array([max(2.0 * (p.cost - best.point.cost), 0.0) for p in outermost.values()])
-    return Profiles(ends, curves, best.point.theta, lowest if gain > BETTER else None, gain, likely, ratios)
-
-
-def _curve(points: list[ProfilePoint], index: int, inflation: float) -> Curve:
-    """The curve through the points (k,), the lowest one first; of those at one place the lower one counts."""
-    costs = dict[float, float]()
-    for point in points:
-        place = float(point.theta[index])
-        costs[place] = min(point.cost, costs.get(place, np.inf))
-    theta = np.array(sorted(costs))
-    loss = [max(2.0 * (costs[place] - points[0].cost), 0.0) / inflation for place in theta.tolist()]
-    return Curve(theta, np.array(loss))
+        # Of points at one place the lower one counts.
+        mine = sorted((p for p in seen if p.fixed in (FREE, index)), key=lambda p: -p.cost)
+        loss = {float(p.theta[index]): p.ratio(best) / wider for p in mine}
+        curves[name] = Curve(np.array(sorted(loss)), np.array([loss[theta] for theta in sorted(loss)]))
+    likely = np.array([(p.theta - solved.theta)[unknowns.free] for p in outermost])
+    ratios = np.array([p.ratio(best) for p in outermost])
+    return Profiles(ends, curves, lower if gain > BETTER else None, gain, likely, ratios)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -170,29 +148,8 @@ def _curve(points: list[ProfilePoint], index: int, inflation: float) -> Curve:
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Node:
-    """A point of one side: how far off the lowest one it is, the root of the likelihood ratio, and its slope."""
-
-    at: _Solution
-    off: float
-    root: float
-    slope: float
-
-    def crossing(self, before: _Node, limit: float) -> float | None:
-        """Where the root reaches its limit: inside the step on the cubic through both nodes with their slopes, beyond
-        it on the tangent; None where it does not."""
-        if self.root < limit:
-            return self.off + (limit - self.root) / self.slope if self.slope > 0.0 else None
-        h, rise = self.off - before.off, self.root - before.root
-        c, d = 3.0 * rise - h * (2.0 * before.slope + self.slope), h * (before.slope + self.slope) - 2.0 * rise
-        roots = np.roots([d, c, h * before.slope, before.root - limit])
-        inside = [r.real for r in roots if abs(r.imag) < 1e-9 and -1e-9 <= r.real <= 1.0 + 1e-9]
-        return before.off + h * (min(inside) if inside else (limit - before.root) / rise)
-
-
 def _side(
-    work: _Workspace, best: _Solution, index: int, limit: float, size: float, count: int
+    search: _Search, best: ProfilePoint, index: int, limit: float, size: float, count: int
 ) -> tuple[Side, list[ProfilePoint]]:
     """One side of a profile and its points from the answer outwards, until the root of the likelihood ratio against the
     lowest one reaches its limit.
@@ -201,45 +158,57 @@ def _side(
         size: standard error of theta, with the sign of the side; count: of points at least.
     """
     sign, step = float(np.sign(size)), limit * abs(size)  # where the covariance has the end
-    centre = float(best.point.theta[index])
-    reach, walled = _reach(work.unknowns, best.point.theta, index, sign)
+    centre = float(best.theta[index])
+    reach, walled = _reach(search.unknowns, best.theta, index, sign)
     at_reach = Side(centre + sign * reach if walled else None, False, walled)
     if reach <= 0.0:
         return at_reach, []
-    path = [_Node(best, 0.0, 0.0, limit / step)]
+    path, before = [best], (0.0, 0.0, limit / step)  # distance, root of the likelihood ratio, and its slope
     longest = np.inf if count == 1 else step / count
-    points, length, solves = list[ProfilePoint](), min(step, longest), 0
+    length, solves = min(step, longest), 0
     for _ in range(POINTS + count):
-        last = path[-1]
-        target = min(last.off + length, reach)
-        found = work.followed([node.at for node in path], index, centre + sign * target)
-        if found is None and SHORTER * length > SHORTEST * step and not time_is_up():
-            length = SHORTER * length
+        target = min(before[0] + length, reach)
+        found = search.followed(path[-2:], index, centre + sign * target)
+        if found is None and time_is_up():
+            break
+        if found is None and SHORTER * length > SHORTEST * step:
+            length *= SHORTER
             continue
-        if found is None and solves < SOLVES and not time_is_up():
+        if found is None and solves < SOLVES:
             # The path bends, as where friction does not depend on speed and its rate may be any: IPOPT goes past that.
-            length, solves = min(LEAP * step, longest), solves + 1
-            target = min(last.off + length, reach)
-            theta = last.at.point.theta.copy()
-            theta[index] = centre + sign * target
-            found = work.solved(theta, last.at.point.trajectories, index)
+            length, solves = min(SHORTER * step, longest), solves + 1
+            target = min(before[0] + length, reach)
+            theta = np.where(np.arange(best.theta.size) == index, centre + sign * target, path[-1].theta)
+            found = search.by_ipopt(theta, path[-1].trajectories, index)
         if found is None:
             break
-        root = float(np.sqrt(max(2.0 * (found.point.cost - best.point.cost), 0.0)))
-        node = _Node(found, target, root, sign * found.slope(index) / root if root > 0.0 else 0.0)
-        end = node.crossing(last, limit)
-        if root > FAR * limit and target - last.off > LEAP * step and end is not None:
-            length = end - last.off
+        root = float(np.sqrt(found.ratio(best)))
+        node = target, root, sign * found.slope / root if root > 0.0 else 0.0
+        end = _crossing(before, node, limit)
+        if root > FAR * limit and target - before[0] > SHORTER * step and end is not None:
+            length = end - before[0]
             continue
-        points.append(found.point)
+        path.append(found)
         if end is not None and end <= reach and (root >= limit or end - target < CLOSE * target):
-            return Side(centre + sign * end, False), points
+            return Side(centre + sign * end, False), path[1:]
         if target >= reach:
-            return at_reach, points
+            return at_reach, path[1:]
         wanted = np.inf if end is None else end - target
         length = float(np.clip(wanted, SHORTEST * step, max(SHORTEST * step, min(FARTHER * length, longest))))
-        path = [last, node]
-    return Side(None, True), points
+        before = node
+    return Side(None, True), path[1:]
+
+
+def _crossing(before: tuple[float, float, float], node: tuple[float, float, float], limit: float) -> float | None:
+    """Where the root of the likelihood ratio reaches its limit: inside a step on the cubic through both ends with their
+    slopes, beyond it on the tangent; None where it does not. Ends: distance, root, slope."""
+    (start, low, slope), (off, root, rising) = before, node
+    if root < limit:
+        return off + (limit - root) / rising if rising > 0.0 else None
+    h, rise = off - start, root - low
+    cubic = [h * (slope + rising) - 2.0 * rise, 3.0 * rise - h * (2.0 * slope + rising), h * slope, low - limit]
+    inside = [r.real for r in np.roots(cubic) if abs(r.imag) < 1e-9 and -1e-9 <= r.real <= 1.0 + 1e-9]
+    return start + h * (min(inside) if inside else (limit - low) / rise)
 
 
 def _reach(unknowns: Unknowns, theta: Array, index: int, sign: float) -> tuple[float, bool]:
@@ -257,7 +226,7 @@ def _reach(unknowns: Unknowns, theta: Array, index: int, sign: float) -> tuple[f
 # ----------------------------------------------------------------------------------------------------------------------
 
 PREDICTED, REASSIGNED = 2.0, 5.0  # standard errors of the first correction at most; where samples are assigned again
-CONTRACTION = (0.2, 1.0)  # of Newton's steps: above, the matrix is factored again, and then the prediction given up
+CONTRACTION = 0.2  # of Newton's steps: above, the matrix is factored again
 NEWTON, CONVERGED, CLOSED = 8, 0.02, 1e-4  # steps, the last one in standard errors, and the largest row
 ITERATIONS, FOLLOWED = 25, 1e-6  # of IPOPT, and the largest row it may leave
 OBEYS = 1e-9  # largest row of an answer
@@ -265,211 +234,201 @@ MOVED = 2.0  # samples by which an event may move before the samples are assigne
 
 
 @dataclass(frozen=True)
-class _Neighbourhood:
-    """The problem about a motion of theta (n_p,): its samples stay where they are assigned as long as no unknown (n,)
-    is farther from its start than limits; sizes (k,): standard errors of the kept parameters, scaled."""
+class _About:
+    """The problem about a motion of theta (n_p,)."""
 
+    problem: Problem
     theta: Array
     trajectories: list[ShootingTrajectory]
-    problem: Problem
-    limits: Array
-    kept: NDArray[np.int64]
-    sizes: Array
-
-    @classmethod
-    def of(cls, problem: Problem, theta: Array, trajectories: list[ShootingTrajectory], sizes: Array) -> _Neighbourhood:
-        """About the motion from which a problem was formed; sizes (f,): standard errors of the free theta."""
-        layout, kept = problem.layout, kept_parameters(problem.layout)
-        own = np.full(kept.size - layout.free.size, float(np.max(sizes)))
-        limits = np.full(layout.size, np.inf)
-        for place, log in zip(layout.places, problem.logs, strict=True):
-            ends = np.minimum(-layout.lower[place.events], layout.upper[place.events])
-            limits[place.events] = np.minimum(MOVED * log.interval, ends)
-        return cls(theta, trajectories, problem, limits, kept, np.concatenate([sizes, own]) / layout.scale[kept])
 
     def place(self, index: int) -> int:
         """Of a parameter among the unknowns; FREE where none is fixed."""
         return FREE if index == FREE else int(np.flatnonzero(self.problem.layout.free == index)[0])
 
-    def factors(self, both: Array) -> Factors | None:
-        """Of the optimality conditions with the exact Hessian (n + m,); None where they are singular."""
-        n = self.problem.layout.size
-        point = self.problem.evaluate(both[:n], derivatives=True)
-        assert point.jacobian is not None
-        try:
-            return Factors(optimality_matrix(self.problem.exact_hessian(both[:n], 1.0, both[n:]), point.jacobian))
-        except RuntimeError:  # SuperLU's only word for it
-            return None
-
-    def gradient(self, both: Array) -> tuple[Array, Array]:
-        """Of the Lagrangian (n,), and the rows (m,)."""
-        n = self.problem.layout.size
-        point = self.problem.evaluate(both[:n], derivatives=True)
-        assert point.gradient is not None and point.jacobian is not None
-        with np.errstate(invalid="ignore"):
-            return point.gradient + point.jacobian.T @ both[n:], point.rows
-
-    def tangent(self, factors: Factors, place: int) -> Array:
-        """Of unknowns and multipliers (n + m,) per unit of the unknown that is fixed."""
-        unit = np.zeros(self.problem.layout.size + self.problem.layout.rows)
-        unit[place] = 1.0
-        column = factors.solve(unit)
-        with np.errstate(all="ignore"):
-            return np.asarray(column / column[place])
-
-    def corrected(
-        self,
-        both: Array,
-        place: int,
-        factors: Factors | None = None,
-        *,
-        largest: float = PREDICTED,
-        closed: float = CLOSED,
-    ) -> Array | None:
-        """Unknowns and multipliers (n + m,) that fulfil the conditions of optimality with the unknown at `place` fixed
-        (FREE: none), from a prediction; None where Newton's method does not contract at once.
-
-        Args:
-            factors: at a point nearby, kept as long as the steps contract.
-            largest: first step [standard errors]; closed: largest row at the end.
-        """
-        layout, before, tangent = self.problem.layout, np.inf, None
-        for number in range(NEWTON):
-            slope, rows = self.gradient(both)
-            if place != FREE:
-                slope[place] = 0.0
-            left = -np.concatenate([slope, rows])
-            if not np.all(np.isfinite(left)):
-                return None
-            if before < CONVERGED and np.max(np.abs(rows), initial=0.0) < closed:
-                x = both[self.kept] * layout.scale[self.kept]
-                inside = np.all(x >= layout.lower[self.kept]) and np.all(x <= layout.upper[self.kept])
-                cost = self.problem.evaluate(both[: layout.size], derivatives=True).cost
-                return both if inside and np.isfinite(cost) else None
-            kept = factors is not None
-            while True:
-                if factors is None:
-                    factors, tangent = self.factors(both), None
-                    if factors is None:
-                        return None
-                step = factors.solve(left)
-                if place != FREE:
-                    tangent = self.tangent(factors, place) if tangent is None else tangent
-                    step = step - tangent * step[place]
-                length = float(np.max(np.abs(step[self.kept]) / self.sizes))
-                if not kept or length <= max(CONTRACTION[0] * before, CONVERGED):
-                    break
-                factors, kept = None, False
-            if not length <= (max(CONTRACTION[1] * before, CONVERGED) if number else largest):
-                return None
-            both, before = both + step, length
-        return None
+    def holds(self, z: Array) -> bool:
+        """Whether samples may stay where they are assigned: no event moved too far."""
+        layout, x = self.problem.layout, np.abs(z * self.problem.layout.scale)
+        return all(
+            np.all(x[at.events] <= np.minimum(MOVED * log.interval, np.minimum(-layout.lower, layout.upper)[at.events]))
+            for at, log in zip(layout.places, self.problem.logs, strict=True)
+        )
 
 
 @dataclass(frozen=True)
-class _Solution:
-    """A point, its neighbourhood, and the scaled unknowns and multipliers (n + m,) there."""
+class ProfilePoint:
+    """The lowest cost with one parameter fixed (FREE: none): theta (n_p,), the motion there, the cost of data and
+    user's priors; scaled unknowns and multipliers (n + m,) of the problem about a motion nearby."""
 
-    point: ProfilePoint
-    around: _Neighbourhood
+    theta: Array
+    trajectories: list[ShootingTrajectory]
+    cost: float
+    fixed: int
+    about: _About
     both: Array
+
+    def ratio(self, best: ProfilePoint) -> float:
+        """The likelihood ratio against the lowest point."""
+        return max(2.0 * (self.cost - best.cost), 0.0)
 
     @cached_property
     def factors(self) -> Factors | None:
         """Of the optimality conditions there."""
-        return self.around.factors(self.both)
+        return _factors(self.about.problem, self.both)
 
-    def slope(self, index: int) -> float:
+    @property
+    def slope(self) -> float:
         """Derivative of the lowest cost with respect to the theta that is fixed."""
-        place = self.around.place(index)
-        return float(self.around.gradient(self.both)[0][place] / self.around.problem.layout.scale[place])
+        place = self.about.place(self.fixed)
+        return float(_conditions(self.about.problem, self.both)[place] / self.about.problem.layout.scale[place])
 
 
-class _Workspace:
+def _factors(problem: Problem, both: Array) -> Factors | None:
+    """Of the optimality conditions with the exact Hessian (n + m,); None where they are singular."""
+    n = problem.layout.size
+    point = problem.evaluate(both[:n], derivatives=True)
+    assert point.jacobian is not None
+    try:
+        return Factors(optimality_matrix(problem.exact_hessian(both[:n], 1.0, both[n:]), point.jacobian))
+    except RuntimeError:  # SuperLU's only word for it
+        return None
+
+
+def _conditions(problem: Problem, both: Array) -> Array:
+    """Gradient of the Lagrangian and rows (n + m,)."""
+    n = problem.layout.size
+    point = problem.evaluate(both[:n], derivatives=True)
+    assert point.gradient is not None and point.jacobian is not None
+    with np.errstate(invalid="ignore"):
+        return np.concatenate([point.gradient + point.jacobian.T @ both[n:], point.rows])
+
+
+def _tangent(problem: Problem, factors: Factors, place: int) -> Array:
+    """Of unknowns and multipliers (n + m,) per unit of the unknown that is fixed."""
+    unit = np.zeros(problem.layout.size + problem.layout.rows)
+    unit[place] = 1.0
+    column = factors.solve(unit)
+    with np.errstate(all="ignore"):
+        return np.asarray(column / column[place])
+
+
+def _newton(
+    problem: Problem,
+    both: Array,
+    sizes: Array,
+    place: int = FREE,
+    factors: Factors | None = None,
+    largest: float = PREDICTED,
+    closed: float = CLOSED,
+) -> Array | None:
+    """Unknowns and multipliers (n + m,) that fulfil the conditions of optimality with the unknown at `place` fixed
+    (FREE: none), from a prediction; None where Newton's method does not contract at once.
+
+    Args:
+        sizes: (f,) standard errors of the free theta; factors: at a point nearby, kept as long as the steps contract.
+        largest: first step [standard errors]; closed: largest row at the end.
+    """
+    layout, before, tangent = problem.layout, np.inf, None
+    kept, n = kept_parameters(layout), layout.size
+    own = np.full(kept.size - layout.free.size, float(np.max(sizes)))
+    size = np.concatenate([sizes, own]) / layout.scale[kept]
+    for number in range(NEWTON):
+        left = -_conditions(problem, both)
+        if place != FREE:
+            left[place] = 0.0
+        if not np.all(np.isfinite(left)):
+            return None
+        if before < CONVERGED and np.max(np.abs(left[n:]), initial=0.0) < closed:
+            x = both[kept] * layout.scale[kept]
+            inside = np.all(x >= layout.lower[kept]) and np.all(x <= layout.upper[kept])
+            return both if inside and np.isfinite(problem.evaluate(both[:n], derivatives=True).cost) else None
+        old = factors is not None
+        while True:
+            if factors is None:
+                factors, tangent = _factors(problem, both), None
+                if factors is None:
+                    return None
+            step = factors.solve(left)
+            if place != FREE:
+                tangent = _tangent(problem, factors, place) if tangent is None else tangent
+                step = step - tangent * step[place]
+            length = float(np.max(np.abs(step[kept]) / size))
+            if not old or length <= max(CONTRACTION * before, CONVERGED):
+                break
+            factors, old = None, False
+        if not length <= (max(before, CONVERGED) if number else largest):
+            return None
+        both, before = both + step, length
+    return None
+
+
+class _Search:
     """What all points have in common: logs; grid; unknowns as the scene gives them; with weak priors that keep the
     search in place, whose cost no point counts; sizes (f,)."""
 
-    def __init__(self, logs: Sequence[Prepared], solved: Solved, unknowns: Unknowns, sizes: Array) -> None:
+    def __init__(self, solved: Solved, unknowns: Unknowns, sizes: Array) -> None:
         weak = unknowns.with_weak_priors()
         mean = np.where(np.isfinite(unknowns.prior_sd), weak.prior_mean, solved.theta)
-        self.logs, self.grid, self.sizes = [log.data for log in logs], solved.grid, sizes
+        self.logs, self.grid, self.sizes = solved.problem.logs, solved.grid, sizes
         self.unknowns, self.weak = unknowns, replace(weak, prior_mean=mean, start=solved.theta)
 
-    def lowest(self, solved: Solved) -> tuple[_Solution | None, float]:
-        """The lowest point about the answer, None where it is not found, and the cost of the answer itself."""
-        around = self.neighbourhood(solved.theta, solved.formed_from)
-        both = np.concatenate([solved.solution.z, solved.solution.multipliers])
-        answer = self.solution(around, both, FREE).point.cost
-        lowest = around.corrected(both, FREE)
-        if lowest is not None:
-            return self.solution(around, lowest, FREE), answer
-        return self.solved(solved.theta, solved.trajectories, FREE), answer
+    def problem_about(self, theta: Array, trajectories: list[ShootingTrajectory]) -> _About:
+        """About a motion."""
+        problem = shooting_problem(self.logs, trajectories, replace(self.weak, start=theta), self.grid)
+        return _About(problem, theta, trajectories)
 
-    def followed(self, path: Sequence[_Solution], index: int, value: float) -> _Solution | None:
+    def followed(self, path: Sequence[ProfilePoint], index: int, value: float) -> ProfilePoint | None:
         """The point with theta[index] = value, predicted from the last one of a path, or two, with its tangent; None
         where it is not found, or the time is up."""
-        last, around = path[-1], path[-1].around
-        place = around.place(index)
+        last, about = path[-1], path[-1].about
+        problem, place = about.problem, about.place(index)
         if time_is_up() or last.factors is None:
             return None
-        tangent = around.tangent(last.factors, place)
-        step = value / around.problem.layout.scale[place] - last.both[place]
+        tangent = _tangent(problem, last.factors, place)
+        step = value / problem.layout.scale[place] - last.both[place]
         both = last.both + step * tangent
-        if len(path) > 1 and path[-2].around is around:
+        if len(path) > 1 and path[-2].about is about:
             chord = last.both - path[-2].both
             both += (tangent - chord / chord[place]) / chord[place] * step**2
-        corrected = around.corrected(both, place, last.factors)
+        corrected = _newton(problem, both, self.sizes, place, last.factors)
         if corrected is None:
             return None
-        found = self.solution(around, corrected, index)
-        if np.all(np.abs(corrected[: around.limits.size] * around.problem.layout.scale) <= around.limits):
-            return found
-        return self.reassigned(found.point, corrected[around.limits.size :], index)
+        found = self.point(about, corrected, index)
+        return found if about.holds(corrected[: problem.layout.size]) else self.reassigned(found)
 
-    def reassigned(self, point: ProfilePoint, dual: Array, index: int) -> _Solution | None:
+    def reassigned(self, found: ProfilePoint) -> ProfilePoint | None:
         """A point with the samples assigned to its own events."""
-        around = self.neighbourhood(point.theta, point.trajectories)
-        if around.problem.layout.rows != dual.size:
+        about = self.problem_about(found.theta, found.trajectories)
+        dual = found.both[found.about.problem.layout.size :]
+        if about.problem.layout.rows != dual.size:
             return None
-        start = np.concatenate([around.problem.start, dual])
-        both = around.corrected(start, around.place(index), largest=REASSIGNED)
-        return None if both is None else self.solution(around, both, index)
+        start, place = np.concatenate([about.problem.start, dual]), about.place(found.fixed)
+        both = _newton(about.problem, start, self.sizes, place, largest=REASSIGNED)
+        return None if both is None else self.point(about, both, found.fixed)
 
-    def solved(self, theta: Array, trajectories: list[ShootingTrajectory], index: int) -> _Solution | None:
+    def by_ipopt(self, theta: Array, trajectories: list[ShootingTrajectory], index: int) -> ProfilePoint | None:
         """The point with theta[index] (FREE: none) as it is, by IPOPT from any motion; None where it fails."""
         free = self.unknowns.free & (np.arange(theta.size) != index)
         problem = shooting_problem(self.logs, trajectories, replace(self.weak, start=theta, free=free), self.grid)
         solution = solve(problem, mu_init=1e-6, iterations=ITERATIONS, exact=True)
         if not (solution.success and solution.constraint_violation < FOLLOWED and np.all(np.isfinite(solution.x))):
             return None
-        point = self.point(problem, theta, trajectories, solution.z, index)
-        return self.reassigned(point, solution.multipliers, index)
+        both = np.concatenate([solution.z, solution.multipliers])
+        return self.reassigned(self.point(_About(problem, theta, trajectories), both, index))
 
-    def neighbourhood(self, theta: Array, trajectories: list[ShootingTrajectory]) -> _Neighbourhood:
-        """About a motion."""
-        problem = shooting_problem(self.logs, trajectories, replace(self.weak, start=theta), self.grid)
-        return _Neighbourhood.of(problem, theta, trajectories, self.sizes)
-
-    def solution(self, around: _Neighbourhood, both: Array, index: int) -> _Solution:
-        """The point of unknowns and multipliers (n + m,) in a neighbourhood."""
-        z = both[: around.problem.layout.size]
-        point = self.point(around.problem, around.theta, around.trajectories, z, index)
-        rows = around.problem.evaluate(z, derivatives=True).rows
-        # Right to second order where rows are not quite closed.
-        return _Solution(replace(point, cost=point.cost + float(both[z.size :] @ rows)), around, both)
-
-    def point(
-        self, problem: Problem, start: Array, trajectories: list[ShootingTrajectory], z: Array, index: int
-    ) -> ProfilePoint:
-        """Without the cost of the weak priors, and with that of the user's prior of what is fixed."""
-        layout, x = problem.layout, z * problem.layout.scale
-        theta = start.copy()
+    def point(self, about: _About, both: Array, index: int) -> ProfilePoint:
+        """Of unknowns and multipliers (n + m,), without the cost of the weak priors and with that of the user's prior
+        of what is fixed."""
+        problem, layout = about.problem, about.problem.layout
+        z, theta = both[: layout.size], about.theta.copy()
+        x = z * layout.scale
         theta[layout.free] = x[: layout.free.size]
         counted = layout.off_prior(x)[: layout.free.size]
         stated = self.unknowns.off_prior(theta)[self.unknowns.free]
-        cost = problem.evaluate(z, derivatives=False).cost + 0.5 * float(stated @ stated - counted @ counted)
-        moved = [place.read(old, x) for place, old in zip(layout.places, trajectories, strict=True)]
-        return ProfilePoint(theta, moved, cost, index)
+        at = problem.evaluate(z, derivatives=True)
+        # Right to second order where rows are not quite closed.
+        cost = at.cost + 0.5 * float(stated @ stated - counted @ counted) + float(both[layout.size :] @ at.rows)
+        moved = [place.read(old, x) for place, old in zip(layout.places, about.trajectories, strict=True)]
+        return ProfilePoint(theta, moved, cost, index, about, both)
 
 
 def converged(solved: Solved, problem: Problem, sizes: Array, farthest: float = SETTLED) -> Solved | None:
@@ -481,9 +440,8 @@ def converged(solved: Solved, problem: Problem, sizes: Array, farthest: float = 
             [samples].
     """
     layout, n = problem.layout, problem.layout.size
-    around = _Neighbourhood.of(problem, solved.theta, solved.formed_from, sizes)
     start = np.concatenate([solved.solution.z, solved.solution.multipliers])
-    both = around.corrected(start, FREE, largest=REASSIGNED, closed=OBEYS)
+    both = _newton(problem, start, sizes, largest=REASSIGNED, closed=OBEYS)
     if both is None:
         return None
     x, point = both[:n] * layout.scale, problem.evaluate(both[:n], derivatives=False)
@@ -498,5 +456,4 @@ def converged(solved: Solved, problem: Problem, sizes: Array, farthest: float = 
         solved.solution, z=both[:n], x=x, cost=point.cost, multipliers=both[n:], constraint_violation=rows
     )
     moved = [place.read(old, x) for place, old in zip(layout.places, solved.formed_from, strict=True)]
-    out = replace(solved, problem=problem, solution=solution, trajectories=moved, theta=theta)
-    return replace(out, event_shift=shift)
+    return replace(solved, problem=problem, solution=solution, trajectories=moved, theta=theta, event_shift=shift)

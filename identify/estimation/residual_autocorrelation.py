@@ -11,16 +11,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
 
-from identify.logs.log_data import LogData
+from identify.shooting.passes import Solved
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 MOST = 24  # order of the autoregression
 FEWEST = 50  # samples per order
 PENALTY = 1.5  # times that of Schwarz: white noise is called autocorrelated once in many thousand logs
+MORE = 1.0  # share of the variance measured in the sticks by which that of the residuals may be larger
+CLOSE = 0.02  # the same of a log that is as good as white
+OF_EACH, FEWEST_CYCLES = 4, 12  # cycles of each log behind its first one, and of all, that the test needs
+BINS = (16, 8)  # of a stick, and of a slip
+FLIPS = 5000
+CHANCE = 1e-3  # that the cycles of noise have so much in common: below, it is a misfit
 
 
 @dataclass(frozen=True)
@@ -59,16 +65,13 @@ def autoregression(residual: Array) -> ArModel:
         return WHITE
     products = np.array([filled[lag:] @ filled[: filled.size - lag] for lag in range(most + 1)])
     correlation = products / max(products[0], 1e-300)  # over the full count, so that it belongs to a process
-    penalty = PENALTY * np.log(count) / count
     best, lowest = WHITE, 0.0
-    regression, innovation = np.empty(0), 1.0
-    for order in range(1, most + 1):  # Levinson and Durbin
-        reflection = (correlation[order] - regression @ correlation[order - 1 : 0 : -1]) / innovation
-        regression = np.append(regression - reflection * regression[::-1], reflection)
-        innovation *= 1.0 - reflection**2
+    for order in range(1, most + 1 if correlation[0] > 0.0 else 1):
+        regression = solve_toeplitz(correlation[:order], correlation[1 : order + 1])
+        innovation = float(1.0 - regression @ correlation[1 : order + 1])
         if not innovation > 0.0:
             break
-        criterion = float(np.log(innovation)) + order * penalty
+        criterion = float(np.log(innovation)) + order * PENALTY * np.log(count) / count
         if criterion < lowest:
             best, lowest = ArModel(regression, innovation), criterion
     return best
@@ -93,20 +96,11 @@ def autocorrelated_covariance(moves: Sequence[Array], variances: Array, noise: S
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Autocorrelated noise that is larger than the sticks show, told apart from a misfit.
-#
-# The noise of a log is measured about lines through its sticks, which take out what is slow. Autocorrelated noise then
-# leaves more than was measured, and a misfit does too. They differ in what the cycles have in common: what a model gets
-# wrong comes back in every cycle, at the same place; noise does not. Flipping the signs of whole cycles leaves noise
-# what it is, and destroys what they have in common (a randomisation test).
+# Autocorrelated noise that is larger than the sticks show, told apart from a misfit. Lines through the sticks take out
+# what is slow; autocorrelated noise then leaves more than was measured, and a misfit does too. What a model gets wrong
+# comes back in every cycle at the same place, noise does not: flipping the signs of whole cycles leaves noise what it
+# is, and destroys what they have in common (a randomisation test).
 # ----------------------------------------------------------------------------------------------------------------------
-
-MORE = 1.0  # share of the variance measured in the sticks by which that of the residuals may be larger
-CLOSE = 0.02  # the same of a log that is as good as white
-OF_EACH, FEWEST_CYCLES = 4, 12  # cycles of each log behind its first one, and of all, that the test needs
-BINS = (16, 8)  # of a stick, and of a slip
-FLIPS = 5000
-CHANCE = 1e-3  # that the cycles of noise have so much in common: below, it is a misfit
 
 
 @dataclass(frozen=True)
@@ -118,26 +112,21 @@ class AutocorrelationTest:
     spread_inflation: Array
 
 
-def autocorrelation_test(
-    logs: Sequence[LogData],
-    trajectories: Sequence[ShootingTrajectory],
-    fitted: Sequence[Array],
-    noise_estimated: Sequence[bool],
-    level: Array,
-) -> AutocorrelationTest | None:
+def autocorrelation_test(solved: Solved, noise_estimated: Sequence[bool], level: Array) -> AutocorrelationTest | None:
     """What the residuals are, if they are autocorrelated noise; None where they are not, or the cycles are too few.
 
     Where no log leaves more than the noise of its sticks, they are noise on the whole, and autocorrelation only widens
     the spread of each cycle.
 
     Args:
-        fitted: (n,) force [N] at the samples of each log, NaN where none is fitted; noise_estimated: per log, whether
-            its noise is from its sticks; level (logs,): variance of the residuals over that noise.
+        noise_estimated: per log, whether its noise is from its sticks; level (logs,): variance of the residuals over
+            that noise.
     """
-    levels, spread_inflation, stacks = np.ones(len(logs)), np.ones(len(logs)), []
+    logs, stacks = solved.problem.logs, list[Array]()
+    levels, spread_inflation = np.ones(len(logs)), np.ones(len(logs))
     if np.any(level > 1.0 + MORE):
         return None
-    for number, (data, trajectory, curve) in enumerate(zip(logs, trajectories, fitted, strict=True)):
+    for number, (data, trajectory, curve) in enumerate(zip(logs, solved.trajectories, solved.fitted, strict=True)):
         residual = np.where(data.weight > 0, data.force - curve, np.nan) / data.noise
         model = autoregression(residual)
         if noise_estimated[number] and not model.white:
@@ -173,9 +162,6 @@ def _by_phase(time: Array, residual: Array, trajectory: ShootingTrajectory) -> A
     rows, known = [], np.isfinite(residual)
     for first, onset, last in zip(trajectory.arrest[:-1], trajectory.onset[1:], trajectory.arrest[1:], strict=True):
         edges = np.concatenate([np.linspace(first, onset, BINS[0] + 1)[:-1], np.linspace(onset, last, BINS[1] + 1)])
-        place = np.searchsorted(edges, time, side="right") - 1
-        inside = known & (place >= 0) & (place < edges.size - 1)
-        total = np.bincount(place[inside], weights=residual[inside], minlength=edges.size - 1)
-        number = np.bincount(place[inside], minlength=edges.size - 1)
-        rows.append(total / np.sqrt(np.maximum(number, 1)))
+        total, _ = np.histogram(time[known], edges, weights=residual[known])
+        rows.append(total / np.sqrt(np.maximum(np.histogram(time[known], edges)[0], 1)))
     return np.array(rows).reshape(-1, sum(BINS))

@@ -17,20 +17,17 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.budget import of_which, stage, time_is_up
+from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
-from identify.estimation.attempt import Attempt, attempt_of, place_on, solve_again, solve_from, usable
-from identify.estimation.covariance import information_at, inverse
+from identify.estimation.attempt import Attempt, place_on, solve_again, solve_from, solve_placed, usable
 from identify.estimation.goodness_of_fit import loads_stand_in
 from identify.estimation.residual_autocorrelation import MORE
 from identify.estimation.starts import Sources, starts_of
 from identify.estimation.stick_strength import with_own_strengths, with_strengths
-from identify.estimation.strategies import Strategy, may_run, run_strategy
+from identify.estimation.strategies import in_time, tried
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns
-from identify.shooting.passes import solve_in_passes
-from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
 
@@ -79,99 +76,89 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
     expected = {i for i in able if i in starting or prepared[i].falls.size > 1}
     best: Attempt | None = None
     for strategy, theta in _starts(problem, starting) if able else ():
-        best = _better(best, _solved(problem, strategy, theta, starting, able))
+        best = _better(best, _solved(problem, strategy, theta, starting))
         # What passes as autocorrelated noise may yet be a misfit that another start has not.
         if _fits(best) and best.gate.level == 1.0 and expected <= set(best.log_numbers):
             break
     # The end is no motion of the model, or one that no noise, however autocorrelated, takes so far from the data.
     lost = best is None or not np.isfinite(best.excess) or not best.gate.chi2_per_sample < 1.0 + MORE
     if able and lost and alike([prepared[i] for i in starting]):
-        best = _better(best, run_strategy(Strategy.HELD_NEAR, lambda: _held_near(problem, starting), logs=starting))
-    taken = () if best is None else best.log_numbers
+        best = _better(best, tried("held near a start", lambda: _held_near(problem, starting), logs=starting))
     why = "does not stick-slip, or not like this, at the answer of the other logs"
     if best is None:
         why = "is not reproduced by any start: the model slides steadily where it sticks"
+    taken = () if best is None else best.log_numbers
     left_out |= {i: f"{prepared[i].name} {why}; it was left out" for i in able if i not in taken}
-    return (None if best is None else _complete(best, prepared, starting)), left_out
+    missing = [prepared[i].name for i in starting if i not in taken]
+    if _fits(best) and missing:  # well as it fits the others, it is no answer
+        message = (
+            f"no start led to an answer of all logs: the one of the others does not describe {', '.join(missing)}; fit "
+            "that log alone, and compare its parameters with theirs"
+        )
+        best = replace(best, gate=replace(best.gate, status=Status.SOLVER_FAILED, message=message))
+    return best, left_out
 
 
-def _starts(problem: SearchProblem, starting: list[int]) -> Iterator[tuple[Strategy, Array]]:
+def _starts(problem: SearchProblem, starting: list[int]) -> Iterator[tuple[str, Array]]:
     """Starts (n_p,) in the order in which they deserve a solve, each with its strategy."""
     chosen = [problem.prepared[i] for i in starting]
-    if any(log.pieces for log in chosen) and may_run(Strategy.PIECES_FIRST):
+    if any(log.pieces for log in chosen) and in_time("pieces first"):
         pieces = [piece for log in chosen for piece in (log.pieces or (log,))]
         known, _ = search(replace(problem, prepared=pieces, progress=to_nobody))
         if known is not None:
-            yield Strategy.PIECES_FIRST, known.solved.theta
+            yield "pieces first", known.solved.theta
     even = alike(chosen)
     problem.progress("finding a start", 0.1)
     cutoff, seed = np.inf if problem.thorough else COST_CUTOFF, problem.seed if even else None
     thetas = starts_of(chosen, problem.unknowns, problem.sources, seed=seed, worst=cutoff)
     # No start of a model of equal cycles fits cycles that differ: one solve shows how badly.
     for number in range(STARTS if problem.thorough and even else 1):
-        strategy = Strategy.FURTHER_STARTS if number else Strategy.FEATURE_START
-        theta = next(thetas, None) if may_run(strategy) else None
+        strategy = "further feature starts" if number else "feature start"
+        theta = next(thetas, None) if in_time(strategy) else None
         if theta is None:
             return
         problem.progress(f"solving from start {number + 1}", 0.3 + 0.1 * number)
         yield strategy, theta
 
 
-def _solved(
-    problem: SearchProblem, strategy: Strategy, theta: Array, starting: list[int], able: list[int]
-) -> Attempt | None:
+def _solved(problem: SearchProblem, strategy: str, theta: Array, starting: list[int]) -> Attempt | None:
     """What one start leads to: solved, with a strength of each stick where that is called for, joined by the other
     logs; None where it can be placed on no log."""
     prepared, at = problem.prepared, replace(problem.unknowns, start=theta)
-    attempt = run_strategy(strategy, lambda: solve_from(prepared, starting, at), logs=starting)
+    attempt = tried(strategy, lambda: solve_from(prepared, starting, at), logs=starting)
     if attempt is None:
         return None
-    if problem.thorough and (not _fits(attempt) or loads_stand_in(attempt.solved)):
+    first = attempt
+    if problem.thorough and (not attempt.fits or loads_stand_in(attempt.solved)):
         problem.progress("solving with a strength of each stick", 0.55)
-        first = attempt
-        scattered = run_strategy(
-            Strategy.STICK_STRENGTHS, lambda: with_own_strengths(first, prepared, at), first, first.log_numbers
-        )
+        scattered = tried("strength per stick", lambda: with_own_strengths(first, prepared, at), first, starting)
         if _fits(scattered):
             attempt, prepared = scattered, with_strengths(prepared, scattered.fitted_logs[0].data.strength_sd)
-    late = [i for i in able if i not in attempt.log_numbers]
-    if not _fits(attempt) or not late:
+    late = [i for i in usable(prepared) if i not in attempt.log_numbers]
+    if not attempt.fits or not late:
         return attempt
     problem.progress("joining the other logs", 0.8)
-    first = attempt
-    joined = run_strategy(
-        Strategy.JOINED, lambda: join(first, prepared, late, problem.unknowns), first, first.log_numbers
-    )
-    return joined or attempt
+    others = attempt
+    return tried("logs joined", lambda: _joined(others, prepared, late, problem.unknowns), others, late) or attempt
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Logs that take no part in the start, because they show too few cycles or slide, join at the answer of the others.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-def join(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unknowns) -> Attempt:
+def _joined(best: Attempt, prepared: list[Prepared], late: list[int], unknowns: Unknowns) -> Attempt:
     """Solve again with the logs that took no part so far, each treated in the first way in which the answer can be
     placed on it: all of them at once, else one after the other, so that one that does not fit keeps out no other."""
     at_answer = replace(unknowns, start=best.solved.theta)
     ways = {i: [log for log in _treatments(prepared[i]) if place_on([log], [0], at_answer)] for i in late}
-    late = [i for i in late if ways[i]]
-    if not late:
-        return best
-    logs = [ways[i][0] if i in late else log for i, log in enumerate(prepared)]
-    joined = solve_from(logs, sorted([*best.log_numbers, *late]), at_answer)
-    if _fits(joined):
-        return joined
-    for i in late:
-        for log in ways[i][1 if len(late) == 1 else 0 :]:
-            if time_is_up():
-                return best
-            tried = [log if j == i else other for j, other in enumerate(logs)]
-            at_best = replace(unknowns, start=best.solved.theta)
-            joined = solve_from(tried, sorted([*best.log_numbers, i]), at_best)
-            if _fits(joined):
-                best, logs = joined, tried
-                break
+    together = {i: some[0] for i, some in ways.items() if some}
+    one_by_one = [{i: log} for i in together for log in ways[i][len(together) == 1 :]]
+    logs, joined = list(prepared), set[int]()
+    for more in [together, *one_by_one]:
+        if not more or joined & set(more) or time_is_up():
+            continue
+        placed = [more.get(i, log) for i, log in enumerate(logs)]
+        numbers = sorted([*best.log_numbers, *more])
+        found = solve_from(placed, numbers, replace(unknowns, start=best.solved.theta))
+        if _fits(found):
+            best, logs = found, placed
+            joined |= set(more)
     return best
 
 
@@ -203,14 +190,9 @@ def _held_near(problem: SearchProblem, starting: list[int]) -> Attempt | None:
     return None
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Parameters that differ between groups of logs: every group alone, then all together from the motions of each.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
 def _group_by_group(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]] | None:
-    """The answer of all groups together, from that of each alone; None where all logs share their parameters, or a
-    group is too poor to stand alone."""
+    """Where parameters differ between groups of logs, the answer of all together, from the motions of that of each
+    alone and the mean of what they share; None where all share them, or a group is too poor to stand alone."""
     prepared, unknowns = problem.prepared, problem.unknowns
     groups: dict[tuple[str, ...], list[int]] = {}
     for number, log in enumerate(prepared):
@@ -218,57 +200,20 @@ def _group_by_group(problem: SearchProblem) -> tuple[Attempt | None, dict[int, s
         groups.setdefault(key, []).append(number)
     if len(groups) < 2:
         return None
-    attempts: list[Attempt] = []
-    left_out: dict[int, str] = {}
+    thetas, placed, left_out = list[Array](), [], dict[int, str]()
     for numbers in groups.values():
         logs = [prepared[i] for i in numbers]
-        attempt, out = search(replace(problem, prepared=logs, unknowns=replace(unknowns, per=())))
-        if not _fits(attempt):
+        alone, out = search(replace(problem, prepared=logs, unknowns=replace(unknowns, per=())))
+        if not _fits(alone):
             return None
         left_out |= {numbers[i]: why for i, why in out.items()}
-        attempts.append(replace(attempt, log_numbers=tuple(numbers[i] for i in attempt.log_numbers)))
-    joint = run_strategy(Strategy.GROUP_BY_GROUP, lambda: _pooled(attempts, unknowns))
+        thetas.append(alone.solved.theta)
+        own = np.where(unknowns.own, alone.solved.theta, np.nan)
+        motions = zip(alone.log_numbers, alone.fitted_logs, alone.solved.trajectories, strict=True)
+        placed += [(numbers[i], log, replace(motion, own=own)) for i, log, motion in motions]
+    start = replace(unknowns, start=np.mean(thetas, axis=0))
+    joint = tried("group by group", lambda: solve_placed(sorted(placed, key=lambda each: each[0]), start))
     return None if joint is None else (joint, left_out)
-
-
-def _pooled(attempts: list[Attempt], unknowns: Unknowns) -> Attempt:
-    """All groups in one problem, from the motion of each, and what is shared at its mean by their information."""
-    entries: list[tuple[int, Prepared, ShootingTrajectory, Array]] = []
-    for attempt, theta in zip(attempts, _pooled_theta(attempts, unknowns), strict=True):
-        for number, log, trajectory in zip(
-            attempt.log_numbers, attempt.fitted_logs, attempt.solved.trajectories, strict=True
-        ):
-            own = trajectory.theta(theta)
-            entries.append((number, log, replace(trajectory, own=np.where(unknowns.own, own, np.nan)), own))
-    entries.sort(key=lambda entry: entry[0])
-    numbers, logs, trajectories, thetas = (list(column) for column in zip(*entries, strict=True))
-    trajectories[0] = replace(trajectories[0], own=np.empty(0))  # what the first log has for itself is the shared theta
-    with stage("solve"):
-        start = replace(unknowns, start=thetas[0]).with_weak_priors()
-        solved = solve_in_passes([log.data for log in logs], trajectories, start)
-        of_which("build", solved.transcription_seconds, of="solve")
-    return attempt_of(numbers, logs, solved)
-
-
-def _pooled_theta(attempts: list[Attempt], unknowns: Unknowns) -> list[Array]:
-    """Theta (n_p,) of each group, with one value of what is shared: the mean by each group's information on it."""
-    free = np.flatnonzero(unknowns.free)
-    shared = np.flatnonzero(~unknowns.own[free])
-    if not shared.size:
-        return [attempt.solved.theta for attempt in attempts]
-    total, right = np.zeros((shared.size, shared.size)), np.zeros(shared.size)
-    for attempt in attempts:
-        matrix = information_at(attempt.solved, replace(unknowns, per=())).total[np.ix_(free, free)]
-        if np.all(np.isfinite(matrix)):
-            known = inverse(inverse(matrix)[np.ix_(shared, shared)])
-            total, right = total + known, right + known @ attempt.solved.theta[free[shared]]
-    mean = inverse(total) @ right
-    out = []
-    for attempt in attempts:
-        theta = attempt.solved.theta.copy()
-        theta[free[shared]] = np.clip(mean, unknowns.lower[free[shared]], unknowns.upper[free[shared]])
-        out.append(theta)
-    return out
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -287,7 +232,7 @@ def _better(best: Attempt | None, attempt: Attempt | None) -> Attempt | None:
     def rank(a: Attempt) -> tuple[bool, int, bool, float]:
         chi2 = a.gate.chi2_per_sample
         off = abs(chi2 - 1.0) if np.isfinite(chi2) else np.inf
-        return not _fits(a), -len(a.log_numbers), not np.isfinite(a.excess), off
+        return not a.fits, -len(a.log_numbers), not np.isfinite(a.excess), off
 
     return min(best, attempt, key=rank)
 
@@ -300,16 +245,3 @@ def alike(prepared: Sequence[Prepared]) -> bool:
 def required_logs(prepared: Sequence[Prepared]) -> list[int]:
     """Numbers of the logs that an answer has to describe: they are not left out, and show enough cycles."""
     return [i for i in usable(prepared) if prepared[i].typical >= REQUIRED_CYCLES and not prepared[i].fit_mode.low_snr]
-
-
-def _complete(best: Attempt, prepared: Sequence[Prepared], needed: Sequence[int]) -> Attempt:
-    """The attempt, no longer an answer if it leaves out one of the logs that show cycles (their numbers: `needed`),
-    well as it fits the others."""
-    missing = [prepared[i].name for i in needed if i not in best.log_numbers]
-    if not missing or not best.fits:
-        return best
-    message = (
-        f"no start led to an answer of all logs: the one of the others does not describe {', '.join(missing)}; fit "
-        "that log alone, and compare its parameters with theirs"
-    )
-    return replace(best, gate=replace(best.gate, status=Status.SOLVER_FAILED, message=message))

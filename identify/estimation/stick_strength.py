@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
 from identify.base.linear import Factors, optimality_matrix
@@ -21,8 +20,6 @@ from identify.estimation.attempt import Attempt, solve_again, solve_from
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.passes import Solved
-
-Array = NDArray[np.float64]
 
 FIRST = 0.05  # of mu_s - mu_k0: scatter of the first solve
 LARGEST = 0.2  # of the same: strong sticks are long ones, which biases t_cr: at 0.15 by one standard error
@@ -34,9 +31,7 @@ RANGE = (float(np.log(1e-4)), float(np.log(1e2)))  # times the scatter before, w
 
 def with_strengths(prepared: Sequence[Prepared], sd: float) -> list[Prepared]:
     """The logs with a static friction that scatters so from stick to stick (0: it does not)."""
-    if not sd > 0.0:
-        return list(prepared)
-    return [replace(log, data=replace(log.data, strength_sd=sd)) for log in prepared]
+    return [replace(log, data=replace(log.data, strength_sd=sd)) if sd > 0.0 else log for log in prepared]
 
 
 def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unknowns) -> Attempt | None:
@@ -44,12 +39,11 @@ def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unk
 
     Args:
         attempt: of sticks that are alike; where it does not fit, the start (unknowns.start) is placed again on the logs
-            it took; prepared: all logs.
+            it took: its parameters are bent, and a sample behind the end of its slip pulls that nowhere; prepared: all
+            logs.
     """
     if not unknowns.free[unknowns.source[unknowns.names.index("mu_s")]]:
         return None
-    # Where alike sticks do not fit, their parameters are bent, and their slips lie beside those of the data by far more
-    # than a slip takes: a sample that has come to lie behind the end of its slip pulls it nowhere.
     best: Attempt | None = attempt if attempt.fits else None
     sd = FIRST * unknowns.strength(unknowns.start if best is None else best.solved.theta)
     for _ in range(ROUNDS):
@@ -67,10 +61,9 @@ def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unk
         likeliest, most = _likeliest(best.solved, sd), LARGEST * unknowns.strength(best.solved.theta)
         if likeliest > most and sd > (1.0 - STEADY) * most:
             return None
-        likeliest = min(likeliest, most)
-        if abs(likeliest - sd) < STEADY * sd:
+        before, sd = sd, min(likeliest, most)
+        if abs(sd - before) < STEADY * before:
             return best
-        sd = likeliest
     return best
 
 

@@ -14,7 +14,7 @@ from data_io.notebook_figure import NotebookFigure
 from identify.base.outcome import LogCurves, SlipDetail
 from identify.base.result import StrengthCurve, UnevenCycles, UnevenResult
 from identify.base.wording import number, quantity, scale_for
-from identify.estimation.starts import Preview, PreviewLog
+from identify.estimation.preview import Preview, PreviewLog
 from identify.report.style import (
     ARREST,
     BEHIND,

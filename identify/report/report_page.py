@@ -259,16 +259,10 @@ def _chosen(result: Result) -> str:
 
 
 def _search(result: Result) -> str:
-    """What led to the answer, and what else was tried, in one sentence; "" where nothing was searched."""
-    led = list(dict.fromkeys(result.found_by))
-    tried = list(dict.fromkeys(trial.strategy for trial in result.search))
-    if not tried:
-        return ""
-    others = [name for name in tried if name not in led]
-    found = f"Found by {', then '.join(led)}" if led else "No answer was found"
-    rest = f"tried besides: {', '.join(others)}" if others else "nothing else was tried"
+    """What was tried, in one sentence; "" where nothing was searched."""
+    tried = list(dict.fromkeys(f"{trial.strategy} ({trial.status})" for trial in result.search))
     late = ", ".join(result.not_tried)
-    return f"{found}; {rest}{f'; there was no time for {late}' if late else ''}."
+    return f"Tried: {', '.join(tried)}{f'; there was no time for {late}' if late else ''}." if tried else ""
 
 
 def _provenance(provenance: Mapping[str, Json]) -> list[tuple[str, str]]:

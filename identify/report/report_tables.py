@@ -170,7 +170,6 @@ def effects_table(reasons: Sequence[EffectReason]) -> OutputTable:
         "error without it": [
             Cell(r.error, "" if r.error is None else f"{number(100 * r.error, 2)} %") for r in reasons
         ],
-        "costs": [_cell(r.cost) for r in reasons],
         "gain in the data": [_cell(r.statistic) for r in reasons],
     }
     columns = {head: cells for head, cells in columns.items() if any(c.value not in (None, "") for c in cells)}

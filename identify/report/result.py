@@ -57,7 +57,7 @@ from identify.estimation.covariance import (
 from identify.estimation.goodness_of_fit import stick_scatter
 from identify.estimation.influence import largest_inflation
 from identify.estimation.profile import CRITICAL
-from identify.estimation.strategies import Strategy
+from identify.estimation.strategies import FINER_STEPS
 from identify.logs.prepare import Prepared
 from identify.logs.recorded_drive import DISAGREES
 from identify.logs.scene_records import parts_of
@@ -103,10 +103,6 @@ def result_of(
     shares = {name: each.relative for name, each in tolerances.items()}
     errors = _by_errors(found, shares) if shares and found.covariance is not None else {}
     outlooks = outlooks_of(prepared, found, errors.get(ALL, 0.0))
-    if estimated is not None and converged:
-        found_by: Sequence[str] = (f"{found.estimator} estimator",)
-    else:
-        found_by = () if found.attempt is None else found.attempt.found_by
     result = Result(
         status=found.status.value,
         message=_message(prepared, found),
@@ -125,7 +121,6 @@ def result_of(
         search=tuple(
             SearchTrial(t.strategy, t.logs, t.status, t.cost, round(t.seconds, 4)) for t in found.trace.trials
         ),
-        found_by=tuple(found_by),
         not_tried=tuple(found.trace.not_tried),
         more={} if estimated is None else estimated.more,
         rig_against_data=held_results(found.held) or None,
@@ -196,11 +191,12 @@ def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> Iterator[
     if any(log.noise_estimated for log in prepared):
         yield "The noise was estimated from straight lines through the stick phases, not given."
     if found.status is Status.CONVERGED:
-        widest = float(np.sqrt(np.max(sure.inflation, initial=1.0))) if sure is not None else 1.0
-        if sure is not None and not all(c.white for c in sure.noise) and widest >= NOTABLE:
+        widest = float(np.sqrt(np.max(sure.allowed.inflation, initial=1.0))) if sure is not None else 1.0
+        noise = sure.allowed.noise if sure is not None else []
+        if not all(c.white for c in noise) and widest >= NOTABLE:
             yield (
-                f"Neighbouring residuals are alike (one sample in {max(c.inflation for c in sure.noise):.2g} is new): "
-                f"the standard errors allow for it, and are up to {widest:.2g} times those of white noise."
+                f"Neighbouring residuals are alike (one sample in {max(c.inflation for c in noise):.2g} is new): the "
+                f"standard errors allow for it, and are up to {widest:.2g} times those of white noise."
             )
         given = {e.name for e in found.estimates} if found.estimated is not None else set()
         exact = [name for name in RIG if name not in {*scene.parameters, *scene.rig.tolerances, *given}]
@@ -413,7 +409,7 @@ def _by_errors(found: Findings, tolerances: Mapping[str, float]) -> dict[str, Ar
     assert found.information is not None and found.attempt is not None
     information = found.information
     values = found.unknowns.values(found.attempt.solved.theta, found.attempt.fitted_logs[0].data.base)
-    inflation = largest_inflation(found.attempt, found.sure.noise) if found.sure is not None else 1.0
+    inflation = largest_inflation(found.attempt, found.sure.allowed.noise) if found.sure is not None else 1.0
     of_rig = {name: share for name, share in tolerances.items() if name != "specimen"}
     out = {name: added_by_tolerances(information, values, {name: of_rig[name]}, inflation) for name in of_rig}
     out[ALL] = added_by_tolerances(information, values, of_rig, inflation)
@@ -510,10 +506,10 @@ def _with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array
         values = unknowns.values(optimum.attempt.solved.theta, base).tolist()
         at = {name: values[i] for i, name in names.items()}
         optima.append(OptimumResult(2.0 * optimum.cost, optimum.starts, at))
-    inflation = tuple(finite(float(c.inflation)) for c in sure.noise)
+    inflation = tuple(finite(float(c.inflation)) for c in sure.allowed.noise)
     return replace(
         result,
-        noise=NoiseResult(inflation, by_name(np.sqrt(sure.inflation)) or {}),
+        noise=NoiseResult(inflation, by_name(np.sqrt(sure.allowed.inflation)) or {}),
         profile=_profile(sure, unknowns, base),
         optima=tuple(optima) or None,
         bootstrap=_bootstrap(sure, unknowns, base),
@@ -555,7 +551,7 @@ def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> ProfileResult 
                 interval=ends[name],
                 failed=tuple(side.failed for side in sides),
                 at_bound=tuple(side.walled for side in sides),
-                standard_error=math.sqrt(float(sure.inflation[k] * sure.white[k, k])),
+                standard_error=math.sqrt(float(sure.allowed.inflation[k] * sure.allowed.white[k, k])),
                 logarithmic=bool(unknowns.logarithmic[i]),
             )
     return ProfileResult(LEVEL, CRITICAL, out)
@@ -571,7 +567,7 @@ def _bootstrap(sure: Certainty, unknowns: Unknowns, base: Array) -> BootstrapRes
             for end in made.interval[k]
         )
         spread = float(np.std(made.replicates[:, k])) if made.replicates.shape[0] > 1 else math.nan
-        size = math.sqrt(float(sure.inflation[k] * sure.white[k, k]))
+        size = math.sqrt(float(sure.allowed.inflation[k] * sure.allowed.white[k, k]))
         out[name] = BootstrapInterval((low, high), finite(spread / size))
     return BootstrapResult(LEVEL, int(made.settled.size), int(np.count_nonzero(~made.settled)), out)
 
@@ -597,7 +593,7 @@ def accuracy_result(found: Findings, taken: Accuracy, seconds: FitSeconds) -> Ac
         return None
     size, tabled = np.sqrt(np.diag(found.sure.covariance)), found.sure.accuracy_table
     own = seconds.processor - max((row.seconds for row in tabled or ()), default=0.0)  # of the fit alone
-    halvings = sum(trial.strategy == Strategy.FINER_STEPS.value for trial in found.trace.trials)
+    halvings = sum(trial.strategy == FINER_STEPS for trial in found.trace.trials)
     steps = found.attempt.solved.grid.steps
     first = FEWEST_STEPS if steps < FEWEST_STEPS else max(steps // 2**halvings, FEWEST_STEPS)
     equations = seconds.equations * own

@@ -76,7 +76,7 @@ def test_simulated_logs_promise_what_the_fit_of_these_logs_knows():
         made = simulated_log(found.unknowns, theta, data.base, design, seconds)
         cycles = made.count(seconds)
         total = total + made.information(1.0 / data.interval, data.noise**2, data.normal_force_sd, cycles)
-    ratio = np.sqrt(np.diag(found.sure.white) / np.diag(inverse(total)))
+    ratio = np.sqrt(np.diag(found.sure.allowed.white) / np.diag(inverse(total)))
     assert np.all(ratio > 0.8) and np.all(ratio < 1.15), ratio
 
 

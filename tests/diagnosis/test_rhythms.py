@@ -7,32 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_io import Record
+from experiments.study_problem import RIG
 from identify.base.outcome import Status
 from identify.diagnosis.fitted import fit_model
 from identify.effects import MAIN
-from identify.logs.prepare import prepare
-from identify.logs.unknowns import from_scene
 from identify.logs.vibration import rhythms
-from identify.model.model import assemble
 from identify.scene import Scene
-from identify.simulation.simulate import run
+from tests.support.two_logs import drawn, prepared
 
-PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
-RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
 VIBRATION = {"excitation_amplitude": 3e-6, "excitation_frequency": 31.0, "excitation_phase": 0.4}
 LOGS = ((1e-4, 20.0, 500.0), (1e-3, 3.0, 1000.0))
-
-
-def _logs(effects, more=None, noise=5e-3):
-    model, random = assemble(effects), np.random.default_rng(3)
-    values = {q.name: (PAIR | RIG | (more or {})).get(q.name, q.default) for q in model.parameters}
-    records = []
-    for speed, duration, rate in LOGS:
-        times = np.arange(round(duration * rate)) / rate
-        force = run(model, values, speed, 1.0, duration).sample(times)["force"]
-        records.append(Record(times, np.ones(times.size), force + noise * random.standard_normal(times.size)))
-    return records
 
 
 def _scene(effects, **more):
@@ -40,19 +24,13 @@ def _scene(effects, **more):
     return Scene.from_document({"effects": list(effects), "rig": RIG, "logs": logs} | more, Path())
 
 
-def _prepared(records):
-    scene = _scene(MAIN)
-    unknowns = from_scene(scene)
-    return [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-
-
 @pytest.fixture(scope="module")
 def vibrating():
-    return _logs((*MAIN, "excitation"), VIBRATION)
+    return drawn(LOGS, VIBRATION, (*MAIN, "excitation"), seed=3)
 
 
 def test_a_vibration_of_the_drive_is_found_in_the_sticks(vibrating):
-    (line,), left = rhythms(_prepared(vibrating))
+    (line,), left = rhythms(prepared(_scene(MAIN), vibrating)[0])
     assert line.frequency == pytest.approx(31.0, abs=0.05)
     # spring and damper carry the motion: |k + i omega c|
     omega, c = 2 * np.pi * 31.0, 147.0 * np.sqrt(0.2 / 1470.0)
@@ -81,6 +59,6 @@ def test_a_fit_finds_the_vibration_under_which_the_mass_sticks_and_slips(vibrati
     [("skin_compliance", "skin_stiffness", 4400.0), ("sensor_lag", "lag_time", 3e-3)],
 )
 def test_what_bends_the_sticks_is_fitted(effect, name, value):
-    values = _values(fit_model(_scene((*MAIN, effect)), _logs((*MAIN, effect), {name: value})))
+    values = _values(fit_model(_scene((*MAIN, effect)), drawn(LOGS, {name: value}, (*MAIN, effect), seed=3)))
     assert values[name] == pytest.approx(value, rel=0.05)
     assert values["mu_s"] == pytest.approx(0.62, abs=3e-3)

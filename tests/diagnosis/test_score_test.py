@@ -5,41 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
-from identify import Scene
+from experiments.study_problem import DEMO, RIG
 from identify.diagnosis.quantities import _lagged, held_quantities
 from identify.diagnosis.score_test import score_table
-from identify.effects import MAIN
-from identify.estimation.search import SearchProblem, search
-from identify.logs.prepare import prepare
-from identify.logs.unknowns import from_scene
-
-LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
+from tests.support.two_logs import records, scene, searched
 
 
-def scene(rig=RIG, times=(1.0, 1.0), **parameters):
-    """A scene with each drive speed stated so many times what it was."""
-    logs = [{"path": f"log_{i}.csv", "drive_speed": f * SPEEDS[i][0]} for i, f in zip(LOGS, times, strict=True)]
-    return Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": logs, "parameters": parameters})
-
-
-def records(seed=3):
-    made = simulated_case(DEMO, seed).records
-    return [made[i] for i in LOGS]
-
-
-def solved(stated, logs):
-    unknowns = from_scene(stated)
-    prepared = [prepare(stated, entry, record, unknowns) for entry, record in zip(stated.logs, logs, strict=True)]
-    attempt, _ = search(SearchProblem(prepared, unknowns))
-    return attempt, unknowns
-
-
-def scores(stated, logs):
-    return scores_at(*solved(stated, logs))
-
-
-def scores_at(attempt, unknowns):
+def scores(stated, logs=None):
+    attempt, unknowns = searched(stated, logs)
     table = score_table(attempt.solved, held_quantities(attempt, unknowns))
     return table, {(s.column.name, s.log): s for s in table.scores}
 
@@ -49,16 +22,15 @@ def test_a_score_is_the_fall_of_chi_squared_of_a_fit_with_the_quantity_free(name
     """Truth from outside: the likelihood ratio, and the estimate, of a fit that searches the quantity."""
     factor = {"mass": 1.005, "damping": 1.03}[name]
     wrong = RIG | {name: factor * RIG[name]}
-    held, known = solved(scene(wrong), records())
-    told = scores_at(held, known)[1][name, None]
-    free, unknowns = solved(scene(wrong, **{name: {"start": wrong[name]}}), records())
+    held, told = searched(scene(wrong))[0], scores(scene(wrong))[1][name, None]
+    free, unknowns = searched(scene(wrong, **{name: {"start": wrong[name]}}))
     theta = free.solved.theta[unknowns.names.index(name)]
     assert told.score == pytest.approx(2.0 * (held.solved.solution.cost - free.solved.solution.cost), rel=0.05)
     assert told.step == pytest.approx(theta, rel=0.1)
 
 
 def test_the_speed_of_one_log_is_found_with_its_log_to_first_order():
-    speeds = scores(scene(times=(1.0, 1.005)), records())[1]
+    speeds = scores(scene(times=(1.0, 1.005)))[1]
     speed = speeds["drive_speed", 1]
     assert speed.step == pytest.approx(-np.log(1.005), abs=3.0 * speed.error) and speed.score > 16.0
     assert speeds["drive_speed", 0].score < speed.score and speeds["mass", None].score < speed.score
@@ -67,7 +39,7 @@ def test_the_speed_of_one_log_is_found_with_its_log_to_first_order():
 def test_a_gain_of_the_force_and_a_factor_on_all_speeds_are_one_class():
     """A gain of the force is one of stiffness, mass and damping together; a factor on all speeds is, by a change of the
     unit of length, the same: with the parameters of friction free no data tell the two apart."""
-    table, told = scores(scene(RIG | {"stiffness": 1.01 * RIG["stiffness"]}), records())
+    table, told = scores(scene(RIG | {"stiffness": 1.01 * RIG["stiffness"]}))
     speed, gain = told["drive_speed", None], told["force_gain", None]
     of = [{(one.column.name, one.log) for one in some} for some in table.classes(0.0)]
     assert any({("drive_speed", None), ("force_gain", None)} <= some for some in of)
@@ -76,25 +48,22 @@ def test_a_gain_of_the_force_and_a_factor_on_all_speeds_are_one_class():
 
 
 def test_where_all_is_as_stated_scores_are_those_of_noise():
-    far = [s.score for seed in (3, 6) for s in scores(scene(), records(seed))[0].scores]
+    far = [s.score for logs in (None, records(6)) for s in scores(scene(), logs)[0].scores]
     assert max(far) < 16.0
     assert 0.2 < np.mean(far) < 2.5, "squared distances of one degree of freedom each"
 
 
 def test_a_prior_is_scored_by_how_far_the_data_would_move_its_mean():
     stated = scene(t_cr={"prior": {"mean": 1.1 * DEMO["t_cr"], "sd": 0.01 * DEMO["t_cr"]}})
-    told = scores(stated, records())[1]["t_cr", None]
-    free, unknowns = solved(scene(), records())
+    told = scores(stated)[1]["t_cr", None]
+    free, unknowns = searched(scene())
     theta = free.solved.theta[unknowns.names.index("t_cr")]
     assert np.log(1.1 * DEMO["t_cr"]) + told.step == pytest.approx(theta, abs=0.3 * told.error)
 
 
 def test_a_lag_is_exact_for_what_is_linear_between_samples():
-    log = SimpleNamespace(interval=1e-3)
-    time, lag = np.arange(500) * 1e-3, 7e-3
+    log, time, lag = SimpleNamespace(interval=1e-3), np.arange(500) * 1e-3, 7e-3
     np.testing.assert_allclose(_lagged(log, 2.0 * time, lag), 2.0 * (time - lag), atol=1e-12)
     kinked = np.maximum(time - 0.2, 0.0)
-    after = np.maximum(time - 0.2, 0.0)
-    exact = after - lag * -np.expm1(-after / lag)
-    np.testing.assert_allclose(_lagged(log, kinked, lag), exact, atol=1e-12)
+    np.testing.assert_allclose(_lagged(log, kinked, lag), kinked - lag * -np.expm1(-kinked / lag), atol=1e-12)
     assert _lagged(log, kinked, 0.0) is kinked

@@ -10,16 +10,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
 from identify.estimation.influence import scores_of
 from identify.identification import find
-from identify.model.model import assemble
 from identify.scene import Scene
-from identify.simulation.simulate import run
+from tests.support.two_logs import drawn
 
-NORMAL_FORCE, NOISE = 1.0, 5e-3
 LOGS = ((1e-4, 20.0, 200.0), (1e-3, 4.0, 500.0), (5e-3, 1.5, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
 OTHER = 1.3  # times the characteristic speed parameter a in the second log
 
@@ -68,25 +65,19 @@ def test_pulls_of_logs_that_agree_are_chi_squared_and_those_of_a_stranger_are_no
     assert stranger[2].contradicts and not any(pull[1].contradicts for pull in drawn)
 
 
-def _record(truth, log, seed):
-    speed, duration, rate = log
-    motion = run(assemble(NAMES), truth | RIG, speed, NORMAL_FORCE, duration)
-    times = np.arange(round(duration * rate) + 1) / rate
-    noise = NOISE * np.random.default_rng(seed).standard_normal(times.size)
-    return Record(times, np.full(times.size, NORMAL_FORCE), motion.sample(times)["force"] + noise)
-
-
 @lru_cache(maxsize=2)
 def _records(factor):
-    truths = [DEMO, DEMO | {"a": factor * DEMO["a"]}, DEMO]
-    return tuple(_record(truth, log, seed) for seed, (truth, log) in enumerate(zip(truths, LOGS, strict=True)))
+    return [
+        drawn([log], {"a": times * DEMO["a"]}, NAMES, seed=i)[0]
+        for i, (times, log) in enumerate(zip((1.0, factor, 1.0), LOGS, strict=True))
+    ]
 
 
 def _found(factor, **parameters):
     logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, *_) in enumerate(LOGS, 1)]
     document = {"effects": [*NAMES, "varying_normal_force"], "rig": dict(RIG), "logs": logs}
     scene = Scene.from_document(document | ({"parameters": parameters} if parameters else {}), Path())
-    _, found = find(scene, list(_records(factor)), progress=lambda _stage, _share: None)
+    _, found = find(scene, _records(factor))
     return found
 
 

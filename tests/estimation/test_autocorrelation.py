@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,7 +11,6 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from data_io import Record
 from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
 from identify.estimation.goodness_of_fit import pass_gate
@@ -23,40 +23,36 @@ from identify.estimation.residual_autocorrelation import (
     in_common,
 )
 from identify.identification import find
-from identify.model.model import assemble
 from identify.scene import Scene
-from identify.simulation.simulate import run
+from tests.support.two_logs import drawn
 
 LOGS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
 WHITE, SLOW, TIME = 5e-3, 2e-3, 0.02  # standard deviations [N] and memory [s]
 BINS = 24
 
 
-def _records(seed, slow=SLOW):
-    random, model, out = np.random.default_rng(seed), assemble(tuple(NAMES)), []
-    for speed, duration, rate in LOGS:
-        times = np.arange(round(duration * rate) + 1) / rate
-        force = run(model, DEMO | RIG, speed, 1.0, duration).sample(times)["force"]
-        kept = np.exp(-1.0 / (rate * TIME))
-        drawn = np.sqrt(1.0 - kept**2) * random.standard_normal(times.size + round(20 * TIME * rate))
-        memory = lfilter([1.0], [1.0, -kept], drawn)[-times.size :]
-        noise = WHITE * random.standard_normal(times.size) + slow * memory
-        out.append(Record(times, np.ones(times.size), force + noise))
+def _records(seed):
+    random = np.random.default_rng(seed)
+    out = drawn(LOGS, noise=WHITE, seed=seed)
+    for i, (_, _, rate) in enumerate(LOGS):
+        kept, size = np.exp(-1.0 / (rate * TIME)), out[i].time.size
+        new = np.sqrt(1.0 - kept**2) * random.standard_normal(size + round(20 * TIME * rate))
+        slow = SLOW * lfilter([1.0], [1.0, -kept], new)[-size:]
+        out[i] = replace(out[i], friction_force=out[i].friction_force + slow)
     return out
 
 
 def _found(records):
     logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, (speed, *_) in enumerate(LOGS, 1)]
     scene = Scene.from_document({"effects": [*NAMES], "rig": dict(RIG), "logs": logs}, Path())
-    return find(scene, records, progress=lambda _stage, _share: None)[1]
+    return find(scene, records)[1]
 
 
 def _distance(found):
     """Squared distance of the answer from the truth, in its own covariance."""
-    names = np.array(found.unknowns.names)[found.unknowns.free]
-    log = found.unknowns.logarithmic[found.unknowns.free]
-    truth = np.array([np.log(DEMO[n]) if scaled else DEMO[n] for n, scaled in zip(names, log, strict=True)])
-    off = found.attempt.solved.theta[found.unknowns.free] - truth
+    unknowns = found.unknowns
+    truth = unknowns.theta(np.array([(DEMO | RIG)[name] for name in unknowns.names]), unknowns.base(RIG))
+    off = (found.attempt.solved.theta - truth)[unknowns.free]
     return float(off @ np.linalg.solve(found.covariance, off))
 
 
@@ -67,7 +63,7 @@ def test_noise_with_a_memory_is_accepted_and_widens_the_errors():
     assert _distance(found) < chi2.isf(1e-3, 6)
     level = found.attempt.gate.level
     assert 1.0 < level < 1.5 and "autocorrelated noise" in found.message
-    white = np.diag(found.sure.white)
+    white = np.diag(found.sure.allowed.white)
     assert np.all(np.diag(found.covariance) > level * white), "as much wider as the noise is larger, and more"
     names = [log.name for log in found.attempt.fitted_logs]
     assert pass_gate(found.attempt.solved, names, [True, True]).status is Status.CONVERGED
@@ -96,7 +92,8 @@ def test_noise_as_large_as_in_the_sticks_may_scatter_more_from_cycle_to_cycle(co
     data = SimpleNamespace(time=np.arange(count) * 1e-3, force=force, weight=np.full(count, WHITE**-2), noise=WHITE)
     trajectory = SimpleNamespace(arrest=np.linspace(1.0, 19.0, 10), onset=np.linspace(0.9, 18.9, 10))
     level = np.array([np.mean((force / WHITE) ** 2)])
-    known = autocorrelation_test([data], [trajectory], [np.zeros(count)], [not stated], level)
+    solved = SimpleNamespace(problem=SimpleNamespace(logs=[data]), trajectories=[trajectory], fitted=[np.zeros(count)])
+    known = autocorrelation_test(solved, [not stated], level)
     if stated or correlation == 0.0:
         assert known is None
         return

