@@ -7,18 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from data_io import Record
-from experiments.study_problem import DEMO, RIG
 from identify import Asked, examples, fit
 from identify.cli import main as cli
-from identify.effects import MAIN
-from identify.estimation.preview import preview
-from identify.logs.prepare import prepare
-from identify.logs.unknowns import from_scene
-from identify.model.model import assemble
 from identify.scene import Scene
 from identify.shooting.accuracy import DEFAULT, TIGHT
-from identify.simulation.simulate import run
 from tests.support.document_check import check_document
 
 LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
@@ -77,20 +69,3 @@ def test_a_preview_draws_and_stops(tmp_path, monkeypatch, capsys):
     assert [item.name for item in tmp_path.iterdir()] == ["mine-preview.png"]
     assert (tmp_path / "mine-preview.png").read_bytes().startswith(b"\x89PNG")
     assert "off by" in told["logs"][0]["text"]
-
-
-def test_a_preview_compares_the_start_as_far_as_it_is_placed():
-    """A slip that the end of the log cuts is on no data: the trajectory of it says nothing of the start."""
-    rig, noise = dict(RIG) | {"drive_speed": 5e-3}, 4e-3
-    scene = Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": [{"path": "a.csv"}]})
-    time = np.arange(1500) / 1000.0
-    force = run(assemble(MAIN), DEMO | RIG, 5e-3, 1.0, 1.5).sample(time)["force"]
-    force += noise * np.random.default_rng(3).standard_normal(time.size)
-    whole = prepare(scene, scene.logs[0], Record(time, np.ones(time.size), force), from_scene(scene))
-    cycles = whole.segmentation.cycles
-    rows = time < cycles.fall[-1]
-    (seen,) = preview(scene, [Record(time[rows], np.ones(np.count_nonzero(rows)), force[rows])]).logs
-    drawn = np.isfinite(seen.trajectory)
-    assert seen.onset.size == cycles.count - 1
-    assert seen.arrest[-1] < seen.time[drawn][-1] < cycles.onset[-1], "through the last whole slip, not beyond"
-    assert np.sqrt(np.mean((seen.trajectory - seen.force)[drawn] ** 2)) < 2 * noise
