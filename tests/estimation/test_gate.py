@@ -14,7 +14,6 @@ from identify.model.model import SPEED
 from identify.shooting.layout import COARSE_GRID
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting import Problem
-from identify.shooting.shooting_trajectory import ShootingTrajectory
 from tests.support import shooting_case as case
 
 NAMES = ("calm.csv", "brisk.csv")
@@ -142,27 +141,11 @@ def test_a_slip_missed_or_invented_is_refused(missed):
     assert abs(gate.cycle[gate.worst] - 4) <= 1
 
 
-def motion(*, wears: bool, slip: float, after: float) -> ShootingTrajectory:
-    """Two slips alike, whose slowest node before and after the wear has these speeds [m/s]."""
-    nodes = np.zeros((2, 9, 3))
-    nodes[:, :, 0] = np.linspace(4e-4, 2.5e-4, 9)
-    nodes[:, 1:-1, SPEED] = 5e-3
-    nodes[:, :, 2] = np.linspace(1.0, 0.1, 9)
-    later = nodes.copy()
-    nodes[1, 4, SPEED], later[1, 4, SPEED] = slip, after
-    onset = np.array([0.5, 0.8])
-    wear = onset + 0.02 if wears else np.full(2, np.nan)
-    return ShootingTrajectory.train(nodes[0, 0], onset, wear, onset + 0.05, nodes, later, np.empty(0))
-
-
-def said(trajectory: ShootingTrajectory) -> str | None:
-    unknowns = case.search_space(case.PAIR, case.FRICTION)
-    data = case.log_data(case.simulated(case.PAIR, *case.MIDDLE), unknowns)
-    return inconsistency([data], [trajectory], unknowns, unknowns.start, ["log"])
-
-
-@pytest.mark.parametrize("wears", [False, True])
-def test_a_slip_that_runs_backwards_is_named(wears: bool) -> None:
-    assert said(motion(wears=wears, slip=5e-3, after=5e-3)) is None
-    assert "cycle 2: at this answer the slip runs backwards" in str(said(motion(wears=True, slip=5e-3, after=-1e-4)))
-    assert "cycle 2" in str(said(motion(wears=wears, slip=-1e-4, after=5e-3)))
+@pytest.mark.parametrize("phase", [4, 5], ids=["before", "after the wear"])
+def test_a_slip_that_runs_backwards_is_named(right, phase) -> None:
+    log, trajectory, unknowns = right.problem.logs[0], right.trajectories[0], right.problem.layout.unknowns
+    nodes = trajectory.nodes.copy()
+    nodes[trajectory.first[phase] + 3, SPEED] = -1e-4
+    wrong = replace(trajectory, nodes=nodes)
+    said = [inconsistency([log], [each], unknowns, right.theta, ["log"]) for each in (trajectory, wrong)]
+    assert said[0] is None and "cycle 2: at this answer the slip runs backwards" in said[1]
