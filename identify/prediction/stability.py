@@ -34,10 +34,10 @@ def settings(rig: object, friction: object, drive_speed: ArrayLike, normal_force
     return {name: np.asarray(q, float)[()] for name, q in zip(QUANTITIES, shaped, strict=True)}
 
 
-def _linearise(q: dict[str, Array]) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+def _linearise(q: dict[str, Array]) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Of m x'' + resistance x' + k x + F_n step dgamma = 0, dgamma' = -dgamma/t_cr - x'/D about steady sliding:
-    resistance [N s/m], damper plus slope of sliding friction; step, mu_s - mu_k at the drive speed; worn, 1 - gamma;
-    ageing, whether gamma moves at all (v_acr <= 1)."""
+    resistance [N s/m], damper plus slope of sliding friction; step, mu_s - mu_k at the drive speed; ageing, whether
+    gamma moves at all (v_acr <= 1)."""
     v, left = q["drive_speed"], np.exp(-q["a"] * q["drive_speed"])
     with np.errstate(all="ignore"):
         ageing = (q["D"].real > 0) & (q["t_cr"].real > 0) & ((v * q["t_cr"]).real <= q["D"].real)
@@ -45,47 +45,33 @@ def _linearise(q: dict[str, Array]) -> tuple[Array, Array, Array, NDArray[np.boo
         damper = q["damping"] * np.sqrt(q["mass"] / q["stiffness"])
         resistance = damper + q["normal_force"] * q["delta_mu_k"] * q["a"] * left * worn
         step = q["mu_s"] - q["mu_k0"] + q["delta_mu_k"] * np.expm1(-q["a"] * v)
-    return resistance, step, worn, ageing
-
-
-def _polished(roots: NDArray[np.complex128], coefficients: Array) -> NDArray[np.complex128]:
-    """Newton steps on the cubic: an eigenvalue solver leaves small roots with the error of the large ones."""
-    c2, c1, c0 = (coefficients[..., i, None] for i in range(3))
-    for _ in range(4):
-        value = ((roots + c2) * roots + c1) * roots + c0
-        slope = (3 * roots + 2 * c2) * roots + c1
-        better = roots - value / slope
-        roots = np.where(np.isfinite(better) & (np.abs(better - roots) < 1e-3 * np.abs(roots)), better, roots)
-    return roots
+    return resistance, step, ageing
 
 
 def _roots(q: dict[str, Array]) -> NDArray[np.complex128]:
-    """Dimensionless roots, shape (..., 3), unsorted; NaN last where there are two."""
-    resistance, step, _, ageing = _linearise(q)
-    impedance = np.sqrt(q["mass"] * q["stiffness"])
-    z = resistance / impedance
-    T = np.where(ageing, q["t_cr"], 1.0) * np.sqrt(q["stiffness"] / q["mass"])
-    pi = q["normal_force"] * step * np.where(ageing, q["t_cr"] / q["D"], 0.0) / impedance
-    cubic = np.stack([z + 1 / T, 1 + z / T - pi / T, 1 / T], axis=-1)
+    """Dimensionless roots, shape (..., 3), unsorted; NaN for the third where there are two."""
+    resistance, step, ageing = _linearise(q)
+    z = resistance / np.sqrt(q["mass"] * q["stiffness"])
+    fresh = np.where(ageing, np.sqrt(q["mass"] / q["stiffness"]) / q["t_cr"], 0.0)
+    coupling = np.where(ageing, q["normal_force"] * step / (q["D"] * q["stiffness"]), 0.0)
+    cubic = np.stack([z + fresh, 1 + z * fresh - coupling, fresh], axis=-1)
     companion = np.zeros((*z.shape, 3, 3))
     companion[..., 0, :] = -cubic
     companion[..., 1, 0] = companion[..., 2, 1] = 1.0
-    usable = np.asarray(np.isfinite(companion).all(axis=(-1, -2)))
-    third = np.linalg.eigvals(np.where(usable[..., None, None], companion, 0.0)).astype(complex)
-    third = np.where(usable[..., None], _polished(third, cubic), np.nan)
-    # Two roots, product 1: the larger without cancellation, the smaller from the product.
-    swing = np.sqrt((z / 2 - 1).astype(complex)) * np.sqrt((z / 2 + 1).astype(complex))
-    large = -(z / 2 + np.where(z >= 0, 1, -1) * swing)
-    oscillating = np.abs(z) < 2
-    large = np.where(oscillating, -z / 2 + 1j * np.sqrt(np.maximum(1 - z * z / 4, 0)), large)
-    small = np.where(oscillating, large.conj(), 1 / large)
-    second = np.stack([large, small, np.full_like(large, np.nan)], axis=-1)
-    return np.where(ageing[..., None], third, second)
+    usable = np.asarray(np.isfinite(companion).all(axis=(-1, -2)))[..., None]
+    roots = np.linalg.eigvals(np.where(usable[..., None], companion, 0.0)).astype(complex)
+    c2, c1, c0 = (cubic[..., i, None] for i in range(3))
+    for _ in range(4):  # Newton steps: an eigenvalue solver leaves small roots with the error of the large ones
+        value, slope = ((roots + c2) * roots + c1) * roots + c0, (3 * roots + 2 * c2) * roots + c1
+        better = roots - value / slope
+        roots = np.where(np.isfinite(better) & (np.abs(better - roots) < 1e-3 * np.abs(roots)), better, roots)
+    none = np.arange(3) == np.argmin(np.abs(roots), axis=-1)[..., None]  # worn: the root at zero is that of no state
+    return np.where(usable & (ageing[..., None] | ~none), roots, np.nan)
 
 
 def _characteristic(q: dict[str, Array]) -> list[Array]:
     """Coefficients of the characteristic polynomial [kg, ...] of a rate [1/s], from the power 3 down."""
-    resistance, step, _, ageing = _linearise(q)
+    resistance, step, ageing = _linearise(q)
     m, k, fresh = q["mass"], q["stiffness"], np.where(ageing, 1.0 / q["t_cr"], 0.0)
     coupling = np.where(ageing, q["normal_force"] * step / q["D"], 0.0)
     third = [m, resistance + m * fresh, k + resistance * fresh - coupling, k * fresh]
