@@ -50,8 +50,8 @@ def check_calculable(model: Model) -> None:
         names = [e.name for e, part in zip(own, alone, strict=True) if getattr(part, flag)] or list(model.effects)
         effects, them = ("effect", "it") if len(names) == 1 else ("effects", "them")
         raise SimulationError(
-            f"the {effects} {' and '.join(names)} {why}; leave {them} out for stability and amplitude "
-            f"({' '.join(f'--without {name}' for name in names)}), or look at a simulation"
+            f"the {effects} {' and '.join(names)} {why}; leave {them} out for stability, amplitude and plans "
+            f"({' '.join(f'--without {name}' for name in names)}, or in the scene), or look at a simulation"
         )
 
 
@@ -191,23 +191,15 @@ class CycleMap:
 
     def tangent(self, cycle: Cycle) -> Tangent:
         """How a cycle moves with its start and its setting: exact derivatives of the steps that were taken."""
-        last = cycle.slides[-1]
-        stick_slope, onset = self.stick_slopes(cycle)
-        nodes = node_slopes(self.model, cycle.slides, onset)
-        fixed = nodes[-1][-1]
-        rate = stepped(self.model, last, last.x[-1:], np.zeros(1))[1][0]
-        slip_slope = -fixed[SPEED] / rate[SPEED]
-        end = np.delete(fixed + np.outer(rate, slip_slope), SPEED, 0)
-        return Tangent(end, stick_slope, slip_slope, tuple(nodes))
-
-    def stick_slopes(self, cycle: Cycle) -> tuple[Array, Array]:
-        """Derivatives of the stick's duration (m,) and of the onset state (n_x, m) by rest state and setting."""
-        n, w = cycle.start.size, cycle.setting
+        n, w, last = cycle.start.size, cycle.setting, cycle.slides[-1]
         given = [cycle.start[None, :], w[None, :], np.array([cycle.stick])]
         slope = rest_slopes(self.model)(given)[0].reshape(n + 1, n + w.size + 1)
         free = np.delete(slope[:, :-1], SPEED, 1)
-        stick_slope = -free[0] / slope[0, -1] if cycle.stick else np.zeros(free.shape[1])
-        return stick_slope, free[1:] + np.outer(slope[1:, -1], stick_slope)
+        stick = -free[0] / slope[0, -1] if cycle.stick else np.zeros(free.shape[1])
+        nodes = node_slopes(self.model, cycle.slides, free[1:] + np.outer(slope[1:, -1], stick))
+        rate, fixed = stepped(self.model, last, last.x[-1:], np.zeros(1))[1][0], nodes[-1][-1]
+        slip = -fixed[SPEED] / rate[SPEED]
+        return Tangent(np.delete(fixed + np.outer(rate, slip), SPEED, 0), stick, slip, tuple(nodes))
 
 
 def rested(model: Model) -> Array:
