@@ -260,12 +260,8 @@ def described(log: PlannedLog) -> str:
     spring = "" if design.stiffness is None else f" on the spring of {three_figures(design.stiffness)} N/m"
     at = f"{speed_text(design.speed, 3)}, {three_figures(design.normal_force)} N{spring}, at {log.rate:.0f} Hz"
     again = ": a repeat with another specimen" * log.repeats
-    return f"a log of {seconds_text(log.duration)} at {at} ({log.slips} slips){again}"
-
-
-def seconds_text(seconds: float) -> str:
-    """A duration, rounded up to what one would set."""
-    return f"{math.ceil(seconds / 60.0)} min" if seconds > 180.0 else f"{two_figures(max(seconds, 0.1)):.3g} s"
+    minutes, short = f"{math.ceil(log.duration / 60.0)} min", f"{two_figures(max(log.duration, 0.1)):.3g} s"
+    return f"a log of {minutes if log.duration > 180.0 else short} at {at} ({log.slips} slips){again}"
 
 
 def two_figures(seconds: float) -> float:

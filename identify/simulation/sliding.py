@@ -138,13 +138,3 @@ def growth_rates(model: Model, settings: Array) -> Array:
         SimulationError: no finite steady state.
     """
     return np.asarray(np.nanmax(_slidings(model, *_split(settings))[2].real, axis=1))
-
-
-def clearances(model: Model, settings: Array) -> Array:
-    """How far the bounded state of steady sliding stays from its bound, shape (n,); negative where the contact is worn
-    out (there it is what it would be without the bound). Settings (n, n_w)."""
-    p, u = _split(settings)
-    if model.clamped is None:
-        return np.full(len(p), np.inf)
-    x, _ = _steady(model, p, u, worn=False)
-    return np.asarray(x[:, model.clamped] - (model.states[model.clamped].lower or 0.0))
