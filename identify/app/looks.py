@@ -151,7 +151,7 @@ def seen_by_a_fit(log: Segmented) -> Document:
         "noise": log.noise,
         "regime": "" if log.verdict.regime is None else log.verdict.regime.value.replace("_", " "),
         "evidence": list(log.verdict.evidence),
-        "table": to_document(table_of(shown, look(shown, log.speed), stiffness=log.rig.stiffness)),
+        "table": to_document(table_of(shown, look(shown, log.speed), log.rig.stiffness)),
         "stick_slope": None if slope is None else slope[0],
         "stiffness_of_sticks": None if slope is None else slope[0] / log.speed,
         "changes": [change.text for change in log.corrected.changes],

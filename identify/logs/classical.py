@@ -14,8 +14,8 @@ from data_io.arrays import kept, thinned
 from data_io.quality import mean_and_drift, presses
 from identify.base.result import ClassicalDirection, ClassicalTable
 from identify.logs.noise import bridged, smooth
-from identify.logs.recorded_drive import DriveCourse, Stroke
-from identify.logs.regime import Known, LogRegime, Verdict, look
+from identify.logs.recorded_drive import Stroke
+from identify.logs.regime import LogRegime, Verdict
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 
 Array = NDArray[np.float64]
@@ -63,43 +63,23 @@ class _Part:
     found: Segmentation
 
     @classmethod
-    def of(cls, record: Record, stroke: Stroke, verdict: Verdict, tare: float) -> _Part:
+    def of(cls, record: Record, stroke: Stroke, verdict: Verdict) -> _Part:
         rows = slice(stroke.start, stroke.stop)
-        force, load = stroke.direction * (record.friction_force[rows] - tare), record.normal_force[rows]
+        force, load = stroke.direction * record.friction_force[rows], record.normal_force[rows]
         good = np.isfinite(force) & np.isfinite(load) & ~verdict.found.spikes & presses(load)
         return cls(record.time[rows], force, load, good, verdict.found)
 
 
-def classical_table(
-    record: Record,
-    segmentation: Segmentation | None = None,
-    *,
-    drive_speed: DriveCourse,
-    stiffness: float | None = None,
-    half_period: float | None = None,
-    tare: float = 0.0,
-) -> ClassicalTable:
-    """The classical figures per step and stroke, SI: floats, or None with a reason; never NaN.
+def table_of(record: Record, seen: LogRegime, stiffness: float | None = None) -> ClassicalTable:
+    """The classical figures per step and stroke of a log, SI: floats, or None with a reason; never NaN.
 
     Args:
-        record: the log; its friction force as in the file.
-        segmentation: phases of the whole record where they are known (used if the record is one stroke);
-            otherwise every stroke is segmented here.
-        drive_speed: [m/s], a programme, or None.
+        record: the log; its friction force as in the file. seen: its regime.
         stiffness: of the rig [N/m], to compare the sticks with.
-        half_period: pi sqrt(m/k) [s] where the rig is known.
-        tare: force to take off the friction force [N].
 
     Returns: one row per stroke; for each row why a figure is None, by its name; what each figure is (DEFINITIONS).
     """
-    known = Known(stiffness=stiffness or 0.0, half_period=half_period or 0.0)
-    seen = look(record, drive_speed, known, tare=tare, found=segmentation)
-    return table_of(record, seen, stiffness=stiffness, tare=tare)
-
-
-def table_of(record: Record, seen: LogRegime, *, stiffness: float | None = None, tare: float = 0.0) -> ClassicalTable:
-    """The classical table of a log whose regime is known; see `classical_table`."""
-    parts = [_Part.of(record, s, v, tare) for s, v in zip(seen.strokes, seen.verdicts, strict=True)]
+    parts = [_Part.of(record, s, v) for s, v in zip(seen.strokes, seen.verdicts, strict=True)]
     rows, reasons = [], []
     for part, stroke, verdict in zip(parts, seen.strokes, seen.verdicts, strict=True):
         figures = _row(part, stroke, verdict, stiffness)
@@ -112,8 +92,7 @@ def table_of(record: Record, seen: LogRegime, *, stiffness: float | None = None,
 
 
 def _directions(parts: Sequence[_Part], strokes: Sequence[Stroke]) -> list[ClassicalDirection]:
-    """Both directions apart, where there are strokes to and fro: their number, the mean coefficient of sliding of all
-    of one direction with its scatter from stroke to stroke, and its last tenth of the strokes against the first."""
+    """Both directions apart, where strokes go to and fro: coefficients with scatter, and last tenth over first."""
     if len({stroke.direction for stroke in strokes}) < 2:
         return []
     out = []

@@ -126,8 +126,7 @@ def judge(
 
 
 def _of_slips(part: RecordPart, slope: float | None, drift: float | None, limits: Thresholds) -> Iterator[Finding]:
-    """What spikes, slips, sticks and their drift have to say; spikes are left out of the fit: a few are no reason to
-    complain."""
+    """What spikes, slips, sticks and their drift have to say."""
     found, where = part.found, np.flatnonzero(part.spikes)
     if where.size:
         word = "1 sample jumps" if where.size == 1 else f"{where.size} samples jump"
@@ -181,8 +180,7 @@ def still_loading(part: RecordPart) -> bool:
 
 
 def _drift(part: RecordPart) -> float | None:
-    """Middles between peak and valley over the load, or of what slides all of it, last third against first; the loading
-    from rest does not count; None where they are too few, or no line."""
+    """Middles of slips over the load, or all of what slides, last third against first; None where nothing tells."""
     cycles, found, time = part.found.cycles, part.found, part.found.cycles.fall
     slides = (found.phase == SLIDING) & np.isfinite(part.force) & ~found.spikes
     if not cycles.count:
@@ -243,8 +241,7 @@ def _suspicions(record: Record, phases: Sequence[Segmentation], limits: Threshol
 
 
 def _swapped(record: Record, *, slips: bool) -> Iterator[Finding]:
-    """Slips of the normal force where the friction force hardly moves; a load that ripples beside friction that rests
-    and slides is none."""
+    """Slips of the normal force where the friction force hardly moves."""
     ranges = []
     for force in (record.normal_force, record.friction_force):
         low, middle, high = np.quantile(np.abs(thinned(kept(force, np.isfinite(force)), ENOUGH)), [0.1, 0.5, 0.9])
@@ -263,8 +260,7 @@ def _swapped(record: Record, *, slips: bool) -> Iterator[Finding]:
 
 
 def _of_sliding(time: Array, force: Array, limits: Thresholds) -> Iterator[Finding]:
-    """A saw-tooth whose rises are sudden: the sensor is wired the other way. Else an oscillation of what slides; one of
-    few samples per period, of which stick and slip cannot be told apart."""
+    """A saw-tooth upside down, else an oscillation of what slides, or one that is sampled too slowly."""
     mirrored = classify(time, -np.copysign(1.0, np.nanmedian(force)) * force)
     slips = mirrored.regime is not None and mirrored.regime.slips and mirrored.confidence > 0.95
     if slips and mirrored.found.count >= FEW:

@@ -244,18 +244,14 @@ def _white(f: Array) -> float:
 
 
 def _harmonics_of(t: Array, rest: Array) -> tuple[Harmonics, float] | None:
-    """The harmonics that stand out of the noise of a rest (n,), and the variance [N^2] of what they leave of it beyond
-    the noise; None where nothing stands out, or the clock is uneven.
-
-    The narrowest mean over neighbours that stands out counts, and is left out of the wider ones.
-    """
+    """The harmonics that stand out of the noise of a rest (n,), and the variance [N^2] that they leave beyond it."""
     step = float(np.median(np.diff(t)))
     if t.size < FEWEST or float(np.max(np.abs(np.diff(t) - step))) > EVEN * step:
         return None
     power = scipy.fft.dct(rest, norm="ortho") ** 2
     noise = max(float(np.median(power)) / chi_square(0.5, 1), 1e-300)
     share, left = np.zeros(power.size), power.copy()
-    for width in NEIGHBOURS:
+    for width in NEIGHBOURS:  # the narrowest mean that stands out counts, and is left out of the wider ones
         mean = scipy.ndimage.uniform_filter1d(left, width, mode="nearest")
         limit = chi_square_exceeded(FALSE_ALARMS / (power.size * len(NEIGHBOURS)), width) / width
         high = (mean > limit * noise) & (share == 0.0)

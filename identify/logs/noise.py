@@ -17,12 +17,10 @@ Indices = NDArray[np.int64]
 BLOCK = 16  # overlapping differences whose mean square is one estimate of the noise
 # Median over blocks of the mean square of 16 overlapping differences of unit white noise, by order.
 MEDIAN_OF_BLOCK = {2: 0.913, 3: 0.898, 4: 0.886, 5: 0.878}
-STRETCH, STRETCHES = 512, 128  # of a long record so many stretches of so many samples stand for all
 SIDE = 5  # samples on either side of a spike that it has to leave
 SPIKE_SD = 6.0  # standard deviations by which it leaves its chord; three quarters as many the lines beside it
 SWING = 0.3  # of its height: by so much what surrounds a crest of a swing leaves a straight line too
 FLOOR = 0.25  # of its height: samples of a dip or bump that differ by less have a level of their own
-MOST_POINTS = 400  # of a line
 
 
 def running_means(values: Array, width: int) -> Array:
@@ -42,10 +40,6 @@ def smooth(force: Array, width: int) -> Array:
 
 def line_slope(t: Array, f: Array, noise: float) -> float:
     """Slope of a line through points (n,) [N/s]; outliers are dropped once; 0 with fewer than two points."""
-    per = t.size // MOST_POINTS
-    if per > 1:
-        t, f = (column[: per * MOST_POINTS].reshape(-1, per).mean(axis=1) for column in (t, f))
-        noise = noise / sqrt(per)
     if t.size < 2:
         return 0.0
     t, f = t - t.mean(), f - f.mean()
@@ -82,32 +76,22 @@ def white_noise(force: Array, time: Array | None = None) -> float:
     force = np.asarray(force, dtype=np.float64)
     if force.size < BLOCK:
         return sqrt(float(np.median(np.diff(force, 2) ** 2)) / 0.455 / 6.0) if force.size >= 3 else 0.0
-    sampled = force
-    if force.size > 2 * STRETCHES * STRETCH:  # the few bad joints do not count
-        chosen = np.linspace(0, force.size // STRETCH - 1, STRETCHES).astype(np.int64)
-        sampled = force[: force.size // STRETCH * STRETCH].reshape(-1, STRETCH)[chosen].ravel()
     estimates = []
     for order in MEDIAN_OF_BLOCK if time is None else (2,):
-        squares = (np.diff(sampled, order) if time is None else _by_distance(force, time)) ** 2
+        squares = (np.diff(force, order) if time is None else _by_distance(force, time)) ** 2
         blocks = squares.size // BLOCK
         means = squares[: blocks * BLOCK].reshape(blocks, BLOCK).mean(axis=1) if blocks >= 4 else squares
         usual = MEDIAN_OF_BLOCK[order] if blocks >= 4 else 0.455
         estimates.append(sqrt(float(np.median(means)) / usual / comb(2 * order, order)))
-    return max(min(estimates), quantum(force) / sqrt(12.0))
+    return max(min(estimates), grid_step(force[: 1 << 15]) / sqrt(12.0))
 
 
 def _by_distance(force: Array, time: Array) -> Array:
-    """How far each force lies off the line between its neighbours, (n - 2,), scaled to the second difference of even
-    rows: of white noise it has the same variance, a ramp is gone at any distances."""
+    """How far each force is off the line between its neighbours, (n - 2,), with the variance of second differences."""
     before, after = time[1:-1] - time[:-2], time[2:] - time[1:-1]
     share = after / (before + after)
     off = force[1:-1] - share * force[:-2] - (1.0 - share) * force[2:]
     return off * np.sqrt(comb(4, 2) / (1.0 + share**2 + (1.0 - share) ** 2))
-
-
-def quantum(force: Array) -> float:
-    """The step of a quantised force [N]; 0 where the force is not quantised."""
-    return grid_step(force[: 1 << 15])
 
 
 def spikes(force: Array, noise: float, *, floors: bool = False) -> Mask:
@@ -160,11 +144,7 @@ def _spikes_of(force: Array, length: int, limit: float, floors: bool) -> Indices
 
 
 def _extrapolated(samples: Array, steps: Indices) -> tuple[Array, Array]:
-    """A line through samples (c, SIDE), nearest first, continued beyond the nearest by steps (l,): shape (c, l); and by
-    how much one of the samples leaves it at most (c,).
-
-    Median slope and median level, so that another spike among the samples does not bend it.
-    """
+    """A robust line through samples (c, SIDE), nearest first, continued by steps (l,): (c, l); what it misses (c,)."""
 
     def middle(rows: Array) -> Array:  # sorted in a third of the time that np.median takes
         k = rows.shape[1]

@@ -137,7 +137,9 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
         verdict = _verdict_on_programme(time, measured, rig, drive, known)
     else:
         verdict = of_strokes(time, measured, turns_of_sign(measured), known, rig.noise)
-    phases = _filled_in(time, measured, verdict, rig.half_period, rig.noise)
+    phases = verdict.found
+    if phases.low_snr:  # half lost in the noise: those that the period of the rig shows; the model fills in the others
+        phases = segment(time, measured, half_period=rig.half_period or None, noise=rig.noise)
     counted = used.copy()
     counted[inner] &= ~phases.spikes
     noise = rig.noise or phases.noise
@@ -158,9 +160,8 @@ def _drive(rig: Rig, entry: LogEntry, record: Record) -> Drive:
         )
     if min(speeds) < 0.0 < max(speeds):
         raise FitError(f"{name} has a drive that turns within the part that is used; cut it into one window per stroke")
-    changes = [(0.0, abs(speeds[0]))]
-    changes += [(t, abs(speed)) for (_, before), (t, speed) in pairwise(pieces) if speed != before]
-    return Drive.of(tuple(changes))
+    changes = ((t, abs(speed)) for (_, before), (t, speed) in pairwise(pieces) if speed != before)
+    return Drive.of(((0.0, abs(speeds[0])), *changes))
 
 
 def _refuse_too_few(entry: LogEntry, record: Record, used: Bools) -> None:
@@ -187,19 +188,8 @@ def _moves(drive: Drive, time: Array) -> Bools:
     return np.asarray(np.array(drive.speeds)[np.searchsorted(drive.starts, time, side="right") - 1] > 0.0)
 
 
-def _filled_in(
-    time: Array, force: Array, verdict: Verdict, half_period: float | None, noise: float | None
-) -> Segmentation:
-    """The phases of a verdict; of slips half lost in the noise those that the period of the rig shows, since the model
-    has to fill in the others."""
-    if not verdict.found.low_snr:
-        return verdict.found
-    return segment(time, force, half_period=half_period or None, noise=noise)
-
-
 def _verdict_on_programme(time: Array, force: Array, rig: Rig, drive: Drive, known: Known) -> Verdict:
-    """The regime where the drive changes its speed or stands: slips are found in the record without the rests, in which
-    the spring stays as it is, and judged along the way of the drive, in which sticks rise at one slope."""
+    """The regime where the drive changes its speed or stands: slips are found without its rests, along its way."""
     half_period, moves = rig.half_period or None, _moves(drive, time)
     phases = segment(time, force, half_period=half_period, noise=rig.noise)
     names = ("onset", "fall", "arrest")
@@ -309,8 +299,7 @@ def moving_pieces(drive: Drive, begin: float, end: float) -> list[tuple[float, f
 
 
 def _starts_loaded(record: ForceRecord) -> bool:
-    """Whether a force begins near the level that it has while the drive moves; through a first rise and the swing after
-    it a fast drive is in a few samples, which lie below that."""
+    """Whether a force begins near the level that it has while the drive moves, and not with a first rise."""
     good = np.isfinite(record.force)
     if not np.any(good):
         return False
@@ -350,8 +339,7 @@ def fitted_window(record: ForceRecord, found: Segmentation, fit_mode: FitMode, s
 
 
 def _loading_start(record: ForceRecord, begin: float, onset: float) -> float:
-    """Where the straight loading line of the first stick begins: earlier samples do not lie on it. Before an onset that
-    ends a short rise the mass slips long since: only the lower end of it is of the stick."""
+    """Where the straight loading line of the first stick begins: earlier samples do not lie on it."""
     rows = np.isfinite(record.force) & (record.time >= begin) & (record.time <= onset)
     t, f = record.time[rows], record.force[rows]
     if not t.size:
@@ -360,6 +348,7 @@ def _loading_start(record: ForceRecord, begin: float, onset: float) -> float:
     flat = running_means(f, width)
     low, high = float(np.min(flat)), float(np.max(flat))
     lowest, lower, upper = (int(np.flatnonzero(flat <= low + share * (high - low))[-1]) + width // 2 for share in RISE)
+    # Before an onset that ends a short rise the mass slips long since: only the lower end of it is of the stick.
     if t.size < SHORT_RISE or onset - begin < SHORT_LOADING * record.half_period:
         return float(t[lowest])
     late = slice(lower, max(upper, lower + 3))  # by force and not by time: however long the machine waited before it
@@ -566,13 +555,7 @@ def _account(raw: Record, log: Segmented, begin: float) -> RecordEdits:
 def _load(
     log: Segmented, window: tuple[float, float], judgement: Judgement, scene: Scene, *, follows: bool
 ) -> tuple[LoadSpline, float]:
-    """The normal force as the model takes it: over time where the model follows it, else its mean, and the swing that
-    its mean hides.
-
-    Raises:
-        FitError: a normal force that is none, of a log that is not rejected.
-        SceneError: an effect outside its measured range.
-    """
+    """The normal force as the model takes it: over time, else its mean, and the swing that this hides."""
     time, force, cycles, hidden = log.record.time, log.record.normal_force, log.found.count, 0.0
     try:
         load = smooth(kept(time, log.used), kept(force, log.used), name_of(log.entry), cycles)
@@ -619,15 +602,15 @@ def _data(log: Segmented, load: LoadSpline, window: tuple[float, float], unknown
 
 
 def _pieces(log: Prepared, moving: ForceRecord) -> tuple[Prepared, ...]:
-    """The stretches of constant speed of a log in which cycles repeat, or the mass slides steadily, as logs of their
-    own: what a start is taken from."""
+    """The stretches of one speed in which cycles repeat, or the mass slides steadily: what a start is taken from."""
     data, out = log.data, []
     for start, stop, speed in moving_pieces(data.programme or Drive((0.0,), (data.drive_speed,)), data.begin, data.end):
         rows = slice(*np.searchsorted(data.time, [start, stop]))
         time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
         verdict = classify(time, force, Known(moving.stiffness, speed, moving.half_period), noise=moving.noise)
-        phases = _filled_in(time, force, verdict, moving.half_period, moving.noise)
-        load = log.record.normal_force[rows]
+        phases, load = verdict.found, log.record.normal_force[rows]
+        if phases.low_snr:
+            phases = segment(time, force, half_period=moving.half_period or None, noise=moving.noise)
         part = replace(moving, time=time, force=force, load=load, drive=Drive.of(speed))
         fit_mode, falls = fit_mode_of(part, phases, phases.cycles.fall), np.empty(0)
         if fit_mode.name == "cycles" and phases.count >= FEW_SLIPS:
@@ -651,9 +634,8 @@ def _left_out(fit_mode: FitMode, log: Segmented, judgement: Judgement) -> str | 
     reason = None
     if log.verdict.strokes > 1:
         reason = (
-            f"{name} goes to and fro: its force changes its sign, in {log.verdict.strokes} strokes, which one drive "
-            "speed one way does not describe; give the programme of the drive with its signs, name the position column "
-            '(columns = { position = "…" }), or a window of one stroke'
+            f"{name} goes to and fro: its force changes its sign in {log.verdict.strokes} strokes; give one as window, "
+            'the programme of the drive with its signs, or its position column (columns = { position = "…" })'
         )
     elif fit_mode.name == "cycles" and 0 < cycles <= skipped:
         reason = f"{name}: skip_cycles = {skipped} leaves none of its {cycles} cycles; lower it"
@@ -669,8 +651,7 @@ def _left_out(fit_mode: FitMode, log: Segmented, judgement: Judgement) -> str | 
         if lasts < LEAST_SHARE * whole:
             reason = (
                 f"{name} slides without sticking, and its force settles for the last {lasts:.3g} s only, "
-                f"{100 * lasts / whole:.2g} % of the record: no level of it; the classical table has that of the "
-                "whole, and a window chooses a part"
+                f"{100 * lasts / whole:.2g} % of the record: no level of it; choose a part with a window"
             )
     if judgement.swapped and (reason or judgement.verdict == "reject"):
         return f"{name}: normal force and friction force look swapped"
@@ -704,8 +685,7 @@ def beginning(prepared: Prepared, share: float) -> Prepared:
 
 
 def _as_sure_as_its_level(log: Prepared, data: LogData) -> LogData:
-    """The data of a steady end, whose load counts as no surer than the level that it stands for: where less than half
-    of what slides has settled, the rest of it slid at another."""
+    """The data of a steady end; where most of what slides slid at another level, its load counts as that unsure."""
     share, time = log.share_from(data.begin), log.record.time
     inside = int(np.searchsorted(time, log.span[0]))
     phase = np.full(time.size, STICK, np.int8)

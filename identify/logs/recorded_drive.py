@@ -16,7 +16,6 @@ from data_io.columns import DISTANCES
 from data_io.derived_columns import StatedVelocity, stated_velocity
 from data_io.drive import MOST, SAME, Motion, Programme, SpeedSteps, evened, motion_of, steps_of
 from data_io.quality import pauses
-from data_io.record import WINDOW_START, within
 from data_io.values import Finding
 from identify.base.wording import speed_text
 from identify.logs.noise import bridged, smooth, white_noise
@@ -67,20 +66,8 @@ class RecordedDrive:
         return self.programme[0][1] if self.programme is not None and len(self.programme) == 1 else None
 
 
-def recorded_drive(record: Record, window: tuple[float, float] | None = None) -> RecordedDrive:
-    """What a record shows of its drive: its drive speed, else a column of speed or position with a name that says so.
-
-    Args:
-        window: the part [s] that is used, None for all of it.
-    """
-    if window is not None:
-        first, last = np.searchsorted(record.time, window[0]), np.searchsorted(record.time, window[1], side="right")
-        if last - first < 2:
-            return recorded_drive(record)  # such a window is refused elsewhere
-        begin, start = float(record.metadata.get(WINDOW_START, 0.0)), float(record.time[first])
-        drive = recorded_drive(within(record, (window[0] + begin, window[1] + begin)))
-        pairs = None if drive.programme is None else tuple((t + start if t else 0.0, v) for t, v in drive.programme)
-        return replace(drive, programme=pairs)
+def recorded_drive(record: Record) -> RecordedDrive:
+    """What a record shows of its drive: its drive speed, else a column of speed or position whose name says so."""
     if isinstance(record.drive_speed, np.ndarray):
         return _of_steps(steps_of(record.time, record.drive_speed), "drive_speed", "as the log says")
     if record.drive_speed is not None:
@@ -253,7 +240,7 @@ def with_drive_checked(scene: Scene, entry: LogEntry, record: Record) -> Record:
     stated = scene.rig_for(entry).drive_speed
     if stated is None or record.time.size < 2 or any(finding.code == DISAGREES for finding in record.findings):
         return record
-    drive, head, text = recorded_drive(record, entry.window), velocity_in_head(record), None
+    drive, head, text = recorded_drive(record), velocity_in_head(record), None
     if drive.programme is not None:
         text = _differs(entry, stated, record, drive)
     elif head is not None and not isinstance(stated, tuple):

@@ -218,8 +218,7 @@ class _Shape:
 
 
 def _mean_cycle(time: Array, force: Array, found: Segmentation, period: float) -> tuple[float, float]:
-    """Of the mean of all cycles, in which noise is averaged out: how many times as long as its fall its rise lasts, and
-    the share of its first harmonic, 0.61 for a saw-tooth; NaN without a whole cycle."""
+    """Of the mean cycle: how many times as long as its fall its rise lasts, and the share of its first harmonic."""
     good, points = np.isfinite(force) & ~found.spikes, 128
     t, f = time[good], force[good]
     falls = found.cycles.fall
@@ -408,22 +407,19 @@ class LogRegime:
     verdicts: tuple[Verdict, ...]
 
 
-def look(
-    record: Record, drive: DriveCourse, known: Known = Known(), *, tare: float = 0.0, found: Segmentation | None = None
-) -> LogRegime:
+def look(record: Record, drive: DriveCourse, known: Known = Known(), *, found: Segmentation | None = None) -> LogRegime:
     """The regime of every stroke of a record, and of all of it.
 
     Args:
         drive: [m/s], a programme ((start [s], speed), ...), or None where unknown.
         known: of the rig; its drive speed is that of each stroke.
-        tare: force to take off the friction force [N]. found: the phases of the whole record where they are known;
-            used where it is one stroke.
+        found: the phases of the whole record where they are known; used where it is one stroke.
     """
     parts, verdicts = strokes(record, drive), []
     for stroke in parts:
         rows = slice(stroke.start, stroke.stop)
         time, load = record.time[rows], record.normal_force[rows]
-        force = stroke.direction * (record.friction_force[rows] - tare)
+        force = stroke.direction * record.friction_force[rows]
         own = replace(known, drive_speed=stroke.speed or 0.0)
         given = found if len(parts) == 1 and found is not None and found.phase.size == force.size else None
         verdict = classify(time, force, own, given=given)

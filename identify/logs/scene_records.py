@@ -30,6 +30,7 @@ from identify.simulation.drive import Drive
 Array = NDArray[np.float64]
 Span = tuple[float, float]
 
+READ_BY = ("path", "step", "run", "columns", "units")  # what of an entry says which rows are read
 FEW = 8  # samples that two logs may share: windows that meet share those on their edge
 SAME_TIME = 1e-3  # of a step: what rounding makes of the clock of a copy
 SAME_NOISE = 0.4  # correlation of the noise of one measurement: a resampled copy holds half of it
@@ -94,7 +95,7 @@ def with_drives(scene: Scene, records: Sequence[Record] | None = None) -> tuple[
         if rig.drive_speed is not None:
             continue
         record = records[i] if records is not None and i < len(records) else read_entry(scene, i)
-        drive = recorded_drive(record, entry.window)
+        drive = recorded_drive(record)
         if drive.programme is None:
             raise FitError(f"{name}, and {drive.trouble}; {remedy}")
         logs[i] = replace(entry, drive_speed=drive.programme if drive.speed is None else drive.speed)
@@ -351,20 +352,12 @@ def _bridged(entry: LogEntry, record: Record, drive: Drive, stiffness: float, fi
 
 
 def parts_of(scene: Scene, entries: Sequence[LogEntry]) -> list[int | None]:
-    """For each log of a parted scene the number (from 1) of the log of `scene` it is a part of, None where it is whole.
+    """For each log of a parted scene the number (from 1) of the log of `scene` it is a part of; None where whole."""
 
-    Times of a whole log that was read in part have moved, so that it is not the entry of the scene any more.
-    """
-    if len(entries) == len(scene.logs):
-        return [None] * len(entries)
+    def holds(whole: LogEntry, part: LogEntry) -> bool:
+        own, window = part.window, whole.window
+        inside = window is None or (own is not None and window[0] <= own[0] and own[1] <= window[1])
+        return inside and all(getattr(whole, name) == getattr(part, name) for name in READ_BY)
 
-    def read_as(entry: LogEntry) -> tuple[object, ...]:
-        return entry.path, entry.step, entry.run, entry.columns, entry.units
-
-    out: list[int | None] = []
-    for entry in entries:
-        same = [(i, whole.window) for i, whole in enumerate(scene.logs, 1) if read_as(whole) == read_as(entry)]
-        own = entry.window
-        inside = [i for i, w in same if w is None or (own is not None and w[0] <= own[0] and own[1] <= w[1])]
-        out.append(None if entry in scene.logs else next(iter([*inside, *(i for i, _ in same)]), None))
-    return out
+    numbers = [next((i for i, whole in enumerate(scene.logs, 1) if holds(whole, part)), None) for part in entries]
+    return [None if part in scene.logs else number for part, number in zip(entries, numbers, strict=True)]

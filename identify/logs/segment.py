@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import log, sqrt
 
@@ -12,9 +12,9 @@ import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from data_io.arrays import kept, thinned_steps
+from data_io.arrays import grid_step, kept, thinned_steps
 from identify.base.quantiles import chi_square
-from identify.logs.noise import bridged, line_slope, quantum, smooth, spikes, uneven, white_noise
+from identify.logs.noise import bridged, line_slope, smooth, spikes, uneven, white_noise
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -201,8 +201,8 @@ def segment(
     sd = white if noise is None else noise
     trace = _traced(time, clean, sd, None if half_period is None else half_period / interval, slips)
     judged = _judge(trace)
-    phase, ends_sliding = _label(trace, judged)
-    cycles = _cycles(trace, judged)
+    phase, ends_sliding = _label(judged)
+    cycles = _cycles(judged)
     lasting = half_period or _median(cycles.arrest - cycles.onset)
     low_snr = cycles.count > 0 and _median(cycles.drop) * sqrt(max(NARROW * lasting / interval, 1.0)) < CLEAR * sd
     loading = judged.loading_slope
@@ -214,7 +214,7 @@ def segment(
         edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), int(phase.size)]
         rests = [(first, end) for first, end in pairwise(edges) if phase[first] != SLIP]
         about_lines = None if low_snr else noise_on_lines(clean, rests, stamps)
-        noise = max(about_lines or white, quantum(kept(force, ~holes)) / sqrt(12.0))
+        noise = max(about_lines or white, grid_step(kept(force, ~holes)[: 1 << 15]) / sqrt(12.0))
     return Segmentation(
         cycles=cycles,
         noise=noise,
@@ -237,7 +237,9 @@ def segment(
 class _Trace:
     """A force without spikes and its falls: time [s], force and its average over `width` samples [N], each (n,); sd of
     the noise; sample indices of peaks and valleys (c,), the threshold of their prominence [N]; starts_falling: a fall
-    began before the record."""
+    began before the record; slips (c,): which falls are; slopes (c - 1,) of the rises between them, the stick slope
+    that they are compared with, loading_slope of a first rise from rest, else None [N/s]; ends_sliding: swings that
+    settle, not slips, end the record."""
 
     time: Array
     force: Array
@@ -248,6 +250,11 @@ class _Trace:
     peaks: Indices
     valleys: Indices
     starts_falling: bool
+    slips: Bools = field(default_factory=lambda: np.ones(0, bool))
+    slopes: Array = field(default_factory=lambda: np.empty(0))
+    stick_slope: float = 0.0
+    loading_slope: float | None = None
+    ends_sliding: bool = False
 
     @property
     def drops(self) -> Array:
@@ -322,15 +329,12 @@ def _span_of_noise(averages: float) -> float:
 
 
 def _left_by_averaging(smoothed: Array, noise: float, width: int) -> float:
-    """Standard deviation that noise leaves in an average over so many samples (n,) [N].
-
-    Of white noise noise/sqrt(width); noise with a memory leaves more, which second differences of the means of
-    neighbouring stretches show. Most of them may hold a slip: the quietest tenth counts, below 0.01579 of the variance.
-    """
+    """Standard deviation that noise, maybe with a memory, leaves in an average over so many samples (n,) [N]."""
     white = noise / sqrt(width)
     means = smoothed[width // 2 :: width][: smoothed.size // width]
     if width < 3 or means.size < 30:
         return white
+    # Second differences of the means of stretches; most may hold a slip: the quietest tenth is below 0.01579 sd^2.
     seen = sqrt(float(np.quantile(np.diff(means, 2) ** 2, 0.1)) / 0.01579 / 6.0)
     return white if seen < COLOURED * white else min(seen, MOST_COLOURED * noise)
 
@@ -362,29 +366,11 @@ def _with_falls(trace: _Trace, threshold: float, last_rise: float) -> _Trace:
 # Which falls are slips.
 
 
-@dataclass(frozen=True)
-class _Judged:
-    """The falls of a record, judged: sample indices of peaks and valleys, each (f,), and `slips` (f,): is one.
-
-    slopes: of the rises between them [N/s], shape (f - 1,); stick_slope: the slope others are compared with;
-    loading_slope: of the first rise where the record starts unloaded, else None; ends_sliding: swings that
-    settle, not slips, end the record.
-    """
-
-    peaks: Indices
-    valleys: Indices
-    slips: Bools
-    slopes: Array
-    stick_slope: float
-    loading_slope: float | None
-    ends_sliding: bool
-
-
-def _judge(trace: _Trace) -> _Judged:
+def _judge(trace: _Trace) -> _Trace:
     """Sorts falls into slips and sliding: a slip falls faster than the sticks rise, and a stick follows it."""
     peaks, valleys = _corners(trace)
     if peaks.size == 0:
-        return _Judged(peaks, valleys, np.ones(0, bool), np.empty(0), 0.0, None, False)
+        return trace
     rises = zip(valleys[:-1].tolist(), peaks[1:].tolist(), strict=True)
     slopes, first = np.array([trace.slope(a, b) for a, b in rises]), trace.slope(0, int(peaks[0]))
     drops, durations = trace.coarse[peaks] - trace.coarse[valleys], trace.time[valleys] - trace.time[peaks]
@@ -404,24 +390,21 @@ def _judge(trace: _Trace) -> _Judged:
         slips[-1] &= steep and trace.last - last >= 8
     else:
         slips[-1] &= after >= 0.6 * durations[-1]
-    settling = _settling(trace, peaks, valleys, slopes, first if loading else usual)
+    trace = replace(trace, peaks=peaks, valleys=valleys, slips=slips, slopes=slopes, stick_slope=reference)
+    settling = _settling(trace, first if loading else usual)
     slips[settling:] = False
-    return _Judged(peaks, valleys, slips, slopes, reference, first if loading else None, settling < peaks.size)
+    return replace(trace, loading_slope=first if loading else None, ends_sliding=settling < peaks.size)
 
 
 def _corners(trace: _Trace) -> tuple[Indices, Indices]:
-    """Peaks and valleys again, averaged no more than the noise asks for.
-
-    On a slow stick the highest sample is any of the many that noise lifts: there the corner is the first one
-    that is as high as it within the noise. A round crest is its highest sample.
-    """
+    """Peaks and valleys again, averaged no more than the noise asks for."""
     peaks, valleys, coarse = trace.peaks.copy(), trace.valleys.copy(), trace.coarse
     if peaks.size == 0:
         return peaks, valleys
     width = min(int((trace.noise / (0.03 * float(np.median(trace.drops)))) ** 2) | 1, trace.width)
     fine, within = smooth(trace.force, width), 3.0 * trace.noise / sqrt(width)
 
-    def corner(climb: Array) -> int:
+    def corner(climb: Array) -> int:  # the first sample as high as the highest within the noise; of a round crest that
         top = int(np.argmax(climb))
         first = int(np.argmax(climb >= climb[top] - within))
         return first if first < 1.2 * (top - first) else top
@@ -437,41 +420,38 @@ def _corners(trace: _Trace) -> tuple[Indices, Indices]:
     return peaks, valleys
 
 
-def _settling(trace: _Trace, peaks: Indices, valleys: Indices, slopes: Array, reference: float) -> int:
-    """First of the last falls after which the force never again rises like a stick; their number if there is none.
-
-    One or two are no slips where steady sliding follows; several where they also fade (a rig may load more
-    steeply at first than between slips).
-    """
-    count, last = peaks.size, int(valleys[-1])
+def _settling(trace: _Trace, reference: float) -> int:
+    """First of the last falls after which the force never again rises like a stick; their number if there is none."""
+    count, last = trace.peaks.size, int(trace.valleys[-1])
     if reference <= 0:
         return count
-    steepness, drops = slopes / reference, trace.coarse[peaks] - trace.coarse[valleys]
+    steepness, drops = trace.slopes / reference, trace.drops
     tail, rise = trace.duration(last, trace.last), trace.rise(last, trace.last)
-    settled = tail > 1.5 * _median(np.diff(trace.time[peaks])) and rise < LEAST_RISE * reference * tail
+    settled = tail > 1.5 * _median(np.diff(trace.time[trace.peaks])) and rise < LEAST_RISE * reference * tail
     if settled:
         top = last + int(np.argmax(trace.coarse[last:] - trace.coarse[last] >= 0.9 * rise))
         steepness = np.append(steepness, trace.slope(last, top) / reference)
     sticking = np.flatnonzero(steepness >= ARRESTING)
     start = int(sticking[-1]) + 1 if sticking.size else 0
     swings, dropping = steepness[start:], drops[max(start, 1) :]  # the first drop, after loading, is larger anyway
+    # One or two are no slips where steady sliding follows; several where they also fade.
     if swings.size < 3 or dropping.size < 2:
         return start if swings.size and settled else count
     fades = dropping[-1] < FADED[0] * dropping[0] and swings[-1] < FADED[1] * swings[0]
     return start if fades else count
 
 
-def _label(trace: _Trace, judged: _Judged) -> tuple[Phase, bool]:
+def _label(trace: _Trace) -> tuple[Phase, bool]:
     """Phase of every sample, int8 (n,), and whether sliding ends the record."""
     phase = np.full(trace.time.size, SLIDING, dtype=np.int8)
-    if not judged.slips.any():
+    if not trace.slips.any():
         if knee := _loading_knee(trace):  # loading from rest, then sliding; all stick where the force only rises
             phase[: knee + 1] = STICK
         return phase, bool(phase[-1] == SLIDING)
 
     def rises(start: int, stop: int) -> bool:
         """Stick, or stick up to a knee and sliding from there; whether it is all stick."""
-        expected = LEAST_RISE * judged.stick_slope * trace.duration(start, stop)
+        expected = LEAST_RISE * trace.stick_slope * trace.duration(start, stop)
         rise = trace.coarse[start : stop + 1] - trace.coarse[start]
         whole = bool(rise.max() >= expected or expected < 3.0 * trace.threshold)
         end = stop if whole else start + int(np.argmax(rise >= 0.9 * rise.max()))
@@ -480,16 +460,16 @@ def _label(trace: _Trace, judged: _Judged) -> tuple[Phase, bool]:
 
     start, resting = 0, True
     if trace.starts_falling:
-        start = int(np.argmin(trace.coarse[: judged.peaks[0] + 1]))
+        start = int(np.argmin(trace.coarse[: trace.peaks[0] + 1]))
         phase[:start] = SLIP
-    for peak, valley, slips in zip(judged.peaks.tolist(), judged.valleys.tolist(), judged.slips.tolist(), strict=True):
+    for peak, valley, slips in zip(trace.peaks.tolist(), trace.valleys.tolist(), trace.slips.tolist(), strict=True):
         if slips or resting:
             rises(start, peak)
         if slips:
             phase[peak : valley + 1] = SLIP
         start, resting = valley, slips
-    sticks = not judged.slips[-1] or rises(int(judged.valleys[-1]), trace.last)
-    return phase, judged.ends_sliding or not sticks
+    sticks = not trace.slips[-1] or rises(int(trace.valleys[-1]), trace.last)
+    return phase, trace.ends_sliding or not sticks
 
 
 def _loading_knee(trace: _Trace) -> int:
@@ -510,13 +490,13 @@ def _loading_knee(trace: _Trace) -> int:
 # Forces at the ends of slips, times of falls, noise about the sticks.
 
 
-def _cycles(trace: _Trace, judged: _Judged) -> DetectedCycles:
+def _cycles(trace: _Trace) -> DetectedCycles:
     """The slips with forces from local fits and interpolated falls."""
     rows = []
-    for i in np.flatnonzero(judged.slips):
-        peak, valley = int(judged.peaks[i]), int(judged.valleys[i])
-        before = int(judged.valleys[i - 1]) if i else 0
-        after = int(judged.peaks[i + 1]) if i + 1 < judged.peaks.size else trace.last
+    for i in np.flatnonzero(trace.slips):
+        peak, valley = int(trace.peaks[i]), int(trace.valleys[i])
+        before = int(trace.valleys[i - 1]) if i else 0
+        after = int(trace.peaks[i + 1]) if i + 1 < trace.peaks.size else trace.last
         inward = int(0.08 * (valley - peak))
         high = _level(trace.force, peak - _span(peak - before), peak + inward, peak)
         low = _level(trace.force, valley - inward, valley + _span(after - valley), valley)
@@ -538,10 +518,7 @@ def _level(force: Array, start: int, stop: int, at: int) -> float:
 
 
 def _crossing(time: Array, force: Array, coarse: Array, middle: float, drop: float) -> float:
-    """Time at which a fall, given from its peak to its valley, crosses `middle` [s], to a fraction of a sample.
-
-    A line through the steep half of the fall; where that has too few samples, between two samples.
-    """
+    """Time at which a fall, given from its peak to its valley, crosses `middle` [s], to a fraction of a sample."""
     steep = np.flatnonzero(np.abs(coarse - middle) < 0.25 * drop)
     if steep.size >= 4:
         t, f = time[steep], force[steep]

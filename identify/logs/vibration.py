@@ -29,12 +29,11 @@ LOBE = 0.5  # periods more or less over the longest log: farther from a line tha
 @dataclass(frozen=True)
 class SpectralLine:
     """One harmonic of the force in stick: frequency [Hz]; per log amplitude [N] and phase [rad] at time 0 of
-    amplitude * sin(2 pi f t + phase); statistic: fall of the sum of squares in noise variances."""
+    amplitude * sin(2 pi f t + phase)."""
 
     frequency: float
     amplitude: Array
     phase: Array
-    statistic: float
 
 
 @dataclass(frozen=True)
@@ -123,7 +122,7 @@ def rhythms(logs: Sequence[Prepared], most: int = 3) -> tuple[tuple[SpectralLine
         fits = [None if s is None else s.harmonic(best) for s in sticks]
         sine, cosine = np.transpose([[np.nan, 0.0] if fit is None else fit[1] for fit in fits])
         phase = np.nan_to_num(np.arctan2(cosine, sine))
-        lines.append(SpectralLine(best, np.hypot(sine, cosine), phase, explained(best)))
+        lines.append(SpectralLine(best, np.hypot(sine, cosine), phase))
         sticks = [s and fit and replace(s, r=s.r - fit[2]) for s, fit in zip(sticks, fits, strict=True)]
     return tuple(lines), np.array([1.0 if s is None else np.mean(s.w * s.r**2) for s in sticks])
 

@@ -8,16 +8,16 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io import Record
 from data_io.record import WINDOW_START, within
 from data_io.values import Finding
 from identify.base.document import Json, to_dict
 from identify.base.outcome import Status
 from identify.base.quantiles import NORMAL
-from identify.base.result import LogResult, Number, QualityFigure, QualityResult
+from identify.base.result import ClassicalTable, LogResult, Number, QualityFigure, QualityResult
 from identify.diagnosis.findings import Findings
-from identify.logs.classical import classical_table
+from identify.logs.classical import table_of
 from identify.logs.prepare import Prepared
+from identify.logs.regime import Known, look
 from identify.prediction.draws import OperatingPoint
 from identify.prediction.predict import NoAnswer, predictions
 from identify.prediction.sources import with_tied
@@ -133,9 +133,7 @@ def log_result(
         drive_speed_m_per_s=log.data.drive_speed,
         window_s=(log.data.begin, log.data.end),
         reason_left_out=None if taken else found.left_out.get(index, "no fit was made"),
-        classical=classical_table(
-            _looked_at(log), log.segmentation, drive_speed=log.data.drive_speed, stiffness=log.rig.stiffness
-        ),
+        classical=_classical(log),
         quality=_quality(log),
         corrections=log.account.changes,
         cuts=log.account.cuts,
@@ -143,13 +141,13 @@ def log_result(
     )
 
 
-def _looked_at(log: Prepared) -> Record:
-    """The record of which the classical table is made: what the window of the scene leaves."""
+def _classical(log: Prepared) -> ClassicalTable:
+    """The classical table of what the window of the scene leaves of a log."""
     record, window = log.record, log.entry.window
-    if window is None:
-        return record
     begin = float(record.metadata.get(WINDOW_START, 0.0))  # of a log that was read in part
-    return within(record, (begin + window[0], begin + window[1]))
+    record = within(record, window and (begin + window[0], begin + window[1]))
+    seen = look(record, log.data.drive_speed, Known(log.rig.stiffness), found=log.segmentation)
+    return table_of(record, seen, log.rig.stiffness)
 
 
 def _quality(log: Prepared) -> QualityResult:

@@ -13,7 +13,8 @@ import pytest
 from data_io import LogError, Record, Step, read_log, write_csv, write_hdf5
 from data_io.clock import evened
 from data_io.quality import assess
-from identify.logs.classical import classical_table
+from identify.logs.classical import table_of
+from identify.logs.regime import look
 from tests.data_io.test_tables_as_people_keep_them import check, drawn, written
 
 SIBLINGS = range(4)
@@ -65,7 +66,7 @@ def test_a_pause_parts_a_log_and_no_row_is_lost(seed: int) -> None:
     record = logged(time, force)
     told = codes(record)
     assert f"pauses {count} time(s)" in told["pauses"] and "dropouts" not in told
-    rows = classical_table(record, drive_speed=None).rows
+    rows = table_of(record, look(record, None)).rows
     assert len(rows) == count + 1
     frequencies = [row["frequency_Hz"] for row in rows if row["cycles"] > 2]
     assert frequencies == pytest.approx([1.0 / period] * len(frequencies), rel=0.02)

@@ -119,6 +119,13 @@ def test_what_the_rig_says_of_a_saw_tooth_and_of_a_swing() -> None:
     assert classify(time, swing, Known(25_000.0, 1e-3)).regime is Regime.SLIDING
 
 
+@pytest.mark.parametrize("known", [Known(), Known(1000.0, 0.03, 0.5 / 13.8)])
+def test_a_swing_that_dies_out_is_no_stick_slip(known: Known) -> None:
+    time = np.arange(1000) / 1000.0
+    force = 0.4 - 0.4 * np.exp(-time) * np.cos(2.0 * np.pi * 13.8 * time)
+    assert classify(time, force + 4e-3 * np.random.default_rng(0).standard_normal(1000), known).regime is Regime.SLIDING
+
+
 @pytest.mark.parametrize("rate", [50.0, 200.0, 2000.0])
 def test_drops_that_differ_are_uneven_whatever_the_sampling(rate: float) -> None:
     assert classify(*saw(0.25, rate)).regime is Regime.UNEVEN_STICK_SLIP

@@ -5,7 +5,7 @@ import time as clock
 import numpy as np
 import pytest
 
-from identify.logs.noise import quantum, spikes, uneven, white_noise
+from identify.logs.noise import spikes, uneven, white_noise
 from identify.logs.regime import Known, Regime, classify
 from identify.logs.segment import SLIDING, SLIP, STICK, segment
 from tests.support import oracle
@@ -209,7 +209,6 @@ def test_quantised_force(fast):
     assert not found.spikes.any()
     clean = np.round(run.force(t) / 0.01) * 0.01  # repeats itself: a median of single differences is zero here
     assert 0.3 * 0.01 / np.sqrt(12) < segment(t, clean).noise < 3 * 0.01 / np.sqrt(12)
-    assert quantum(clean) == pytest.approx(0.01)
 
 
 def test_white_noise_of_known_sd():
