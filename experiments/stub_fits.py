@@ -19,9 +19,8 @@ from pathlib import Path
 
 from data_io.values import LogError
 from identify.base.result import Result
-from identify.studies.batch_store import RESULT, write_document, write_job
-from identify.studies.job import End, Job
-from identify.studies.making import guarded, serve, with_provenance
+from identify.studies.batch_store import RESULT, End, Job, write_document, write_job
+from identify.studies.workers import guarded, serve, with_provenance
 
 SECONDS = float(os.environ.get("STUB_SECONDS", "0.02"))
 SIZE = 20_000  # bytes of each of its files but result.json

@@ -56,8 +56,8 @@ from identify.logs.prepare import Prepared
 from identify.logs.scene_records import prepare_scene, with_drives, with_records
 from identify.logs.unknowns import Unknowns, from_scene, stated_rig, user_start
 from identify.model.model import RIG_PARAMETERS
-from identify.report.reconstruct import detected_curves, fitted_curves, refused_curves
-from identify.report.result import FitSeconds, accuracy_result, result_of
+from identify.report.log_document import detected_curves, fitted_curves, refused_curves
+from identify.report.result import accuracy_result, result_of
 from identify.scene import Scene
 from identify.scene.tables import quantity
 from identify.scene.values import USUAL_TOLERANCES
@@ -171,9 +171,8 @@ def fit(
     processor, in_functions = time.process_time() - worked, Mapped.total - in_functions
     result = result_of(used, logs, findings, seconds, seed, choice)
     if findings.status is Status.CONVERGED:
-        solving = (result.timing_s["build"] + result.timing_s["solve"]) / max(len(findings.trace.trials), 1)
-        spent = FitSeconds(processor, in_functions / taken, solving / taken * processor)
-        result = replace(result, accuracy=accuracy_result(findings, asked.accuracy, spent))
+        accuracy = accuracy_result(findings, asked.accuracy, processor, in_functions / taken)
+        result = replace(result, accuracy=accuracy)
     document = (stated if stated.effects != "auto" else used).as_document()
     result = replace(
         result,

@@ -12,10 +12,17 @@ from numpy.typing import NDArray
 from identify.app.curves import MOST_POINTS
 from identify.app.folder import Document, Folder, PageError, read_json
 from identify.base.result import Result
-from identify.report.report_wording import NOT_FOR, distribution_lines, headline, is_uneven, plain_symbol
+from identify.report.report_wording import (
+    NOT_FOR,
+    accuracy_text,
+    distribution_lines,
+    headline,
+    is_uneven,
+    plain_symbol,
+    tolerances_text,
+)
 from identify.report.stored_result import plain
 from identify.report.style import extremes
-from identify.report.summary import accuracy_text, tolerances_text
 
 Array = NDArray[np.float64]
 SHOWN = ("status", "message", "parameters", "search", "not_tried", "next_logs", "accuracy", "timing_s")

@@ -132,7 +132,7 @@ def _fit_and_report(
     from identify.cli.folder import result_folder
     from identify.identification import fit
     from identify.report import write_report
-    from identify.report.summary import summary
+    from identify.report.report_tables import summary
     from identify.shooting.accuracy import DEFAULT_OPTIONS
 
     with terminal.bar() as progress:

@@ -50,7 +50,7 @@ def batch(arguments: Namespace, terminal: Terminal) -> Answer:
         raise CommandLineError("--jobs counts the fits on this machine; drop it, or drop --scheduler")
 
     from identify.base.wording import wrapped
-    from identify.studies.job import BatchError
+    from identify.studies.batch_store import BatchError
     from identify.studies.planning import plan
     from identify.studies.running import check_place, in_words, run_batch
     from identify.studies.workers import ClusterWorkers, LocalWorkers, cores
@@ -130,10 +130,9 @@ def compare_fits(arguments: Namespace, terminal: Terminal) -> Answer:
     """Compare, write the folder, say what differs."""
     from identify.base.table import visible
     from identify.cli.folder import COMPARISON, check_replaceable, result_folder
-    from identify.studies.compare import ComparisonQuestion, compare
+    from identify.studies.compare import ComparisonQuestion, compare, read_fits
     from identify.studies.comparison_page import document, write_comparison
     from identify.studies.comparison_tables import comparison_tables, together
-    from identify.studies.fits import read_fits
     from identify.studies.operating_points import answered
 
     speeds = positives(arguments.speeds, "m/s", "--speeds")
@@ -163,8 +162,6 @@ def compare_fits(arguments: Namespace, terminal: Terminal) -> Answer:
         terminal.say(f"  {visible(names, 200)}: {visible(words, 400)}")
     for name, reason in comparison.selected.left_out[:10]:
         terminal.say(f"  left out: {visible(name, 60)} ({visible(reason, 120)})")
-    for odd in comparison.odd[:10]:
-        terminal.say(f"  outlier? {visible(odd.name, 60)}: {odd.quantity} is off by {odd.z:+.1f} sd")
     terminal.say(f"page: {out / 'report.html'}")
     return Answer(document={**made, "out": str(out)})
 

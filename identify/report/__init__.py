@@ -1,5 +1,5 @@
 """The report of a fit: result.json, report.html, result.h5, classical.csv and the figures. It computes nothing."""
 
-from identify.report.report_files import write_report
+from identify.report.stored_result import write_report
 
 __all__ = ["write_report"]

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path as File
-from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis as MatplotlibAxis
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -19,7 +20,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from numpy.typing import NDArray
 
 from data_io.atomic import atomic_path
-from identify.base.wording import Scale, number, scale_for
+from identify.base.wording import number, scale_for
 from identify.prediction.axes import Axis
 from identify.prediction.maps import NO_ANSWER, NOT_ADMITTED, Boundary, Chart, LineMap
 from identify.prediction.sources import Tested
@@ -64,7 +65,7 @@ def draw_map(chart: Chart, path: File, part: str = "stability", marks: Marks | N
         OSError: the file cannot be written.
     """
     with drawing_style(), atomic_path(path) as temporary:
-        map_figure(chart, part, marks).savefig(temporary, dpi=DPI)
+        _map(chart, part, marks or Marks()).savefig(temporary, dpi=DPI)
 
 
 def draw_line(answer: LineMap, path: File, part: str = "stability") -> None:
@@ -74,90 +75,89 @@ def draw_line(answer: LineMap, path: File, part: str = "stability") -> None:
         OSError: the file cannot be written.
     """
     with drawing_style(), atomic_path(path) as temporary:
-        line_figure(answer, part).savefig(temporary, dpi=DPI)
+        _over_one(answer, part).savefig(temporary, dpi=DPI)
 
 
-def _line(label: str, **look: Any) -> Line2D:
-    return Line2D([], [], label=label, **look)
+def _legend(figure: Figure, handles: Sequence[Artist]) -> None:
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=2, fontsize=FONT - 1, handlelength=2.0, columnspacing=1.2
+    )
 
 
-def _legend(figure: Figure, handles: Sequence[Any]) -> None:
-    look = {"fontsize": FONT - 1, "handlelength": 2.0, "columnspacing": 1.2}
-    figure.legend(handles=list(handles), loc="outside lower center", ncols=2, **look)
+def _quantity_axis(axis: MatplotlibAxis, q: Axis, ends: Array) -> None:
+    """Label with the unit, and scale of the axis of a quantity, between these ends as shown."""
+    unit = scale_for(abs(q.value), q.unit).unit.replace("m^2", "m²")
+    axis.set_label_text(f"{q.label} [{unit}]" if unit else q.label, fontsize=FONT + 0.5)
+    if q.logarithmic:
+        _ticks_in_powers(axis, ends[1] < NARROW * ends[0])
 
 
-def _label(q: Axis, scale: Scale) -> str:
-    unit = scale.unit.replace("m^2", "m²")
-    return f"{q.label} [{unit}]" if unit else q.label
-
-
-def _ticks_in_powers(axis: Any, ends: Sequence[float] | Array) -> None:
+def _ticks_in_powers(axis: MatplotlibAxis, narrow: bool) -> None:
     """Plain numbers at the decades, and between them where there are fewer than two."""
-    if ends[1] < NARROW * ends[0]:
+    if narrow:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda v, _: number(v, 3)))
     axis.set_minor_formatter(NullFormatter())
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Over two quantities.
-# ----------------------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class _Canvas:
+    """A map on axes: its values as the axes show them, (n_x,) and (n_y,), and the SI factors (2,) of both units."""
+
+    chart: Chart
+    axes: Axes
+    x: Array
+    y: Array
+    factors: Array
+
+    def shown(self, places: Array) -> Array:
+        """Points (n, 2) in coordinates of the plane as on the axes."""
+        quantities = (self.chart.plane.x, self.chart.plane.y)
+        return np.column_stack([q.value_at(c) / f for q, f, c in zip(quantities, self.factors, places.T, strict=True)])
+
+    def region(self, boundary: Boundary) -> Path | None:
+        """A region as a path; None of an empty one."""
+        loops = [Path(self.shown(np.vstack([loop, loop[:1]])), closed=True) for loop, _ in boundary.loops]
+        return Path.make_compound_path(*loops) if loops else None
 
 
-def map_figure(chart: Chart, part: str = "stability", marks: Marks | None = None) -> Figure:
-    """The same as a figure; inside `drawing_style`."""
-    marks, plane = marks or Marks(), chart.plane
-    quantities = (plane.x, plane.y)
-    scales = [scale_for(abs(q.value), q.unit) for q in quantities]
-    x, y = plane.x_values / scales[0].factor, plane.y_values / scales[1].factor
+def _map(chart: Chart, part: str, marks: Marks) -> Figure:
+    quantities = (chart.plane.x, chart.plane.y)
+    factors = np.array([scale_for(abs(q.value), q.unit).factor for q in quantities])
+    x, y = chart.plane.x_values / factors[0], chart.plane.y_values / factors[1]
     figure = Figure(figsize=SIZE, layout="constrained")
     axes = figure.add_subplot(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
     axes.grid(False)
     axes.tick_params(labelsize=FONT)
     axes.spines[["top", "right"]].set_visible(True)
-    axes.set_xscale("log" if plane.x.logarithmic else "linear")
-    axes.set_yscale("log" if plane.y.logarithmic else "linear")
-    for axis, q, scale, ends in zip((axes.xaxis, axes.yaxis), quantities, scales, (x, y), strict=True):
-        axis.set_label_text(_label(q, scale), fontsize=FONT + 0.5)
-        if q.logarithmic:
-            _ticks_in_powers(axis, ends[[0, -1]])
-
-    def shown(places: Array) -> Array:
-        """Points (n, 2) in coordinates of the plane as on the axes."""
-        columns = zip(quantities, scales, places.T, strict=True)
-        return np.column_stack([q.value_at(column) / scale.factor for q, scale, column in columns])
-
-    def region(boundary: Boundary) -> Path | None:
-        loops = [shown(np.vstack([loop, loop[:1]])) for loop, _ in boundary.loops]
-        codes = [np.r_[Path.MOVETO, np.full(len(p) - 2, Path.LINETO), Path.CLOSEPOLY] for p in loops]
-        return Path(np.vstack(loops), np.concatenate(codes)) if loops else None
-
-    sticks = region(chart.sticking)
+    axes.set(xscale="log" if quantities[0].logarithmic else "linear")
+    axes.set(yscale="log" if quantities[1].logarithmic else "linear")
+    _quantity_axis(axes.xaxis, quantities[0], x[[0, -1]])
+    _quantity_axis(axes.yaxis, quantities[1], y[[0, -1]])
+    canvas = _Canvas(chart, axes, x, y, factors)
+    sticks = canvas.region(chart.sticking)
     if part == "amplitude":  # the fall of the force covers the colours of what sticks
-        legend = _amplitudes(figure, axes, chart, x, y)
-        legend += _contours(axes, chart, x, y, sticks, "period", "white", "0.25")
+        _fall(figure, canvas)
+        legend = _contours(canvas, sticks, "period", ("white", "0.25"))
     else:
-        legend = _regions(axes, chart, x, y, sticks, region(chart.unstable))
-        legend += _contours(axes, chart, x, y, sticks, "peak_to_valley", "0.45", "white")
+        legend = _regions(canvas, sticks) + _contours(canvas, sticks, "peak_to_valley", ("0.45", "white"))
     for boundary, colour, words in (
         (chart.sticking, STICKS, "end of stick-slip"),
         (chart.unstable, SLIDES, "sliding loses stability"),
     ):
-        lines = boundary.lines()
-        for points in lines:
-            axes.plot(*shown(points).T, color=colour, lw=1.3, zorder=3)
-        legend += [_line(words, color=colour, lw=1.3)] if lines else []
-    factors = np.array([scale.factor for scale in scales])
+        lines = [axes.plot(*canvas.shown(points).T, color=colour, lw=1.3, zorder=3) for points in boundary.lines()]
+        legend += [Line2D([], [], color=colour, lw=1.3, label=words)] if lines else []
     if marks.tested is not None:
-        legend.append(_tested(axes, chart, marks.tested, factors))
-    _legend(figure, legend + _points(axes, chart, marks, factors))
+        legend.append(_tested(canvas, marks.tested))
+    _legend(figure, legend + _points(canvas, marks))
     return figure
 
 
-def _regions(axes: Axes, chart: Chart, x: Array, y: Array, sticks: Path | None, unstable: Path | None) -> list[Any]:
+def _regions(canvas: _Canvas, sticks: Path | None) -> list[Artist]:
     """Colours by outcome: what sticks, what slides unstably, and where both or neither is so."""
-    corners = np.array([[x[0], y[0]], [x[-1], y[0]], [x[-1], y[-1]], [x[0], y[-1]], [x[0], y[0]]])
-    layers = [(Path(corners), Outcome.NEVER_STICKS), (unstable, Outcome.UNDECIDED), (sticks, Outcome.BISTABLE)]
+    axes, chart, unstable = canvas.axes, canvas.chart, canvas.region(canvas.chart.unstable)
+    whole = Path(np.array([[canvas.x[i], canvas.y[j]] for i, j in ((0, 0), (-1, 0), (-1, -1), (0, -1), (0, 0))]))
+    layers = [(whole, Outcome.NEVER_STICKS), (unstable, Outcome.UNDECIDED), (sticks, Outcome.BISTABLE)]
     layers += [(unstable, Outcome.ALWAYS_STICKS)] if sticks is not None else []
     for path, outcome in layers:
         if path is not None:
@@ -165,20 +165,17 @@ def _regions(axes: Axes, chart: Chart, x: Array, y: Array, sticks: Path | None, 
             if outcome is Outcome.ALWAYS_STICKS and sticks is not None:
                 patch.set_clip_path(PathPatch(sticks, transform=axes.transData))
     for word in (Outcome.IRREGULAR.value, NOT_ADMITTED, NO_ANSWER):  # cells of nodes, as they have no outline
-        here = chart.outcomes == word
-        if np.any(here):
-            cells = ListedColormap([REGIONS[word][0]])
-            shown = np.ma.masked_where(~here, np.ones(here.shape))
-            axes.pcolormesh(x, y, shown, shading="nearest", cmap=cells, vmin=0, vmax=1, zorder=0.6)
-    there = set(np.unique(chart.outcomes).tolist())
-    return [Patch(facecolor=c, edgecolor="0.5", lw=0.4, label=text) for w, (c, text) in REGIONS.items() if w in there]
+        cells = np.ma.masked_where(chart.outcomes != word, np.ones(chart.outcomes.shape))
+        if cells.count():
+            colour = ListedColormap([REGIONS[word][0]])
+            axes.pcolormesh(canvas.x, canvas.y, cells, shading="nearest", cmap=colour, vmin=0, vmax=1, zorder=0.6)
+    seen = [REGIONS[word] for word in REGIONS if word in chart.outcomes]
+    return [Patch(facecolor=colour, edgecolor="0.5", lw=0.4, label=text) for colour, text in seen]
 
 
-def _contours(
-    axes: Axes, chart: Chart, x: Array, y: Array, inside: Path | None, name: str, colour: str, behind: str
-) -> list[Any]:
-    """Labelled contours of a quantity of the orbit, and its entry in the legend."""
-    values = chart.figures[name]
+def _contours(canvas: _Canvas, inside: Path | None, name: str, colours: tuple[str, str]) -> list[Artist]:
+    """Labelled contours of a quantity of the orbit, and its entry in the legend; colours: of lines, behind labels."""
+    values = canvas.chart.figures[name]
     if np.sum(np.isfinite(values)) < 4 or inside is None:
         return []
     unit, words = {"peak_to_valley": ("N", "force, peak to valley"), "period": ("s", "period")}[name]
@@ -190,84 +187,76 @@ def _contours(
     levels = levels[(levels > low) & (levels < high)]
     if not levels.size:
         return []
-    lines = axes.contour(x, y, values / scale.factor, levels=levels, linewidths=0.6, zorder=2, colors=colour)
-    lines.set_clip_path(PathPatch(inside, transform=axes.transData))
-    for label in axes.clabel(lines, fmt=lambda v: number(v, 3), fontsize=FONT - 1.5, inline=False):
-        label.set_path_effects([withStroke(linewidth=2.5, foreground=behind)])
+    drawn = (canvas.x, canvas.y, values / scale.factor)
+    lines = canvas.axes.contour(*drawn, levels=levels, linewidths=0.6, zorder=2, colors=colours[0])
+    lines.set_clip_path(PathPatch(inside, transform=canvas.axes.transData))
+    for label in canvas.axes.clabel(lines, fmt=lambda v: number(v, 3), fontsize=FONT - 1.5, inline=False):
+        label.set_path_effects([withStroke(linewidth=2.5, foreground=colours[1])])
         label.set_visible(bool(inside.contains_point(label.get_position())))
-    return [_line(f"{words} [{scale.unit}]", color="0.7" if colour == "white" else colour, lw=0.8)]
+    colour = "0.7" if colours[0] == "white" else colours[0]
+    return [Line2D([], [], color=colour, lw=0.8, label=f"{words} [{scale.unit}]")]
 
 
-def _amplitudes(figure: Figure, axes: Axes, chart: Chart, x: Array, y: Array) -> list[Any]:
+def _fall(figure: Figure, canvas: _Canvas) -> None:
     """The fall of the force as colours."""
-    fall = chart.figures["peak_to_valley"]
+    fall = canvas.chart.figures["peak_to_valley"]
     if not np.any(np.isfinite(fall)):
-        return []
+        return
     scale = scale_for(float(np.nanmedian(fall)), "N")
     wide = float(np.nanmax(fall)) > POWERS * float(np.nanquantile(fall, 0.05)) > 0.0
-    norm = "log" if wide else None
-    mesh = axes.pcolormesh(x, y, fall / scale.factor, shading="nearest", cmap="cividis", norm=norm, zorder=1)
+    drawn, norm = (canvas.x, canvas.y, fall / scale.factor), "log" if wide else None
+    mesh = canvas.axes.pcolormesh(*drawn, shading="nearest", cmap="cividis", norm=norm, zorder=1)
     mesh.set_rasterized(True)
-    bar = figure.colorbar(mesh, ax=axes, pad=0.02, aspect=30)
+    bar = figure.colorbar(mesh, ax=canvas.axes, pad=0.02, aspect=30)
     bar.set_label(f"force, peak to valley [{scale.unit}]", fontsize=FONT)
     bar.ax.tick_params(labelsize=FONT - 0.5, which="both")
     if wide:
-        _ticks_in_powers(bar.ax.yaxis, (1.0, np.inf))
-    return []
+        _ticks_in_powers(bar.ax.yaxis, narrow=False)
 
 
-def _tested(axes: Axes, chart: Chart, tested: Tested, factors: Array) -> Line2D:
+def _tested(canvas: _Canvas, tested: Tested) -> Line2D:
     """The frame of the tested range: what lies outside is most of many a map, and stays readable."""
-    spans = []
-    for q, values, factor in zip(
-        (chart.plane.x, chart.plane.y), (chart.plane.x_values, chart.plane.y_values), factors, strict=True
-    ):
+    plane, spans = canvas.chart.plane, []
+    for q, values, factor in zip((plane.x, plane.y), (plane.x_values, plane.y_values), canvas.factors, strict=True):
         low, high = tested.reach(q.name) or (values[0], values[-1])
         if high < values[0] or low > values[-1]:
-            return _line("extrapolated: nothing here was tested", ls="")
+            return Line2D([], [], ls="", label="extrapolated: nothing here was tested")
         spans.append(np.clip([low, high], values[0], values[-1]) / factor)
     (x0, x1), (y0, y1) = spans
-    axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=TESTED, lw=0.9, ls="-.", zorder=3.2)
-    return _line("tested inside; beyond: extrapolated", color=TESTED, lw=0.9, ls="-.")
+    canvas.axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=TESTED, lw=0.9, ls="-.", zorder=3.2)
+    return Line2D([], [], color=TESTED, lw=0.9, ls="-.", label="tested inside; beyond: extrapolated")
 
 
-def _points(axes: Axes, chart: Chart, marks: Marks, factors: Array) -> list[Any]:
+def _points(canvas: _Canvas, marks: Marks) -> list[Artist]:
     """The operating point, and those of other logs that lie on the map."""
-    spans = np.array([chart.plane.x_values[[0, -1]], chart.plane.y_values[[0, -1]]])
+    plane = canvas.chart.plane
+    spans = np.array([plane.x_values[[0, -1]], plane.y_values[[0, -1]]])
     margin = 1e-9 * np.ptp(spans, axis=1)  # for the rounding of an edge
 
     def inside(point: Array) -> bool:
         return bool(np.all((point >= spans[:, 0] - margin) & (point <= spans[:, 1] + margin)))
 
-    here = np.array([chart.plane.x.value, chart.plane.y.value])
+    here = np.array([plane.x.value, plane.y.value])
     name = marks.whose if len(marks.whose) <= LONGEST_NAME else f"{marks.whose[: LONGEST_NAME - 1]}…"
     label = f"operating point of\n{name}" if name else "operating point"  # in one line a long name leaves the page
     if not inside(here):
         label += ":\nbeyond this map" if name else ": beyond this map"
-    star: dict[str, Any] = {"marker": "*", "ls": "", "mfc": "k", "mec": "w", "mew": 0.7}
-    circle = star | {"marker": "o", "mfc": "w", "mec": "k"}
-    legend = [_line(label, ms=8, **star)]
-    points = [np.array(p) for p in dict.fromkeys(marks.points)]
-    others = [p / factors for p in points if inside(p) and not np.allclose(p, here, rtol=1e-9)]
+    legend = [Line2D([], [], marker="*", ls="", ms=8, mfc="k", mec="w", mew=0.7, label=label)]
+    others = [p for p in map(np.array, dict.fromkeys(marks.points)) if inside(p) and not np.allclose(p, here, 1e-9)]
+    for p in others:
+        canvas.axes.plot(*(p / canvas.factors), "o", ms=4, mfc="w", mec="k", mew=0.7, zorder=5)
     if others:
-        axes.plot(*np.array(others).T, ms=4, zorder=5, **circle)
-        legend.append(_line("other logs", ms=4, **circle))
+        legend.append(Line2D([], [], marker="o", ls="", ms=4, mfc="w", mec="k", mew=0.7, label="other logs"))
     if inside(here):
-        axes.plot(*(here / factors), ms=9, zorder=6, **star)
-    return legend
+        canvas.axes.plot(*(here / canvas.factors), "*", ms=9, mfc="k", mec="w", mew=0.7, zorder=6)
+    return list(legend)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Over one quantity: forces, timing and what decides about stability.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-def line_figure(answer: LineMap, part: str = "stability") -> Figure:
-    """The same as a figure; inside `drawing_style`."""
+def _over_one(answer: LineMap, part: str) -> Figure:
     figure = Figure(figsize=OVER_ONE, layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    q, scale = answer.quantity, scale_for(abs(answer.quantity.value), answer.quantity.unit)
-    x, figures = answer.values / scale.factor, answer.chart.figures
+    q, figures, factor = answer.quantity, answer.chart.figures, scale_for(answer.quantity.value, answer.quantity.unit)
+    x = answer.values / (unit := factor.factor)
     force = scale_for(float(np.nanmax(answer.sliding_force)), "N")
     for values, colour, style, words in (
         (figures["onset_force"][0], ONSET, "-", "force at the onset of slip"),
@@ -290,40 +279,40 @@ def line_figure(answer: LineMap, part: str = "stability") -> Figure:
     elif np.any(np.isfinite(period := figures["period"][0])):
         time = scale_for(float(np.nanmedian(period)), "s")
         lower.plot(x, period / time.factor, color="0.15", lw=1.1, label="period")
-        slip = figures["slip_duration"][0]
-        lower.plot(x, slip / time.factor, color="0.5", lw=1.1, ls="--", label="of it in slip")
+        slip = figures["slip_duration"][0] / time.factor
+        lower.plot(x, slip, color="0.5", lw=1.1, ls="--", label="of it in slip")
         lower.set_yscale("log")
-        _ticks_in_powers(lower.yaxis, lower.get_ylim())
+        bottom, top = lower.get_ylim()
+        _ticks_in_powers(lower.yaxis, top < NARROW * bottom)
         lower.set_ylabel(f"time [{time.unit}]", fontsize=FONT + 0.5)
+    changes = [(change.value / unit, STICKS, "end of stick-slip") for change in answer.ends]
+    changes += [(change.value / unit, SLIDES, "sliding loses stability") for change in answer.losses]
     for axes in drawn:
         axes.grid(False)
         axes.tick_params(labelsize=FONT)
     for axes in (upper, lower):
-        changes = [(c, STICKS, "end of stick-slip") for c in answer.ends]
-        changes += [(c, SLIDES, "sliding loses stability") for c in answer.losses]
-        for change, colour, words in changes:
-            axes.axvline(change.value / scale.factor, color=colour, lw=1.0, zorder=1, label=words)
-        axes.axvline(q.value / scale.factor, color="k", lw=0.8, ls=":", zorder=1, label="operating point")
-        _shade(axes, answer, x, scale.factor)
+        for at, colour, words in changes:
+            axes.axvline(at, color=colour, lw=1.0, zorder=1, label=words)
+        axes.axvline(q.value / unit, color="k", lw=0.8, ls=":", zorder=1, label="operating point")
+        _shade(axes, answer.chart.outcomes[0].tolist(), x, np.array([at for at, *_ in changes]))
         axes.set_xscale("log" if q.logarithmic else "linear")
         axes.set_xlim(x[0], x[-1])
-    lower.set_xlabel(_label(q, scale), fontsize=FONT + 0.5)
-    if q.logarithmic:
-        _ticks_in_powers(lower.xaxis, x[[0, -1]])
+    _quantity_axis(lower.xaxis, q, x[[0, -1]])
     entries = {label: handle for axes in drawn for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     _legend(figure, list(entries.values()))
     return figure
 
 
-def _shade(axes: Axes, answer: LineMap, x: Array, factor: float) -> None:
+def _shade(axes: Axes, outcomes: Sequence[str], x: Array, changes: Array) -> None:
     """Colours by outcome, changing half way between two values that differ, or where the change was found."""
-    found = np.array([change.value for change in (*answer.ends, *answer.losses)]) / factor
-    words = answer.chart.outcomes[0]
-    starts = [0, *(np.flatnonzero(words[1:] != words[:-1]) + 1).tolist()]
-    edges = [x[0]]
-    for i in starts[1:]:
-        between = found[(found > x[i - 1]) & (found < x[i])]
-        edges.append(between[0] if between.size == 1 else 0.5 * (x[i - 1] + x[i]))
-    for i, begin, end in zip(starts, edges, [*edges[1:], x[-1]], strict=True):
-        colour, text = REGIONS[str(words[i])]
+    begin = x[0]
+    for i, word in enumerate(outcomes):
+        if i + 1 < len(outcomes) and outcomes[i + 1] == word:
+            continue
+        end = x[-1]
+        if i + 1 < len(outcomes):
+            between = changes[(changes > x[i]) & (changes < x[i + 1])]
+            end = between[0] if between.size == 1 else 0.5 * (x[i] + x[i + 1])
+        colour, text = REGIONS[word]
         axes.axvspan(begin, end, color=colour, lw=0, zorder=0, label=text)
+        begin = end

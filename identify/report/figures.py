@@ -1,24 +1,30 @@
-"""The figures of logs: measured against fitted force, one slip as the model has it, how the cycles scatter; before a
-fit, its start."""
+"""The figures of a report: which there are, each drawn once; before a fit, the picture of its start."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from data_io.notebook_figure import NotebookFigure
+from identify.base import result as schema
 from identify.base.outcome import LogCurves, SlipDetail
-from identify.base.result import StrengthCurve, UnevenCycles, UnevenResult
-from identify.base.wording import number, quantity, scale_for
-from identify.estimation.preview import Preview, PreviewLog
+from identify.base.quantiles import LEVEL, chi_square
+from identify.base.result import ParameterResult
+from identify.base.wording import DASH, decimals, number, quantity, scale_for
+from identify.report.report_wording import plain_symbol, with_group
 from identify.report.style import (
     ARREST,
     BEHIND,
     FITTED,
+    HALF,
     MEASURED,
     ONSET,
     QUIET,
@@ -28,12 +34,17 @@ from identify.report.style import (
     WIDE,
     Columns,
     Drawing,
+    drawing_style,
     extremes,
     frame,
-    logarithmic,
     padded,
     printable,
+    svg_text,
 )
+
+if TYPE_CHECKING:
+    from identify.estimation.preview import Preview
+    from identify.report.finished import Fit
 
 Array = NDArray[np.float64]
 
@@ -41,62 +52,66 @@ STRETCHES = 480  # of a long log: the lowest and highest of each is drawn
 MOST_MARKS, MOST_POINTS = 120, 600
 CLOSE = 3  # cycles in a close-up
 FEWEST = 3  # cycles that a log must show for a histogram
+FEWEST_POINTS = 5  # of a profile that is a curve
 BINS = 14
 NARROWEST = 1e-3  # of the value: least width of a histogram
 MOST_LOGS = 12  # in the picture of a preview
-LETTER = 0.0095  # width of a letter of a label, as share of the picture
+PANELS = 3  # profiles in a row
+TOP = 1.6  # of the limit: the height of a profile
 RAW_COLOUR, TARE_COLOUR, UNUSED_COLOUR = "#d9b98c", "#7fb3c8", "#f1ede4"
 COLOURS = (ONSET, SLIDING, FITTED, ARREST, RESIDUAL, QUIET)  # of logs
-CUT_WORDS = {
-    "window": "outside the window",
-    "exclude": "left out",
-    "skip_cycles": "running-in",
-    "lead": "before the fit",
-}
+DIVERGING = "PuOr"  # told apart by colour-blind readers
+DASHED, DOTTED = (0, (4, 3)), (0, (1, 2))
 
 
-def _close_up(time: Array, onsets: Array, middle: float) -> tuple[int, int]:
-    """Samples [start, stop) of a few cycles about a time [s]; all where the whole log shows as much."""
-    if len(onsets) < 2 * CLOSE:
-        return 0, len(time)
-    half = 0.5 * CLOSE * float(np.median(np.diff(onsets)))
-    start, stop = np.searchsorted(time, [middle - half, middle + half]).tolist()
-    return (start, stop) if stop - start >= 8 else (0, len(time))
+def pictures(fit: Fit) -> Iterator[Drawing]:
+    """Every figure of the fit with its SVG, drawn one after the other so that only one is held open."""
+    with drawing_style():
+        for drawing in _drawings(fit):
+            assert drawing.figure is not None
+            yield replace(drawing, svg=svg_text(drawing.figure), figure=None)
+
+
+def _drawings(fit: Fit) -> Iterator[Drawing]:
+    for position, curves in enumerate(fit.logs, start=1):
+        if len(curves.time) > 1:
+            yield draw_force(curves, position, fit.converged)
+        if curves.slip is not None and len(curves.slip.time) > 1:
+            yield draw_slip(curves, curves.slip, position, fit.converged)
+        if len(curves.cycles):
+            yield draw_cycles(curves, position, fit.converged)
+    result = fit.typed
+    uneven = schema.UnevenResult.of(result)
+    for cycles in uneven.uneven_cycles:
+        yield draw_uneven(cycles, uneven.strength_against_rest)
+    if not fit.converged and any(len(log.measured) >= FEWEST for log in fit.logs):
+        yield draw_measured(fit.logs)
+    if result.profile and any(len(curve.values) >= FEWEST_POINTS for curve in result.profile.parameters.values()):
+        yield draw_profiles(result.profile, result.parameters)
+    if result.optima and sum(optimum.starts for optimum in result.optima) > 1:
+        yield draw_optima(result.optima, chi_square(LEVEL, len(result.optima[0].values)))
+    if result.correlation is not None and len(result.correlation.names) > 1:
+        names = [with_group(name, result.parameters[name].group) for name in result.correlation.names]
+        yield draw_correlation(list(map(plain_symbol, names)), np.array(result.correlation.matrix, dtype=np.float64))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Measured against fitted force of one log.
+# Measured against fitted force of one log; before a fit, against the trajectory that it starts from.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
 def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
     """The figure of log number `position` (from 1); `accepted`: whether the fit was."""
-    fitted = bool(np.isfinite(curves.fitted_force).any())
-    onsets = curves.cycles[:, 0]
-    middle = (
-        float(curves.slip.time.mean())
-        if curves.slip is not None
-        else float(onsets[len(onsets) // 2])
-        if len(onsets)
-        else 0.0
-    )
-    near = _close_up(curves.time, onsets, middle)
-    columns = {"whole log": (0, len(curves.time)), **({"close-up": near} if near != (0, len(curves.time)) else {})}
+    fitted, onsets = bool(np.isfinite(curves.fitted_force).any()), curves.cycles[:, 0]
+    middle = float(onsets[len(onsets) // 2]) if len(onsets) else 0.0
+    near = _close_up(curves.time, onsets, middle if curves.slip is None else float(curves.slip.time.mean()))
+    spans = [slice(None)] if near == slice(None) else [slice(None), near]
     heights = [3.0, 1.15, 0.75] if fitted else [3.0, 0.75]
     height = 0.78 + 0.72 * sum(heights)
     figure = NotebookFigure(figsize=(WIDE, height))
-    grid = figure.add_gridspec(
-        len(heights),
-        len(columns),
-        height_ratios=heights,
-        width_ratios=[2.1, 1][: len(columns)],
-        left=0.062,
-        right=0.98,
-        top=1 - 0.32 / height,
-        bottom=0.46 / height,
-        hspace=0.14,
-        wspace=0.115,
-    )
+    edges = {"left": 0.062, "right": 0.98, "top": 1 - 0.32 / height, "bottom": 0.46 / height}
+    ratios = {"height_ratios": heights, "width_ratios": [2.1, 1][: len(spans)]}
+    grid = figure.add_gridspec(len(heights), len(spans), **ratios, **edges, hspace=0.14, wspace=0.115)
     signals = {
         "measured": curves.friction_force,
         "fitted": curves.fitted_force,
@@ -106,16 +121,15 @@ def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
     if curves.raw_force is not None:
         signals["raw"] = curves.raw_force
     tables: dict[str, Columns] = {}
-    for column, (title, span) in enumerate(columns.items()):
-        part = slice(*span)
-        shown = {name: values[part] for name, values in signals.items()}
+    for column, part in enumerate(spans):
+        shown, time = {name: values[part] for name, values in signals.items()}, curves.time[part]
         axes = [figure.add_subplot(grid[row, column]) for row in range(len(heights))]
-        _force_column(axes, curves, curves.time[part], shown, accepted, title)
+        _force_column(axes, curves, time, shown, accepted, whole=not column)
         kept = np.unique(np.concatenate([extremes(shown[name], STRETCHES) for name in ("measured", "residual")]))
         drawn = {f"{n}_N": v[kept] for n, v in shown.items() if np.isfinite(v).any()}
-        tables[f"log_{position}_force{'_closeup' * (column > 0)}"] = {"time_s": curves.time[part][kept], **drawn}
+        tables[f"log_{position}_force{'_closeup' * column}"] = {"time_s": time[kept], **drawn}
     what = "Measured and fitted friction force with residuals" if fitted else "Measured friction force with its cycles"
-    caption = [
+    caption = (
         "Behind the measured force: as it was read, before it was corrected." if "raw" in signals else "",
         "Bars at the foot: what was cut, and where a zero was taken." if curves.cuts else "",
         "Residual = measured − fitted; dashed: ± 2 standard deviations of the noise."
@@ -125,93 +139,107 @@ def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
         "Of a long log the lowest and highest of every stretch are drawn, so that no peak is lost."
         if len(curves.time) > 2 * STRETCHES
         else "",
-    ]
+    )
     return Drawing(
         name=f"log_{position}_force",
         figure=figure,
         alt=f"{what}, and normal force, of log {position} over time; {len(curves.cycles)} cycles are marked.",
         caption=" ".join(filter(None, caption)),
-        wide=True,
         tables=tables,
         log=position,
     )
 
 
+def _close_up(time: Array, onsets: Array, middle: float) -> slice:
+    """Samples of a few cycles about a time [s]; all where the whole log shows as much."""
+    if len(onsets) < 2 * CLOSE:
+        return slice(None)
+    half = 0.5 * CLOSE * float(np.median(np.diff(onsets)))
+    start, stop = np.searchsorted(time, [middle - half, middle + half]).tolist()
+    return slice(start, stop) if 8 <= stop - start < len(time) else slice(None)
+
+
+def _line(axes: Axes, time: Array, values: Array, colour: str, width: float, label: str = "") -> None:
+    kept = extremes(values, STRETCHES)
+    axes.plot(time[kept], values[kept], color=colour, linewidth=width, label=label)
+
+
 def _force_column(
-    axes: Sequence[Axes], curves: LogCurves, time: Array, shown: dict[str, Array], accepted: bool, title: str
+    axes: Sequence[Axes], curves: LogCurves, time: Array, shown: Mapping[str, Array], accepted: bool, whole: bool
 ) -> None:
-    """Force, residuals where there are any, and normal force of a stretch of a log, below each other."""
-    force, normal, whole = axes[0], axes[-1], title == "whole log"
+    """Force, residuals where there are any, and normal force of the whole or a part of a log, below each other."""
+    force, normal, fitted = axes[0], axes[-1], len(axes) == 3
     low, high = float(time[0]), float(time[-1])
-    fitted = len(axes) == 3
-
-    def line(panel: Axes, name: str, colour: str, label: str, width: float, scale: float = 1.0) -> None:
-        kept = extremes(shown[name], STRETCHES)
-        panel.plot(time[kept], scale * shown[name][kept], color=colour, linewidth=width, label=label)
-
     if "raw" in shown:
-        line(force, "raw", RAW_COLOUR, "as read", 0.8)
-    line(force, "measured", BEHIND if fitted else MEASURED, "measured", 2.4 if fitted else 0.9)
+        _line(force, time, shown["raw"], RAW_COLOUR, 0.8, "as read")
+    _line(force, time, shown["measured"], BEHIND if fitted else MEASURED, 2.4 if fitted else 0.9, "measured")
     if fitted:
-        line(force, "fitted", FITTED, "fitted" if accepted else "last iterate (not accepted)", 0.9)
-        line(axes[1], "residual", RESIDUAL, "residual", 0.6, 1e3)
-        noise = 1e3 * curves.noise if np.isfinite(curves.noise) else 0.0
-        for line_at in (-2 * noise, 2 * noise) if noise else ():
-            axes[1].axhline(line_at, color=MEASURED, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
-        finite = shown["residual"][np.isfinite(shown["residual"])]
-        limit = 1.1 * max(1e3 * float(np.max(np.abs(finite), initial=0.0)), 3 * noise, 1e-9)
+        _line(force, time, shown["fitted"], FITTED, 0.9, "fitted" if accepted else "last iterate (not accepted)")
+        residual, noise = 1e3 * shown["residual"], 1e3 * curves.noise if np.isfinite(curves.noise) else 0.0
+        _line(axes[1], time, residual, RESIDUAL, 0.6)
+        for level in (-2 * noise, 2 * noise) if noise else ():
+            axes[1].axhline(level, color=MEASURED, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
+        limit = 1.1 * max(float(np.nanmax(np.abs(residual), initial=0.0)), 3 * noise, 1e-9)
         axes[1].set_ylim(-limit, limit)
         frame(axes[1], "", "residual (mN)" if whole else "")
-    line(normal, "normal", QUIET, "normal", 0.6)
-    padded(
-        force,
-        np.concatenate([shown[n] for n in ("measured", "raw") if n in shown]),
-        above=0.26 if "raw" in shown else 0.16,
-    )
+    _line(normal, time, shown["normal"], QUIET, 0.6)
+    levels = [shown[name] for name in ("measured", "raw") if name in shown]
+    padded(force, np.concatenate(levels), above=0.16 if len(levels) == 1 else 0.26)
     padded(normal, shown["normal"], 0.3)
     for column, marker, colour, label in ((0, "v", ONSET, "onset"), (1, "^", ARREST, "arrest")):
-        when, level = curves.cycles[:, column], curves.cycles[:, column + 2]
-        inside = np.flatnonzero((when >= low) & (when <= high) & np.isfinite(level))
+        when, force_then = curves.cycles[:, column], curves.cycles[:, column + 2]
+        inside = np.flatnonzero((when >= low) & (when <= high) & np.isfinite(force_then))
         if len(inside):  # too many for the picture: an even choice with every extreme
-            kept = inside[extremes(level[inside], MOST_MARKS // 2)]
-            look = {"markersize": 4.2, "markerfacecolor": colour, "markeredgecolor": "white", "markeredgewidth": 0.4}
-            force.plot(when[kept], level[kept], linestyle="none", marker=marker, label=label, **look)  # type: ignore[arg-type]
-    frame(force, "", "friction force (N)" if whole else "", title)
+            kept = inside[extremes(force_then[inside], MOST_MARKS // 2)]
+            marks = force.plot(when[kept], force_then[kept], marker, color=colour, markersize=4.2, label=label)
+            marks[0].set(markeredgecolor="white", markeredgewidth=0.4)
+    frame(force, "", "friction force (N)" if whole else "", "whole log" if whole else "close-up")
     frame(normal, "time (s)", "Fₙ (N)" if whole else "")
     if whole:
         force.legend(loc="upper right", ncols=4, handlelength=1.4, columnspacing=1.3, borderaxespad=0.1)
-    _cuts(force, curves, low, high, whole)
+    for kind, start, stop in curves.cuts:  # a bar along the foot
+        if min(stop, high) > max(start, low):
+            colour, foot = (TARE_COLOUR, 0.1) if kind == "tare" else (QUIET, 0.0)
+            span = max(start, low), min(stop, high)
+            force.axvspan(*span, ymin=foot, ymax=foot + 0.03, color=colour, linewidth=0, zorder=5)
     edges = np.flatnonzero(np.diff(np.concatenate([[True], curves.used, [True]]).astype(np.int8))).reshape(-1, 2)
     for panel, bins in zip(axes, (6, 4, 3) if fitted else (6, 3), strict=True):
         panel.set_xlim(low, high)
         panel.locator_params(axis="x", nbins=8 if whole else 4)
         panel.locator_params(axis="y", nbins=bins)
-        for first, last in edges if curves.used.any() else ():  # stretches that do not count in the fit
-            start, stop = max(curves.time[first], low), min(curves.time[min(last, len(curves.time) - 1)], high)
-            if stop - start > 0.01 * (high - low):
-                panel.axvspan(start, stop, color=UNUSED_COLOUR, linewidth=0, zorder=0)
+        for first, last in edges if curves.used.any() else ():  # what does not count in the fit
+            begin, end = max(curves.time[first], low), min(curves.time[min(last, len(curves.time) - 1)], high)
+            if end - begin > 0.01 * (high - low):
+                panel.axvspan(begin, end, color=UNUSED_COLOUR, linewidth=0, zorder=0)
 
 
-def _cuts(axes: Axes, curves: LogCurves, low: float, high: float, labelled: bool) -> None:
-    """A bar along the foot of the picture over every stretch that was cut, and over the interval of a tare."""
-    for kind, start, stop in curves.cuts:
-        begin, end = max(start, low), min(stop, high)
-        if end <= begin:
-            continue
-        colour, foot = (TARE_COLOUR, 0.1) if kind == "tare" else (QUIET, 0.0)
-        axes.axvspan(begin, end, ymin=foot, ymax=foot + 0.03, color=colour, linewidth=0, zorder=5)
-        words = CUT_WORDS.get(kind, kind)
-        if labelled and end - begin > 0.02 * (high - low):
-            axes.annotate(
-                words,
-                (0.5 * (begin + end), foot + 0.04),
-                xycoords=("data", "axes fraction"),
-                ha="center",
-                va="bottom",
-                fontsize=6.5,
-                color=colour,
-                rotation=0 if end - begin > LETTER * len(words) * (high - low) else 90,
-            )
+def draw_preview(preview: Preview) -> Figure:
+    """One row per log with its detected cycles and the start trajectory: all of it, and a few cycles close up; at most
+    12 logs."""
+    logs = preview.logs[:MOST_LOGS]
+    figure = Figure(figsize=(WIDE, 0.7 + 2.1 * len(logs)), layout="constrained")
+    source = f"Nothing is fitted yet. The start: {preview.source}."
+    figure.suptitle(source, fontsize=9, weight="bold", x=0.008, ha="left")
+    grid = figure.subplots(len(logs), 2, squeeze=False, width_ratios=[1.7, 1])
+    for row, log in zip(grid, logs, strict=True):
+        measured = np.where(log.used, log.force, np.nan)
+        middle = float(log.onset[log.onset.size // 2]) if log.onset.size else 0.0
+        for axes, part in zip(row, (slice(None), _close_up(log.time, log.onset, middle)), strict=True):
+            time = log.time[part]
+            _line(axes, time, measured[part], BEHIND, 0.9, "measured")
+            _line(axes, time, log.trajectory[part], FITTED, 0.9, "start trajectory")
+            padded(axes, measured[part], 0.15)
+            for name, moments, colour in (("onset", log.onset, ONSET), ("arrest", log.arrest, ARREST)):
+                inside = moments[(moments >= time[0]) & (moments <= time[-1])]
+                foot = np.full(inside.size, axes.get_ylim()[0])
+                axes.plot(inside, foot, "|", color=colour, markersize=9, label=name)
+            axes.set_xlim(time[0], time[-1])
+        row[0].set_title(f"{printable(log.name)} · {quantity(log.drive_speed, 'm/s')} · {log.told}")
+        row[0].set_ylabel("force (N)")
+    for axes in grid[-1]:
+        axes.set_xlabel("time (s)")
+    grid[0, 0].legend(loc="upper right", ncols=4)
+    return figure
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -227,13 +255,13 @@ def draw_slip(curves: LogCurves, slip: SlipDetail, position: int, accepted: bool
     origin = float(slip.time[moving[0] if moving else 0])
     clock, pace = scale_for(float(np.ptp(slip.time)), "s"), scale_for(float(np.nanmax(slip.sliding_speed)), "m/s")
     time = (slip.time - origin) / clock.factor
-    panels: list[tuple[Array, str, str]] = [
+    every = (
         (slip.force, "force (N)", FITTED),
         (slip.sliding_speed / pace.factor, f"speed ({pace.unit})", SLIDING),
         (slip.gamma, "contact γ (1)", ARREST),
         (slip.coefficient, "coefficient (1)", ONSET),
-    ]
-    panels = [panel for panel in panels if np.isfinite(panel[0]).any()]
+    )
+    panels = [panel for panel in every if np.isfinite(panel[0]).any()]
     figure = Figure(figsize=(WIDE, 4.7))
     ratios = [1.7] + [1] * (len(panels) - 1)
     grid = figure.add_gridspec(len(panels), 1, height_ratios=ratios, left=0.07, right=0.49, top=0.94, bottom=0.1)
@@ -248,22 +276,21 @@ def draw_slip(curves: LogCurves, slip: SlipDetail, position: int, accepted: bool
         axes.set_xlim(float(time[0]), float(time[-1]))
         axes.locator_params(axis="y", nbins=3)
         for index in moving:
-            axes.axvline(float(time[index]), color=QUIET, linewidth=0.8, linestyle=(0, (1, 2)))
-        last = row == len(panels) - 1
-        frame(axes, f"time from onset ({clock.unit})" * last, label, "" if row else f"slip of cycle {slip.cycle}")
+            axes.axvline(float(time[index]), color=QUIET, linewidth=0.8, linestyle=DOTTED)
+        under = f"time from onset ({clock.unit})" if row == len(panels) - 1 else ""
+        frame(axes, under, label, "" if row else f"slip of cycle {slip.cycle}")
         if row == 0:
             axes.legend(loc="upper right", handlelength=1.2, borderaxespad=0.1)
     drive = curves.drive_speed if np.isfinite(curves.drive_speed) else 0.0
     _phase_plane(figure.add_axes((0.57, 0.1, 0.42, 0.84)), slip, drive, moving)
+    rate = "." if drive else " (not constant here: the rate shown is minus the sliding speed)."
     return Drawing(
         name=f"log_{position}_slip",
         figure=figure,
         alt=f"Force, sliding speed, contact age and friction coefficient over time in one slip of log {position}, and "
         "its phase plane: spring elongation against its rate.",
         caption="A typical slip: measured force and what the fitted model gives. Dotted lines: onset and arrest. Phase "
-        "plane, dashed: the surfaces stick and the elongation grows at the drive speed"
-        + ("." if drive else " (not constant here: the rate shown is minus the sliding speed)."),
-        wide=True,
+        f"plane, dashed: the surfaces stick and the elongation grows at the drive speed{rate}",
         tables={
             f"log_{position}_slip": {
                 "time_s": slip.time,
@@ -289,10 +316,10 @@ def _phase_plane(axes: Axes, slip: SlipDetail, drive: float, moving: Sequence[in
     along = scale_for(float(np.nanmax(np.abs(slip.elongation))), "m")
     pace = scale_for(float(np.nanmax(np.abs(rate))), "m/s")
     x, y = slip.elongation / along.factor, rate / pace.factor
-    axes.axhline(drive / pace.factor, color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
+    axes.axhline(drive / pace.factor, color=QUIET, linewidth=0.8, linestyle=DASHED)
     axes.plot(x, y, color=SLIDING, linewidth=1.4)
     for index, marker, colour, label in zip(moving, "v^", (ONSET, ARREST), ("onset", "arrest"), strict=False):
-        axes.plot(x[index], y[index], marker=marker, markersize=7, color=colour, linestyle="none", label=label)
+        axes.plot(x[index], y[index], marker, markersize=7, color=colour, label=label)
     if moving:  # which way the loop is run through
         middle = int(np.argmin(rate))
         arrow = {"arrowstyle": "-|>", "color": SLIDING, "linewidth": 1.2, "mutation_scale": 13}
@@ -322,19 +349,37 @@ def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Draw
     grid = figure.add_gridspec(1, len(panels), left=0.045, right=0.992, top=0.86, bottom=0.215, wspace=0.24)
     for column, (values, unit, name, colour) in enumerate(panels):
         axes = figure.add_subplot(grid[0, column])
-        _by_cycle(axes, values, unit, name, colour)
+        finite = values[np.isfinite(values)]
         axes.set_xlim(0, count + 1)
+        if not len(finite):
+            axes.text(0.5, 0.5, "no complete cycle", ha="center", va="center", transform=axes.transAxes, color=QUIET)
+            frame(axes, "cycle", "", name)
+            continue
+        scale = scale_for(float(np.median(finite)), unit)
+        mean, spread = finite.mean() / scale.factor, finite.std(ddof=min(1, len(finite) - 1)) / scale.factor
+        kept = extremes(values, MOST_POINTS // 2)
+        axes.axhline(mean if unit else 0.0, color=QUIET, linewidth=0.8)
+        axes.plot(kept + 1, values[kept] / scale.factor, "o", color=colour, markersize=3.2, alpha=0.9)
+        if unit:
+            axes.axhspan(mean - spread, mean + spread, color=SHADE, linewidth=0)
+            low, high = axes.get_ylim()
+            if high - low < 0.04 * abs(mean):  # scatter far below the level is shown as small, not blown up
+                axes.set_ylim(mean - 0.02 * abs(mean), mean + 0.02 * abs(mean))
+        frame(axes, "cycle", "", f"{name} ({scale.unit or '1'})")
+        if unit and mean:
+            note = f"SD {number(100 * spread / abs(mean), 2)} %"
+            axes.set_title(note, loc="right", fontweight="normal", color=QUIET, y=1.0, pad=5)
+        axes.locator_params(axis="y", nbins=4)
+        axes.locator_params(axis="x", nbins=6, integer=True)
     what = "of the motion as fitted" if accepted and scored else "as measured"
+    score = " Misfit z: how far a cycle's residual is from pure noise, in its standard deviations." if scored else ""
     return Drawing(
         name=f"log_{position}_cycles",
         figure=figure,
         alt=f"Onset force, drop, period and misfit of each of the {count} cycles of log {position}.",
         caption=f"Scatter from cycle to cycle {what}; line and band: mean ± standard deviation. "
         "A fit of one set of parameters takes all cycles as alike: "
-        "scatter or a trend far above the noise means that the friction itself changed."
-        + " Misfit z: how far a cycle's residual is from pure noise, in its standard deviations."
-        * scored,
-        wide=True,
+        f"scatter or a trend far above the noise means that the friction itself changed.{score}",
         tables={
             f"log_{position}_cycles": {
                 "cycle": np.arange(1, count + 1),
@@ -351,30 +396,6 @@ def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Draw
     )
 
 
-def _by_cycle(axes: Axes, values: Array, unit: str, name: str, colour: str) -> None:
-    finite = values[np.isfinite(values)]
-    if not len(finite):
-        axes.text(0.5, 0.5, "no complete cycle", ha="center", va="center", transform=axes.transAxes, color=QUIET)
-        frame(axes, "cycle", "", name)
-        return
-    scale = scale_for(float(np.median(finite)), unit)
-    mean, spread = float(finite.mean()) / scale.factor, float(finite.std(ddof=min(1, len(finite) - 1))) / scale.factor
-    if unit:
-        axes.axhspan(mean - spread, mean + spread, color=SHADE, linewidth=0)
-    axes.axhline(mean if unit else 0.0, color=QUIET, linewidth=0.8)
-    kept = extremes(values, MOST_POINTS // 2)
-    axes.plot(kept + 1, values[kept] / scale.factor, "o", color=colour, markersize=3.2, alpha=0.9)
-    low, high = axes.get_ylim()
-    if unit and high - low < 0.04 * abs(mean):  # scatter far below the level is shown as small, not blown up
-        axes.set_ylim(mean - 0.02 * abs(mean), mean + 0.02 * abs(mean))
-    frame(axes, "cycle", "", f"{name} ({scale.unit or '1'})")
-    if unit and mean:
-        note = f"SD {number(100 * spread / abs(mean), 2)} %"
-        axes.set_title(note, loc="right", fontweight="normal", color=QUIET, y=1.0, pad=5)
-    axes.locator_params(axis="y", nbins=4)
-    axes.locator_params(axis="x", nbins=6, integer=True)
-
-
 def measured_cycles(logs: Sequence[LogCurves]) -> dict[str, Array]:
     """The cycles of all logs as they were measured, by column. Strength: friction over normal force at the onset; hold
     time: from an arrest to the next onset (NaN of the first)."""
@@ -384,45 +405,51 @@ def measured_cycles(logs: Sequence[LogCurves]) -> dict[str, Array]:
         onset, arrest, peak, valley = log.measured.T
         load = np.interp(onset, log.time, log.normal_force) if onset.size else onset
         hold = np.append(np.nan, onset[1:] - arrest[:-1])[: onset.size]
-        cycle = np.arange(1, onset.size + 1)
-        of_log = np.full(onset.size, position)
-        rows.append(np.column_stack([of_log, cycle, onset, arrest, peak, valley, peak / load, peak - valley, hold]))
+        numbers = np.full(onset.size, position), np.arange(1, onset.size + 1)
+        rows.append(np.column_stack([*numbers, onset, arrest, peak, valley, peak / load, peak - valley, hold]))
     return dict(zip(columns, np.concatenate(rows).T, strict=True))
 
 
-def draw_measured(logs: Sequence[LogCurves]) -> Drawing | None:
-    """Histograms of strength, drop and hold time, strength against hold time, mean coefficient against drive speed;
-    None where no log shows `FEWEST` cycles."""
+def draw_measured(logs: Sequence[LogCurves]) -> Drawing:
+    """Histograms of strength, drop and hold time, strength against hold time, mean coefficient against drive speed, of
+    the logs with `FEWEST` cycles and more, of which there must be one."""
     shown = {position: log for position, log in enumerate(logs, 1) if len(log.measured) >= FEWEST}
-    if not shown:
-        return None
     table = measured_cycles(logs)
     figure = Figure(figsize=(WIDE, 2.3))
     grid = figure.add_gridspec(1, 5, left=0.045, right=0.992, top=0.86, bottom=0.21, wspace=0.34)
-    axes = [figure.add_subplot(grid[0, column]) for column in range(5)]
-    colours = dict(zip(shown, (COLOURS * len(shown))[: len(shown)], strict=True))
-    for place, (name, unit, words) in enumerate(
-        (("strength", "", "strength"), ("drop_N", "N", "drop"), ("hold_s", "s", "hold time"))
-    ):
+    *histograms, against, over = (figure.add_subplot(grid[0, column]) for column in range(5))
+    colours = (COLOURS * len(shown))[: len(shown)]
+    quantities = (("strength", "", "strength"), ("drop_N", "N", "drop"), ("hold_s", "s", "hold time"))
+    for axes, (name, unit, words) in zip(histograms, quantities, strict=True):
         values = [table[name][(table["log"] == position) & np.isfinite(table[name])] for position in shown]
-        _histogram(axes[place], values, list(colours.values()), unit, words)
+        together = np.concatenate(values)
+        if not together.size:  # without a load there is no strength
+            frame(axes, words, "", "cycles")
+            continue
+        scale, low, high = scale_for(float(np.median(together)), unit), float(together.min()), float(together.max())
+        wider = max(0.0, NARROWEST * abs(high) - (high - low)) / 2  # cycles may be alike but for rounding
+        span = ((low - wider) / scale.factor, (high + wider) / scale.factor)
+        axes.hist([v / scale.factor for v in values], bins=BINS, range=span, stacked=True, color=list(colours))
+        frame(axes, f"{words} ({scale.unit or '1'})", "", "cycles")
+        axes.locator_params(axis="y", nbins=4, integer=True)
+        axes.locator_params(axis="x", nbins=4)
     means = []
-    for position, log in shown.items():
+    for (position, log), colour in zip(shown.items(), colours, strict=True):
         mine = table["log"] == position
-        label = f"log {position}"
-        axes[3].plot(
-            table["hold_s"][mine], table["strength"][mine], ".", color=colours[position], markersize=4, label=label
-        )
+        points = table["hold_s"][mine], table["strength"][mine]
+        against.plot(*points, ".", color=colour, markersize=4, label=f"log {position}")
         inside = log.used & (log.time >= log.measured[0, 0]) & (log.time <= log.measured[-1, 0])
         means.append(np.nanmean((log.friction_force / log.normal_force)[inside]) if inside.any() else np.nan)
-    logarithmic(axes[3])
-    frame(axes[3], "hold time (s)", "", "strength (1)")
-    axes[3].legend(fontsize=6.5, handletextpad=0.1, borderaxespad=0.1)
     speeds = np.array([abs(log.drive_speed) for log in shown.values()])
-    axes[4].plot(1e3 * speeds, means, "o", color=SLIDING, markersize=4)
-    if np.all(speeds > 0.0):
-        logarithmic(axes[4])
-    frame(axes[4], "drive speed (mm/s)", "", "mean coefficient (1)")
+    over.plot(1e3 * speeds, means, "o", color=SLIDING, markersize=4)
+    for axes in (against, over) if np.all(speeds > 0.0) else (against,):
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(numticks=5))
+        axes.xaxis.set_major_formatter("{x:g}")  # the style of the report takes no formulas
+        axes.xaxis.set_minor_formatter(NullFormatter())
+    frame(against, "hold time (s)", "", "strength (1)")
+    against.legend(fontsize=6.5, handletextpad=0.1, borderaxespad=0.1)
+    frame(over, "drive speed (mm/s)", "", "mean coefficient (1)")
     count = sum(len(log.measured) for log in shown.values())
     return Drawing(
         name="measured",
@@ -431,46 +458,24 @@ def draw_measured(logs: Sequence[LogCurves]) -> Drawing | None:
         caption="The cycles as measured, without a model. Strength: friction over normal force at the onset; hold "
         "time: from an arrest to the next onset. A strength that rises with the hold time is contact ageing; one that "
         "scatters at equal hold times is a surface that differs from place to place.",
-        wide=True,
         tables={"measured_means": {"drive_speed_m_per_s": speeds, "mean_coefficient": np.array(means)}},
     )
 
 
-def _histogram(axes: Axes, values: Sequence[Array], colours: Sequence[str], unit: str, name: str) -> None:
-    together = np.concatenate(values)
-    if not together.size:  # without a load there is no strength
-        frame(axes, name, "", "cycles")
-        return
-    scale = scale_for(float(np.median(together)), unit)
-    low, high = float(together.min()), float(together.max())
-    wider = max(0.0, NARROWEST * abs(high) - (high - low)) / 2  # cycles may be alike but for rounding
-    span = ((low - wider) / scale.factor, (high + wider) / scale.factor)
-    axes.hist([v / scale.factor for v in values], bins=BINS, range=span, stacked=True, color=list(colours))
-    frame(axes, f"{name} ({scale.unit or '1'})", "", "cycles")
-    axes.locator_params(axis="y", nbins=4, integer=True)
-    axes.locator_params(axis="x", nbins=4)
-
-
-def draw_uneven(uneven: UnevenResult) -> Iterator[Drawing]:
-    """One figure per log that the estimator of uneven records took: onsets and the slow level along the record,
-    and strength against rest."""
-    for cycles in uneven.uneven_cycles:
-        yield _uneven(cycles, uneven.strength_against_rest)
-
-
-def _uneven(cycles: UnevenCycles, curve: StrengthCurve | None) -> Drawing:
+def draw_uneven(cycles: schema.UnevenCycles, curve: schema.StrengthCurve | None) -> Drawing:
+    """A log that the estimator of uneven records took: onsets and the slow level along the record, and strength against
+    rest."""
     names = ("cycle", "onset_s", "rest_s", "onset", "drop", "strength", "level")
     column = {name: np.array(getattr(cycles, name), dtype=np.float64) for name in names}
-    time = column["onset_s"]
+    time, onset, lowest = column["onset_s"], column["onset"], column["onset"] - column["drop"]
     figure = Figure(figsize=(WIDE, 3.0))
     grid = figure.add_gridspec(1, 2, width_ratios=(1.9, 1.0), left=0.06, right=0.992, top=0.9, bottom=0.16, wspace=0.18)
     along, against = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
-    lowest = column["onset"] - column["drop"]
-    along.vlines(time, lowest, column["onset"], color=BEHIND, linewidth=0.8)
-    along.plot(time, column["onset"], "o", color=ONSET, markersize=3.4, label="onset")
+    along.vlines(time, lowest, onset, color=BEHIND, linewidth=0.8)
+    along.plot(time, onset, "o", color=ONSET, markersize=3.4, label="onset")
     along.plot(time, lowest, "o", color=ARREST, markersize=2.6, label="arrest")
     along.plot(time, column["level"], color=FITTED, linewidth=1.1, label="slow level")
-    padded(along, np.append(column["onset"], lowest), above=0.12)
+    padded(along, np.append(onset, lowest), above=0.12)
     along.legend(loc="upper left", ncols=4)
     frame(along, "time (s)", "", "friction over load")
     if curve is not None:
@@ -491,45 +496,124 @@ def _uneven(cycles: UnevenCycles, curve: StrengthCurve | None) -> Drawing:
         "strength of every stick (onset above the slow level) against its rest; line and band: the usual strength, "
         "within the rests seen. A stick is long because the spot was strong, so the points rise more steeply than the "
         "line.",
-        wide=True,
         tables={f"log_{cycles.log}_uneven": column},
         log=cycles.log,
     )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The picture of --preview: every log with its detected cycles and the force of the start trajectory, before any fit.
+# How sure the parameters are: correlation, profiles, optima.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def draw_preview(seen: Preview) -> Figure:
-    """One row per log: the whole of it, and a few cycles close up; at most 12 logs."""
-    logs = seen.logs[:MOST_LOGS]
-    figure = Figure(figsize=(WIDE, 0.7 + 2.1 * len(logs)), layout="constrained")
-    figure.suptitle(f"Nothing is fitted yet. The start: {seen.source}.", fontsize=9, weight="bold", x=0.008, ha="left")
-    grid = figure.subplots(len(logs), 2, squeeze=False, width_ratios=[1.7, 1])
-    for (whole, near), log in zip(grid, logs, strict=True):
-        _preview_panel(whole, log, 0, len(log.time))
-        middle = float(log.onset[log.onset.size // 2]) if log.onset.size else 0.0
-        _preview_panel(near, log, *_close_up(log.time, log.onset, middle))
-        whole.set_title(f"{printable(log.name)} · {quantity(log.drive_speed, 'm/s')} · {log.told}")
-        whole.set_ylabel("force (N)")
-    for axes in grid[-1]:
-        axes.set_xlabel("time (s)")
-    grid[0, 0].legend(loc="upper right", ncols=4)
-    return figure
+def correlation_cells(axes: Axes, names: Sequence[str], matrix: Array) -> QuadMesh:
+    """Heat map of a correlation matrix (p, p) on axes, with the figures in its cells; NaN cells stay empty."""
+    aslant, middles = max(map(len, names), default=0) > 8, np.arange(len(names)) + 0.5
+    shown = np.ma.masked_invalid(matrix)
+    image = axes.pcolormesh(shown, cmap=DIVERGING, vmin=-1, vmax=1, edgecolors="white", linewidth=1.5)
+    axes.invert_yaxis()
+    axes.set_xticks(middles, names, rotation=35 if aslant else 0, ha="right" if aslant else "center")
+    axes.set_yticks(middles, names)
+    axes.tick_params(length=0)
+    axes.grid(False)
+    axes.spines[:].set_visible(False)
+    for (row, column), value in np.ndenumerate(matrix):
+        text = decimals(float(value), 2) if np.isfinite(value) else DASH
+        colour = "white" if np.isfinite(value) and abs(value) > 0.7 else MEASURED
+        axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", fontsize=8, color=colour)
+    return image
 
 
-def _preview_panel(axes: Axes, log: PreviewLog, start: int, stop: int) -> None:
-    time, measured = log.time[start:stop], np.where(log.used, log.force, np.nan)[start:stop]
-    for values, colour, label in (
-        (measured, BEHIND, "measured"),
-        (log.trajectory[start:stop], FITTED, "start trajectory"),
-    ):
-        kept = extremes(values, STRETCHES)
-        axes.plot(time[kept], values[kept], color=colour, linewidth=0.9, label=label)
-    padded(axes, measured, 0.15)
-    for name, moments, colour in (("onset", log.onset, ONSET), ("arrest", log.arrest, ARREST)):
-        inside = moments[(moments >= time[0]) & (moments <= time[-1])]
-        axes.plot(inside, np.full(inside.size, axes.get_ylim()[0]), "|", color=colour, markersize=9, label=name)
-    axes.set_xlim(time[0], time[-1])
+def draw_correlation(names: Sequence[str], matrix: Array) -> Drawing:
+    """Heat map of the matrix (p, p) with the figures in its cells; NaN cells stay empty."""
+    count = len(names)
+    figure = Figure(figsize=(HALF, 0.86 * max(2.6, min(HALF, 1.3 + 0.58 * count))), layout="constrained")
+    axes = figure.add_subplot()
+    axes.set_title("correlation (1)")
+    image = correlation_cells(axes, names, matrix)
+    figure.colorbar(image, ax=axes, ticks=[-1, -0.5, 0, 0.5, 1], aspect=30).outline.set_visible(False)
+    off = np.where(np.eye(count, dtype=bool) | ~np.isfinite(matrix), 0.0, matrix)
+    strongest = "no correlation is known."
+    if off.any():
+        row, column = np.unravel_index(int(np.argmax(np.abs(off))), off.shape)
+        strongest = f"the strongest is {off[row, column]:.2f}, between {names[int(row)]} and {names[int(column)]}."
+    return Drawing(
+        name="correlation",
+        figure=figure,
+        alt=f"Correlation matrix of the estimated parameters: {strongest}",
+        caption=f"Correlation of the estimates; {strongest} Near ±1 a combination of the two is known better than "
+        "either; how well each is known alone, its interval gives.",
+        wide=False,
+        tables={"correlation": {"parameter": np.array(names), **{n: matrix[:, i] for i, n in enumerate(names)}}},
+    )
+
+
+def profile_curve(axes: Axes, curve: schema.ProfileCurve, entry: ParameterResult, limit: float) -> str:
+    """Draw the loss of the data when one parameter is fixed and the others follow, beside the parabola of the
+    covariance, the interval shaded; returns the unit of the axis."""
+    scale = scale_for(entry.value, entry.unit)
+    x, loss = np.array(curve.values, float) / scale.factor, np.array(curve.loss, float)
+    low, high = (None if end is None else end / scale.factor for end in curve.interval)
+    axes.axvspan(low if low is not None else x[0], high if high is not None else x[-1], color=SHADE, linewidth=0)
+    fine, best = np.linspace(x[0], x[-1], 101), float(x[int(np.argmin(loss))])
+    away = np.log(fine / best) if curve.logarithmic else (fine - best) * scale.factor
+    parabola = (away / (curve.standard_error or np.nan)) ** 2
+    axes.plot(fine, parabola, color=QUIET, linewidth=0.9, linestyle="--", label="from the covariance")
+    axes.plot(x, loss, "o-", color=FITTED, markersize=3, label="profile")
+    axes.axhline(limit, color=MEASURED, linewidth=0.7)
+    axes.set_ylim(0.0, TOP * limit)
+    axes.xaxis.set_major_locator(MaxNLocator(4))
+    return f" ({scale.unit})" if scale.unit else ""
+
+
+def draw_profiles(profile: schema.ProfileResult, parameters: Mapping[str, ParameterResult]) -> Drawing:
+    """One panel per profile that has enough points to be a curve, of which there must be one."""
+    curves = {name: curve for name, curve in profile.parameters.items() if len(curve.values) >= FEWEST_POINTS}
+    rows = -(-len(curves) // PANELS)
+    figure = Figure(figsize=(WIDE, 0.5 + 1.75 * rows), layout="constrained")
+    tables: dict[str, Columns] = {}
+    for place, (name, curve) in enumerate(curves.items()):
+        axes = figure.add_subplot(rows, PANELS, place + 1)
+        entry = parameters.get(name) or ParameterResult(None)
+        unit = profile_curve(axes, curve, entry, profile.limit)
+        axes.set_title(f"{plain_symbol(with_group(name, entry.group))}{unit}")
+        if place % PANELS == 0:
+            axes.set_ylabel("loss of the data")
+        if place == 0:
+            axes.legend(loc="upper center")
+        tables[f"profile_{name}"] = {"value": np.array(curve.values, float), "loss": np.array(curve.loss, float)}
+    return Drawing(
+        name="profile",
+        figure=figure,
+        alt=f"Profile likelihood of {', '.join(curves)}: the loss over each parameter, with the 95 % limit.",
+        caption="Profile likelihood: loss of the data, in units of χ², when one parameter is fixed and all others "
+        f"follow. Shaded: the 95 % interval, where the loss stays below {profile.limit:.2f}. Dashed: what the "
+        "covariance expects.",
+        tables=tables,
+    )
+
+
+def draw_optima(optima: Sequence[schema.OptimumResult], limit: float) -> Drawing:
+    """Waterfall: how far each optimum lies above the lowest one, in the order of the starts that led there.
+
+    limit: of the likelihood ratio, below which the data do not rule an optimum out.
+    """
+    ordered = sorted(optima, key=lambda optimum: optimum.cost)
+    rise = np.repeat([o.cost - ordered[0].cost for o in ordered], [o.starts for o in ordered])
+    starts = np.arange(1.0, rise.size + 1.0)
+    figure = Figure(figsize=(HALF, 2.2), layout="constrained")
+    axes = figure.add_subplot(xlabel="start, the best first", ylabel="χ² above the lowest")
+    axes.plot(starts, rise, "o-", color=FITTED, markersize=4)
+    axes.axhline(limit, color=MEASURED, linewidth=0.7)
+    axes.set_yscale("symlog", linthresh=1.0)
+    axes.set_ylim(bottom=-0.2)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    return Drawing(
+        name="optima",
+        figure=figure,
+        alt=f"Waterfall of {rise.size} starts that led to {len(ordered)} optima.",
+        caption="Optima that starts about the answer led to: χ² above the lowest one. Optima below the line are not "
+        "ruled out by the data and count in the intervals.",
+        wide=False,
+        tables={"optima": {"start": starts, "chi2_above_lowest": rise}},
+    )

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,12 +17,15 @@ from identify.base.outcome import LogCurves, Status
 from identify.base.result import Result
 from identify.base.wording import wrapped
 from identify.model.model import RIG_PARAMETERS
+from identify.prediction.draws import Draws
 from identify.prediction.predict import PointPrediction, predict
 from identify.prediction.sources import pair_of
+from identify.prediction.windows import QUANTILES
 from identify.report.report_page import first_screen
-from identify.report.report_tables import classical_table
-from identify.report.stored_result import plain, read_document, scene_of
-from identify.report.summary import summary
+from identify.report.report_tables import classical_table, summary
+from identify.report.report_wording import plain_symbol
+from identify.report.stored_result import plain, read_curves, read_document, scene_of, write_report
+from identify.report.style import FITTED, MEASURED, QUIET, RESIDUAL, SHADE, axes_of, drawing_style
 from identify.scene import Scene
 from identify.scene.parameters import default_spec
 from identify.scene.tables import quantity
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Array = NDArray[np.float64]
+POINTS = 200  # of the curve of a law
 CYCLE_COLUMNS = ("onset_s", "arrest_s", "onset_force_N", "arrest_force_N", "misfit_z")
 Quantity = float | str  # SI, or text with a unit
 
@@ -66,8 +70,6 @@ class Fit:
         Raises:
             FitError: no result of a fit there.
         """
-        from identify.report.hdf5 import read_curves
-
         document, curves = Path(folder) / "result.json", Path(folder) / "result.h5"
         return Fit(read_document(document), read_curves(curves) if curves.exists() else ())
 
@@ -100,22 +102,12 @@ class Fit:
         """
         import pandas as pd
 
+        numbers = ["value", "standard_error", "lower", "upper", "lower_rig_exact", "upper_rig_exact"]
         rows = {}
-        for name, entry in self.typed.parameters.items():
-            least, most = entry.interval_rig_exact or (None, None)
-            rows[name] = {
-                "value": entry.value,
-                "standard_error": entry.standard_error,
-                "lower": entry.ends[0],
-                "upper": entry.ends[1],
-                "lower_rig_exact": least,
-                "upper_rig_exact": most,
-                "unit": entry.unit,
-                "verdict": entry.verdict,
-                "reason": entry.reason,
-            }
-        frame = pd.DataFrame.from_dict(rows, orient="index")
-        numbers = [column for column in frame.columns if column not in ("unit", "verdict", "reason")]
+        for name, e in self.typed.parameters.items():
+            exact = e.interval_rig_exact or (None, None)
+            rows[name] = (e.value, e.standard_error, *e.ends, *exact, e.unit, e.verdict, e.reason)
+        frame = pd.DataFrame.from_dict(rows, orient="index", columns=[*numbers, "unit", "verdict", "reason"])
         return frame.astype(dict.fromkeys(numbers, float))
 
     @property
@@ -141,21 +133,6 @@ class Fit:
             frames.append(frame)
         return pd.concat(frames, ignore_index=True)
 
-    def plot(self, log: int = 1) -> Figure:
-        """Measured and fitted force of a log (from 1) with residuals and normal force, as in the report.
-
-        Raises:
-            FitError: no such log, or a fit without curves.
-        """
-        self._check_curves()
-        self._check_log(log)
-        from identify.report.figures import draw_force
-        from identify.report.style import drawing_style
-
-        with drawing_style():
-            figure: Figure = draw_force(self.logs[log - 1], log, self.converged).figure
-        return figure
-
     @property
     def correlation(self) -> pd.DataFrame:
         """Correlation of the estimates (f, f), by name."""
@@ -166,44 +143,143 @@ class Fit:
             raise FitError(f"this fit has no correlation: {self.typed.message}")
         return pd.DataFrame(known.matrix, index=known.names, columns=known.names, dtype=float)
 
-    def residuals(self, log: int = 1) -> NDArray[np.float64]:
+    def residuals(self, log: int = 1) -> Array:
         """Measured less fitted force (n,) of a log (from 1) [N]; NaN where nothing was fitted."""
-        self._check_curves()
-        self._check_log(log)
-        curves = self.logs[log - 1]
+        curves = self._curves(log)
         return np.asarray(np.where(curves.used, curves.friction_force - curves.fitted_force, np.nan))
 
+    def plot(self, log: int = 1) -> Figure:
+        """Measured and fitted force of a log (from 1) with residuals and normal force, as in the report.
+
+        Raises:
+            FitError: no such log, or a fit without curves.
+        """
+        curves = self._curves(log)
+        from identify.report.figures import draw_force
+
+        with drawing_style():
+            figure = draw_force(curves, log, self.converged).figure
+        assert figure is not None
+        return figure
+
     def plot_forces(self, log: int = 1, axes: Axes | None = None) -> Axes:
-        """Measured and fitted force of a log (from 1) over time, on new axes or these."""
-        self._check_curves()
-        self._check_log(log)
-        return paper_figures().forces(self, log, axes)
+        """Measured and fitted friction force [N] of a log (from 1) over time [s], on new axes or these."""
+        curves = self._curves(log)
+        with axes_of(axes) as on:
+            on.plot(curves.time, curves.friction_force, color=MEASURED, linewidth=0.7, label="measured")
+            on.plot(curves.time, curves.fitted_force, color=FITTED, linewidth=1.0, label="fitted")
+            on.set(xlabel="time (s)", ylabel="friction force (N)")
+            on.legend(loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0))
+        return on
 
     def plot_residuals(self, log: int = 1, axes: Axes | None = None) -> Axes:
-        """Residuals of a log (from 1) in standard deviations of its noise."""
-        return paper_figures().residuals(self, log, axes)
+        """Residuals of a log (from 1) in standard deviations of its noise, over time [s]."""
+        curves = self._curves(log)
+        with axes_of(axes) as on:
+            on.plot(curves.time, self.residuals(log) / curves.noise, ".", markersize=1.5, color=RESIDUAL)
+            on.axhline(0.0, color=QUIET, linewidth=0.7)
+            on.set(xlabel="time (s)", ylabel="residual (noise sd)")
+        return on
 
     def plot_parameters(self, axes: Axes | None = None) -> Axes:
-        """Forest plot of all 95 % intervals, as deviations from the values in per cent."""
-        return paper_figures().parameters(self, axes)
+        """Forest plot: all 95 % intervals as deviations from the values [%], those of noise alone thick."""
+        bounded = {n: e for n, e in self.typed.parameters.items() if e.value and None not in e.ends}
+        if not bounded:
+            raise FitError("no parameter of this fit has an interval with two ends; plot_forces shows what was fitted")
+        with axes_of(axes) as on:
+            for place, entry in enumerate(bounded.values()):
+                for ends, width, colour in ((entry.ends, 1.0, QUIET), (entry.interval_rig_exact, 3.5, FITTED)):
+                    shares = [
+                        100.0 * (end / entry.value - 1.0) for end in ends or () if end is not None and entry.value
+                    ]
+                    if len(shares) == 2:
+                        on.plot(shares, [place, place], color=colour, linewidth=width, solid_capstyle="butt")
+                on.plot([0.0], [place], "o", color=MEASURED, markersize=3.5)
+            on.set_yticks(range(len(bounded)), [plain_symbol(name) for name in bounded])
+            on.invert_yaxis()
+            on.set(xlabel="deviation from the value (%)", ylabel="")
+        return on
 
     def plot_correlation(self, axes: Axes | None = None) -> Axes:
-        """Correlation matrix of the estimates."""
-        return paper_figures().correlation(self, axes)
+        """Correlation matrix of the estimates with the numbers in its cells, as in the report."""
+        matrix = self.correlation
+        from identify.report.figures import correlation_cells
+
+        with axes_of(axes) as on:
+            correlation_cells(on, [plain_symbol(name) for name in matrix.index], matrix.to_numpy())
+        return on
 
     def plot_profile(self, parameter: str, axes: Axes | None = None) -> Axes:
-        """Profile likelihood of a parameter, where the fit was asked for it or ran it."""
-        return paper_figures().profile(self, parameter, axes)
+        """Profile likelihood of a parameter as in the report, where the fit was asked for it or ran it."""
+        profile = self.typed.profile
+        if profile is None or parameter not in profile.parameters:
+            known = ", ".join(profile.parameters) if profile is not None else "none"
+            raise FitError(
+                f"no profile of {parameter} is here (there is: {known}); fit with --profile, or "
+                "asked=FitOptions(profile=True)"
+            )
+        from identify.report.figures import profile_curve
+
+        with axes_of(axes) as on:
+            entry = self.typed.parameters[parameter]
+            unit = profile_curve(on, profile.parameters[parameter], entry, profile.limit)
+            on.set(xlabel=f"{plain_symbol(parameter)}{unit}", ylabel="loss (χ²)")
+        return on
 
     def plot_friction(self, log: int = 1, axes: Axes | None = None) -> Axes:
-        """Kinetic coefficient over sliding speed with its 95 % band; shaded: the drive speeds of the logs."""
-        self._check_log(log)
-        return paper_figures().friction(self, log, axes)
+        """Kinetic coefficient over sliding speed [mm/s] by eq. (6) with the 95 % band of the draws; shaded: the drive
+        speeds of the logs."""
+        tested = [speed for speed in (entry.drive_speed_m_per_s for entry in self.typed.logs) if speed]
+
+        def speeds(v: Mapping[str, float]) -> Array:
+            return 1e3 * np.geomspace(0.3 * min(tested), 10.0 * max(max(tested), 1.0 / v["a"]), POINTS)
+
+        def law(v: Mapping[str, Array], speed: Array) -> Array:
+            return v["mu_k0"] - v["delta_mu_k"] * np.expm1(-1e-3 * v["a"] * speed)
+
+        on = self._law(log, "velocity_weakening", speeds, law, axes)
+        on.axvspan(1e3 * min(tested), 1e3 * max(tested), color=SHADE, linewidth=0, zorder=0)
+        on.set(xlabel="sliding speed (mm/s)", ylabel="kinetic coefficient")
+        return on
 
     def plot_ageing(self, log: int = 1, axes: Axes | None = None) -> Axes:
-        """Static coefficient over the time at rest with its 95 % band."""
-        self._check_log(log)
-        return paper_figures().ageing(self, log, axes)
+        """Static coefficient over the time at rest [s] by eqs. (3) and (5) with the 95 % band of the draws."""
+
+        def rests(v: Mapping[str, float]) -> Array:
+            return np.geomspace(0.01 * v["t_cr"], 10.0 * v["t_cr"], POINTS)
+
+        def law(v: Mapping[str, Array], rest: Array) -> Array:
+            return v["mu_k0"] - (v["mu_s"] - v["mu_k0"]) * np.expm1(-rest / v["t_cr"])
+
+        on = self._law(log, "contact_ageing", rests, law, axes)
+        on.set(xlabel="time at rest (s)", ylabel="static coefficient")
+        return on
+
+    def _law(
+        self,
+        log: int,
+        effect: str,
+        over: Callable[[Mapping[str, float]], Array],
+        law: Callable[[Mapping[str, Array], Array], Array],
+        axes: Axes | None,
+    ) -> Axes:
+        """A law of a log's pair over `over` of its values, with the 95 % band of draws of the parameters (n, 1)."""
+        scene = self.scene(log)
+        if effect not in scene.effects:
+            have = ", ".join(scene.effects)
+            raise FitError(f"this fit has no {effect}, whose law the figure shows; its effects are {have}")
+        values, pair = scene.values(), pair_of(self.typed, scene, log - 1)
+        x = over(values)
+        with axes_of(axes) as on:
+            if pair.covariance is not None:
+                point = {**values, "normal_force": scene.rig.normal_force or 1.0, "drive_speed": 1.0}
+                draws = Draws.of(scene.model, point, pair.names, pair.covariance)
+                columns = {n: draws.column(n)[: draws.count, None] for n in scene.model.parameter_names}
+                band = np.quantile(law(columns, x), QUANTILES, axis=0)
+                on.fill_between(x, *band, color=FITTED, alpha=0.25, linewidth=0)
+            on.plot(x, law({name: np.asarray(value) for name, value in values.items()}, x), color=FITTED)
+            on.set_xscale("log")
+        return on
 
     def predict(
         self, *, drive_speed: Quantity | None = None, normal_force: Quantity | None = None, log: int = 1
@@ -253,9 +329,12 @@ class Fit:
         Returns:
             the path of report.html.
         """
-        from identify.report.report_files import write_report
-
         return write_report(self, Path(folder))[-1]
+
+    def _curves(self, log: int) -> LogCurves:
+        self._check_curves()
+        self._check_log(log)
+        return self.logs[log - 1]
 
     def _check_curves(self) -> None:
         if not self.logs:
@@ -292,13 +371,6 @@ class Prediction:
 
         rows = {name: (n.value, *n.ends, n.unit) for name, n in self.answer.amplitude.numbers.items()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "lower", "upper", "unit"])
-
-
-def paper_figures() -> ModuleType:
-    """The module that draws, which brings matplotlib (half a second)."""
-    import identify.report.paper_figures
-
-    return identify.report.paper_figures
 
 
 def fitted_scene(result: Result, log: int) -> Scene:

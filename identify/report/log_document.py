@@ -1,9 +1,10 @@
-"""What a result says of one log: its classical table, its quality, and what its pair does at its speed."""
+"""What a result and its report hold of one log: classical table, quality, what its pair does at its speed, curves."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,21 +12,23 @@ from numpy.typing import NDArray
 from data_io.record import WINDOW_START, within
 from data_io.values import Finding
 from identify.base.document import Json, to_dict
-from identify.base.outcome import Status
+from identify.base.errors import SimulationError
+from identify.base.outcome import LogCurves, SlipDetail, Status
 from identify.base.quantiles import NORMAL
-from identify.base.result import ClassicalTable, LogResult, Number, QualityFigure, QualityResult
+from identify.base.result import Interval, LogResult, Number, QualityFigure, QualityResult
 from identify.diagnosis.findings import Findings
 from identify.logs.classical import table_of
 from identify.logs.prepare import Prepared
 from identify.logs.regime import Known, look
+from identify.logs.unknowns import Unknowns
 from identify.prediction.draws import OperatingPoint
 from identify.prediction.predict import NoAnswer, predictions
 from identify.prediction.sources import with_tied
 from identify.scene.values import Tie
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Stability and amplitude of the fitted pair, at the speed and load of every log and with its own parameters.
-# ----------------------------------------------------------------------------------------------------------------------
+from identify.shooting import batch
+from identify.shooting.shooting_trajectory import ShootingTrajectory
+from identify.simulation.plan import Stepping
+from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]
 
@@ -49,28 +52,23 @@ def outlooks_of(prepared: list[Prepared], found: Findings, added: Array | float 
         unknowns.names[i]: Tie(unknowns.names[to], factor=base if unknowns.logarithmic[i] else 1.0)
         for i, to, base in unknowns.ties
     }
-    points: list[OperatingPoint | str] = []
+    points: list[OperatingPoint | NoAnswer] = []
     for number, log in enumerate(prepared):
-        mine = of_log(number, log, found)
-        if isinstance(mine, str):
-            points.append(mine)
+        own = of_log(number, log, found)
+        if isinstance(own, str):
+            points.append(NoAnswer(own))
             continue
-        theta, covariance = mine
-        p = unknowns.values(theta, log.data.base)
+        p = unknowns.values(own[0], log.data.base)
         slope = np.where(unknowns.logarithmic, p, 1.0)[free]
+        covariance = with_tied(names, (own[1] + added) * np.outer(slope, slope), ties)[1]
         values = dict(zip(unknowns.names, p.tolist(), strict=True))
-        told, covariance = with_tied(names, (covariance + added) * np.outer(slope, slope), ties)
         points.append(OperatingPoint(values, log.data.drive_speed, log.mean_load, covariance))
-    told = (*names, *ties)
-    if found.sure is not None and found.sure.of_groups:  # what points have in common is only shared within a pair
-        answers = [
-            NoAnswer(point) if isinstance(point, str) else predictions(unknowns.model, [point], told, DRAWS)[0]
-            for point in points
-        ]
-    else:
-        known = [point for point in points if not isinstance(point, str)]
-        answers = predictions(unknowns.model, known, told, DRAWS)
-    return [to_dict(answer) for answer in answers]
+    known = [point for point in points if isinstance(point, OperatingPoint)]
+    # what points have in common is only shared within a pair
+    apart = found.sure is not None and bool(found.sure.of_groups)
+    parts = [[point] for point in known] if apart else [known]
+    answers = iter([each for part in parts for each in predictions(unknowns.model, part, (*names, *ties), DRAWS)])
+    return [to_dict(point if isinstance(point, NoAnswer) else next(answers)) for point in points]
 
 
 def of_log(number: int, log: Prepared, found: Findings) -> tuple[Array, Array] | str:
@@ -112,28 +110,33 @@ def log_result(
         answer: what the parameters say of its stick-slip, see `outlooks_of`.
         part_of: the number (from 1) of the log of the scene that it is a part of; None where it is whole.
     """
-    record, verdict, regime = log.record, log.regime_verdict, log.regime
+    record, verdict, window = log.record, log.regime_verdict, log.entry.window
     taken = found.attempt is not None and index in found.attempt.log_numbers
     if found.estimated is not None and found.status is Status.CONVERGED:
         taken = index not in found.left_out
+    begin = float(record.metadata.get(WINDOW_START, 0.0))  # of a log that was read in part
+    # the classical table is of what the window of the scene leaves
+    record = within(record, window and (begin + window[0], begin + window[1]))
+    speed = log.data.drive_speed
+    seen = look(record, speed, Known(log.rig.stiffness), found=log.segmentation)
     return LogResult(
         part_of=part_of,
         path=str(log.entry.path),
-        sha256=str(record.metadata.get("sha256", "")),
+        sha256=str(log.record.metadata.get("sha256", "")),
         step=log.entry.step,
-        rows=int(record.time.size),
+        rows=int(log.record.time.size),
         labels=dict(log.entry.labels),
         noise_N=float(log.rig.noise or log.segmentation.noise),
         friction_sign=log.sign,
-        regime=None if regime is None else regime.value,
+        regime=None if log.regime is None else log.regime.value,
         confidence=None if verdict is None else verdict.confidence,
         evidence=() if verdict is None else tuple(verdict.evidence),
         slip_count=int(log.segmentation.count),
         normal_force_N=log.mean_load,
-        drive_speed_m_per_s=log.data.drive_speed,
+        drive_speed_m_per_s=speed,
         window_s=(log.data.begin, log.data.end),
         reason_left_out=None if taken else found.left_out.get(index, "no fit was made"),
-        classical=_classical(log),
+        classical=table_of(record, seen, log.rig.stiffness),
         quality=_quality(log),
         corrections=log.account.changes,
         cuts=log.account.cuts,
@@ -141,36 +144,28 @@ def log_result(
     )
 
 
-def _classical(log: Prepared) -> ClassicalTable:
-    """The classical table of what the window of the scene leaves of a log."""
-    record, window = log.record, log.entry.window
-    begin = float(record.metadata.get(WINDOW_START, 0.0))  # of a log that was read in part
-    record = within(record, window and (begin + window[0], begin + window[1]))
-    seen = look(record, log.data.drive_speed, Known(log.rig.stiffness), found=log.segmentation)
-    return table_of(record, seen, log.rig.stiffness)
-
-
 def _quality(log: Prepared) -> QualityResult:
-    seen, told = log.segmentation, log.judgement.result()
-    drop, period, slope = seen.drop_mean_and_sd, seen.period_mean_and_sd, seen.stick_slope
+    detected, judged, nothing = log.segmentation, log.judgement.result(), (None, None)
+    drop, drop_sd = detected.drop_mean_and_sd or nothing
+    period, period_sd = detected.period_mean_and_sd or nothing
     figures = {
-        "noise": QualityFigure(float(seen.noise), "N"),
-        "samples_per_slip": QualityFigure(seen.samples_per_slip),
-        "samples_per_cycle": QualityFigure(seen.samples_per_cycle),
-        "masked_samples": QualityFigure(seen.spike_count),
-        "drop": QualityFigure(drop[0] if drop else None, "N"),
-        "drop_scatter": QualityFigure(drop[1] if drop else None, "N"),
-        "period": QualityFigure(period[0] if period else None, "s"),
-        "period_scatter": QualityFigure(period[1] if period else None, "s"),
-        "stick_slope": QualityFigure(slope[0] if slope else None, "N/s"),
+        "noise": QualityFigure(float(detected.noise), "N"),
+        "samples_per_slip": QualityFigure(detected.samples_per_slip),
+        "samples_per_cycle": QualityFigure(detected.samples_per_cycle),
+        "masked_samples": QualityFigure(detected.spike_count),
+        "drop": QualityFigure(drop, "N"),
+        "drop_scatter": QualityFigure(drop_sd, "N"),
+        "period": QualityFigure(period, "s"),
+        "period_scatter": QualityFigure(period_sd, "s"),
+        "stick_slope": QualityFigure((detected.stick_slope or nothing)[0], "N/s"),
     }
-    findings, verdict = list(told.findings), told.verdict
+    findings, verdict = list(judged.findings), judged.verdict
     if log.hidden_swing:
         findings.append(Finding("load_varies", "warning", load_varies(log)))
         verdict = "accept with warnings" if verdict == "accept" else verdict
     if log.data.loose > 0.0:
         findings.append(Finding("load_trembles", "info", load_trembles(log)))
-    return QualityResult(verdict, tuple(findings), {**told.figures, **figures})
+    return QualityResult(verdict, tuple(findings), {**judged.figures, **figures})
 
 
 def load_varies(log: Prepared) -> str:
@@ -190,10 +185,6 @@ def load_trembles(log: Prepared) -> str:
     )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The creep velocity D/t_cr of every pair of a fit, below which the contact ages while it slides.
-# ----------------------------------------------------------------------------------------------------------------------
-
 VALIDITY = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
 
 
@@ -204,29 +195,124 @@ def creep_velocities(prepared: list[Prepared], found: Findings) -> dict[str, Num
         return {}
     free, places = np.flatnonzero(unknowns.free), [names.index("D"), names.index("t_cr")]
     sources = [int(unknowns.source[place]) for place in places]
+    slope = (free == sources[0]).astype(float) - (free == sources[1])
+    moved = slope != 0.0
     out: dict[str, Number] = {}
-    seen = set()
     for number in found.attempt.log_numbers:
         log = prepared[number]
         own = [log.data.groups[i] or f"log {number + 1}" for i in sources if unknowns.grouped[i]]
-        group = ", ".join(dict.fromkeys(own))
-        if group in seen:
+        group, known = ", ".join(dict.fromkeys(own)), of_log(number, log, found)
+        if group in {entry.group for entry in out.values()}:
             continue
-        seen.add(group)
-        known = of_log(number, log, found)
         assert not isinstance(known, str), "a log that took part has values"
-        theta, covariance = known
-        p = unknowns.values(theta, log.data.base)
+        p, variance = unknowns.values(known[0], log.data.base), known[1][np.ix_(moved, moved)]
         value = float(p[places[0]] / p[places[1]])
-        slope = (free == sources[0]).astype(float) - (free == sources[1])
-        moved = slope != 0.0
-        variance = covariance[np.ix_(moved, moved)]
+        interval: Interval = (None, None)
+        reason = "interval open: these data do not determine D or t_cr"
         if np.all(np.isfinite(variance)):
             half = NORMAL * math.sqrt(float(slope[moved] @ variance @ slope[moved]))
-            interval = (value * math.exp(-half), value * math.exp(half) if half < 700.0 else None)
-            result = Number(value, "m/s", interval, VALIDITY, group=group)
-        else:
-            reason = "interval open: these data do not determine D or t_cr"
-            result = Number(value, "m/s", (None, None), VALIDITY, reason, group=group)
-        out[f"v_cr ({group})" if out else "v_cr"] = result
+            interval, reason = (value * math.exp(-half), value * math.exp(half) if half < 700.0 else None), ""
+        key = f"v_cr ({group})" if out else "v_cr"
+        out[key] = Number(value, "m/s", interval, VALIDITY, reason, group=group)
     return out
+
+
+FINE = 400  # points of a slip in detail
+AS_FITTED = 0.1  # of the range of a slip's force: farther from the fitted curve it is not drawn
+LEAD, TAIL = 0.25, 0.35  # of the slip's duration, shown before and after it
+
+
+def fitted_curves(
+    log: Prepared, unknowns: Unknowns, theta: Array, trajectory: ShootingTrajectory, fitted: Array, z: Array
+) -> LogCurves:
+    """Curves of a log that was fitted.
+
+    Args:
+        theta: (n_p,) solution; trajectory: the motion moved to it; fitted (n,) force at the samples, NaN outside;
+            z (c,) misfit of each cycle in standard deviations.
+    """
+    p = unknowns.values(trajectory.theta(theta), log.data.base)
+    forces = np.empty((2, trajectory.cycles))  # what the load cell shows at onsets and arrests [N]
+    ends = (trajectory.ending("onset"), trajectory.ending("arrest")) if trajectory.cycles else ()
+    for row, which in enumerate(ends):
+        times, states = trajectory.until[which], trajectory.at_end(which)
+        one = np.ones(times.size)
+        u = np.column_stack([log.data.drive_speed * one, log.data.normal_force.at(times), one, times])
+        forces[row] = batch.load_cell(unknowns.model, states, np.tile(p, (times.size, 1)), u)
+    slip = _typical_slip(log, unknowns, p, trajectory)
+    if slip is not None:  # it has one normal force throughout, the fit another one in every slip of a load that jitters
+        at = slip.samples[np.isfinite(fitted[slip.samples])]
+        off = np.abs(np.interp(log.record.time[at], slip.time, slip.force) - fitted[at])
+        slip = slip if np.max(off, initial=0.0) < AS_FITTED * np.ptp(slip.force) else None
+    return replace(
+        detected_curves(log),
+        fitted_force=np.where(log.used, fitted, np.nan),
+        used=log.used & np.isfinite(fitted),
+        noise=log.data.noise,
+        cycles=np.column_stack([trajectory.onset, trajectory.arrest, *forces, z[: trajectory.cycles]]),
+        slip=slip,
+    )
+
+
+def refused_curves(log: Prepared, fitted: LogCurves) -> LogCurves:
+    """Curves of a fit that was refused: cycles as they were measured, for how they scatter is what the reader is sent
+    to; the misfit of each where there are as many as were fitted."""
+    cycles = detected_curves(log).cycles
+    if cycles.shape == fitted.cycles.shape:
+        cycles[:, -1] = fitted.cycles[:, -1]
+    return replace(fitted, cycles=cycles)
+
+
+def detected_curves(log: Prepared) -> LogCurves:
+    """Curves of a log that was not fitted: its detected cycles only."""
+    c, raw = log.segmentation.cycles, log.account.raw.friction_force
+    measured = np.column_stack([c.onset, c.arrest, c.onset_force, c.arrest_force])
+    return LogCurves(
+        name=log.name,
+        time=log.record.time,
+        normal_force=log.record.normal_force,
+        friction_force=log.force,
+        fitted_force=np.full(log.record.time.size, np.nan),
+        used=log.used,
+        noise=float(log.segmentation.noise),
+        drive_speed=log.data.drive_speed,
+        cycles=np.column_stack([measured, np.full(len(measured), np.nan)]),
+        measured=measured,
+        slip=None,
+        raw_force=None if raw is log.record.friction_force else log.sign * raw,
+        cuts=tuple((cut.kind, cut.start, cut.stop) for cut in log.account.cuts),
+    )
+
+
+def _typical_slip(log: Prepared, unknowns: Unknowns, p: Array, trajectory: ShootingTrajectory) -> SlipDetail | None:
+    """The slip of median duration (not the first where there are more), simulated from its fitted onset."""
+    if trajectory.cycles == 0:
+        return None
+    durations, model, speed = trajectory.arrest - trajectory.onset, unknowns.model, log.data.drive_speed
+    order = np.argsort(durations[1:]) + 1 if trajectory.cycles > 2 else np.argsort(durations)
+    cycle = int(order[order.size // 2])
+    onset, duration = float(trajectory.onset[cycle]), float(durations[cycle])
+    end, load = (1 + TAIL) * duration, float(log.data.normal_force.at(onset) + trajectory.deviation[cycle])
+    at_onset = trajectory.at_end(trajectory.ending("onset"))[cycle].tolist()
+    start = dict(zip((s.name for s in model.states), at_onset, strict=True)) | {"sliding_speed": 0.0}
+    values = dict(zip(model.parameter_names, p.tolist(), strict=True))
+    try:
+        motion = run(model, values, speed, load, end, start=start, accuracy=Stepping(1e-8))
+    except SimulationError:  # where a failed fit ended, no slip need be possible
+        return None
+    # Before the onset the mass rests: the spring loads at the drive speed, the contact hardly ages meanwhile.
+    times, before = np.linspace(0.0, end, FINE), np.linspace(-LEAD * duration, 0.0, FINE // 8, endpoint=False)
+    k = values["stiffness"]
+    slopes = {"elongation": speed, "force": k * speed, "coefficient": k * speed / load}
+    joined = {
+        name: np.concatenate([sampled[0] + slopes.get(name, 0.0) * before, sampled])
+        for name, sampled in motion.sample(times).items()
+    }
+    time = log.record.time
+    return SlipDetail(
+        cycle=cycle + 1,
+        time=onset + np.concatenate([before, times]),
+        gamma=joined.get("gamma", np.full(before.size + times.size, np.nan)),
+        samples=np.flatnonzero((time >= onset + before[0]) & (time <= onset + end) & log.used),
+        **{name: joined[name] for name in ("force", "elongation", "sliding_speed", "coefficient")},
+    )

@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -16,39 +16,8 @@ from identify.base.outcome import Status
 from identify.base.result import LogResult, Result
 from identify.base.wording import DASH, number, quantity
 from identify.prediction.wording import listed
-from identify.report.report_tables import (
-    accuracy_rows,
-    answer_table,
-    causes_table,
-    classical_pages,
-    definitions,
-    effects_table,
-    held_table,
-    method_table,
-    of_record,
-    outlook_of,
-    parameter_table,
-    sensitivity_table,
-    sentences,
-    shown_error,
-    spread_of,
-)
-from identify.report.report_wording import (
-    DRAWN,
-    EFFECT_SIZES,
-    EFFECTS_CHOSEN,
-    NOT_FOR,
-    QUALITY,
-    STATUS,
-    TIMING_WORDS,
-    distribution_lines,
-    headline,
-    is_uneven,
-    plain_symbol,
-    solver_words,
-    with_group,
-)
-from identify.report.summary import accuracy_text, tolerances_text
+from identify.report import report_tables as tables
+from identify.report import report_wording as wording
 
 if TYPE_CHECKING:
     from identify.report.finished import Fit
@@ -72,11 +41,6 @@ def templates(*packages: str) -> Environment:
     )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The first screen: in the page, and as a piece of HTML that a notebook shows.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
 def first_screen(result: Result) -> str:
     """The fragment; it brings its styles, which hold for nothing outside it."""
     environment = templates()
@@ -90,13 +54,15 @@ def first_screen_views(result: Result) -> dict[str, object]:
     return {
         "banner": banner(result),
         "converged": result.converged,
-        "parameters": parameter_table(result.parameters),
-        "accuracy_line": accuracy_text(result.accuracy),
-        "tolerances": tolerances_text(result.tolerances or {}),
+        "parameters": tables.parameter_table(result.parameters),
+        "accuracy_line": wording.accuracy_text(result.accuracy),
+        "tolerances": wording.tolerances_text(result.tolerances or {}),
         "notes": result.notes,
-        "bare": any(shown_error(e) is None and spread_of(e) is not None for e in result.parameters.values()),
-        "classical": classical_pages(result.logs),
-        "definitions": definitions(result.logs),
+        "bare": any(
+            tables.shown_error(e) is None and tables.spread_of(e) is not None for e in result.parameters.values()
+        ),
+        "classical": tables.classical_pages(result.logs),
+        "definitions": tables.definitions(result.logs),
         "last_iterate": [(name, quantity(entry.value, entry.unit)) for name, entry in last],
     }
 
@@ -104,18 +70,19 @@ def first_screen_views(result: Result) -> dict[str, object]:
 def banner(result: Result) -> dict[str, object]:
     """The answer to "can it be trusted?" in plain words: class, badge, headline, sentence, and the figures behind it,
     each with its label and what it should be."""
-    badge, head = STATUS[Status(result.status)]
+    badge, head = wording.STATUS[Status(result.status)]
     kind, message = "good" if result.converged else "bad", result.message
     doubtful = [name for name, entry in result.parameters.items() if entry.verdict in ("not identifiable", "at bound")]
-    if is_uneven(result):
+    if wording.is_uneven(result):
         rests_on = message.split("; ")[0]
-        kind, badge, head = "fair", "described cycle by cycle", headline(result)
-        message = f"{rests_on[0].upper()}{rests_on[1:]}. {NOT_FOR} {DRAWN}"
+        kind, badge, head = "fair", "described cycle by cycle", wording.headline(result)
+        message = f"{rests_on[0].upper()}{rests_on[1:]}. {wording.NOT_FOR} {wording.DRAWN}"
     elif result.converged and doubtful:
         kind = "fair"
-        head += f" These logs do not tell {listed([plain_symbol(n) for n in doubtful])}."
+        head += f" These logs do not tell {listed([wording.plain_symbol(n) for n in doubtful])}."
     tiles = [
-        (name, value, f"{spread} in nine of ten drawn cycles") for name, value, spread in distribution_lines(result)
+        (name, value, f"{spread} in nine of ten drawn cycles")
+        for name, value, spread in wording.distribution_lines(result)
     ]
     gate, fit = result.gate, result.fit
     if gate is not None:
@@ -124,7 +91,8 @@ def banner(result: Result) -> dict[str, object]:
             where = f"log {worst.log}, cycle {worst.cycle}; a few is usual, above 6 is refused"
             tiles.append(("worst cycle", f"z = {number(worst.z, 3)}", where))
         if gate.solver is not None:
-            tiles.append(("solver", solver_words(gate.solver), "how the optimiser ended"))
+            ended = wording.SOLVED.get(gate.solver) or gate.solver.replace("_", " ").lower()
+            tiles.append(("solver", ended, "how the optimiser ended"))
         shift = number(gate.event_shift_samples, 2)
         tiles.append(("switch times", f"{shift} samples", "last movement; settled below 0.5"))
     if fit is not None:
@@ -137,23 +105,18 @@ def _thousands(count: int | None) -> str:
     return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}") if count else DASH
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The page.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
 def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
     """The text of report.html for the fit and its rendered figures; at most 3 MB."""
     environment = templates()
-    result = fit.typed
+    result, figures = fit.typed, inlined(drawn)
     logs = [_log(place, log, result.converged) for place, log in enumerate(result.logs, start=1)]
-    heads = [
-        (", ".join(filter(None, (f"log {place}", _facts(log).get("drive speed")))), log)
-        for place, log in enumerate(result.logs, start=1)
-    ]
-    figures = inlined(drawn)
-    of_pair = {with_group(key, entry.group): to_dict(entry) for key, entry in result.derived.items()}
-    several = len(logs) > 1
+    speeds = [dict(view["facts"]).get("drive speed") for view in logs]
+    heads = [", ".join(filter(None, (f"log {place}", text))) for place, text in enumerate(speeds, 1)]
+    columns = list(zip(heads, result.logs, strict=True))
+    of_pair = {wording.with_group(key, entry.group): to_dict(entry) for key, entry in result.derived.items()}
+    scene = result.provenance.get("scene")
+    text = scene if isinstance(scene, str) else json.dumps(scene, ensure_ascii=False, indent=2) if scene else ""
+    sizes = result.effects.chosen == "listed" and any(log.derived for log in result.logs)
     return environment.get_template("page.html.j2").render(
         style=Markup(environment.get_template("style.css").render()),
         title=str(result.scene.get("name") or f"{len(logs)} log{'s' * (len(logs) != 1)}"),
@@ -165,24 +128,25 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
         overall_figures=[f for f in figures if f.log is None and f.name not in ("profile", "measured")],
         measured_figures=[f for f in figures if f.name == "measured"],
         depth_figures=[f for f in figures if f.name == "profile"],
-        intervals=method_table(result),
-        accuracy=accuracy_rows(result.accuracy_table or ()),
-        derived=answer_table([("value", of_pair)], "friction pair"),
-        outlook=answer_table([(head, outlook_of(log.derived)) for head, log in heads]),
-        told=[(place, lines) for place, log in enumerate(result.logs, 1) if (lines := sentences(log.derived, several))],
-        effects=effects_table(result.effects.reasons),
-        chosen=_chosen(result),
-        quality=answer_table([(head, of_record(log.quality.figures)) for head, log in heads]),
-        causes=causes_table(result.causes) if result.causes else None,
-        held=held_table(result.rig_against_data) if result.rig_against_data else None,
-        sensitivity=sensitivity_table(result.rig_sensitivity) if result.rig_sensitivity else None,
+        intervals=tables.method_table(result),
+        accuracy=tables.accuracy_rows(result.accuracy_table or ()),
+        derived=tables.answer_table([("value", of_pair)], "friction pair"),
+        outlook=tables.answer_table([(head, tables.outlook_of(log.derived)) for head, log in columns]),
+        told=[(place, lines) for place, log in enumerate(result.logs, 1)
+              if (lines := tables.sentences(log.derived, len(logs) > 1))],
+        effects=tables.effects_table(result.effects.reasons),
+        chosen=wording.EFFECTS_CHOSEN.get(result.effects.chosen, "") + f" {wording.EFFECT_SIZES}" * sizes,
+        quality=tables.answer_table([(head, tables.of_record(log.quality.figures)) for head, log in columns]),
+        causes=tables.causes_table(result.causes) if result.causes else None,
+        held=tables.held_table(result.rig_against_data) if result.rig_against_data else None,
+        sensitivity=tables.sensitivity_table(result.rig_sensitivity) if result.rig_sensitivity else None,
         search=_search(result),
         timings=[
-            (TIMING_WORDS.get(key, key.replace("_", " ")), quantity(seconds, "s", 3))
+            (wording.TIMING_WORDS.get(key, key.replace("_", " ")), quantity(seconds, "s", 3))
             for key, seconds in result.timing_s.items()
         ],
         provenance=_provenance(result.provenance),
-        scene=_scene(result.provenance.get("scene")),
+        scene=text if len(text) <= LONGEST_SCENE else f"{text[:LONGEST_SCENE]}\n… (whole in result.json)",
     )  # fmt: skip
 
 
@@ -216,20 +180,28 @@ def svg_element(text: str, prefix: str) -> str:
     return f'<svg viewBox="{box}" aria-hidden="true" focusable="false">{rest.rstrip()}'
 
 
-def _log(place: int, log: LogResult, converged: bool) -> dict[str, object]:
+def _log(place: int, log: LogResult, converged: bool) -> dict[str, Any]:
     """What the section of a log shows."""
-    verdict = log.quality.verdict
-    words, kind = QUALITY.get(verdict, (verdict, "plain"))
+    words, kind = wording.QUALITY.get(log.quality.verdict, (log.quality.verdict, "plain"))
+    facts = (
+        ("drive speed", quantity(log.drive_speed_m_per_s, "m/s")),
+        ("normal force", quantity(log.normal_force_N, "N", 3)),
+        ("step", DASH if log.step is None else str(log.step)),
+        ("samples", _thousands(log.rows)),
+        ("slips", DASH if log.slip_count is None else str(log.slip_count)),
+        ("noise", quantity(log.noise_N, "N", 2)),
+        ("sign", "friction force turned over" if log.friction_sign == -1 else DASH),
+    )
     return {
         "number": place,
         "name": log.name or f"log {place}",
         "path": log.path,
         "sha256": log.sha256 or "",
-        "facts": list(_facts(log).items()),
+        "facts": [(name, text) for name, text in facts if text != DASH],
         "labels": list(log.labels.items()),
         "quality": words,
         # green beside a fit that was refused would contradict the banner
-        "quality_class": kind if converged or verdict != "accept" else "plain",
+        "quality_class": kind if converged or log.quality.verdict != "accept" else "plain",
         "findings": [(finding.severity, finding.message) for finding in log.quality.findings],
         "left_out": log.reason_left_out or "",
         "corrections": [
@@ -237,25 +209,6 @@ def _log(place: int, log: LogResult, converged: bool) -> dict[str, object]:
             for c in log.corrections
         ],
     }
-
-
-def _facts(log: LogResult) -> dict[str, str]:
-    facts = {
-        "drive speed": quantity(log.drive_speed_m_per_s, "m/s"),
-        "normal force": quantity(log.normal_force_N, "N", 3),
-        "step": DASH if log.step is None else str(log.step),
-        "samples": _thousands(log.rows),
-        "slips": DASH if log.slip_count is None else str(log.slip_count),
-        "noise": quantity(log.noise_N, "N", 2),
-        "sign": "friction force turned over" if log.friction_sign == -1 else DASH,
-    }
-    return {name: text for name, text in facts.items() if text != DASH}
-
-
-def _chosen(result: Result) -> str:
-    """Who chose the effects, and what their numbers are where there are any."""
-    sizes = result.effects.chosen == "listed" and any(log.derived for log in result.logs)
-    return f"{EFFECTS_CHOSEN.get(result.effects.chosen, '')}{f' {EFFECT_SIZES}' if sizes else ''}"
 
 
 def _search(result: Result) -> str:
@@ -278,8 +231,3 @@ def _provenance(provenance: Mapping[str, Json]) -> list[tuple[str, str]]:
             value = " ".join(str(item) for item in value)
         rows.append((key.replace("_", " "), str(value)))
     return rows
-
-
-def _scene(scene: Json) -> str:
-    text = scene if isinstance(scene, str) else json.dumps(scene, ensure_ascii=False, indent=2) if scene else ""
-    return text if len(text) <= LONGEST_SCENE else text[:LONGEST_SCENE] + "\n… (whole in result.json)"

@@ -8,44 +8,16 @@ from dataclasses import replace
 
 from scipy.special import ndtri
 
+from identify.base import result as schema
+from identify.base import wording
 from identify.base.document import Json, finite, to_dict
-from identify.base.result import (
-    AccuracyLevel,
-    CauseResult,
-    EffectReason,
-    HeldResult,
-    LogResult,
-    ParameterResult,
-    QualityFigure,
-    Result,
-    Shift,
-)
+from identify.base.result import LogResult, ParameterResult, Result
 from identify.base.table import Cell, OutputTable, Row
-from identify.base.wording import (
-    DASH,
-    decimals,
-    interval_text,
-    number,
-    places_for,
-    quantity,
-    scale_for,
-    split_key,
-)
-from identify.report.report_wording import (
-    ANSWER_WORDS,
-    MEANINGS,
-    RECORD_WORDS,
-    VERDICT_CLASS,
-    VERDICT_MARK,
-    plain_symbol,
-    with_group,
-)
+from identify.base.wording import DASH, Scale, decimals, interval_text, number, quantity, scale_for
+from identify.report import report_wording
+from identify.report.report_wording import plain_symbol, with_group
 
 Entry = Mapping[str, Json]
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Parameters: value, intervals, verdict; how sure they are by each method.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 UNLIKE = 1.5  # times: an interval so much longer or shorter than the error has it is not that of a normal distribution
@@ -74,31 +46,37 @@ def _normal_error(entry: ParameterResult) -> float | None:
     return 0.5 * (high - low) / float(ndtri(0.5 + 0.5 * (entry.level or 0.95)))
 
 
+def value_text(entry: ParameterResult, scale: Scale) -> tuple[str, str, int]:
+    """A value and its standard error ("" where it is not shown) as text in a unit, and the decimals that they have."""
+    value, error, spread = (entry.value or 0.0) / scale.factor, shown_error(entry), spread_of(entry)
+    places = wording.places_for(spread / scale.factor, value) if spread else wording.places_for(None, value) - 1
+    return decimals(value, places), "" if error is None else decimals(error / scale.factor, places), places
+
+
 def parameter_table(parameters: Mapping[str, ParameterResult], errors: bool = True) -> OutputTable:
     """Value, 95 % interval and verdict of each parameter in lab units, beside them the interval of noise alone where
     there is one. The first column holds the name, its symbol for a page; errors: standard errors beside the values."""
     exact = any(entry.interval_rig_exact for entry in parameters.values())
     rows = []
     for name, entry in parameters.items():
-        error, spread, scale = shown_error(entry), spread_of(entry), scale_for(entry.value, entry.unit)
-        value, interval, alone, si = DASH, DASH, "", ""
+        scale, value, si, interval, alone = scale_for(entry.value, entry.unit), DASH, "", DASH, ""
+        places = None
         if entry.value is not None:
-            shown = entry.value / scale.factor
-            places = places_for(spread / scale.factor, shown) if spread else places_for(None, shown) - 1
-            value = decimals(shown, places)
-            value += f" ± {decimals(error / scale.factor, places)}" if error is not None and errors else ""
+            value, error, places = value_text(entry, scale)
+            value += f" ± {error}" if error and errors else ""
             si = f"{number(entry.value, 5)} {entry.unit}" if scale.factor != 1 else ""
             if entry.interval_rig_exact:
-                halves = [abs(end / scale.factor - shown) for end in entry.interval_rig_exact if end is not None]
-                alone = interval_text(entry.interval_rig_exact, scale, places_for(min(halves, default=0.0) / 2, shown))
+                halves = [abs(end - entry.value) / scale.factor for end in entry.interval_rig_exact if end is not None]
+                exact_places = wording.places_for(min(halves, default=0.0) / 2, entry.value / scale.factor)
+                alone = interval_text(entry.interval_rig_exact, scale, exact_places)
         if entry.verdict != "fixed" and entry.interval:
-            interval = interval_text(entry.ends, scale, None if entry.value is None else places)
-        kind, base = VERDICT_CLASS.get(entry.verdict, "plain"), entry.parameter or name
+            interval = interval_text(entry.ends, scale, places)
+        kind, base = report_wording.VERDICT_CLASS.get(entry.verdict, "plain"), entry.parameter or name
         symbol = with_group(plain_symbol(base), entry.group)
-        verdict = f"{VERDICT_MARK.get(entry.verdict, '')} {entry.verdict}".strip()
+        verdict = f"{report_wording.VERDICT_MARK.get(entry.verdict, '')} {entry.verdict}".strip()
         rows.append(
             (
-                Cell(with_group(name, entry.group), symbol, MEANINGS.get(base, "")),
+                Cell(with_group(name, entry.group), symbol, report_wording.MEANINGS.get(base, "")),
                 Cell(entry.value, value, si, "doubt" if kind == "bad" else ""),
                 Cell(interval),
                 *([Cell(alone, kind="exact")] if exact else []),
@@ -116,17 +94,15 @@ def method_table(result: Result) -> OutputTable:
     resampled = result.bootstrap.parameters if result.bootstrap else {}
     rows = []
     for name, entry in result.parameters.items():
-        curve, part = profiles.get(name), resampled.get(name)
+        curve, part, scale = profiles.get(name), resampled.get(name), scale_for(entry.value, entry.unit)
         if curve is None and part is None:
             continue
-        scale = scale_for(entry.value, entry.unit)
-        name = plain_symbol(with_group(name, entry.group))
-        row = [Cell(name, note=quantity(entry.value, entry.unit, 5)), Cell(interval_text(entry.ends, scale))]
+        head = plain_symbol(with_group(name, entry.group))
+        row = [Cell(head, note=quantity(entry.value, entry.unit, 5)), Cell(interval_text(entry.ends, scale))]
         if profiles:
-            remarks = {"ends at a bound of the scene": curve and any(curve.at_bound)}
-            remarks["a point failed"] = curve and any(curve.failed)
-            note = " · ".join(words for words, holds in remarks.items() if holds)
-            row.append(Cell(interval_text(curve.interval, scale), note=note) if curve else Cell())
+            remarks = ["ends at a bound of the scene"] if curve and any(curve.at_bound) else []
+            remarks += ["a point failed"] if curve and any(curve.failed) else []
+            row.append(Cell(interval_text(curve.interval, scale), note=" · ".join(remarks)) if curve else Cell())
         if resampled:
             spread = part.spread_in_standard_errors if part else None
             note = "" if spread is None else f"spread {number(spread, 2)} SE"
@@ -139,50 +115,69 @@ def method_table(result: Result) -> OutputTable:
     return OutputTable("Intervals by each method", tuple(heads), tuple(rows))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# What accuracy costs, which effects and why, what the rig's errors would do.
-# ----------------------------------------------------------------------------------------------------------------------
+def summary(result: Result) -> str:
+    """A fit in plain text of 79 columns: status, parameters with intervals and verdicts, the reasons of what is not
+    identified."""
+    lines = [wording.wrapped(f"{result.status.replace('_', ' ')}: {result.message}")]
+    if not result.converged:
+        return lines[0]
+    for place, log in enumerate(result.logs, 1):
+        if log.reason_left_out:
+            lines.append(wording.wrapped(f"log {place} took no part: {log.reason_left_out}", "  "))
+    table = parameter_table(result.parameters, errors=not any(e.interval_rig_exact for e in result.parameters.values()))
+    lines += ["", table.to_text()]
+    if meaning := report_wording.tolerances_text(result.tolerances or {}):
+        lines.append(wording.wrapped(meaning, "  "))
+    lines.append("")
+    if report_wording.is_uneven(result):
+        heads = ["", "median (95 % interval)", "nine of ten drawn cycles"]
+        lines += [wording.columns([heads, *map(list, report_wording.distribution_lines(result))]), ""]
+        lines += [wording.wrapped(report_wording.NOT_FOR, "  "), ""]
+    if result.effects.chosen == "auto":
+        gone = ", ".join(reason.effect for reason in result.effects.reasons if not reason.kept)
+        lines.append(wording.wrapped(f"effects chosen: {', '.join(result.effects.names)}", "  "))
+        lines += [wording.wrapped(f"left out: {gone or 'none'}; why: see the report", "  "), ""]
+    last = [report_wording.accuracy_text(result.accuracy)]
+    last += ["what accuracy costs: see the report"] if result.accuracy_table else []
+    for name, *_, verdict in table.cells:
+        if verdict.value not in ("identified", "fixed") and verdict.note:
+            last.append(f"{name.value}: {verdict.note}")
+    return "\n".join([*lines, *(wording.wrapped(line, "  ") for line in last if line)])
+
 
 FAR = 4.0  # standard errors beyond which a stated value stands out
 
 
-def accuracy_rows(table: Sequence[AccuracyLevel]) -> OutputTable:
+def accuracy_rows(table: Sequence[schema.AccuracyLevel]) -> OutputTable:
     """What each level of accuracy costs, and by how many standard errors it moves each parameter."""
     names = list(dict.fromkeys(name for level in table for name in level.shift_in_standard_errors or {}))
     rows = []
     for level in table:
         left = [abs(error) for error in (level.left_in_standard_errors or {}).values() if error is not None]
         shift = level.shift_in_standard_errors or {}
-        shifts = (Cell(value, number(value, 2)) for value in map(shift.get, names))
-        error = Cell(max(left), f"{number(max(left), 2)} SE") if left else Cell()
-        head = Cell(level.accuracy, note="" if shift else "did not solve")
-        rows.append(
-            (head, Cell(level.seconds, number(level.seconds, 3)), level.iterations, level.steps, error, *shifts)
-        )
+        row: list[Cell | int | None] = [Cell(level.accuracy, note="" if shift else "did not solve")]
+        row += [Cell(level.seconds, number(level.seconds, 3)), level.iterations, level.steps]
+        row += [Cell(max(left), f"{number(max(left), 2)} SE") if left else Cell()]
+        rows.append((*row, *(Cell(value, number(value, 2)) for value in map(shift.get, names))))
     heads = ("accuracy", "seconds", "iterations", "steps", "error left", *map(plain_symbol, names))
     return OutputTable("What accuracy costs", heads, tuple(rows))
 
 
-def effects_table(reasons: Sequence[EffectReason]) -> OutputTable:
+def effects_table(reasons: Sequence[schema.EffectReason]) -> OutputTable:
     """Which effects and why: one row per effect that was looked at; columns that are empty are left out."""
-    columns = {
+    errors = [None if r.error is None else f"{number(100 * r.error, 2)} %" for r in reasons]
+    every = {
         "group": [replace(_cell(r.value), note=r.group if r.value is not None else "") for r in reasons],
-        "error without it": [
-            Cell(r.error, "" if r.error is None else f"{number(100 * r.error, 2)} %") for r in reasons
-        ],
+        "error without it": [Cell(r.error, text or "") for r, text in zip(reasons, errors, strict=True)],
         "gain in the data": [_cell(r.statistic) for r in reasons],
     }
-    columns = {head: cells for head, cells in columns.items() if any(c.value not in (None, "") for c in cells)}
-    rows: tuple[Row, ...] = tuple(
-        (
-            reason.effect.replace("_", " "),
-            Cell("yes" if reason.kept else "no", kind="" if reason.kept else "doubt"),
-            *(cells[k] for cells in columns.values()),
-            Cell(reason.sentence, kind="words"),
-        )
-        for k, reason in enumerate(reasons)
-    )
-    return OutputTable("Effects: which and why", ("effect", "kept", *columns, "why"), rows)
+    kept = {head: cells for head, cells in every.items() if any(c.value not in (None, "") for c in cells)}
+    rows: list[Row] = []
+    for k, reason in enumerate(reasons):
+        state = Cell("yes" if reason.kept else "no", kind="" if reason.kept else "doubt")
+        cells = (column[k] for column in kept.values())
+        rows.append((reason.effect.replace("_", " "), state, *cells, Cell(reason.sentence, kind="words")))
+    return OutputTable("Effects: which and why", ("effect", "kept", *kept, "why"), tuple(rows))
 
 
 def _cell(value: object, digits: int = 3) -> Cell:
@@ -193,7 +188,7 @@ def _cell(value: object, digits: int = 3) -> Cell:
     return Cell("yes" if value else "no") if isinstance(value, bool) else Cell(None if value is None else str(value))
 
 
-def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Shift]]) -> OutputTable:
+def sensitivity_table(sensitivity: Mapping[str, Mapping[str, schema.Shift]]) -> OutputTable:
     """What an error of 1 % in a rig quantity (rows) would do to each parameter (columns)."""
     names = list(dict.fromkeys(name for shifts in sensitivity.values() for name in shifts))
     rows: list[Row] = []
@@ -211,37 +206,27 @@ def sensitivity_table(sensitivity: Mapping[str, Mapping[str, Shift]]) -> OutputT
     return OutputTable("What an error of the rig would do", ("", *map(plain_symbol, names)), tuple(rows))
 
 
-def causes_table(causes: Sequence[CauseResult]) -> OutputTable:
+def causes_table(causes: Sequence[schema.CauseResult]) -> OutputTable:
     """What a misfit may come of: the score of every quantity that noise does not explain, by class."""
-    rows: tuple[Row, ...] = tuple(
-        (
-            cause.quantity.replace("_", " "),
-            cause.log or "all",
-            cause.number,
-            *map(_cell, (cause.score, cause.stated, cause.suggested, cause.standard_error)),
-        )
-        for cause in causes
-    )
+    rows: list[Row] = []
+    for cause in causes:
+        numbers = map(_cell, (cause.score, cause.stated, cause.suggested, cause.standard_error))
+        rows.append((cause.quantity.replace("_", " "), cause.log or "all", cause.number, *numbers))
     heads = ("quantity [SI]", "log", "class", "score", "stated", "by the data", "standard error (SE)")
-    return OutputTable("What the misfit may come of", heads, rows)
+    return OutputTable("What the misfit may come of", heads, tuple(rows))
 
 
-def held_table(held: Mapping[str, HeldResult]) -> OutputTable:
+def held_table(held: Mapping[str, schema.HeldResult]) -> OutputTable:
     """Rig quantities (rows) as stated, and where the data would put them."""
     rows = []
     for name, entry in held.items():
         apart = math.sqrt(entry.squared_distance)
         numbers = (_cell(entry.stated, 4), _cell(entry.from_data, 4), _cell(entry.standard_error, 2))
-        rows.append(
-            (Cell(name, note=entry.unit), *numbers, Cell(apart, f"{apart:.2g} SE", kind="strong" * (apart > FAR)))
-        )
+        far = Cell(apart, f"{apart:.2g} SE", kind="strong" * (apart > FAR))
+        rows.append((Cell(name, note=entry.unit), *numbers, far))
     heads = ("", "stated", "by the data", "standard error (SE)", "apart")
     return OutputTable("The rig as stated, and as the data would have it", heads, tuple(rows))
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The classical table: one row per log, step and stroke in the file, turned on its side on the page.
-# ----------------------------------------------------------------------------------------------------------------------
 
 LOGS_PER_TABLE = 6
 MOST_CLASSICAL_COLUMNS = 60
@@ -250,16 +235,12 @@ MOST_CLASSICAL_COLUMNS = 60
 def classical_table(logs: Sequence[LogResult]) -> OutputTable:
     """The classical table of all logs (SI, units in the column names); an empty cell where a value is missing."""
     rows = [(position, log.path, row) for position, log in enumerate(logs, start=1) for row in log.classical.rows]
-    columns = list(dict.fromkeys(name for *_, row in rows for name in row))
-    body = tuple(
-        (
-            position,
-            path,
-            *(v if isinstance(v, str | int | float) or v is None else str(v) for v in map(row.get, columns)),
-        )
-        for position, path, row in rows
-    )
-    return OutputTable("Classical table", ("log", "path", *columns), body, "classical")
+    names = list(dict.fromkeys(name for *_, row in rows for name in row))
+    body = []
+    for position, path, row in rows:
+        values = (v if isinstance(v, str | int | float) or v is None else str(v) for v in map(row.get, names))
+        body.append((position, path, *values))
+    return OutputTable("Classical table", ("log", "path", *names), tuple(body), "classical")
 
 
 def classical_pages(logs: Sequence[LogResult]) -> tuple[OutputTable, ...]:
@@ -267,24 +248,24 @@ def classical_pages(logs: Sequence[LogResult]) -> tuple[OutputTable, ...]:
 
     Several tables where there are many columns, so that they fit a sheet; at most 60 columns in all.
     """
-    whole = classical_table(logs)
-    rows = [dict(zip(whole.columns, row, strict=True)) for row in whole.rows[:MOST_CLASSICAL_COLUMNS]]
-    names = [n for n in whole.columns[2:] if any(row[n] not in (None, "") and row[n] == row[n] for row in rows)]
-    keys = [key for key in ("step", "stroke", "direction") if key in names]
+    frame = classical_table(logs).to_frame().iloc[:MOST_CLASSICAL_COLUMNS]
+    keys = [key for key in ("step", "stroke", "direction") if key in frame and frame[key].notna().any()]
+    names = [n for n in frame.columns[2:] if n not in keys and (frame[n].notna() & frame[n].ne("")).any()]
     tables = []
-    for first in range(0, len(rows), LOGS_PER_TABLE):
-        part = rows[first : first + LOGS_PER_TABLE]
+    for first in range(0, len(frame), LOGS_PER_TABLE):
+        part = frame.iloc[first : first + LOGS_PER_TABLE].to_dict("records")
         heads = [", ".join([f"log {row['log']}", *(f"{k} {row[k]}" for k in keys if row[k])]) for row in part]
-        body = []
+        body: list[Row] = []
         for key in names:
-            name, unit = split_key(key)
-            numbers = sorted(abs(shown) for row in part if (shown := finite(row[key])) is not None)
+            name, unit = wording.split_key(str(key))
+            values = [finite(row[key]) for row in part]
+            numbers = sorted(abs(value) for value in values if value is not None)
             scale = scale_for(numbers[len(numbers) // 2] if numbers else None, unit)
             cells = (
-                _cell(row[key]) if (shown := finite(row[key])) is None else Cell(shown, number(shown / scale.factor))
-                for row in part
+                _cell(row[key]) if value is None else Cell(value, number(value / scale.factor))
+                for row, value in zip(part, values, strict=True)
             )
-            body += [] if key in keys else [(Cell(RECORD_WORDS.get(name, name), note=scale.unit), *cells)]
+            body.append((Cell(report_wording.RECORD_WORDS.get(name, name), note=scale.unit), *cells))
         tables.append(OutputTable("Classical table", ("", *heads), tuple(body)))
     return tuple(tables)
 
@@ -294,14 +275,9 @@ def definitions(logs: Sequence[LogResult]) -> list[tuple[str, str]]:
     out: dict[str, str] = {}
     for log in logs:
         for name, sentence in log.classical.definitions.items():
-            words = split_key(name)[0]
-            out.setdefault(RECORD_WORDS.get(words, words), sentence)
+            words = wording.split_key(name)[0]
+            out.setdefault(report_wording.RECORD_WORDS.get(words, words), sentence)
     return list(out.items())
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What follows at several logs side by side, and what the records alone show.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def answer_table(columns: Sequence[tuple[str, Entry]], title: str = "") -> OutputTable:
@@ -314,7 +290,7 @@ def answer_table(columns: Sequence[tuple[str, Entry]], title: str = "") -> Outpu
     rows: list[Row] = []
     for key in keys:
         name, bracket, group = key.partition(" (")
-        words = f"{ANSWER_WORDS.get(name) or split_key(name)[0]}{bracket}{group}"
+        words = f"{report_wording.ANSWER_WORDS.get(name) or wording.split_key(name)[0]}{bracket}{group}"
         rows.append((words, *(_answer(entries.get(key), shared) for _, entries in columns)))
     return OutputTable(title, (title, *(head for head, _ in columns)), tuple(rows))
 
@@ -337,9 +313,9 @@ def outlook_of(derived: Entry) -> Entry:
     return {key: found[key] for part, key in parts if isinstance(found := derived.get(part), Mapping) and key in found}
 
 
-def of_record(figures: Mapping[str, QualityFigure]) -> Entry:
+def of_record(figures: Mapping[str, schema.QualityFigure]) -> Entry:
     """Figures of the data quality of one log, named as what the record alone shows."""
-    return {RECORD_WORDS.get(key, key): to_dict(figure) for key, figure in figures.items()}
+    return {report_wording.RECORD_WORDS.get(key, key): to_dict(figure) for key, figure in figures.items()}
 
 
 def sentences(entries: Entry, several: bool = False) -> tuple[str, ...]:

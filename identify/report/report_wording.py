@@ -5,26 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from identify.base.outcome import Status
-from identify.base.result import DistributionResult, Result, UnevenResult
+from identify.base.result import AccuracyResult, DistributionResult, Result, ToleranceResult, UnevenResult
 from identify.base.wording import number, quantity
 from identify.effects import ALL
+from identify.estimation.covariance import TOLERANCE_WORDS
 
+NOTHING = "there are no parameters to use"
 # Word of the badge and headline of a status.
 STATUS: Mapping[Status, tuple[str, str]] = {
     Status.CONVERGED: ("fit accepted", "The model follows every fitted log within its noise."),
-    Status.SOLVER_FAILED: ("no result", "The solver did not reach an answer: there are no parameters to use."),
-    Status.WRONG_EVENT_COUNT: (
-        "no result",
-        "The number of slips does not fit the data: there are no parameters to use.",
-    ),
-    Status.MODEL_MISFIT: (
-        "no result",
-        "The model as stated and these logs do not agree: there are no parameters to use.",
-    ),
-    Status.BETTER_START_FOUND: (
-        "no result",
-        "A better answer exists than the one reached: there are no parameters to use yet.",
-    ),
+    Status.SOLVER_FAILED: ("no result", f"The solver did not reach an answer: {NOTHING}."),
+    Status.WRONG_EVENT_COUNT: ("no result", f"The number of slips does not fit the data: {NOTHING}."),
+    Status.MODEL_MISFIT: ("no result", f"The model as stated and these logs do not agree: {NOTHING}."),
+    Status.BETTER_START_FOUND: ("no result", f"A better answer exists than the one reached: {NOTHING} yet."),
     Status.NO_CYCLES: ("nothing to fit", "No complete stick-slip cycles were found to fit."),
     Status.AT_BOUND: ("no result", "A parameter stopped at the edge of its range: there is no result to use."),
 }
@@ -32,8 +25,6 @@ SOLVED: Mapping[str, str] = {
     "Solve_Succeeded": "solved",
     "Solved_To_Acceptable_Level": "solved (further steps gain nothing)",
 }
-
-
 DECLARED = {p.name: p for effect in ALL for p in effect.parameters}
 MEANINGS: Mapping[str, str] = {
     **{name: p.meaning for name, p in DECLARED.items()},
@@ -129,15 +120,6 @@ def with_group(name: str, group: str) -> str:
     return name if not group or name.endswith(f"({group})") else f"{name} ({group})"
 
 
-def solver_words(status: str) -> str:
-    """How the solver says it ended, in words."""
-    return SOLVED.get(status) or status.replace("_", " ").lower()
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What the first screen and the terminal say of a pair whose cycles differ.
-# ----------------------------------------------------------------------------------------------------------------------
-
 DRAWN = "Drawn are cycles of the fitted pair, as they follow each other by chance."
 NOT_FOR = (
     "Use these numbers for this drive speed, stiffness and load only: whatever is computed from them for another is "
@@ -180,3 +162,34 @@ def distribution_lines(result: Result) -> Iterator[tuple[str, str, str]]:
 def _range(entry: DistributionResult, unit: str) -> str:
     low, high = (quantity(entry.quantiles[q].value, unit, 2) for q in ("5", "95"))
     return f"{low} to {high}"
+
+
+def accuracy_text(accuracy: AccuracyResult | None) -> str:
+    """What the accuracy of a fit cost, what the other levels would, and each effect's part of it; "" if unknown."""
+    if accuracy is None:
+        return ""
+    texts = {}
+    for level in accuracy.levels:
+        error = level.error_in_standard_errors
+        left = "an unknown error" if error is None else f"{error:.2g} standard errors"
+        about, unit = ("", " of processor time") if level.accuracy == accuracy.taken else ("about ", "")
+        texts[level.accuracy] = f"{about}{level.seconds:.2g} s{unit}, steps leave {left}"
+    taken = texts.pop(accuracy.taken)
+    others = "; ".join(f"{name}: {text}" for name, text in texts.items())
+    dearest = sorted(accuracy.effects_s.items(), key=lambda item: -item[1])
+    effects = ", ".join(f"{name} {seconds:.2g} s" for name, seconds in dearest)
+    equations = f". The equations of the model took {accuracy.equations_s:.2g} s of it: {effects}" if dearest else ""
+    return f"accuracy {accuracy.taken}: {taken}. Estimated, {others}{equations}"
+
+
+def tolerances_text(tolerances: Mapping[str, ToleranceResult]) -> str:
+    """What the two intervals mean: "" where there is one only."""
+    if not tolerances:
+        return ""
+    listed = [f"{TOLERANCE_WORDS.get(n, n).removeprefix('the ')} {100 * t.relative:g} %" for n, t in tolerances.items()]
+    usual = "" if all(t.source == "scene" for t in tolerances.values()) else "usual "
+    return (
+        "The 95 % interval is the one to publish: it holds errors of rig and sensors "
+        f"({usual}standard deviations: {', '.join(listed)}; [tolerances] in the scene changes them). "
+        "Rig exact: noise alone, to compare runs on this rig"
+    )

@@ -5,44 +5,24 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from identify.base import result as schema
 from identify.base.document import finite
 from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, NORMAL
-from identify.base.result import (
-    AccuracyLevel,
-    AccuracyResult,
-    BootstrapInterval,
-    BootstrapResult,
-    Correlation,
-    EffectsResult,
-    FitFigures,
-    GateResult,
-    Interval,
-    LastValue,
-    LevelCost,
-    NoiseResult,
-    OptimumResult,
-    ParameterResult,
-    ProfileCurve,
-    ProfileResult,
-    Result,
-    SearchTrial,
-    Shift,
-    ToleranceResult,
-    WorstCycle,
-)
+from identify.base.result import ParameterResult, Result, ToleranceResult
 from identify.diagnosis.effect_choice import Choice, as_listed, effects_result
 from identify.diagnosis.findings import Findings, held_results
 from identify.diagnosis.score_test import score_table
 from identify.diagnosis.specimens import columns_of, log_effects
+from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import Certainty
 from identify.estimation.covariance import (
     FARTHEST,
@@ -103,6 +83,7 @@ def result_of(
     shares = {name: each.relative for name, each in tolerances.items()}
     errors = _by_errors(found, shares) if shares and found.covariance is not None else {}
     outlooks = outlooks_of(prepared, found, errors.get(ALL, 0.0))
+    gate, figures = (None, None) if found.attempt is None else _gate_and_fit(found.attempt, found.sure)
     result = Result(
         status=found.status.value,
         message=_message(prepared, found),
@@ -110,8 +91,8 @@ def result_of(
         effects=_effects(prepared, found, choice),
         estimator=found.estimator,
         correlation=_correlation(found, errors.get(ALL, 0.0)) if converged else None,
-        gate=_gate(found),
-        fit=_fit(found),
+        gate=gate,
+        fit=figures,
         derived=creep_velocities(prepared, found) if converged else {},
         logs=tuple(
             log_result(i, log, found, answer, part)
@@ -119,7 +100,7 @@ def result_of(
         ),
         notes=tuple(_notes(scene, prepared, found)),
         search=tuple(
-            SearchTrial(t.strategy, t.logs, t.status, t.cost, round(t.seconds, 4)) for t in found.trace.trials
+            schema.SearchTrial(t.strategy, t.logs, t.status, t.cost, round(t.seconds, 4)) for t in found.trace.trials
         ),
         not_tried=tuple(found.trace.not_tried),
         more={} if estimated is None else estimated.more,
@@ -142,8 +123,8 @@ def result_of(
     if converged:
         return result
     ends = _profile_ends(found.sure, found.unknowns, base)  # of a parameter at its bound, one end is that bound
-    iterate = {e.name: LastValue(e.value, e.unit, ends.get(e.name)) for e in found.estimates}
-    nothing = {name: LastValue(None, entry.unit) for name, entry in result.parameters.items()}
+    iterate = {e.name: schema.LastValue(e.value, e.unit, ends.get(e.name)) for e in found.estimates}
+    nothing = {name: schema.LastValue(None, entry.unit) for name, entry in result.parameters.items()}
     return replace(result, last_iterate=iterate or nothing)
 
 
@@ -167,12 +148,11 @@ def _message(prepared: list[Prepared], found: Findings) -> str:
     return f"from {listed([*parts, *whole])}: {found.message}"
 
 
-def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -> EffectsResult:
+def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -> schema.EffectsResult:
     """Which effects and why; of those that are listed, what they amount to at the first log, if there is an answer."""
     if choice is not None:
         return effects_result(choice, auto=True)
-    log, model = prepared[0].data, found.unknowns.model
-    values: dict[str, float] | None = None
+    log, model, values = prepared[0].data, found.unknowns.model, None
     if found.status is Status.CONVERGED and found.attempt is not None:
         with np.errstate(all="ignore"):
             p = found.unknowns.values(found.attempt.solved.theta, log.base)
@@ -254,23 +234,22 @@ def _events(prepared: list[Prepared], found: Findings) -> Iterator[str]:
 
 def _parameters(found: Findings, converged: bool) -> dict[str, ParameterResult]:
     """Every parameter by name; of those that differ between groups the first group's stands under the bare name."""
-    names, per = found.unknowns.names, found.unknowns.per
+    names, per, sure = found.unknowns.names, found.unknowns.per, found.sure
     free = set(np.array(names)[found.unknowns.free])
     kept = [e for e in found.estimates if found.estimated is not None or e.name not in RIG_PARAMETERS or e.name in free]
     if not kept:
-        nothing = (None, None, None, None, "not identifiable", "nothing was fitted; see the message")
-        model = found.unknowns.model.parameters
+        why = "nothing was fitted; see the message"
         return {
-            q.name: _parameter(Estimate(q.name, q.unit, *nothing), False) for q in model if q.name not in RIG_PARAMETERS
+            q.name: ParameterResult(None, q.unit, None, (None, None), LEVEL, "not identifiable", why)
+            for q in found.unknowns.model.parameters
+            if q.name not in RIG_PARAMETERS
         }
     out = {e.name: _parameter(e, converged) for e in kept}
-    if found.sure is None or not found.sure.shares:
-        return out
-    for share in found.sure.shares:
+    for share in sure.shares if sure is not None else ():
         if share.place < 0:
             name = names[share.index]
             out[name] = replace(out[name], group=share.group, per=per[share.source] or "")
-    for share, estimate in found.sure.of_groups:
+    for share, estimate in sure.of_groups if sure is not None and sure.shares else ():
         own = _parameter(estimate, converged)
         out[estimate.name] = replace(own, group=share.group, per=per[share.source] or "", parameter=names[share.index])
     return out
@@ -289,7 +268,7 @@ def _parameter(estimate: Estimate, converged: bool) -> ParameterResult:
     )
 
 
-def _correlation(found: Findings, added: Array | float) -> Correlation | None:
+def _correlation(found: Findings, added: Array | float) -> schema.Correlation | None:
     """Correlation of all estimates and the standard errors [SI] that go with it, also of those that have none because
     the data do not determine them.
 
@@ -297,51 +276,39 @@ def _correlation(found: Findings, added: Array | float) -> Correlation | None:
         added: (f, f) to the covariance of the free theta by errors of rig and sensors.
     """
     if found.estimated is not None and len(found.estimated.names):
-        return _correlation_of(found.estimated.names, found.estimated.covariance)
-    if found.covariance is None:
+        names, covariance, size = list(found.estimated.names), found.estimated.covariance, np.ones(1)
+    elif found.covariance is None:
         return None
-    index = np.flatnonzero(found.unknowns.free).tolist()
-    by_name, covariance, free = {e.name: e for e in found.estimates}, found.covariance, len(index)
-    estimates = [by_name[found.unknowns.names[i]] for i in index]
-    if found.sure is not None and found.sure.of_groups:
-        beyond = [(share, e) for share, e in found.sure.of_groups if not share.tied]
-        order = [*range(free), *(free + share.place for share, _ in beyond)]
-        estimates, index = estimates + [e for _, e in beyond], index + [share.index for share, _ in beyond]
-        covariance = found.sure.joint[np.ix_(order, order)]
-    covariance = covariance.copy()
-    covariance[:free, :free] += added
-    size = np.where(found.unknowns.logarithmic[index], np.array([e.value for e in estimates], dtype=float), 1.0)
-    return _correlation_of([e.name for e in estimates], covariance, size)
-
-
-def _correlation_of(names: Sequence[str], covariance: Array, size: ArrayLike = 1.0) -> Correlation:
-    """Of estimates (f,) whose covariance (f, f) is in SI, or in parts of a size [SI]."""
+    else:
+        index = np.flatnonzero(found.unknowns.free).tolist()
+        by_name, covariance, free = {e.name: e for e in found.estimates}, found.covariance, len(index)
+        estimates = [by_name[found.unknowns.names[i]] for i in index]
+        if found.sure is not None and found.sure.of_groups:
+            beyond = [(share, e) for share, e in found.sure.of_groups if not share.tied]
+            order = [*range(free), *(free + share.place for share, _ in beyond)]
+            estimates, index = estimates + [e for _, e in beyond], index + [share.index for share, _ in beyond]
+            covariance = found.sure.joint[np.ix_(order, order)]
+        covariance = covariance.copy()
+        covariance[:free, :free] += added
+        names = [e.name for e in estimates]
+        size = np.where(found.unknowns.logarithmic[index], np.array([e.value for e in estimates], dtype=float), 1.0)
     sd = np.sqrt(np.diag(covariance))
-    matrix = (covariance / np.outer(sd, sd)).tolist()
-    return Correlation(tuple(names), tuple(map(tuple, matrix)), tuple(map(finite, (np.asarray(size) * sd).tolist())))
+    matrix = tuple(map(tuple, (covariance / np.outer(sd, sd)).tolist()))
+    return schema.Correlation(tuple(names), matrix, tuple(map(finite, (size * sd).tolist())))
 
 
-def _gate(found: Findings) -> GateResult | None:
-    if found.attempt is None:
-        return None
-    gate, worst = found.attempt.gate, None
+def _gate_and_fit(attempt: Attempt, sure: Certainty | None) -> tuple[schema.GateResult, schema.FitFigures]:
+    """How well an attempt follows the logs, and how large it is."""
+    gate, solved, worst = attempt.gate, attempt.solved, None
     if (at := gate.worst) >= 0:
-        log = found.attempt.log_numbers[int(gate.log[at]) - 1] + 1
-        worst = WorstCycle(log, int(gate.cycle[at]), finite(float(gate.z[at])))
-    shift, scatter = finite(float(gate.event_shift)), stick_scatter(found.attempt.solved)
-    return GateResult(finite(float(gate.chi2_per_sample)), worst, gate.solver, shift, scatter)
-
-
-def _fit(found: Findings) -> FitFigures | None:
-    if found.attempt is None:
-        return None
-    solved = found.attempt.solved
+        log = attempt.log_numbers[int(gate.log[at]) - 1] + 1
+        worst = schema.WorstCycle(log, int(gate.cycle[at]), finite(float(gate.z[at])))
+    shift, scatter = finite(float(gate.event_shift)), stick_scatter(solved)
     # One weight holds for all samples of a log that count, so the compressed squares give the residual in newtons.
-    variance = np.array([1.0 / np.max(log.data.weight) for log in found.attempt.fitted_logs])
-    costs = solved.problem.block_costs(solved.solution.z)
-    families = zip(solved.problem.layout.families, costs, strict=True)
+    variance = np.array([1.0 / np.max(log.data.weight) for log in attempt.fitted_logs])
+    families = zip(solved.problem.layout.families, solved.problem.block_costs(solved.solution.z), strict=True)
     squares = sum(float(variance[family.log] @ cost) for family, cost in families)
-    return FitFigures(
+    figures = schema.FitFigures(
         samples=solved.problem.samples,
         cycles=int(sum(trajectory.arrests for trajectory in solved.trajectories)),
         iterations=solved.iterations,
@@ -349,8 +316,9 @@ def _fit(found: Findings) -> FitFigures | None:
         unknowns=solved.problem.layout.size,
         rms_N=math.sqrt(squares / max(solved.problem.samples, 1)),
         steps=solved.grid.steps,
-        discretisation={} if found.sure is None else dict(found.sure.discretisation),
+        discretisation={} if sure is None else dict(sure.discretisation),
     )
+    return schema.GateResult(finite(float(gate.chi2_per_sample)), worst, gate.solver, shift, scatter), figures
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -358,11 +326,11 @@ def _fit(found: Findings) -> FitFigures | None:
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, dict[str, Shift]]:
+def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, dict[str, schema.Shift]]:
     """What an error of 1 % in a rig quantity taken as exact would do to every parameter."""
     assert found.information is not None and found.attempt is not None and found.covariance is not None
     unknowns, estimates = found.unknowns, {e.name: e for e in found.estimates}
-    out: dict[str, dict[str, Shift]] = {}
+    out: dict[str, dict[str, schema.Shift]] = {}
     for quantity in RIG:
         if quantity in scene.parameters or quantity in scene.rig.tolerances:
             continue
@@ -377,7 +345,7 @@ def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, dict[str, Shift
         for index, by in zip(np.flatnonzero(unknowns.free).tolist(), (RIG_ERROR * move).tolist(), strict=True):
             e = estimates[unknowns.names[index]]
             shift = by * (e.value if unknowns.logarithmic[index] and e.value is not None else 1.0)
-            out[quantity][e.name] = Shift(shift, e.unit, shift / e.standard_error if e.standard_error else None)
+            out[quantity][e.name] = schema.Shift(shift, e.unit, shift / e.standard_error if e.standard_error else None)
     return out
 
 
@@ -404,32 +372,25 @@ def each_speed_alone(found: Findings) -> bool:
 
 
 def _by_errors(found: Findings, tolerances: Mapping[str, float]) -> dict[str, Array]:
-    """Covariances (f, f) of the free theta that each error of rig and sensors and the scatter of specimens add by
-    themselves, by what is in error, and under `ALL` together."""
+    """Covariances (f, f) of the free theta that each error of rig and sensors and the scatter of specimens (of all
+    friction of a log, and of its static part by itself) add by themselves, and under `ALL` together."""
     assert found.information is not None and found.attempt is not None
-    information = found.information
-    values = found.unknowns.values(found.attempt.solved.theta, found.attempt.fitted_logs[0].data.base)
+    information, unknowns, solved = found.information, found.unknowns, found.attempt.solved
+    values = unknowns.values(solved.theta, found.attempt.fitted_logs[0].data.base)
     inflation = largest_inflation(found.attempt, found.sure.allowed.noise) if found.sure is not None else 1.0
     of_rig = {name: share for name, share in tolerances.items() if name != "specimen"}
     out = {name: added_by_tolerances(information, values, {name: of_rig[name]}, inflation) for name in of_rig}
     out[ALL] = added_by_tolerances(information, values, of_rig, inflation)
     if scatter := tolerances.get("specimen", 0.0):
-        out["specimen"] = _by_specimens(found, scatter, inflation)
+        free, mu_s = int(np.count_nonzero(unknowns.free)), abs(float(solved.theta[unknowns.names.index("mu_s")]))
+        try:
+            table = score_table(solved, columns_of(unknowns, mu_s), inflation)
+            effects = log_effects(table, np.zeros(len(table.scores)), scatter, inflation, estimated=False)
+            out["specimen"] = effects.added[:free, :free]
+        except np.linalg.LinAlgError:  # directions that no log determines: their verdicts say so
+            out["specimen"] = np.zeros((free, free))
         out[ALL] = out[ALL] + out["specimen"]
     return out
-
-
-def _by_specimens(found: Findings, scatter: float, inflation: float) -> Array:
-    """Covariance (f, f) of the free theta that a relative scatter from log to log of all friction, and of its static
-    part by itself, adds."""
-    assert found.attempt is not None
-    unknowns, solved = found.unknowns, found.attempt.solved
-    free, mu_s = int(np.count_nonzero(unknowns.free)), abs(float(solved.theta[unknowns.names.index("mu_s")]))
-    try:
-        table = score_table(solved, columns_of(unknowns, mu_s), inflation)
-        return log_effects(table, np.zeros(len(table.scores)), scatter, inflation, estimated=False).added[:free, :free]
-    except np.linalg.LinAlgError:  # directions that no log determines: their verdicts say so
-        return np.zeros((free, free))
 
 
 def _published(
@@ -491,118 +452,92 @@ def _farther(value: float, end: float | None, by: float, logarithmic: bool) -> f
 
 
 def _with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array) -> Result:
-    """The result with noise, and with profile, bootstrap and table of accuracies where they were run.
+    """The result with noise, optima, and with profile, bootstrap and table of accuracies where they were run.
 
     Args:
         base: (n_p,) of the rig the values are given for.
     """
-    names = _names(unknowns)
+    free = np.flatnonzero(unknowns.free).tolist()
+    names = [unknowns.names[i] for i in free]
+    errors = np.sqrt(sure.allowed.inflation * np.diag(sure.allowed.white))  # (f,) of theta
 
     def by_name(values: Array | None) -> dict[str, float | None] | None:
-        return None if values is None else dict(zip(names.values(), map(finite, values.tolist()), strict=True))
+        return None if values is None else dict(zip(names, map(finite, values.tolist()), strict=True))
 
     optima = []
     for optimum in sure.optima or ():
-        values = unknowns.values(optimum.attempt.solved.theta, base).tolist()
-        at = {name: values[i] for i, name in names.items()}
-        optima.append(OptimumResult(2.0 * optimum.cost, optimum.starts, at))
-    inflation = tuple(finite(float(c.inflation)) for c in sure.allowed.noise)
-    return replace(
-        result,
-        noise=NoiseResult(inflation, by_name(np.sqrt(sure.allowed.inflation)) or {}),
-        profile=_profile(sure, unknowns, base),
-        optima=tuple(optima) or None,
-        bootstrap=_bootstrap(sure, unknowns, base),
-        accuracy_table=None
-        if sure.accuracy_table is None
-        else tuple(
-            AccuracyLevel(row.level.name, row.seconds, row.iterations, row.steps, by_name(row.shift), by_name(row.left))
-            for row in sure.accuracy_table
-        ),
-    )
-
-
-def _names(unknowns: Unknowns) -> dict[int, str]:
-    """The free parameters: their names by index."""
-    return {i: unknowns.names[i] for i in np.flatnonzero(unknowns.free).tolist()}
-
-
-def _profile_ends(sure: Certainty | None, unknowns: Unknowns, base: Array) -> dict[str, Interval]:
-    """The ends of every profile by name, SI: of a parameter at its bound, one is that bound. Empty without profiles."""
-    out = {}
-    for i, name in _names(unknowns).items() if sure is not None and sure.profiles is not None else ():
-        if (sides := sure.profiles.ends.get(name)) is not None:  # type: ignore[union-attr]
-            low, high = (None if s.end is None else parameter_value(unknowns, i, s.end, base[i]) for s in sides)
-            out[name] = low, high
-    return out
-
-
-def _profile(sure: Certainty, unknowns: Unknowns, base: Array) -> ProfileResult | None:
-    if sure.profiles is None:
-        return None
-    ends, out = _profile_ends(sure, unknowns, base), {}
-    for k, (i, name) in enumerate(_names(unknowns).items()):
-        curve = sure.profiles.curves.get(name)
-        if curve is not None and name in ends:
-            sides = sure.profiles.ends[name]
-            out[name] = ProfileCurve(
+        values = unknowns.values(optimum.attempt.solved.theta, base)[free].tolist()
+        at = dict(zip(names, values, strict=True))
+        optima.append(schema.OptimumResult(2.0 * optimum.cost, optimum.starts, at))
+    curves, resampled = {}, {}
+    ends = _profile_ends(sure, unknowns, base)
+    for k, (i, name) in enumerate(zip(free, names, strict=True)):
+        if sure.profiles is not None and name in ends and (curve := sure.profiles.curves.get(name)) is not None:
+            curves[name] = schema.ProfileCurve(
                 values=tuple(parameter_value(unknowns, i, float(t), base[i]) for t in curve.theta),
                 loss=tuple(curve.loss.tolist()),
                 interval=ends[name],
-                failed=tuple(side.failed for side in sides),
-                at_bound=tuple(side.walled for side in sides),
-                standard_error=math.sqrt(float(sure.allowed.inflation[k] * sure.allowed.white[k, k])),
+                failed=tuple(side.failed for side in sure.profiles.ends[name]),
+                at_bound=tuple(side.walled for side in sure.profiles.ends[name]),
+                standard_error=float(errors[k]),
                 logarithmic=bool(unknowns.logarithmic[i]),
             )
-    return ProfileResult(LEVEL, CRITICAL, out)
-
-
-def _bootstrap(sure: Certainty, unknowns: Unknowns, base: Array) -> BootstrapResult | None:
-    if (made := sure.bootstrap) is None:
-        return None
-    out = {}
-    for k, (i, name) in enumerate(_names(unknowns).items()):
-        low, high = (
-            parameter_value(unknowns, i, float(end), base[i]) if math.isfinite(end) else None
-            for end in made.interval[k]
+        if (drawn := sure.bootstrap) is not None:
+            interval = drawn.interval[k].tolist()
+            low, high = (parameter_value(unknowns, i, t, base[i]) if math.isfinite(t) else None for t in interval)
+            spread = float(np.std(drawn.replicates[:, k])) if drawn.replicates.shape[0] > 1 else math.nan
+            resampled[name] = schema.BootstrapInterval((low, high), finite(spread / float(errors[k])))
+    levels = [
+        schema.AccuracyLevel(
+            row.level.name, row.seconds, row.iterations, row.steps, by_name(row.shift), by_name(row.left)
         )
-        spread = float(np.std(made.replicates[:, k])) if made.replicates.shape[0] > 1 else math.nan
-        size = math.sqrt(float(sure.allowed.inflation[k] * sure.allowed.white[k, k]))
-        out[name] = BootstrapInterval((low, high), finite(spread / size))
-    return BootstrapResult(LEVEL, int(made.settled.size), int(np.count_nonzero(~made.settled)), out)
+        for row in sure.accuracy_table or ()
+    ]
+    inflation = tuple(finite(float(c.inflation)) for c in sure.allowed.noise)
+    if (drawn := sure.bootstrap) is not None:
+        unsettled = int(np.count_nonzero(~drawn.settled))
+        result = replace(result, bootstrap=schema.BootstrapResult(LEVEL, drawn.settled.size, unsettled, resampled))
+    return replace(
+        result,
+        noise=schema.NoiseResult(inflation, by_name(np.sqrt(sure.allowed.inflation)) or {}),
+        profile=None if sure.profiles is None else schema.ProfileResult(LEVEL, CRITICAL, curves),
+        optima=tuple(optima) or None,
+        accuracy_table=None if sure.accuracy_table is None else tuple(levels),
+    )
 
 
-@dataclass(frozen=True)
-class FitSeconds:
-    """processor: seconds of it that a fit took; equations: share of them in functions of the model; solve: processor
-    seconds of one of its solves."""
+def _profile_ends(sure: Certainty | None, unknowns: Unknowns, base: Array) -> dict[str, schema.Interval]:
+    """The ends of every profile by name, SI: of a parameter at its bound, one is that bound. Empty without profiles."""
+    out = {}
+    profiles = None if sure is None else sure.profiles
+    for i in np.flatnonzero(unknowns.free).tolist() if profiles is not None else ():
+        if (sides := profiles.ends.get(unknowns.names[i])) is not None:  # type: ignore[union-attr]
+            low, high = (None if s.end is None else parameter_value(unknowns, i, s.end, base[i]) for s in sides)
+            out[unknowns.names[i]] = low, high
+    return out
 
-    processor: float
-    equations: float
-    solve: float
 
-
-def accuracy_result(found: Findings, taken: Accuracy, seconds: FitSeconds) -> AccuracyResult | None:
+def accuracy_result(found: Findings, taken: Accuracy, processor: float, share: float) -> schema.AccuracyResult | None:
     """What the accuracy of a fit cost and gives, what the other levels would, and what each effect took of the seconds
     (processor time, which no other program lengthens); None without an answer.
 
     Args:
-        taken: the level of the fit; seconds: that it took.
+        taken: the level of the fit; processor: seconds that it took; share: of them in functions of the model.
     """
     if found.attempt is None or found.sure is None or not np.any(found.unknowns.free):
         return None
     size, tabled = np.sqrt(np.diag(found.sure.covariance)), found.sure.accuracy_table
-    own = seconds.processor - max((row.seconds for row in tabled or ()), default=0.0)  # of the fit alone
+    own = processor - max((row.seconds for row in tabled or ()), default=0.0)  # of the fit alone
     halvings = sum(trial.strategy == FINER_STEPS for trial in found.trace.trials)
     steps = found.attempt.solved.grid.steps
     first = FEWEST_STEPS if steps < FEWEST_STEPS else max(steps // 2**halvings, FEWEST_STEPS)
-    equations = seconds.equations * own
-    return AccuracyResult(
+    equations = share * own
+    return schema.AccuracyResult(
         taken.name,
         equations,
         {name: share * equations for name, share in effect_shares(found.unknowns.model).items()},
         tuple(
-            LevelCost(c.level, c.steps, max(own + c.seconds, 0.0), finite(c.error), c.level != taken.name)
+            schema.LevelCost(c.level, c.steps, max(own + c.seconds, 0.0), finite(c.error), c.level != taken.name)
             for c in accuracy_costs(found.attempt.solved, size, taken, first)
         ),
     )

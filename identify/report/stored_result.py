@@ -1,4 +1,4 @@
-"""result.json written as strict JSON, and that of an earlier fit read again with the scene it was fitted with."""
+"""The folder of a fit written and read again: result.json as strict JSON, result.h5 with the curves, page, figures."""
 
 from __future__ import annotations
 
@@ -7,14 +7,23 @@ import math
 from collections.abc import Mapping, Sequence
 from enum import Enum
 from pathlib import Path, PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from data_io.atomic import atomic_hdf5, atomic_write
 from identify.base.document import Json
 from identify.base.errors import DocumentError, FitError, SceneError
+from identify.base.outcome import LogCurves, SlipDetail
 from identify.base.result import Result
 from identify.scene import Scene
+
+if TYPE_CHECKING:
+    import h5py
+
+    from identify.report.finished import Fit
+    from identify.report.style import Columns
 
 # ----------------------------------------------------------------------------------------------------------------------
 # result.json: the document of a fit as strict JSON.
@@ -27,21 +36,18 @@ def plain(value: object) -> Any:
     NaN and infinities become None (the interface: infinite or missing is null); numpy scalars and
     arrays become numbers and lists; paths and enumerations their text. TypeError for anything else.
     """
-    if value is None or (isinstance(value, bool | str | int) and not isinstance(value, Enum)):
+    if isinstance(value, Enum):
+        return plain(value.value)
+    if value is None or isinstance(value, bool | str | int):
         return value
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.ndarray) and value.dtype.kind == "f":
-        finite = np.isfinite(value)
-        return (value if finite.all() else np.where(finite, value.astype(object), np.array(None))).tolist()
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
-    if isinstance(value, Enum):
-        return plain(value.value)
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
     if isinstance(value, PurePath):
         return str(value)
     raise TypeError(f"a result holds {type(value).__name__}, which JSON does not know; make it numbers or text")
@@ -75,6 +81,25 @@ def read_document(path: Path) -> dict[str, Json]:
     return dict(document)
 
 
+def _is_result(document: object) -> bool:
+    """Whether the parts that commands read are there and of the right kind."""
+    if not isinstance(document, Mapping) or not {"status", "parameters", "logs", "provenance"} <= set(document):
+        return False
+    try:
+        result = Result.from_dict(document)
+    except DocumentError:
+        return False
+    logs, estimated = result.scene.get("logs", ()), () if result.correlation is None else result.correlation.names
+    return (
+        isinstance(result.provenance.get("scene"), Mapping)
+        and isinstance(logs, Sequence)
+        and set(result.numbers) == set(range(len(logs)))
+        and all(log.sha256 is not None for log in result.logs)
+        and all(entry.verdict for entry in result.parameters.values())
+        and set(estimated) <= set(result.parameters)
+    )
+
+
 def read_result(path: Path) -> Result:
     """A stored result; errors as `read_document`."""
     return Result.from_dict(read_document(path))
@@ -92,18 +117,155 @@ def scene_of(result: Result, path: Path | str) -> Scene:
         raise FitError(f"{path}: the scene recorded there: {error}") from None
 
 
-def _is_result(document: object) -> bool:
-    """Whether the parts that commands read are there and of the right kind."""
-    if not isinstance(document, Mapping) or not {"status", "parameters", "logs", "provenance"} <= set(document):
-        return False
+# ----------------------------------------------------------------------------------------------------------------------
+# The folder: everything is rendered first, then written file by file, each whole or not at all.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def write_report(fit: Fit, folder: Path) -> list[Path]:
+    """Write result.json, report.html, result.h5, classical.csv, parameters.tex and figures/ of a fit into `folder`.
+
+    The folder is made where it is missing; files of an earlier report in it are replaced and figures
+    that this fit does not have are removed. Returns the written paths, result.json and report.html
+    last. Until everything is rendered nothing is touched; an interruption leaves no half file.
+    OSError where the folder cannot be written.
+    """
+    import pandas as pd  # these are slow to import
+
+    from identify.report.figures import measured_cycles, pictures
+    from identify.report.report_page import render_page
+    from identify.report.report_tables import classical_table, parameter_table
+
+    drawn = list(pictures(fit))
+    tables: dict[str, Columns] = {"measured_cycles": measured_cycles(fit.logs)}
+    for drawing in drawn:
+        tables |= drawing.tables
+    figures = {f"{name}.csv": pd.DataFrame(t).to_csv(index=False, lineterminator="\n") for name, t in tables.items()}
+    figures |= {f"{drawing.name}.svg": drawing.svg for drawing in drawn}
+    contents = {
+        **{f"figures/{name}": text for name, text in figures.items()},
+        "classical.csv": classical_table(fit.typed.logs).to_csv(),
+        "parameters.tex": parameter_table(fit.typed.parameters).to_latex(),
+        "result.json": as_json(fit.result),
+        "report.html": render_page(fit, drawn),
+    }
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    for pattern in ("log_*_*", "correlation.*", "profile.*", "profile_*", "measured*"):  # of an earlier report
+        for path in (folder / "figures").glob(pattern):
+            if path.suffix in (".png", ".svg", ".csv") and path.name not in figures:
+                path.unlink()
+    write_result_h5(fit, folder / "result.h5")
+    for name, text in contents.items():
+        with atomic_write(folder / name, "wb") as handle:
+            handle.write(text.encode("utf-8"))
+    return [folder / name for name in ("result.h5", *contents)]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# result.h5: the document of result.json, and the measured and fitted curves of every log.
+# ----------------------------------------------------------------------------------------------------------------------
+
+FORMAT_VERSION = 1
+CURVE_UNITS = {"time": "s", "normal_force": "N", "friction_force": "N", "fitted_force": "N", "used": "1"}
+CYCLE_UNITS = {"onset": "s", "arrest": "s", "onset_force": "N", "arrest_force": "N", "misfit_z": "1"}
+SLIP_UNITS = {"time": "s", "force": "N", "elongation": "m", "sliding_speed": "m/s", "gamma": "1", "coefficient": "1"}
+
+
+def write_result_h5(fit: Fit, path: Path) -> None:
+    """Write the fit to an HDF5 file (an existing one is replaced), whole or not at all.
+
+    `/document`: the text of result.json; `/result`: the same as groups and datasets (null is an empty
+    dataset); `/curves/log_<n>`: time, forces and mask at every sample, `cycles/`, `slip/`, each with `units`.
+    """
+    import h5py
+
+    with atomic_hdf5(path) as file:
+        file.attrs["format"] = "stickslip-result"
+        file.attrs["format_version"] = FORMAT_VERSION
+        file.create_dataset("document", data=as_json(fit.result), dtype=h5py.string_dtype())
+        _put(file, "result", plain(fit.result))
+        for position, curves in enumerate(fit.logs, start=1):
+            group = file.create_group(f"curves/log_{position}")
+            group.attrs["name"] = storable(curves.name)
+            group.attrs["noise_N"] = curves.noise
+            group.attrs["drive_speed_m_per_s"] = curves.drive_speed
+            arrays = {name: (getattr(curves, name), unit) for name, unit in CURVE_UNITS.items()}
+            if curves.raw_force is not None:
+                arrays["raw_friction_force"] = curves.raw_force, "N"
+            for folder, table in (("cycles", curves.cycles), ("measured_cycles", curves.measured)):
+                columns = zip(CYCLE_UNITS.items(), table.T, strict=False)
+                arrays |= {f"{folder}/{name}": (column, unit) for (name, unit), column in columns}
+            if (slip := curves.slip) is not None:
+                arrays |= {f"slip/{name}": (getattr(slip, name), unit) for name, unit in SLIP_UNITS.items()}
+                arrays["slip/samples"] = slip.samples, "1"
+            for name, (values, unit) in arrays.items():
+                # Small arrays stay unpacked: chunking would cost more than it saves.
+                packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(values) > 4096 else {}
+                group.create_dataset(name, data=values, **packing).attrs["units"] = unit
+            if slip is not None:
+                group["slip"].attrs["cycle"] = slip.cycle
+
+
+def read_curves(path: Path) -> tuple[LogCurves, ...]:
+    """The curves of a result.h5, one per log; none where the file holds none.
+
+    Raises:
+        FitError: the file is no result.h5, or damaged.
+    """
+    import h5py
+
     try:
-        result = Result.from_dict(document)
-    except DocumentError:
-        return False
-    logs, estimated = result.scene.get("logs", ()), () if result.correlation is None else result.correlation.names
-    if not isinstance(result.provenance.get("scene"), Mapping) or not isinstance(logs, Sequence):
-        return False
-    if set(result.numbers) != set(range(len(logs))):
-        return False
-    told = all(log.sha256 is not None for log in result.logs)
-    return told and all(e.verdict for e in result.parameters.values()) and set(estimated) <= set(result.parameters)
+        with h5py.File(path) as file:
+            groups = file.get("curves", {})
+            return tuple(_curves(groups[f"log_{i}"]) for i in range(1, len(groups) + 1))
+    except (OSError, KeyError, ValueError) as error:
+        raise FitError(f"{path} holds no curves of a fit ({error}); fit again, or delete it to do without") from None
+
+
+def _curves(group: h5py.Group) -> LogCurves:
+    inner, names = group.get("slip"), list(CYCLE_UNITS)
+    slip = inner and {name: inner[name][()] for name in (*SLIP_UNITS, "samples")}
+    return LogCurves(
+        name=str(group.attrs["name"]),
+        noise=float(group.attrs["noise_N"]),
+        drive_speed=float(group.attrs["drive_speed_m_per_s"]),
+        cycles=np.stack([group[f"cycles/{name}"][()] for name in names], axis=1),
+        measured=np.stack([group[f"measured_cycles/{name}"][()] for name in names[:4]], axis=1),
+        slip=None if slip is None else SlipDetail(cycle=int(inner.attrs["cycle"]), **slip),
+        raw_force=group["raw_friction_force"][()] if "raw_friction_force" in group else None,
+        **{name: group[name][()] for name in CURVE_UNITS},
+    )
+
+
+def _put(parent: h5py.Group, name: str, value: Json) -> None:
+    """One item of the document below `parent`; a list that is no plain array becomes a group of 1, 2, ..."""
+    key = storable(name).replace("/", "|") or "-"
+    array = _as_array(value) if isinstance(value, list) else None
+    if array is not None:
+        parent.create_dataset(key, data=array)
+    elif isinstance(value, Mapping | list):
+        group = parent.create_group(key, track_order=True)
+        for inner, item in value.items() if isinstance(value, Mapping) else enumerate(value, start=1):
+            _put(group, str(inner), item)
+    elif value is None:
+        import h5py
+
+        parent.create_dataset(key, data=h5py.Empty("f8"))
+    else:
+        parent.create_dataset(key, data=storable(value) if isinstance(value, str) else value)
+
+
+def storable(text: str) -> str:
+    """HDF5 ends a text at the first zero character and knows no half characters."""
+    return text.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode("utf-8")
+
+
+def _as_array(value: list[Json]) -> NDArray[np.float64] | None:
+    """Numbers (null as NaN) or rows of them of equal length as an array, else None."""
+    rows = value if value and all(isinstance(row, list) for row in value) else [value]
+    flat = [item for row in rows for item in row]  # type: ignore[union-attr]
+    numeric = all(item is None or (isinstance(item, int | float) and not isinstance(item, bool)) for item in flat)
+    if not flat or not numeric or len({len(row) for row in rows}) != 1:  # type: ignore[arg-type]
+        return None
+    array = np.array(rows, dtype=np.float64)
+    return array if rows is value else array[0]

@@ -7,14 +7,14 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
-import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, NDArray[np.generic]]  # columns of equal length by name
@@ -24,9 +24,10 @@ MEASURED, BEHIND, FITTED, RESIDUAL = "#3f4750", "#a3aeb8", "#D55E00", "#56B4E9"
 ONSET, ARREST, SLIDING = "#009E73", "#CC79A7", "#0072B2"
 SHADE, QUIET = "#e9edf1", "#7a858f"
 WIDE, HALF = 10.2, 5.05  # figure widths [inch]: the whole page and half of it
+COLUMN = (3.5, 2.6)  # [inch]: one column of a journal
 LONGEST = 60  # characters of a name of a log in a picture
 TEXT, EDGE, TICK = "#2b333b", "#a9b3bc", "#56616b"
-STYLE: Any = {  # matplotlib's types spell out every key there is
+STYLE: dict[str, object] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 8.5,
@@ -53,10 +54,10 @@ class Drawing:
     """
 
     name: str
-    figure: Figure
+    figure: Figure | None
     alt: str
     caption: str
-    wide: bool
+    wide: bool = True
     tables: Mapping[str, Columns] = field(default_factory=dict)
     log: int | None = None
     svg: str = ""
@@ -66,8 +67,19 @@ class Drawing:
 @contextmanager
 def drawing_style() -> Iterator[None]:
     """Draw and render inside this: matplotlib's own settings are put back afterwards."""
-    with matplotlib.rc_context(STYLE):
+    import matplotlib as mpl  # half a second that `import identify` can spare
+
+    with mpl.rc_context(STYLE):  # type: ignore[arg-type]
         yield
+
+
+@contextmanager
+def axes_of(axes: Axes | None) -> Iterator[Axes]:
+    """The axes that are given, or new ones of one column in the one style."""
+    from matplotlib.figure import Figure
+
+    with drawing_style():
+        yield axes if axes is not None else Figure(figsize=COLUMN, layout="constrained").add_subplot()
 
 
 def extremes(values: Array, stretches: int) -> NDArray[np.intp]:
@@ -79,10 +91,9 @@ def extremes(values: Array, stretches: int) -> NDArray[np.intp]:
     if len(finite) <= 2 * stretches:
         return finite
     size = -(-len(finite) // stretches)
-    padded = np.concatenate([finite, np.full(-len(finite) % size, finite[-1])]).reshape(-1, size)
-    rows = np.arange(len(padded))
-    lowest, highest = np.argmin(values[padded], axis=1), np.argmax(values[padded], axis=1)
-    return np.unique(np.concatenate([padded[rows, lowest], padded[rows, highest]]))
+    rows = np.pad(finite, (0, -len(finite) % size), "edge").reshape(-1, size)
+    at = np.arange(len(rows))
+    return np.unique([rows[at, np.argmin(values[rows], axis=1)], rows[at, np.argmax(values[rows], axis=1)]])
 
 
 def frame(axes: Axes, x: str, y: str, title: str = "", gap: float = 0.46) -> None:
@@ -90,8 +101,9 @@ def frame(axes: Axes, x: str, y: str, title: str = "", gap: float = 0.46) -> Non
 
     An empty x hides the tick labels of a shared time axis; gap [inch] lies between the panel and its y label.
     """
-    box, (width, height) = axes.get_position(), axes.get_figure(root=True).get_size_inches()  # type: ignore[union-attr]
-    inches = axes.get_figure(root=True).dpi_scale_trans  # type: ignore[union-attr]
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    box, (width, height), inches = axes.get_position(), figure.get_size_inches(), figure.dpi_scale_trans
     axes.set_ylabel(y, linespacing=1.05)
     axes.yaxis.set_label_coords(box.x0 * width - gap, (box.y0 + box.y1) / 2 * height, transform=inches)
     axes.set_xlabel(x)
@@ -99,14 +111,6 @@ def frame(axes: Axes, x: str, y: str, title: str = "", gap: float = 0.46) -> Non
     axes.tick_params(labelbottom=bool(x))
     if title:
         axes.set_title(title, y=1.0, pad=5)
-
-
-def logarithmic(axes: Axes) -> None:
-    """A logarithmic x axis with plain numbers: the style of the report takes no formulas."""
-    axes.set_xscale("log")
-    axes.xaxis.set_major_locator(LogLocator(numticks=5))
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def padded(axes: Axes, values: Array, share: float = 0.08, above: float = 0.0) -> None:

@@ -1,4 +1,4 @@
-"""The folder of a batch: groups appear in it whole, by one rename, and only the holder of the lock puts them there.
+"""The folder of a batch and its jobs: groups appear in it whole, by one rename, put there by the holder of the lock.
 
 What is being written stands under a hidden name, and counts for nothing until it is put.
 """
@@ -7,28 +7,164 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import importlib.metadata
 import json
 import os
 import platform
+import re
 import secrets
 import shutil
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from data_io.atomic import atomic_write
-from identify.studies.job import TRY_AGAIN, BatchError, End, Job
+from identify.base.errors import IdentifyError
+
+Document = dict[str, Any]
+
+
+CONVERGED = "converged"
+FAILED, TIMED_OUT, CRASHED, DEFECT = "failed", "timed_out", "crashed", "defect"
+OUTDATED = "outdated"  # a log or the program changed while the batch ran
+UNWRITTEN = "unwritten"  # the disk is full or may not be written to: no end of a fit, but of the batch
+WAITING = "waiting"
+TRY_AGAIN = (TIMED_OUT, CRASHED, DEFECT, OUTDATED)  # ends that the content does not decide: a resumed batch tries again
+PACKAGES = ("casadi", "numpy", "scipy", "pandas", "h5py")  # whose numbers a fit uses
+OUTSIDE = ("app", "cli", "examples", "report", "studies")  # rooms that make no number of a fit
+LONGEST = 80  # characters of a folder name
+# What a batch itself writes, and what Windows keeps for itself: no folder may be called so.
+_PORTS = [f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10)]
+RESERVED = frozenset(["batch.json", "index.csv", "report.html", "con", "prn", "aux", "nul", *_PORTS])
+
+
+class BatchError(IdentifyError):
+    """A batch cannot begin. `complaints` holds one sentence per thing to mend; the text counts them."""
+
+    def __init__(self, *complaints: str) -> None:
+        self.complaints = complaints
+        first, number = complaints[0], len(complaints)
+        super().__init__(first if number == 1 else f"{number} things to mend, first {first}")
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """One log of a job: absolute path, SHA-256 of the file, labels."""
+
+    path: str
+    sha256: str
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One group: its name and folder, the document of its scene (SI, absolute paths), its logs in the scene's order.
+
+    key: of the content, see `content_key`; numerics: version it was planned with; labels: of the group;
+    size: bytes of all its logs.
+    """
+
+    group: str
+    folder: str
+    key: str
+    numerics: str
+    scene: Document
+    logs: tuple[LogFile, ...]
+    labels: Mapping[str, str]
+    size: int
+
+    def as_document(self) -> Document:
+        """As JSON knows it; `from_document` takes it back."""
+        return asdict(self)
+
+    @staticmethod
+    def from_document(document: Document) -> Job:
+        """The job again."""
+        return Job(**{**document, "logs": tuple(LogFile(**log) for log in document["logs"])})
+
+
+@dataclass(frozen=True)
+class End:
+    """How a job ended: a status of the room's docstring, one sentence, traceback or None, seconds by stage."""
+
+    status: str
+    message: str
+    detail: str | None = None
+    timing_s: Mapping[str, float] = field(default_factory=dict)
+
+    @staticmethod
+    def of(document: Document) -> End:
+        """The end that a job.json tells of."""
+        return End(document["status"], document["message"], document.get("detail"), document.get("timing_s") or {})
+
+    @property
+    def has_result(self) -> bool:
+        """Whether a result.json was written."""
+        return self.status not in (FAILED, *TRY_AGAIN)
+
+
+def folder_names(groups: Sequence[str]) -> dict[str, str]:
+    """A folder name for each group: its own where that is harmless and unlike all others, else with a hash behind.
+
+    Harmless are word characters and a few signs, without a leading or trailing dot, not reserved, not too long.
+    """
+    plain = {}
+    for group in groups:
+        name = re.sub(r"[^\w.+=@()\[\] -]+", "_", group).strip("._- ")
+        name = name.encode()[:LONGEST].decode("utf-8", "ignore").rstrip("._- ")
+        taken = not name or {name.split(".")[0].casefold(), name.casefold()} & RESERVED
+        plain[group] = f"group_{name}".rstrip("_") if taken else name
+    times = Counter(name.casefold() for name in plain.values())
+    for group, name in plain.items():
+        if name != group or times[name.casefold()] > 1:
+            plain[group] = f"{name}-{hashlib.sha256(group.encode('utf-8', 'surrogatepass')).hexdigest()[:8]}"
+    return plain
+
+
+@lru_cache(maxsize=1)
+def numerics() -> str:
+    """The version of the numerics: this package's version, a hash of the source that makes the numbers, libraries."""
+    import data_io
+    import identify
+
+    digest = hashlib.sha256()
+    for package in (data_io, identify):
+        folder = Path(str(package.__file__)).parent
+        for path in sorted(folder.rglob("*.py")):
+            inside = path.relative_to(folder)
+            if inside.parts[0] not in OUTSIDE:
+                digest.update(f"{folder.name}/{inside.as_posix()}\n".encode())
+                digest.update(path.read_bytes())
+    versions = " ".join(f"{name} {importlib.metadata.version(name)}" for name in PACKAGES)
+    return f"{importlib.metadata.version('stick-slip-workbench')}+{digest.hexdigest()[:12]} {versions}"
+
+
+def content_key(scene: Document, sha256: Sequence[str], version: str) -> str:
+    """SHA-256 over the scene, the contents of its logs and the version of the numerics.
+
+    Args:
+        scene: the document of the scene, SI. Its name and where the logs lie do not count.
+        sha256: of each log's file, in the scene's order. version: as `numerics` gives it.
+    """
+    logs = [
+        {key: value for key, value in log.items() if key != "path"} | {"sha256": digest}
+        for log, digest in zip(scene["logs"], sha256, strict=True)
+    ]
+    content = {key: value for key, value in scene.items() if key != "name"} | {"logs": logs}
+    text = json.dumps([content, version], sort_keys=True, ensure_ascii=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
 
 JOB, RESULT, BATCH, INDEX, LOCK = "job.json", "result.json", "batch.json", "index.csv", ".lock"
 PART = ".part"
 OURS = frozenset({JOB, RESULT, "report.html", "result.h5", "classical.csv", "parameters.tex", "figures", ".DS_Store"})
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
-
-Document = dict[str, Any]
 
 
 def new_part(folder: Path) -> Path:
@@ -52,24 +188,21 @@ def complete(folder: Path) -> Document | None:
 def ended(folder: Path, job: Job) -> Document | None:
     """The document of this very job if it has ended, whole and for good; None where it is still to be done."""
     document = complete(folder / job.folder)
-    if document is None or document["key"] != job.key or document["group"] != job.group:
-        return None
-    return None if document["status"] in TRY_AGAIN else document
+    same = document is not None and (document["key"], document["group"]) == (job.key, job.group)
+    return document if same and document is not None and document["status"] not in TRY_AGAIN else None
 
 
 def write_job(folder: Path, job: Job, end: End) -> Document:
     """Write job.json, the last file of a folder: with it the folder is complete."""
-    files = {p.relative_to(folder).as_posix(): p.stat().st_size for p in sorted(folder.rglob("*")) if p.is_file()}
+    planned = job.as_document()
     document = {
         "schema": 1,
         "kind": "job",
-        **{name: getattr(job, name) for name in ("group", "folder", "key", "numerics")},
+        **{name: planned[name] for name in ("group", "folder", "key", "numerics")},
         "status": end.status,
         "message": end.message,
-        "labels": dict(job.labels),
-        "logs": [asdict(log) for log in job.logs],
-        "scene": dict(job.scene),
-        "files": files,
+        **{name: planned[name] for name in ("labels", "logs", "scene")},
+        "files": {p.relative_to(folder).as_posix(): p.stat().st_size for p in sorted(folder.rglob("*")) if p.is_file()},
         "result_sha256": _result_sha256(folder),
         "detail": end.detail,
         "timing_s": dict(end.timing_s),
@@ -184,35 +317,26 @@ def _flush(folder: Path) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the folder for this process, by a lock that ends with it, however that ends.
+    """Hold the folder for this process, by a lock that the system releases when it ends, also by kill -9.
 
     Raises:
         BatchError: another batch holds it. OSError: the file system knows no locks.
     """
     with (folder / LOCK).open("a+", encoding="utf-8") as handle:
         handle.seek(0)
-        if not _lock(handle):
-            raise BatchError(
-                f"{folder}: another batch is running there ({handle.read(200) or 'unknown'}); wait for it, or stop it"
-            )
+        try:
+            if sys.platform == "win32":
+                import msvcrt
+
+                msvcrt.locking(handle.fileno(), msvcrt.LK_NBLCK, 1)
+            else:
+                import fcntl
+
+                fcntl.flock(handle.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except (BlockingIOError, PermissionError):
+            holder = handle.read(200) or "unknown"
+            raise BatchError(f"{folder}: another batch is running there ({holder}); wait for it, or stop it") from None
         handle.truncate()
-        since = time.strftime("%Y-%m-%d %H:%M:%S")
-        handle.write(f"process {os.getpid()} on {platform.node()} since {since}")
+        handle.write(f"process {os.getpid()} on {platform.node()} since {time.strftime('%Y-%m-%d %H:%M:%S')}")
         handle.flush()
         yield
-
-
-def _lock(handle: IO[str]) -> bool:
-    """Whether the lock could be had. The system releases it when the process ends, also by kill -9."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(handle.fileno(), msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(handle.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except (BlockingIOError, PermissionError):
-        return False
-    return True

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import matplotlib
 import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
@@ -21,16 +20,15 @@ from identify.base.table import Cell, OutputTable, visible, workbook
 from identify.report.report_page import svg_element, templates
 from identify.report.report_wording import VERDICT_MARK, plain_symbol
 from identify.report.stored_result import as_json
-from identify.report.style import STYLE, printable, svg_text
-from identify.studies.compare import CompareError, Comparison, ComparisonQuestion, PooledQuantity, compare, usual
+from identify.report.style import drawing_style, printable, svg_text
+from identify.studies import compare as comparing
+from identify.studies.compare import PAGE, Comparison, FitEntry
 from identify.studies.comparison_tables import comparison_tables, fits_table, sentences, together, unit_of
-from identify.studies.fits import PAGE, FitEntry, count, read_fits
 from identify.studies.operating_points import Answers, answered
-from identify.studies.reporting import reporting
 
 MOST_LABELS, MOST_PARAMETERS = 6, 8  # columns of the table of fits on the page
 DOCUMENT = "comparison.json"
-IN_LATEX = ("parameters", "differences", "scatter", "reporting")
+IN_LATEX = ("parameters", "differences", "scatter")
 
 
 def write_batch_report(directory: str | Path) -> Path:
@@ -40,12 +38,12 @@ def write_batch_report(directory: str | Path) -> Path:
     is a row with the reason. OSError where the page cannot be written.
     """
     directory = Path(directory)
-    entries = read_fits([directory])
-    by, reason, comparison = usual(entries), "", None
+    entries = comparing.read_fits([directory])
+    by, reason, comparison = comparing.usual(entries), "", None
     if by is not None:
         try:
-            comparison = compare(entries, ComparisonQuestion(by))
-        except CompareError as error:
+            comparison = comparing.compare(entries, comparing.ComparisonQuestion(by))
+        except comparing.CompareError as error:
             reason = str(error)
     answers = None if comparison is None else answered(comparison)
     path = directory / PAGE
@@ -92,7 +90,7 @@ def document(comparison: Comparison, tables: Mapping[str, OutputTable]) -> Mappi
         "subject": comparison.selected.subject,
         "groups": list(comparison.groups),
         "fits": len(comparison.entries),
-        "compared": count(comparison.selected.entries),
+        "compared": comparing.count(comparison.selected.entries),
         "in_words": {entry.quantity.name: sentence for entry, (_, _, sentence) in words},
         "notes": list(comparison.selected.notes),
         "tables": {
@@ -115,80 +113,65 @@ def render(
     environment = templates("identify.studies", "identify.report")
     environment.filters["visible"] = visible
     script = environment.get_template("page.js").render()
-    odd = comparison.odd_fits if comparison else frozenset()
     links = [_link(entry, home) for entry in entries]
+    good = [entry for entry in entries if entry.converged]
     failed = [
         (Cell(e.name, link=link), Cell(e.status, e.status.replace("_", " "), kind="bad"), e.message)
         for e, link in zip(entries, links, strict=True)
         if not e.converged
     ]
-    rejected = [
-        (log.name, entry.name, log.reason_left_out)
-        for entry in entries
-        if entry.converged
-        for log in entry.result.logs
-        if log.reason_left_out
-    ]
+    rejected = [(log.name, e.name, log.reason_left_out) for e in good for log in e.result.logs if log.reason_left_out]
+    tiles = [("fits", str(len(entries)), f"{sum(len(e.result.logs) for e in entries)} logs")]
+    tiles.append(("converged", str(len(good)), f"{len(failed)} without a result"))
+    if comparison is not None:
+        selected, compared = comparison.selected, comparing.count(comparison.selected.entries)
+        tiles.append(("compared", str(compared), f"{len(entries) - compared} left out"))
+        tiles.append((comparison.question.by, str(len(comparison.groups)), "groups"))
+        tiles += [(selected.subject, str(selected.people), "people")] if selected.subject else []
     return environment.get_template("batch.html.j2").render(
         title=title,
         style=Markup(environment.get_template("style.css").render() + environment.get_template("batch.css").render()),
         script=Markup(script),
         digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        counts=_counts(entries, comparison),
-        fits=_page_fits(entries, links, comparison, odd),
+        counts=tiles,
+        fits=_page_fits(entries, links, comparison),
         marks=", ".join(f"{mark} {verdict}" for verdict, mark in VERDICT_MARK.items() if verdict != "identified"),
         without_result=OutputTable("", ("fit", "status", "reason"), tuple(failed), "without-result"),
         rejected=OutputTable("", ("log", "fit", "reason"), tuple(rejected), "rejected-logs"),
-        reporting=reporting(entries),
         reason=reason,
         comparison=None if comparison is None or answers is None else _compared(comparison, answers, home),
     )
 
 
-def _counts(entries: Sequence[FitEntry], comparison: Comparison | None) -> list[tuple[str, str, str]]:
-    """Tiles at the top: label, number, meaning."""
-    good = sum(entry.converged for entry in entries)
-    tiles = [("fits", str(len(entries)), f"{sum(len(e.result.logs) for e in entries)} logs")]
-    tiles.append(("converged", str(good), f"{len(entries) - good} without a result"))
-    if comparison is not None:
-        selected, compared = comparison.selected, count(comparison.selected.entries)
-        tiles.append(("compared", str(compared), f"{len(entries) - compared} left out"))
-        tiles.append((comparison.question.by, str(len(comparison.groups)), "groups"))
-        if selected.subject:
-            tiles.append((selected.subject, str(selected.people), "people"))
-        tiles.append(("outliers", str(len(comparison.odd_fits)), "fits flagged, still counted"))
-    return tiles
-
-
 def _compared(comparison: Comparison, answers: Answers, home: Path) -> dict[str, object]:
     """What the template shows of a comparison."""
-    tables, by = comparison_tables(comparison, answers), comparison.question.by
+    tables, by, who = comparison_tables(comparison, answers), comparison.question.by, comparison.selected.subject
     links = {entry.name: _link(entry, home) for entry in comparison.parts if entry.converged}
-    who = comparison.selected.subject
     missing = [
         (q.quantity.name, len(q.missing), ", ".join(sorted({reason for _, reason in q.missing})))
         for q in comparison.quantities
         if q.missing
     ]
+    left_out = [
+        (Cell(name.value, link=links[str(name.value)]), *rest)
+        for name, *rest in tables["left_out"].cells
+        if name.value in links
+    ]
+    different = ("parameter", "first", "second", "difference", "p", "verdict", "people with both" if who else "")
     hidden = ("repeatability low", "repeatability high", "unit")
+    points = ("drive speed [m/s]", "what it does", "P(stick-slip)", "peak to valley [N]", "period [s]")
     return {
         "by": by,
         "who": who,
         "sentences": together(sentences(comparison)),
         "parameters": tables["parameters"].select("parameter", by, "mean", "unit", "fits", who or "", "remark"),
-        "differences": tables["differences"].select(
-            "parameter", "first", "second", "difference", "p", "verdict", "people with both" if who else ""
-        ),
+        "differences": tables["differences"].select(*different),
         "scatter": tables["scatter"].select(*(c for c in tables["scatter"].columns if c not in hidden)),
-        "operating": tables["operating_points"].select(
-            *(by, "drive speed [m/s]", "what it does", "P(stick-slip)", "peak to valley [N]", "period [s]"),
-            "stick-slip ends above [m/s]",
-        ),
+        "operating": tables["operating_points"].select(by, *points, "stick-slip ends above [m/s]"),
         "no_operating": answers.reason,
         "ground": answers.ground,
         "forests": [forest(comparison, entry) for entry in comparison.quantities if entry.pooled],
-        "left_out": _linked(tables["left_out"], links),
-        "odd": _linked(tables["outliers"], links),
+        "left_out": replace(tables["left_out"], rows=tuple(left_out)),
         "missing": missing,
         "notes": comparison.selected.notes,
         "family": len(comparison.quantities),
@@ -203,23 +186,13 @@ def _link(entry: FitEntry, home: Path) -> str:
     return quote(Path(os.path.relpath(os.path.realpath(page), os.path.realpath(home))).as_posix())
 
 
-def _linked(table: OutputTable, links: Mapping[str, str]) -> OutputTable:
-    """The rows of fits that converged, with links to their pages."""
-    rows = [
-        (Cell(row[0].value, link=links[str(row[0].value)]), *row[1:]) for row in table.cells if row[0].value in links
-    ]
-    return replace(table, rows=tuple(rows))
-
-
-def _page_fits(
-    entries: Sequence[FitEntry], links: Sequence[str], comparison: Comparison | None, odd: frozenset[str]
-) -> OutputTable:
+def _page_fits(entries: Sequence[FitEntry], links: Sequence[str], comparison: Comparison | None) -> OutputTable:
     """The table of fits with the labels worth a column: those of the question, then those that differ."""
     labels = list(dict.fromkeys(name for e in entries for name in e.labels))
     asked = [comparison.question.by, comparison.selected.subject] if comparison else []
     differing = [n for n in labels if len({e.labels.get(n) for e in entries}) > 1]
     first = list(dict.fromkeys(str(n) for n in [*asked, *differing] if n in labels))[:MOST_LABELS]
-    whole = fits_table(entries, links, odd, first)
+    whole = fits_table(entries, links, first)
     names = list(dict.fromkeys(n for e in entries for n in e.result.parameters))[:MOST_PARAMETERS]
     values = [c for c in whole.columns if c.split(" [")[0] in names]
     shown = whole.select("fit", "status", *first, "misfit", *values)
@@ -227,17 +200,13 @@ def _page_fits(
     return replace(shown, columns=tuple(heads.get(column, column) for column in shown.columns))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The drawings: means of parameters by group.
-# ----------------------------------------------------------------------------------------------------------------------
-
 # Okabe and Ito's colours, black and yellow left out.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#3f4750")
 NAME = 24  # characters of a group in a drawing
 FAR = 2.5  # times what means and fits span: an interval is drawn no further
 
 
-def forest(comparison: Comparison, entry: PooledQuantity) -> Markup:
+def forest(comparison: Comparison, entry: comparing.PooledQuantity) -> Markup:
     """One parameter: for each group the mean with its 95 % interval, and every fit as a faint mark."""
     q, pooled, unit = entry.quantity, entry.pooled, unit_of(entry)
     assert pooled is not None
@@ -246,7 +215,7 @@ def forest(comparison: Comparison, entry: PooledQuantity) -> Markup:
     of = np.array([comparison.selected.setting.group[i] for i in pooled.rows])
     means = np.array([q.shown(pooled.mean_of(group).value) for group in groups]) / unit.factor
     span = FAR * max(float(np.ptp(np.append(fits, means))), 0.1 * float(np.max(np.abs(means))))
-    with matplotlib.rc_context(STYLE):
+    with drawing_style():
         figure = Figure(figsize=(5.0, 0.9 + 0.34 * len(groups)), layout="constrained")
         axes = figure.add_subplot()
         for place, (group, value) in enumerate(zip(groups, means, strict=True)):
@@ -262,11 +231,7 @@ def forest(comparison: Comparison, entry: PooledQuantity) -> Markup:
         axes.set_ylim(-len(groups) + 0.4, 0.5)
         axes.set_xlabel(f"{plain_symbol(q.name)}{f' ({unit.unit})' if unit.unit else ''}")
         label = f"{q.name} by {comparison.question.by}: means with 95 % intervals, every fit as a small mark"
-        return _drawing(figure, f"forest-{comparison.quantities.index(entry)}", label)
-
-
-def _drawing(figure: Figure, name: str, label: str) -> Markup:
-    """The figure as an element of a page, with a description for those who cannot see it."""
-    return Markup('<div class="drawing" role="img" aria-label="{}">{}</div>').format(
-        visible(label, 300), Markup(svg_element(svg_text(figure), name))
-    )
+        drawing = svg_element(svg_text(figure), f"forest-{comparison.quantities.index(entry)}")
+    # with a description for those who cannot see it
+    box = Markup('<div class="drawing" role="img" aria-label="{}">{}</div>')
+    return box.format(visible(label, 300), Markup(drawing))

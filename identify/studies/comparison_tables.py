@@ -5,26 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from identify.base import wording
 from identify.base.result import ParameterResult
 from identify.base.table import Cell, OutputTable, Row, visible
-from identify.base.wording import (
-    DASH,
-    Scale,
-    decimals,
-    ends_text,
-    number,
-    places_for,
-    places_of_positive,
-    quantity,
-    scale_for,
-)
-from identify.report.report_tables import shown_error, spread_of
+from identify.base.wording import DASH, Scale, decimals, number, quantity, scale_for
+from identify.report.report_tables import value_text
 from identify.report.report_wording import MEANINGS, OUTCOMES, VERDICT_MARK, plain_symbol
-from identify.studies.compare import Comparison, PooledQuantity
-from identify.studies.fits import FitEntry
+from identify.studies.compare import Comparison, FitEntry, PooledQuantity
 from identify.studies.operating_points import Answers, Figure
 from identify.studies.pooled import DIFFERENT, NOT_TESTED, NOT_TOLD_APART, Difference
-from identify.studies.reporting import reporting
 
 VERDICT_KIND = {DIFFERENT: "good", NOT_TOLD_APART: "plain", NOT_TESTED: "fair"}
 MOST_NAMED = 6  # pairs of groups in a sentence
@@ -33,7 +22,6 @@ MOST_NAMED = 6  # pairs of groups in a sentence
 def comparison_tables(comparison: Comparison, answers: Answers) -> dict[str, OutputTable]:
     """Every table of a comparison by name."""
     missing = [(name, _name(q), reason) for q in comparison.quantities for name, reason in q.missing]
-    odd = [(o.name, Cell(o.quantity, plain_symbol(o.quantity)), o.z, Cell(o.p, f"{o.p:.2g}")) for o in comparison.odd]
     left_out = comparison.selected.left_out
     tables = (
         _parameters(comparison),
@@ -42,8 +30,6 @@ def comparison_tables(comparison: Comparison, answers: Answers) -> dict[str, Out
         _operating(comparison.question.by, answers),
         OutputTable("Fits left out", ("fit", "reason"), left_out, "left_out"),
         OutputTable("Parameters that a fit does not have", ("fit", "parameter", "reason"), tuple(missing), "missing"),
-        OutputTable("Outliers", ("fit", "parameter", "off by [sd]", "chance among all fits"), tuple(odd), "outliers"),
-        reporting(comparison.entries),
         fits_table(comparison.entries),
     )
     return {table.name: table for table in tables}
@@ -72,14 +58,13 @@ def _parameters(comparison: Comparison) -> OutputTable:
                 rows.append((_name(entry), group, *[None] * 8, entry.reason or "none of its fits has it"))
                 continue
             value, ends = q.shown(mean.value), [q.shown(v) for v in mean.interval or ()]
-            low, high = ends or (None, None)
             per = value if q.logarithmic else 1.0
             text, interval = _estimate(value, ends, scale, q.logarithmic)
             remark = mean.reason or ("mean of the logarithm" if q.logarithmic else "")
             scatter = None if mean.scatter is None else mean.scatter * per
             counts = (mean.error * per, mean.fits, mean.subjects, scatter, remark)
-            unit = Cell(q.unit, scale.unit or "1")
-            rows.append((_name(entry), group, Cell(value, text, interval or "open"), low, high, unit, *counts))
+            shown = (Cell(value, text, interval or "open"), *(ends or (None, None)), Cell(q.unit, scale.unit or "1"))
+            rows.append((_name(entry), group, *shown, *counts))
     by, who = comparison.question.by, comparison.selected.subject or "people"
     heads = ("parameter", by, "mean", "95 % low", "95 % high", "unit", "standard error", "fits", who)
     return OutputTable(f"Parameters by {by}", (*heads, "scatter of its fits", "remark"), tuple(rows), "parameters")
@@ -89,8 +74,8 @@ def _estimate(value: float, ends: Sequence[float], scale: Scale, positive: bool)
     """A value and its interval (n = 2 ends, or none) as text in one unit, with as many digits as the interval gives."""
     shown, low_high = value / scale.factor, [end / scale.factor for end in ends]
     width = (low_high[1] - low_high[0]) / 4 if ends else None
-    places = places_of_positive(width, shown) if positive else places_for(width, shown)
-    return decimals(shown, places), ends_text(low_high[0], low_high[1], places) if ends else ""
+    places = wording.places_of_positive(width, shown) if positive else wording.places_for(width, shown)
+    return decimals(shown, places), wording.ends_text(low_high[0], low_high[1], places) if ends else ""
 
 
 def difference_text(entry: PooledQuantity, d: Difference) -> tuple[str, str]:
@@ -110,14 +95,11 @@ def _differences(comparison: Comparison) -> OutputTable:
         q = entry.quantity
         for d in entry.pooled.differences if entry.pooled else ():
             text, interval = difference_text(entry, d)
-            value = Cell(q.shown(d.value), text, interval)
             ends = [None if v is None else q.shown(v) for v in d.interval or (None, None)]
             chance = None if d.p is None else Cell(d.p, "< 0.001" if d.p < 0.001 else f"{d.p:.2g}")
             verdict = Cell(d.verdict, note=visible(d.reason, 300), kind=VERDICT_KIND[d.verdict])
-            unit = "first / second" if q.logarithmic else q.unit
-            rows.append(
-                (_name(entry), d.first, d.second, value, *ends, unit, chance, verdict, d.reason, d.df, d.shared)
-            )
+            shown = (Cell(q.shown(d.value), text, interval), *ends, "first / second" if q.logarithmic else q.unit)
+            rows.append((_name(entry), d.first, d.second, *shown, chance, verdict, d.reason, d.df, d.shared))
     heads = ("parameter", "first", "second", "difference", "simultaneous low", "simultaneous high", "unit", "p")
     rest = ("verdict", "reason", "degrees of freedom", "people with both")
     return OutputTable("Differences", (*heads, *rest), tuple(rows), "differences")
@@ -130,10 +112,9 @@ def _scatter(comparison: Comparison) -> OutputTable:
             continue
         s, q = entry.pooled.scatter, entry.quantity
         scale = Scale("%", 0.01) if q.logarithmic else unit_of(entry)
-        ends = s.repeatability_interval or (None, None)
         cells = [
             Cell() if value is None else Cell(value, f"{number(value / scale.factor, 2)} {scale.unit}".rstrip())
-            for value in (s.subject, s.run, s.fit, s.repeatability, *ends)
+            for value in (s.subject, s.run, s.fit, s.repeatability, *(s.repeatability_interval or (None, None)))
         ]
         if s.repeatability is not None:
             cells[3] = Cell(s.repeatability, cells[3].text, f"{cells[4].text} to {cells[5].text}")
@@ -155,21 +136,13 @@ def _operating(by: str, answers: Answers) -> OutputTable:
             rows.append((answer.group, None, force, answer.reason or "no answer", *[None] * (len(heads) - 4)))
         for at in answer.at:
             figures = ((at.fall, "N"), (at.period, "s"), (answer.critical_speed, "m/s"))
-            p = at.probability
-            percent = DASH if p is None else f"{number(100 * p, 3)} %"
+            p, percent = at.probability, DASH if at.probability is None else f"{number(100 * at.probability, 3)} %"
             if p is not None and not 1e-3 <= p <= 0.999:
                 percent = "> 99.9 %" if p > 0.5 else "< 0.1 %"
-            rows.append(
-                (
-                    answer.group,
-                    Cell(at.speed, quantity(at.speed, "m/s", 3)),
-                    force,
-                    Cell(at.outcome, OUTCOMES.get(at.outcome, at.outcome)),
-                    Cell(p, percent),
-                    *(_figure(figure, unit) for figure, unit in figures),
-                    *(e for f, _ in figures for e in (*(f.interval or (None, None)), *(f.people or (None, None)))),
-                )
-            )
+            speed, outcome = quantity(at.speed, "m/s", 3), OUTCOMES.get(at.outcome, at.outcome)
+            does = (Cell(at.speed, speed), force, Cell(at.outcome, outcome), Cell(p, percent))
+            limits = [end for f, _ in figures for pair in (f.interval, f.people) for end in pair or (None, None)]
+            rows.append((answer.group, *does, *(_figure(figure, unit) for figure, unit in figures), *limits))
     return OutputTable("At common operating points", tuple(heads), tuple(rows), "operating_points")
 
 
@@ -183,13 +156,9 @@ def _figure(figure: Figure, unit: str) -> Cell:
     return Cell(figure.value, quantity(figure.value, unit, 3), note)
 
 
-def fits_table(
-    entries: Sequence[FitEntry], links: Sequence[str] = (), odd: frozenset[str] = frozenset(), first: Sequence[str] = ()
-) -> OutputTable:
-    """Every fit that was found: status, labels (`first` of them first), parameters with standard errors.
-
-    links: address of each fit's page; odd: names of fits that are outliers.
-    """
+def fits_table(entries: Sequence[FitEntry], links: Sequence[str] = (), first: Sequence[str] = ()) -> OutputTable:
+    """Every fit that was found: status, labels (`first` of them first), parameters with standard errors; links: address
+    of each fit's page."""
     labels = list(dict.fromkeys([*first, *(name for e in entries for name in e.labels)]))
     names = list(dict.fromkeys(n for e in entries for n in e.result.parameters))
     heads = ["fit", "status", "message", *labels, "logs", "misfit"]
@@ -205,7 +174,7 @@ def fits_table(
     for entry, link in zip(entries, links or [""] * len(entries), strict=True):
         gate = entry.result.gate
         row: list[Cell | str | int | float | None] = [
-            Cell(entry.name, note="outlier?" if entry.name in odd else "", link=link),
+            Cell(entry.name, link=link),
             Cell(entry.status, entry.status.replace("_", " "), kind="good" if entry.converged else "bad"),
             entry.message,
             *(entry.labels.get(label) for label in labels),
@@ -213,20 +182,15 @@ def fits_table(
             Cell(gate.chi2_per_sample, number(gate.chi2_per_sample, 3)) if gate else None,
         ]
         for name, scale in zip(names, scales, strict=True):
-            p = entry.result.parameters.get(name, ParameterResult(None))
-            row += [_parameter(p, scale), p.standard_error, p.verdict]
+            p, cell = entry.result.parameters.get(name, ParameterResult(None)), Cell()
+            if p.value is not None:
+                value, error, _ = value_text(p, scale)
+                mark = "" if p.verdict == "identified" else VERDICT_MARK.get(p.verdict, "")
+                text = " ".join(filter(None, (value, scale.unit, mark)))
+                cell = Cell(p.value, text, f"± {error}" if error else p.verdict)
+            row += [cell, p.standard_error, p.verdict]
         rows.append(tuple(row))
     return OutputTable("Fits", tuple(heads), tuple(rows), "fits")
-
-
-def _parameter(p: ParameterResult, scale: Scale) -> Cell:
-    if p.value is None:
-        return Cell()
-    value, error, spread = p.value / scale.factor, shown_error(p), spread_of(p)
-    places = places_for(spread / scale.factor, value) if spread else places_for(None, value) - 1
-    mark = "" if p.verdict == "identified" else VERDICT_MARK.get(p.verdict, "")
-    text = " ".join(filter(None, (decimals(value, places), scale.unit, mark)))
-    return Cell(p.value, text, f"± {decimals(error / scale.factor, places)}" if error else p.verdict)
 
 
 def sentences(comparison: Comparison) -> list[tuple[str, str, str]]:
@@ -255,10 +219,8 @@ def _sentence(entry: PooledQuantity) -> str:
     apart = [(d.first, d.second) if d.value > 0 else (d.second, d.first) for d in found if d.verdict == DIFFERENT]
     named = [f"{visible(higher, 40)} above {visible(lower, 40)}" for higher, lower in apart]
     rest, untested = (sum(d.verdict == verdict for d in found) for verdict in (NOT_TOLD_APART, NOT_TESTED))
-    pieces = [
-        ("; ".join(named[:MOST_NAMED]) or "no difference found")
-        + (f" and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else ""),
-        f"{rest} pair{'s' * (rest != 1)} not told apart" if named and rest else "",
-        f"{untested} not tested" if untested else "",
-    ]
-    return "; ".join(filter(None, pieces)) + "."
+    more = f" and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else ""
+    pieces = [("; ".join(named[:MOST_NAMED]) or "no difference found") + more]
+    pieces += [f"{rest} pair{'s' * (rest != 1)} not told apart"] if named and rest else []
+    pieces += [f"{untested} not tested"] if untested else []
+    return f"{'; '.join(pieces)}."

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -23,7 +24,6 @@ from identify.prediction.draws import DRAWS, OperatingPoint
 from identify.prediction.predict import NoAnswer, PointPrediction, predictions
 from identify.scene import Scene
 from identify.studies.compare import CompareError, Comparison
-from identify.studies.fits import FitEntry
 from identify.studies.pooled import joint
 
 if TYPE_CHECKING:
@@ -117,7 +117,10 @@ def common(comparison: Comparison, speeds: Sequence[float] = (), normal_force: f
     effects = Counter(entry.result.effects.names for entry in entries).most_common(1)[0][0]
     alike = [entry for entry in entries if entry.result.effects.names == effects]
     once = {entry.folder: entry for entry in alike}.values()  # a fit of several parts has one scene
-    scenes = [scene for entry in once if (scene := _scene_of(entry, effects)) is not None]
+    scenes = []
+    for entry in once:
+        with suppress(IdentifyError, KeyError, TypeError, ValueError):  # one that cannot be read counts for nothing
+            scenes.append(Scene.from_document(entry.result.scene).with_effects(effects))
     if not scenes or not effects:
         raise CompareError("no fit has the scene it was made with; expected provenance in result.json: fit again")
     tables = [scene.values(scene.logs[0] if scene.logs else None) for scene in scenes]
@@ -140,15 +143,6 @@ def common(comparison: Comparison, speeds: Sequence[float] = (), normal_force: f
     )
 
 
-def _scene_of(entry: FitEntry, effects: tuple[str, ...]) -> Scene | None:
-    """The scene of a fit with its effects settled; None where it cannot be read."""
-    try:
-        scene = Scene.from_document(entry.result.scene)
-        return scene.with_effects(effects) if scene.effects != effects else scene
-    except (IdentifyError, KeyError, TypeError, ValueError):
-        return None
-
-
 def group_answers(comparison: Comparison, ground: Common) -> tuple[GroupAnswer, ...]:
     """The answers of every group, in natural order; the first MOST_GROUPS of them are calculated."""
     names = [name for name in comparison.answered if name in ground.model.parameter_names]
@@ -156,10 +150,8 @@ def group_answers(comparison: Comparison, ground: Common) -> tuple[GroupAnswer, 
     for place, group in enumerate(comparison.groups):
         reason = "" if place < MOST_GROUPS else f"only the first {MOST_GROUPS} groups are calculated"
         reason = reason or _lacking(comparison, ground, group, names)
-        if reason or not names:
-            out.append(GroupAnswer(group, NOTHING, (), reason))
-        else:
-            out.append(_answer(comparison, ground, group, names))
+        answer = GroupAnswer(group, NOTHING, (), reason)
+        out.append(answer if reason or not names else _answer(comparison, ground, group, names))
     return tuple(out)
 
 
@@ -212,23 +204,22 @@ def _answer(comparison: Comparison, ground: Common, group: str, names: Sequence[
     return GroupAnswer(group, _figure(mean[0].stability.critical_speed, spread), at)
 
 
-def _pair(entry: Number) -> Pair | None:
-    low, high = entry.ends
-    return None if low is None or high is None else (low, high)
-
-
 def _figure(mean: Number, people: Number) -> Figure:
     reason = mean.reason or (mean.validity if mean.value is None else "")
-    return Figure(mean.value, _pair(mean), _pair(people), reason)
+    return Figure(mean.value, _closed(mean), _closed(people), reason)
+
+
+def _closed(entry: Number) -> Pair | None:
+    low, high = entry.ends
+    return None if low is None or high is None else (low, high)
 
 
 def _at(speed: float, mean: PointPrediction | NoAnswer, people: PointPrediction | NoAnswer, df: float) -> AtSpeed:
     if isinstance(mean, NoAnswer) or isinstance(people, NoAnswer):
         return AtSpeed(speed, mean.text if isinstance(mean, NoAnswer) else "no answer", NOTHING, NOTHING, None)
-    fall, period = (
-        _figure(mean.amplitude.numbers[name], people.amplitude.numbers[name]) for name in ("peak_to_valley", "period")
-    )
-    limit, spread = mean.stability.critical_speed.value, _pair(people.stability.critical_speed)
+    own, others = mean.amplitude.numbers, people.amplitude.numbers
+    fall, period = (_figure(own[name], others[name]) for name in ("peak_to_valley", "period"))
+    limit, spread = mean.stability.critical_speed.value, _closed(people.stability.critical_speed)
     return AtSpeed(speed, mean.stability.outcome, fall, period, probability(speed, limit, spread, df))
 
 

@@ -7,10 +7,10 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from data_io.source import file_sha256
 from identify.base.errors import SceneError
@@ -18,7 +18,7 @@ from identify.base.progress import Progress, to_nobody
 from identify.scene import Scene
 from identify.scene.tables import LOG, is_number
 from identify.scene.toml import TOP, located, put, read_toml
-from identify.studies.job import BatchError, Job, LogFile, content_key, folder_names, numerics
+from identify.studies.batch_store import BatchError, Document, Job, LogFile, content_key, folder_names, numerics
 
 OWN = ("path", "group", "drive_speed")
 NOT_LOGS = (".toml", ".json", ".md", ".py", ".pdf", ".png", ".jpg", ".jpeg", ".svg", ".html", ".docx", ".pptx", ".ini")
@@ -26,8 +26,6 @@ PER_LOG = ("mass", "stiffness", "damping", "normal_force", "noise", "drive_speed
 PARTS = ("logs.step", "logs.run", "logs.window", "logs.columns")  # which part of a file a row means
 NAMED = 5  # rows or groups that a complaint names before it counts
 _DOTTED = re.compile(r"\w+(\.\w+)+")
-
-Document = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -75,10 +73,14 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), progress: Pro
     if not source.exists():
         raise BatchError(f"{source}: there is no such manifest or folder; check its path")
     rows, labels, notes = (_folder(source), (), ()) if source.is_dir() else _manifest(source)
-    complaints = [f"{row.where}: there is no log {row.path}; check its path" for row in rows if not _exists(row.path)]
+    complaints = []
     groups: dict[str, list[ManifestRow]] = {}
     for row in rows:
         groups.setdefault(row.group, []).append(row)
+        found = False
+        with suppress(OSError, ValueError):  # a name that no file can have
+            found = row.path.is_file()
+        complaints += [] if found else [f"{row.where}: there is no log {row.path}; check its path"]
     folders = folder_names(list(groups))
     scenes: dict[str, Document] = {}
     refused: dict[str, list[str]] = {}  # places by the sentence that refuses them
@@ -96,21 +98,19 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), progress: Pro
         complaints.append(f"{', '.join(places[:NAMED])}{others}: {sentence}")
     if complaints:
         raise BatchError(*complaints)
-    digests = _hashed(rows, progress)
+    digests: dict[str, tuple[str, int]] = {}  # SHA-256 and bytes of every log, by absolute path
+    for number, row in enumerate(rows):
+        progress("hashing the logs", number / len(rows))
+        path = row.path.absolute()
+        try:
+            if str(path) not in digests:
+                digests[str(path)] = file_sha256(path), path.stat().st_size
+        except OSError as error:
+            complaints.append(f"{row.where}: {path} cannot be read ({error.strerror}); check its permissions")
+    if complaints:
+        raise BatchError(*complaints)
     jobs = tuple(_job(group, folders[group], document, digests) for group, document in scenes.items())
     return BatchPlan(source.absolute(), scene.absolute(), tuple(overrides), numerics(), jobs, labels, notes)
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name that no file can have
-        return False
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What a batch is made of: the files of a folder, or the rows of a manifest.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _folder(source: Path) -> tuple[ManifestRow, ...]:
@@ -139,8 +139,8 @@ def _manifest(source: Path) -> tuple[tuple[ManifestRow, ...], tuple[str, ...], t
     """The rows, the names of the label columns, and notes for the user."""
     table = _table(source)
     heading = [name.strip() for name in table[0][1]]
-    complaints = [f"{source}: the heading names {n!r} twice; rename one column" for n, k in Counter(heading).items()
-                  if n and k > 1]  # fmt: skip
+    twice = [name for name, times in Counter(heading).items() if name and times > 1]
+    complaints = [f"{source}: the heading names {name!r} twice; rename one column" for name in twice]
     if "path" not in heading:
         named = ", ".join(heading[:6])
         complaints.append(f"{source}: the heading has no column path ({named}); expected path,group,drive_speed,…")
@@ -157,13 +157,18 @@ def _manifest(source: Path) -> tuple[tuple[ManifestRow, ...], tuple[str, ...], t
     if complaints:
         raise BatchError(*complaints)
     rows: list[ManifestRow] = []
+    seen: dict[tuple[object, ...], ManifestRow] = {}
     for line, cells in table[1:]:
         row = _row(source, line, heading, cells)
         if isinstance(row, str):
             complaints.append(f"{source.name} line {line}: {row}")
-        else:
-            rows.append(row)
-    complaints += _repeated(rows)
+            continue
+        rows.append(row)
+        # the same part of the same log, twice in one group, would count its samples twice
+        first = seen.setdefault((row.group, str(row.path), *(row.overrides.get(name) for name in PARTS)), row)
+        if first is not row:
+            there = f"stands in group {row.group!r} already ({first.where})"
+            complaints.append(f"{row.where}: {row.path.name} {there}; drop one")
     if not rows and not complaints:
         complaints.append(f"{source}: the manifest lists no log; expected one row per log under its heading")
     if complaints:
@@ -209,22 +214,7 @@ def _row(source: Path, line: int, heading: Sequence[str], cells: Sequence[str]) 
     return ManifestRow(f"{source.name} line {line}", path, texts.get("group", _stem(path)), overrides, labels)
 
 
-def _repeated(rows: Sequence[ManifestRow]) -> Iterator[str]:
-    """The same part of the same log, twice in one group, would count its samples twice."""
-    seen: dict[tuple[object, ...], ManifestRow] = {}
-    for row in rows:
-        which = (row.group, str(row.path), *(row.overrides.get(name) for name in PARTS))
-        before = seen.setdefault(which, row)
-        if before is not row:
-            yield f"{row.where}: {row.path.name} stands in group {row.group!r} already ({before.where}); drop one"
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The scene of every group, and the job it makes.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-def _scene(name: str, rows: Sequence[ManifestRow], defaults: Mapping[str, Any], scene: Path) -> Scene | str:
+def _scene(name: str, rows: Sequence[ManifestRow], defaults: Document, scene: Path) -> Scene | str:
     """The scene of a group, or why it cannot be built; a log without a drive speed is refused before hours of fits."""
     rows = sorted(rows, key=lambda row: (str(row.path), sorted(row.overrides.items())))
     document: Document = copy.deepcopy({key: value for key, value in defaults.items() if key != "logs"})
@@ -256,13 +246,17 @@ def _scene(name: str, rows: Sequence[ManifestRow], defaults: Mapping[str, Any], 
     return built
 
 
-def _entries(row: ManifestRow, own: Sequence[str], defaults: Mapping[str, Any], scene: Path) -> list[Document]:
+def _entries(row: ManifestRow, own: Sequence[str], defaults: Document, scene: Path) -> list[Document]:
     """The [[logs]] of a row: what the scene states of all logs (a table without a path), what it lists for that file,
     if it does, and what the row states otherwise."""
     path, listed = row.path.absolute(), defaults.get("logs", [])
     logs = [log for log in listed if isinstance(log, Mapping)] if isinstance(listed, list) else []
     common = {key: value for log in logs if "path" not in log for key, value in log.items()}
-    same = [log for log in logs if "path" in log and _is_at(log["path"], path, scene)]
+    same = []
+    for log in logs:
+        at = log.get("path")
+        if isinstance(at, str) and "\0" not in at and located(scene.parent, at).resolve() == path.resolve():
+            same.append(log)
     entries: list[Document] = [copy.deepcopy({**common, **log}) for log in same or [{}]]
     for entry in entries:
         for key, text in row.overrides.items():
@@ -273,33 +267,6 @@ def _entries(row: ManifestRow, own: Sequence[str], defaults: Mapping[str, Any], 
         entry["labels"] = {**(labels if isinstance(labels, Mapping) else {}), **row.labels}
         entry["path"] = str(path)
     return entries
-
-
-def _is_at(listed: object, path: Path, scene: Path) -> bool:
-    """Whether the file of a [[logs]] table of the scene lies there."""
-    return isinstance(listed, str) and "\0" not in listed and located(scene.parent, listed).resolve() == path.resolve()
-
-
-def _hashed(rows: Sequence[ManifestRow], progress: Progress) -> dict[str, tuple[str, int]]:
-    """SHA-256 and bytes of every log, by absolute path.
-
-    Raises:
-        BatchError: logs that cannot be read.
-    """
-    digests: dict[str, tuple[str, int]] = {}
-    complaints = []
-    for number, row in enumerate(rows):
-        progress("hashing the logs", number / len(rows))
-        path = row.path.absolute()
-        if str(path) in digests:
-            continue
-        try:
-            digests[str(path)] = (file_sha256(path), path.stat().st_size)
-        except OSError as error:
-            complaints.append(f"{row.where}: {path} cannot be read ({error.strerror}); check its permissions")
-    if complaints:
-        raise BatchError(*complaints)
-    return digests
 
 
 def _job(group: str, folder: str, document: Document, digests: Mapping[str, tuple[str, int]]) -> Job:

@@ -1,19 +1,19 @@
-"""One quantity pooled over fits: means of people and groups, all differences with a verdict, scatter, outliers.
+"""One quantity pooled over fits: means of people and groups, all differences with a verdict, scatter.
 
 The fits of one person in one group are averaged first, so that thirty logs of one person count as one person. The
 person means go through a two-way analysis of variance: groups, with people as blocks where the same people were
-measured in several groups. Differences carry Tukey's simultaneous intervals (Tukey 1949, Kramer 1956), the mean of a
-group the t interval of its person means.
+measured in several groups. Differences carry Tukey's simultaneous intervals (Tukey 1949, Kramer 1956), those of two
+groups of different people Welch's; the mean of a group the t interval of its person means.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -25,13 +25,13 @@ from identify.base.errors import IdentifyError
 from identify.base.quantiles import LEVEL, chi_square, student, student_below
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 DIFFERENT, NOT_TOLD_APART, NOT_TESTED = "different", "not told apart", "not tested"
 MOST_GROUPS = 30  # beyond these, pairs are too many to be compared
 RELATIVE_RANK = 1e-8  # of the largest singular value: columns of a design below it are combinations of the others
 ROUNDING = 1e-12  # of the largest value: scatter below it is rounding
 MOST_ERRORS, LEAST_P = 40.0, 1e-12  # ends of the table of probabilities: difference in standard errors, probability
-FALSE_OUTLIERS = 0.05  # chance of calling any fit of a study an outlier where none is
 
 
 class PoolingError(IdentifyError):
@@ -113,20 +113,11 @@ class VarianceParts:
     """
 
     subject: float | None
-    run: float | None
     fit: float
-    repeatability: float | None
-    repeatability_interval: tuple[float, float] | None
-    intraclass: float | None
-
-
-@dataclass(frozen=True)
-class Outlier:
-    """A fit by its index, how far it is off in standard deviations, and the chance of that in one of the n fits."""
-
-    row: int
-    z: float
-    p: float
+    run: float | None = None
+    repeatability: float | None = None
+    repeatability_interval: tuple[float, float] | None = None
+    intraclass: float | None = None
 
 
 @dataclass(frozen=True)
@@ -144,7 +135,6 @@ class Pooled:
     means: tuple[Mean, ...]
     differences: tuple[Difference, ...]
     scatter: VarianceParts
-    outliers: tuple[Outlier, ...]
     further_sd: float
     further_df: float
     residuals: Array
@@ -182,12 +172,11 @@ def pool(y: Array, noise: Array, setting: Setting, family: int = 1) -> Pooled:
     cells, at = _numbered(list(zip(kept.group, people, strict=True)))  # person means, and that of each fit
     group_at, person_at = np.array([groups.index(group) for group, _ in cells]), _numbered([p for _, p in cells])[1]
     if not len(cells) or np.bincount(group_at).max() < 2:
-        who, scatter = ("fits of two people", "people") if known else ("two fits", "runs")
+        who, lacking = ("fits of two people", "people") if known else ("two fits", "runs")
         raise PoolingError(
-            f"no group has {who}, so that nothing shows the scatter between {scatter}; add {scatter} to each group"
+            f"no group has {who}, so that nothing shows the scatter between {lacking}; add {lacking} to each group"
         )
-    X = _indicators(group_at)
-    in_groups = np.bincount(person_at)
+    X, in_groups = _indicators(group_at), np.bincount(person_at)
     if 2 * np.count_nonzero(in_groups > 1) > len(in_groups):  # people as blocks where most are in several groups
         people_X = _indicators(person_at)
         X = np.hstack([X, people_X[:, 1:] - people_X[:, :1]])
@@ -196,18 +185,22 @@ def pool(y: Array, noise: Array, setting: Setting, family: int = 1) -> Pooled:
         _mean(group, person[group_at == k], values[group_at[at] == k], known) for k, group in enumerate(groups)
     )
     between = _rest(person, group_at) / (df := len(cells) - len(groups))
-    within = _rest(values, at), len(values) - len(cells)
-    run = within[0] / within[1] if within[1] else 0.0
-    per_person = float(np.mean(1.0 / np.bincount(at)))
-    subject = max(between - run * per_person, 0.0) if known else None
+    squares, run_df = _rest(values, at), len(values) - len(cells)
+    run, per_person = squares / run_df if run_df else 0.0, float(np.mean(1.0 / np.bincount(at)))
+    subject, error = max(between - run * per_person, 0.0), float(np.mean(noise[rows]))
+    scatter = VarianceParts(math.sqrt(subject) if known else None, math.sqrt(error))
+    if run_df:
+        low, high = (math.sqrt(squares / chi_square(q, run_df)) for q in (0.5 + LEVEL / 2, 0.5 - LEVEL / 2))
+        share = subject / (subject + run) if known and subject + run > 0.0 else None
+        alone = math.sqrt(max(run - error, 0.0))
+        scatter = VarianceParts(scatter.subject, scatter.fit, alone, math.sqrt(run), (low, high), share)
     return Pooled(
         rows=tuple(rows.tolist()),
         y=values,
         groups=groups,
         means=means,
         differences=_differences(means, person, X, cells, family),
-        scatter=_scatter(subject, within, float(np.mean(noise[rows]))),
-        outliers=_outliers(values, X[at], family),
+        scatter=scatter,
         # averaging over the runs of a person took off a part of the scatter between runs
         further_sd=math.sqrt(between + run * (1.0 - per_person)),
         further_df=float(df),
@@ -215,7 +208,7 @@ def pool(y: Array, noise: Array, setting: Setting, family: int = 1) -> Pooled:
     )
 
 
-def _numbered(labels: Sequence[Hashable]) -> tuple[list[Any], NDArray[np.int64]]:
+def _numbered(labels: Sequence[T]) -> tuple[list[T], NDArray[np.int64]]:
     """The different labels in the order of first appearance, and the number of each one's."""
     codes, different = pd.factorize(pd.Series(list(labels), dtype=object))
     return list(different), codes.astype(np.int64)
@@ -275,7 +268,8 @@ def _critical(groups: int, df: float, level: float) -> float:
 def _differences(
     means: Sequence[Mean], level: Array, X: Array, cells: Sequence[tuple[str, str]], family: int
 ) -> tuple[Difference, ...]:
-    """All pairs; simultaneous over the groups of two people and more and over `family` quantities."""
+    """All pairs; simultaneous over the groups of two people and more and over `family` quantities. Two groups of
+    different people are compared as Welch does (1947), each with its own scatter."""
     if len(means) > MOST_GROUPS:
         return ()
     df = float(len(level) - _rank(X))
@@ -294,48 +288,14 @@ def _differences(
         reason = a.reason or b.reason or ("too few fits to show the scatter" if df < 1.0 else "")
         if not reason and np.max(np.abs(c @ estimable - c)) > RELATIVE_RANK:
             reason = "no people join these two groups"
-        ends = None
-        if not reason:
-            half = _critical(tested, df, 1.0 - (1.0 - LEVEL) / family) * error
-            ends = (value - half, value + half)
+        if not reason and X.shape[1] == 2 and math.hypot(a.error, b.error) > ROUNDING * abs(value):
+            error = math.hypot(a.error, b.error)
+            df = error**4 / (a.error**4 / a.df + b.error**4 / b.df)
+        half = math.nan if reason else _critical(tested, df, 1.0 - (1.0 - LEVEL) / family) * error
+        ends = None if reason else (value - half, value + half)
         shared = None if a.subjects is None else len(whose[a.group] & whose[b.group])
         out.append(Difference(a.group, b.group, value, error, df, ends, reason, shared, tested, family))
     return tuple(out)
-
-
-def _scatter(subject: float | None, within: tuple[float, int], noise: float) -> VarianceParts:
-    """Standard deviations from the variance between people, the sum of squares of fits about those of people with its
-    degrees of freedom, and the variance of a fit."""
-    squares, df = within
-    between = None if subject is None else math.sqrt(subject)
-    if not df:
-        return VarianceParts(between, None, math.sqrt(noise), None, None, None)
-    variance = squares / df
-    low, high = (math.sqrt(squares / chi_square(q, df)) for q in (0.5 + LEVEL / 2, 0.5 - LEVEL / 2))
-    return VarianceParts(
-        subject=between,
-        run=math.sqrt(max(variance - noise, 0.0)),
-        fit=math.sqrt(noise),
-        repeatability=math.sqrt(variance),
-        repeatability_interval=(low, high),
-        intraclass=subject / (subject + variance) if subject is not None and subject + variance > 0.0 else None,
-    )
-
-
-def _outliers(values: Array, X: Array, family: int) -> tuple[Outlier, ...]:
-    """Fits whose externally studentised residual is larger than chance allows (Bonferroni over fits and quantities),
-    the furthest first."""
-    n, used = len(values), _rank(X)
-    if n - used < 2:
-        return ()
-    hat = X @ np.linalg.pinv(X, rcond=RELATIVE_RANK)
-    rest, leverage = values - hat @ values, np.diag(hat)
-    free = leverage < 1.0 - RELATIVE_RANK
-    own = np.where(free, rest**2 / np.where(free, 1.0 - leverage, 1.0), 0.0)
-    others = np.maximum(float(rest @ rest) - own, n * (ROUNDING * float(np.max(np.abs(values)))) ** 2)
-    z = np.sign(rest) * np.sqrt(own * (n - used - 1) / others)
-    found = (Outlier(i, float(z[i]), min(1.0, 2.0 * n * student_below(-abs(z[i]), n - used - 1))) for i in range(n))
-    return tuple(sorted((o for o in found if o.p * family < FALSE_OUTLIERS), key=lambda o: o.p))
 
 
 def joint(pooled: Sequence[Pooled], group: str) -> tuple[Array, Array]:

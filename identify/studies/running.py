@@ -5,29 +5,14 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from data_io.atomic import atomic_write
 from identify.base.progress import Progress, to_nobody
 from identify.base.table import OutputTable, visible
-from identify.studies.batch_store import (
-    BATCH,
-    INDEX,
-    complete,
-    discard,
-    ended,
-    foreign,
-    is_full,
-    locked,
-    put,
-    put_without_result,
-    recover,
-    utc,
-    write_document,
-)
-from identify.studies.job import CONVERGED, UNWRITTEN, WAITING, BatchError, End, Job
+from identify.studies import batch_store as store
+from identify.studies.batch_store import BatchError, Document, End, Job
 from identify.studies.planning import BatchPlan
 from identify.studies.workers import Answer, Workers, WorkersLostError, answers
 
@@ -80,12 +65,12 @@ def run_batch(
     check_place(out, resume)
     out = out.absolute()  # a cluster has another working directory
     out.mkdir(parents=True, exist_ok=True)
-    with locked(out):
+    with store.locked(out):
         check_place(out, resume)
         complaints = [
             f"{out / job.folder} holds {name!r}, which is not part of a result; move it away"
             for job in plan.jobs
-            if ended(out, job) is None and (name := foreign(out / job.folder)) is not None
+            if store.ended(out, job) is None and (name := store.foreign(out / job.folder)) is not None
         ]
         if complaints:
             raise BatchError(*complaints)
@@ -101,7 +86,7 @@ def check_place(out: Path, resume: bool) -> None:
     if out.exists() and not out.is_dir():
         raise BatchError(f"--out {out} is a file; expected a folder: choose another name")
     items = {item.name for item in out.iterdir() if not item.name.startswith(".")} if out.is_dir() else set()
-    if items and BATCH not in items:
+    if items and store.BATCH not in items:
         raise BatchError(f"--out {out} exists and holds no batch of ours; choose another folder or empty it")
     if items and not resume:
         raise BatchError(f"--out {out} holds a batch already; add --resume to go on with it, or choose another folder")
@@ -112,7 +97,7 @@ class _Run:
 
     def __init__(self, plan: BatchPlan, out: Path, progress: Progress, about: Mapping[str, object]) -> None:
         self._plan, self._out, self._progress = plan, out, progress
-        self._about = {**about, "started": utc()}
+        self._about = {**about, "started": store.utc()}
         self._began = self._written = time.monotonic()
         self._ended: dict[str, End] = {}
         self._stage = ""
@@ -124,25 +109,23 @@ class _Run:
         jobs = [job for job in self._plan.jobs if job.group not in self._ended]
         self._tables("running", "the batch is running")
         self._tell(f"{len(self._plan.jobs)} groups{f', {kept} of them done before' if kept else ''}")
+        status, message = "stopped", "the batch was interrupted; go on with --resume"
         try:
             if jobs:
                 with workers:
                     self._fit(workers, jobs, limit)
-        except (_StopError, WorkersLostError) as error:
-            status, message = "stopped", f"stopped, and what has ended is kept: {error}"
-        except OSError as error:
-            if not is_full(error):
-                raise
-            status, message = "stopped", f"stopped, and what has ended is kept: {_full(error)}"
-        except KeyboardInterrupt:
-            self._finish("stopped", "the batch was interrupted; go on with --resume")
-            raise
-        else:
-            failures = sum(end.status != CONVERGED for end in self._ended.values())
+            failures, count = sum(end.status != store.CONVERGED for end in self._ended.values()), len(self._ended)
             status = "failures" if failures else "done"
-            count = len(self._ended)
             message = f"{count} groups: {count - failures} converged, {failures} did not"
-        self._finish(status, message)
+        except (_StopError, WorkersLostError) as error:
+            message = f"stopped, and what has ended is kept: {error}"
+        except OSError as error:
+            if not store.is_full(error):
+                raise
+            full = f"{error.filename or 'the disk'}: {error.strerror}; make room, then go on with --resume"
+            message = f"stopped, and what has ended is kept: {full}"
+        finally:
+            self._finish(status, message)
         return Summary(status, message, dict(self._ended), kept, time.monotonic() - self._began)
 
     def _tell(self, stage: str) -> None:
@@ -151,10 +134,10 @@ class _Run:
 
     def _gather(self) -> None:
         """What has ended for good, also what was written whole and not yet put; the rest of the unfinished goes."""
-        recover(self._out, self._plan.jobs)
+        store.recover(self._out, self._plan.jobs)
         for job in self._plan.jobs:
-            if (document := ended(self._out, job)) is not None:
-                self._ended[job.group] = _end_of(document)
+            if (document := store.ended(self._out, job)) is not None:
+                self._ended[job.group] = End.of(document)
 
     def _fit(self, workers: Workers, jobs: Sequence[Job], limit: float) -> None:
         began, size, total = time.monotonic(), 0, sum(job.size for job in jobs)
@@ -177,53 +160,48 @@ class _Run:
     def _put(self, job: Job, answer: Answer) -> End:
         """Put what a job left, whole, or the record of why it left nothing."""
         end, part = answer
-        document = complete(part)  # even of a process that died just after it had written the last file
+        document = store.complete(part)  # even of a process that died just after it had written the last file
         if document is not None and document["key"] == job.key:
-            put(part, self._out / job.folder)
-            return _end_of(document)
-        discard(part)
-        if end.status == UNWRITTEN:
+            store.put(part, self._out / job.folder)
+            return End.of(document)
+        store.discard(part)
+        if end.status == store.UNWRITTEN:
             raise _StopError(f"{end.message}; make room, then go on with --resume")
-        put_without_result(self._out, job, end)
+        store.put_without_result(self._out, job, end)
         return end
 
     def _finish(self, status: str, message: str) -> None:
         """Write the tables a last time and remove what is unfinished."""
         try:
             self._gather()
-            self._tables(status, message, utc())
+            self._tables(status, message, store.utc())
         except OSError as error:
-            if not is_full(error):
+            if not store.is_full(error):
                 raise
 
     def _tables(self, status: str, message: str, finished: str | None = None) -> None:
-        run = {"status": status, "message": message, **self._about, "finished": finished}
-        document = batch_document(self._plan, self._ended, {**run, "seconds": time.monotonic() - self._began})
-        write_document(self._out / BATCH, document)
+        seconds = time.monotonic() - self._began
+        run = {"status": status, "message": message, **self._about, "finished": finished, "seconds": seconds}
+        store.write_document(self._out / store.BATCH, batch_document(self._plan, self._ended, run))
         self._index()
 
     def _index(self) -> None:
-        with atomic_write(self._out / INDEX) as handle:
+        with atomic_write(self._out / store.INDEX) as handle:
             handle.write(index_csv(self._plan, self._ended))
         self._written = time.monotonic()
 
 
-def _full(error: OSError) -> str:
-    return f"{error.filename or 'the disk'}: {error.strerror}; make room, then go on with --resume"
-
-
-def _end_of(document: Mapping[str, Any]) -> End:
-    """The end of a group from its job.json."""
-    return End(document["status"], document["message"], document.get("detail"), document.get("timing_s") or {})
-
-
-def batch_document(plan: BatchPlan, ended: Mapping[str, End], run: Mapping[str, object]) -> dict[str, Any]:
+def batch_document(plan: BatchPlan, ended: Mapping[str, End], run: Mapping[str, object]) -> Document:
     """The document of batch.json.
 
     Args:
         ended: by group. run: status, message, started, finished, seconds, jobs, scheduler.
     """
-    statuses = [ended[job.group].status if job.group in ended else WAITING for job in plan.jobs]
+    groups = []
+    for job in plan.jobs:
+        status, planned = ended[job.group].status if job.group in ended else store.WAITING, job.as_document()
+        entry = {"group": job.group, "folder": job.folder, "key": job.key, "status": status}
+        groups.append({**entry, "labels": planned["labels"], "logs": planned["logs"]})
     return {
         "schema": 1,
         "kind": "batch",
@@ -233,18 +211,8 @@ def batch_document(plan: BatchPlan, ended: Mapping[str, End], run: Mapping[str, 
         "numerics": plan.numerics,
         **run,
         "columns": list(plan.labels),
-        "counts": dict(Counter(statuses)),
-        "groups": [
-            {
-                "group": job.group,
-                "folder": job.folder,
-                "key": job.key,
-                "status": status,
-                "labels": dict(job.labels),
-                "logs": [asdict(log) for log in job.logs],
-            }
-            for job, status in zip(plan.jobs, statuses, strict=True)
-        ],
+        "counts": dict(Counter(group["status"] for group in groups)),
+        "groups": groups,
     }
 
 
@@ -255,7 +223,7 @@ def index_csv(plan: BatchPlan, ended: Mapping[str, End]) -> str:
     headings = [f"label: {name}" if name in OWN else name for name in names]
     rows = []
     for job in plan.jobs:
-        end = ended.get(job.group, End(WAITING, ""))
+        end = ended.get(job.group, End(store.WAITING, ""))
         result = f"{job.folder}/result.json" if job.group in ended and end.has_result else ""
         seconds = round(end.timing_s["total"], 3) if "total" in end.timing_s else None
         labels = [job.labels.get(name, "") for name in names]

@@ -1,29 +1,48 @@
-"""Where fits run: processes on the cores of this machine, or on the workers of a Dask cluster."""
+"""Where fits run: processes on the cores of this machine, or on the workers of a Dask cluster.
+
+    python -m identify.studies.workers
+
+is such a process: it takes jobs as lines of JSON on standard input and answers with one line each. It lives as long as
+its batch, so that what one fit compiled serves the next fit of the same shape, and no longer: on Linux no fit outlives
+its batch.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import faulthandler
 import json
 import os
+import platform
 import queue
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import IO, Any, Protocol, Self
+from typing import IO, Self, TypeAlias, cast
 
-from identify.studies.batch_store import new_part
-from identify.studies.job import CRASHED, TIMED_OUT, BatchError, End, Job, numerics
+from data_io.source import file_sha256
+from data_io.values import LogError, UnitError
+from identify.base.errors import IdentifyError
+from identify.base.result import Result
+from identify.studies import batch_store as store
+from identify.studies.batch_store import BatchError, Document, End, Job, numerics
 
-MODULE = "identify.studies.making"
+MODULE = "identify.studies.workers"
 START_LIMIT = 300.0  # s, to load the libraries from a slow disk
 TICK = 0.5  # s between two looks at the clock
 WAIT = 30.0  # s for a Dask scheduler, and for its first worker
+PR_SET_PDEATHSIG = 1  # linux/prctl.h
 EXTRA = "pip install 'stick-slip-workbench[cluster]'"
 # One process per core, so one thread per process: whatever library brings its own threads.
 ONE_THREAD = (
@@ -31,7 +50,114 @@ ONE_THREAD = (
     "NUMEXPR_NUM_THREADS",
 )  # fmt: skip
 
+Workers: TypeAlias = "LocalWorkers | ClusterWorkers"
 Answer = tuple[End, Path]  # how a job ended, and the hidden folder it wrote into
+Make = Callable[[Job, Path], End]
+
+
+class WorkersLostError(Exception):
+    """No worker is left to fit; the text says what was lost and what to do."""
+
+
+def make(job: Job, part: Path) -> End:
+    """Fit a job and write its folder `part`; every error becomes an end with its reason.
+
+    The folder is complete (job.json is there) only where the end carries the status of a fit.
+    """
+    if job.numerics != numerics():
+        here = f"this process has other numerics ({numerics()}) than the batch was planned with ({job.numerics})"
+        return End(store.OUTDATED, f"{here}; install the same versions everywhere")
+    return guarded(_fitted, job, part)
+
+
+def guarded(work: Make, job: Job, part: Path) -> End:
+    """Do the work; an exception becomes an end: what the user can mend in one sentence, the rest with its traceback."""
+    try:
+        return work(job, part)
+    except (IdentifyError, LogError, UnitError) as error:
+        return _changed(job, _digests(job)) or End(store.FAILED, " ".join(str(error).split()))
+    except OSError as error:
+        words = f"{error.filename or part}: {error.strerror or error}"
+        return End(store.UNWRITTEN if store.is_full(error) else store.CRASHED, words)
+    except MemoryError:
+        return End(
+            store.DEFECT, "the fit ran out of memory; give the batch fewer jobs at a time", traceback.format_exc()
+        )
+    except Exception as error:  # noqa: BLE001 - a defect in one fit must not stop the others
+        return End(store.DEFECT, f"a defect of ours ({type(error).__name__}: {error})", traceback.format_exc())
+
+
+def _fitted(job: Job, part: Path) -> End:
+    from identify.identification import fit
+    from identify.report import write_report
+    from identify.scene import Scene
+
+    began, used = time.perf_counter(), time.process_time()
+    outcome = fit(Scene.from_document(job.scene))
+    result = outcome.typed
+    changed = _changed(job, (result.logs[result.places(number)[0]].sha256 for number in range(len(job.logs))))
+    if changed is not None:
+        return changed
+    fitted = time.perf_counter()
+    part.mkdir()
+    try:
+        write_report(replace(outcome, result=with_provenance(result, job).to_dict()), part)
+        now = time.perf_counter()
+        timing = {"fit": fitted - began, "report": now - fitted, "total": now - began}
+        end = End(result.status, result.message, None, timing | {"processor": time.process_time() - used})
+        store.write_job(part, job, end)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        raise
+    return end
+
+
+def with_provenance(result: Result, job: Job) -> Result:
+    """The result with what ties it to its batch."""
+    batch = {"group": job.group, "key": job.key, "numerics": job.numerics}
+    where = {"host": platform.node(), "python": platform.python_version(), "system": platform.platform()}
+    return replace(result, provenance={**result.provenance, "batch": batch, "machine": where})
+
+
+def _changed(job: Job, digests: Iterable[str | None]) -> End | None:
+    """An end where a log is not the one that was hashed when the batch began; digests: SHA-256 of each log."""
+    for planned, digest in zip(job.logs, digests, strict=True):
+        if planned.sha256 != digest:
+            words = "the log was changed or taken away while the batch ran; run again with --resume"
+            return End(store.OUTDATED, f"{planned.path}: {words}")
+    return None
+
+
+def _digests(job: Job) -> Iterator[str | None]:
+    for log in job.logs:
+        try:
+            yield file_sha256(Path(log.path))
+        except OSError:
+            yield None
+
+
+def serve(work: Make) -> None:
+    """Answer job after job until standard input closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the batch, which then ends this process
+    warnings.simplefilter("ignore")
+    faulthandler.enable()
+    if sys.platform.startswith("linux"):  # the system ends this process with the one that started it
+        # No thread that watches: readers of logs guard themselves by forks, which a process with threads must not do.
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever a library prints is no answer
+    document: object = {"ready": True}
+    while True:
+        try:
+            answers.write(json.dumps(document) + "\n")
+            answers.flush()
+        except OSError:
+            os._exit(0)  # the batch has ended
+        line = sys.stdin.readline()
+        if not line:
+            return
+        request = json.loads(line)
+        document = asdict(work(Job.from_document(request["job"]), Path(request["part"])))
 
 
 class FitProcess:
@@ -46,7 +172,7 @@ class FitProcess:
 
     def run(self, job: Job, folder: Path, limit: float) -> Answer:
         """Fit a job into a new hidden folder within `limit` seconds; every end is an answer, a killed one too."""
-        part = new_part(folder)
+        part = store.new_part(folder)
         request = json.dumps({"job": job.as_document(), "part": str(part)})
         try:
             if (self._process is None or self._process.poll() is not None) and not self._start():
@@ -56,14 +182,16 @@ class FitProcess:
                 if answer is not None:
                     end = End(**answer)
                 elif late:
-                    end = End(TIMED_OUT, f"the fit took longer than the {limit:g} s of its limit; see --time-limit")
+                    end = End(
+                        store.TIMED_OUT, f"the fit took longer than the {limit:g} s of its limit; see --time-limit"
+                    )
                 else:
                     end = self._died("the fitting process died")
                 if late:  # also where it answered as it was being killed
                     self._end()
         except OSError as error:
-            end = End(CRASHED, f"no process could be started for the fit: {error.strerror or error}")
-        if end.status in (CRASHED, TIMED_OUT):
+            end = End(store.CRASHED, f"no process could be started for the fit: {error.strerror or error}")
+        if end.status in (store.CRASHED, store.TIMED_OUT):
             self._end()
         return end, part
 
@@ -87,7 +215,6 @@ class FitProcess:
         self._errors.truncate()
         root = str(Path(__file__).resolve().parents[2])  # this very package is found first
         path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH", ""))))
-        apart: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", self._module],
             stdin=subprocess.PIPE,
@@ -96,14 +223,14 @@ class FitProcess:
             text=True,
             encoding="utf-8",
             env={**os.environ, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONPATH": path, "MPLBACKEND": "agg"},
-            **apart,
+            process_group=None if sys.platform == "win32" else 0,
         )
         if self.closed:  # while it was being started
             self._end()
             return False
         return self._ask(None, START_LIMIT)[0] is not None
 
-    def _ask(self, request: str | None, limit: float) -> tuple[dict[str, Any] | None, bool]:
+    def _ask(self, request: str | None, limit: float) -> tuple[Document | None, bool]:
         """Send a line and wait for one: the answer, None where none came, and whether the time was over."""
         process = self._process
         if process is None or process.stdin is None or process.stdout is None:
@@ -137,35 +264,7 @@ class FitProcess:
             cause += ", perhaps for want of memory" * (cause == "SIGKILL")
         self._errors.seek(max(0, self._errors.seek(0, os.SEEK_END) - 4000))
         detail = self._errors.read().decode("utf-8", "replace").strip()
-        return End(CRASHED, f"{words} ({cause}); the other fits went on", detail or None)
-
-
-class WorkersLostError(Exception):
-    """No worker is left to fit; the text says what was lost and what to do."""
-
-
-class Pending(Protocol):
-    """A job on its way, as concurrent.futures and dask.distributed have it."""
-
-    def add_done_callback(self, function: Callable[..., object], /) -> None:
-        """Call `function` with this once there is an answer."""
-
-    def result(self) -> Any:
-        """The answer."""
-
-
-class Workers(Protocol):
-    """Somewhere that jobs can be sent to; a context, which ends them all."""
-
-    count: int
-
-    def __enter__(self) -> Self: ...
-    def __exit__(self, *error: object) -> None: ...
-    def send(self, job: Job, folder: Path, limit: float) -> Pending:
-        """Have a job fitted into a new hidden folder below `folder`, within `limit` [s]."""
-
-    def answer(self, pending: Any, folder: Path) -> Answer:
-        """The answer of a job that has arrived; WorkersLostError where there will be no other either."""
+        return End(store.CRASHED, f"{words} ({cause}); the other fits went on", detail or None)
 
 
 def answers(workers: Workers, jobs: Sequence[Job], folder: Path, limit: float) -> Iterator[tuple[Job, Answer] | None]:
@@ -173,8 +272,8 @@ def answers(workers: Workers, jobs: Sequence[Job], folder: Path, limit: float) -
 
     Largest first keeps all workers busy to the end; which is first changes no result.
     """
-    arrived: queue.SimpleQueue[Pending] = queue.SimpleQueue()
-    sent: dict[Pending, Job] = {}
+    arrived: queue.SimpleQueue[Future[Answer]] = queue.SimpleQueue()
+    sent: dict[Future[Answer], Job] = {}
     for job in sorted(jobs, key=lambda job: (-job.size, job.group)):
         pending = workers.send(job, folder, limit)
         sent[pending] = job
@@ -209,23 +308,23 @@ class LocalWorkers:
             process.close()
         self._threads.shutdown(wait=True)
 
-    def send(self, job: Job, folder: Path, limit: float) -> Pending:
-        """Have a job fitted by the next process that is free."""
-        return self._threads.submit(self._run, job, folder, limit)
+    def send(self, job: Job, folder: Path, limit: float) -> Future[Answer]:
+        """Have a job fitted by the next process that is free, within `limit` [s], into a new folder below `folder`."""
 
-    def answer(self, pending: Any, folder: Path) -> Answer:
+        def fitted() -> Answer:
+            if self._ending.is_set():
+                return End(store.CRASHED, "the batch was ended"), store.new_part(folder)
+            if not hasattr(self._mine, "process"):
+                self._mine.process = FitProcess(self._module)
+                self._processes.append(self._mine.process)
+            process: FitProcess = self._mine.process
+            return process.run(job, folder, limit)
+
+        return self._threads.submit(fitted)
+
+    def answer(self, pending: Future[Answer], folder: Path) -> Answer:
         """What the process answered."""
-        answer: Answer = pending.result()
-        return answer
-
-    def _run(self, job: Job, folder: Path, limit: float) -> Answer:
-        if self._ending.is_set():
-            return End(CRASHED, "the batch was ended"), new_part(folder)
-        if not hasattr(self._mine, "process"):
-            self._mine.process = FitProcess(self._module)
-            self._processes.append(self._mine.process)
-        answer: Answer = self._mine.process.run(job, folder, limit)
-        return answer
+        return pending.result()
 
 
 def cores() -> int:
@@ -233,15 +332,11 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# A Dask cluster that somebody has started. The scheduling is all Dask's.
-# ----------------------------------------------------------------------------------------------------------------------
-
 _mine = threading.local()
 _processes: list[FitProcess] = []
 
 
-def fit_on_worker(document: dict[str, Any], folder: str, limit: float, module: str | None) -> tuple[Any, str]:
+def fit_on_worker(document: Document, folder: str, limit: float, module: str | None) -> tuple[Document, str]:
     """Runs on a Dask worker: fit in a process of its own, one per thread of the worker, which can be timed out."""
     process: FitProcess | None = getattr(_mine, "process", None)
     if process is None or process.closed:  # the batch before this one closed it
@@ -292,14 +387,13 @@ class ClusterWorkers:
         """
         with self._closing_on_error():
             found = self._client.run(look_around, str(folder))
-        complaints = [
-            f"the Dask worker {at} does not see {folder}; share that folder" for at, a in found.items() if not a[0]
-        ]
-        complaints += [
-            f"the Dask worker {at} has other numerics ({other}); expected {numerics()}: install the same versions"
-            for at, (_, other) in found.items()
-            if other != numerics()
-        ]
+        complaints = []
+        for at, (has_folder, other) in found.items():
+            if not has_folder:
+                complaints.append(f"the Dask worker {at} does not see {folder}; share that folder")
+            if other != numerics():
+                wrong = f"the Dask worker {at} has other numerics ({other}); expected {numerics()}"
+                complaints.append(f"{wrong}: install the same versions")
         if complaints:
             self._client.close()
             raise BatchError(*complaints)
@@ -313,22 +407,20 @@ class ClusterWorkers:
                 self._client.run(close_processes, on_error="ignore")
         self._client.close()
 
-    def send(self, job: Job, folder: Path, limit: float) -> Pending:
+    def send(self, job: Job, folder: Path, limit: float) -> Future[Answer]:
         """Have a job fitted by whichever worker is free; Dask sends it again where its worker dies."""
-        pending: Pending = self._client.submit(
-            fit_on_worker, job.as_document(), str(folder), limit, self._module, pure=False
-        )
-        return pending
+        arguments = (job.as_document(), str(folder), limit, self._module)
+        return cast("Future[Answer]", self._client.submit(fit_on_worker, *arguments, pure=False))
 
-    def answer(self, pending: Any, folder: Path) -> Answer:
-        """The answer; what went wrong on the way there and back is one, too."""
+    def answer(self, pending: Future[Answer], folder: Path) -> Answer:
+        """The answer, also where it went wrong on the way; WorkersLostError where there will be no other either."""
         if pending.cancelled():  # Dask does so when it loses its scheduler
             raise WorkersLostError("the Dask scheduler was lost; start it again, then go on with --resume")
         error = pending.exception()
         if error is not None:
             words = f"the fit took down every Dask worker it was given to, or never came back ({error})"
-            return End(CRASHED, " ".join(words.split())), new_part(folder)
-        end, part = pending.result()
+            return End(store.CRASHED, " ".join(words.split())), store.new_part(folder)
+        end, part = cast("tuple[Document, str]", pending.result())
         return End(**end), Path(part)
 
     @contextmanager
@@ -338,3 +430,7 @@ class ClusterWorkers:
         except (OSError, TimeoutError) as error:
             self._client.close()
             raise BatchError(f"the Dask cluster has no worker that answers ({error}); start one") from None
+
+
+if __name__ == "__main__":
+    serve(make)

@@ -12,8 +12,8 @@ from identify import identification, report
 from identify.logs.scene_records import parted, parts_of, with_records
 from identify.report.finished import Fit
 from identify.studies.batch_store import RESULT, write_document
-from identify.studies.making import make
 from identify.studies.planning import plan
+from identify.studies.workers import make
 from tests.support.batch_case import SCENE
 from tests.support.command import refused, stickslip
 

@@ -79,6 +79,9 @@ def test_a_stored_fit_predicts_and_has_no_curves(fit, tmp_path):
     (tmp_path / "result.json").write_text(as_json(fit.result), encoding="utf-8")
     again = Fit.from_json(tmp_path / "result.json")
     assert repr(again) == repr(fit) and again.result == json.loads(as_json(fit.result))
+    assert fit.plot(2).axes[0].get_ylabel() == "friction force (N)"
+    with pytest.raises(FitError, match=r"no values \(model_misfit\): the model does not follow log 2"):
+        failed(fit, "model_misfit", "the model does not follow log 2").predict(drive_speed="1 mm/s")
     for curves in (lambda: again.cycles, again.plot):
         with pytest.raises(FitError, match="without curves"):
             curves()
@@ -106,12 +109,6 @@ def test_a_prediction_is_that_of_the_scene_with_these_values(fit):
     assert moved.onsets == pytest.approx(by_hand.onsets, rel=1e-6)
 
 
-def test_what_a_refused_fit_cannot_do_is_said(fit):
-    refused = failed(fit, "model_misfit", "the model does not follow log 2")
-    with pytest.raises(FitError, match=r"no values \(model_misfit\): the model does not follow log 2"):
-        refused.predict(drive_speed="1 mm/s")
-
-
 def test_a_motion_is_a_table_and_a_picture():
     scene = Scene.from_document({"effects": EFFECTS, "rig": {**RIG, "drive_speed": "1 mm/s"}})
     motion = simulate(scene, "2 s", drive="3 mm/s", normal_force="2 N")
@@ -125,13 +122,6 @@ def test_a_motion_is_a_table_and_a_picture():
     assert motion.plot().axes[0].get_ylabel() == "friction force (N)"
     with pytest.raises(SceneError, match="drive speed"):
         simulate(scene, "2 s", drive="3 kg")
-
-
-def test_a_figure_of_a_log(fit):
-    figure = fit.plot(2)
-    assert figure.axes[0].get_ylabel() == "friction force (N)"
-    with pytest.raises(FitError, match="counted from 1"):
-        fit.plot(0)
 
 
 def test_the_door_lists_what_is_public_and_opens_quickly():

@@ -18,8 +18,8 @@ from identify.base.outcome import Status
 from identify.base.result import ParameterResult
 from identify.effects import ALL
 from identify.report import write_report
+from identify.report.figures import pictures
 from identify.report.finished import Fit
-from identify.report.report_figures import pictures
 from identify.report.report_page import LARGEST, render_page
 from identify.report.report_tables import parameter_table
 from identify.report.report_wording import PLAIN_SYMBOLS, plain_symbol
@@ -109,22 +109,15 @@ def read_csv(path: Path) -> dict[str, list[str]]:
 
 
 def test_page_is_self_contained_and_shows_the_result(fit: Fit, folder: Path) -> None:
-    page = check_page((folder / "report.html").read_text(encoding="utf-8"))
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    page = check_page(text)
     for word in ("37.42", "µm", "identified", "0.1 mm/min", "χ² per sample", "V07"):
         assert word in page.text
     assert page.text.index("Parameters") < page.text.index("whole log") < page.text.rindex("Classical table")
-
-
-def test_page_check_notices_a_resource_from_the_network(folder: Path) -> None:
-    text = (folder / "report.html").read_text(encoding="utf-8")
-    with pytest.raises(AssertionError):
+    with pytest.raises(AssertionError):  # the control
         check_page(text.replace("</main>", '<img src="https://example.org/x.png"></main>'))
-
-
-def test_json_is_the_document(fit: Fit, folder: Path) -> None:
     document = strict((folder / "result.json").read_text(encoding="utf-8"))
     assert document["parameters"] == fit.result["parameters"]
-    assert document["schema"] == 1 and document["status"] == "converged"
 
 
 def test_json_turns_everything_not_finite_into_null() -> None:
@@ -186,8 +179,12 @@ def test_verdicts_and_open_intervals_are_shown(fit: Fit) -> None:
     assert all(word in text for word in words)
 
 
-def test_nothing_fitted_still_gives_every_file(fit: Fit, tmp_path: Path) -> None:
+def test_nothing_fitted_still_gives_every_file_and_figures_of_a_log_that_is_gone_go(fit: Fit, tmp_path: Path) -> None:
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures/log_7_force.svg").write_text("old")
+    (tmp_path / "figures/my_own.svg").write_text("mine")
     write_report(without_cycles(fit), tmp_path)
+    assert not (tmp_path / "figures/log_7_force.svg").exists() and (tmp_path / "figures/my_own.svg").exists()
     page = check_page((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert "No curve was fitted through this log" in page.text and "Classical table" in page.text
     strict((tmp_path / "result.json").read_text(encoding="utf-8"))
@@ -218,9 +215,9 @@ def test_hostile_labels_stay_text(fit: Fit, tmp_path: Path) -> None:
 
 
 def test_a_long_log_keeps_its_spike_and_the_page_small() -> None:
-    curves = log_curves(1e-3, 1_000_000, cycles=120)
+    curves = log_curves(1e-3, 300_000, cycles=40)
     force = curves.friction_force.copy()
-    force[777_777] = 9.0
+    force[177_777] = 9.0
     one = fake_fit(samples=500, logs=1)
     long = Fit(one.result, (replace(curves, friction_force=force),))
     drawn = list(pictures(long))
@@ -257,12 +254,3 @@ def test_interruption_leaves_no_half_file(fit: Fit, tmp_path: Path, monkeypatch:
     with pytest.raises(KeyboardInterrupt):
         write_report(small, tmp_path / "fresh")
     assert not [p for p in (tmp_path / "fresh").iterdir() if p.name != "figures"]
-
-
-def test_figures_of_a_log_that_is_gone_are_removed(fit: Fit, tmp_path: Path) -> None:
-    (tmp_path / "figures").mkdir()
-    (tmp_path / "figures/log_7_force.svg").write_text("old")
-    (tmp_path / "figures/my_own.svg").write_text("mine")
-    write_report(without_cycles(Fit(fit.result, fit.logs[:1])), tmp_path)
-    assert not (tmp_path / "figures/log_7_force.svg").exists()
-    assert (tmp_path / "figures/my_own.svg").read_text() == "mine"

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify import Scene, SceneError, examples, fit
+from identify import Scene, examples, fit
 from identify.estimation.covariance import added_by_tolerances, standard_deviations
 from identify.identification import find
 from identify.logs.scene_records import with_drives, with_records
 from identify.report.result import _farther
-from tests.support.fake_fit import EFFECTS, RIG
+from tests.support.fake_fit import RIG
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
 
@@ -20,7 +20,7 @@ NAMES = ("mu_s", "mu_k0", "D", "t_cr", "delta_mu_k", "a")
 
 @pytest.fixture(scope="module")
 def answer():
-    scene = Scene.from_toml(examples.SCENE).choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"])
+    scene = of_logs()
     prepared, found = find(scene, progress=lambda *_: None)
     assert found.information is not None and found.attempt is not None
     values = found.unknowns.values(found.attempt.solved.theta, prepared[0].data.base)
@@ -29,20 +29,18 @@ def answer():
 
 def added(answer, **tolerances):
     information, values = answer
-    names = np.array(information.unknowns.names)[information.free]
-    return dict(
-        zip(
-            names.tolist(),
-            standard_deviations(added_by_tolerances(information, values, tolerances, 1.0)).tolist(),
-            strict=True,
-        )
-    )
+    sd = standard_deviations(added_by_tolerances(information, values, tolerances, 1.0))
+    return dict(zip(np.array(information.unknowns.names)[information.free].tolist(), sd.tolist(), strict=True))
+
+
+def of_logs(*overrides):
+    return Scene.from_toml(examples.SCENE, overrides).choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"])
 
 
 def test_an_error_of_the_speed_is_a_change_of_the_unit_of_length(answer):
     """Against a fit of the same logs with all drive speeds stated 0.1 % too high."""
     information, values = answer
-    scene = Scene.from_toml(examples.SCENE).choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"])
+    scene = of_logs()
     scene, records = with_records(with_drives(scene)[0], None)
     faster = [replace(entry, drive_speed=1.001 * entry.drive_speed) for entry in scene.logs]
     prepared, found = find(replace(scene, logs=tuple(faster)), records, progress=lambda *_: None)
@@ -64,7 +62,7 @@ def test_a_gain_of_the_normal_force_goes_into_the_coefficients_alone(answer):
 def test_a_zero_of_the_friction_force_shifts_both_coefficients_as_a_fit_of_shifted_logs_does(answer):
     """Against the fit itself: all friction forces raised by 1 % of the normal force."""
     _, values = answer
-    scene = Scene.from_toml(examples.SCENE).choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"])
+    scene = of_logs()
     scene, records = with_records(with_drives(scene)[0], None)
     signs = [np.sign(np.median(r.friction_force)) for r in records]  # a force is turned so that it slides forward
     raised = [
@@ -84,9 +82,7 @@ def test_a_zero_of_the_friction_force_shifts_both_coefficients_as_a_fit_of_shift
 @pytest.mark.slow
 def test_specimens_may_differ_where_each_speed_stands_in_one_log():
     """A difference of specimens counts as one of speed: intervals hold a usual one, unless there is said to be none."""
-    logs = ["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
-    usual = fit(Scene.from_toml(examples.SCENE).choose(logs)).typed
-    one = fit(Scene.from_toml(examples.SCENE, ["tolerances.specimen=0"]).choose(logs)).typed
+    usual, one = fit(of_logs()).typed, fit(of_logs("tolerances.specimen=0")).typed
     assert any("Each drive speed stands in one log" in note for note in usual.notes)
     width = {n: [np.diff(r.parameters[n].ends)[0] for r in (usual, one)] for n in NAMES}
     assert all(wide > 1.02 * narrow for wide, narrow in width.values())
@@ -96,8 +92,7 @@ def test_specimens_may_differ_where_each_speed_stands_in_one_log():
 
 def test_the_verdict_is_of_the_interval_to_publish():
     """Strength is a difference: what both coefficients share is no error of it, and what only one gain tells is."""
-    loose = Scene.from_toml(examples.SCENE, ["tolerances.friction_zero=0.08"])
-    result = fit(loose.choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"])).typed
+    result = fit(of_logs("tolerances.friction_zero=0.08")).typed
     entry = result.parameters["mu_k0"]
     low, high = entry.ends
     exact = entry.interval_rig_exact
@@ -115,8 +110,8 @@ def test_an_error_of_the_speed_reaches_a_rig_whose_mass_and_stiffness_are_tied()
     """A tap knows sqrt(k/m) to a thousandth of a percent and neither alone: drive speeds 1 % off put both 1 % off."""
     tied = ["mass", "stiffness"]
     rig = [f'rig.{name}={{value="{RIG[name]}", tolerance="1 %"}}' for name in tied]
-    scene = Scene.from_toml(examples.SCENE, [*rig, 'rig.natural_frequency_tolerance="0.001 %"'])
-    prepared, found = find(scene.choose(["5_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]), progress=lambda *_: None)
+    scene = of_logs(*rig, 'rig.natural_frequency_tolerance="0.001 %"')
+    prepared, found = find(scene, progress=lambda *_: None)
     assert found.information is not None and found.attempt is not None
     values = found.unknowns.values(found.attempt.solved.theta, prepared[0].data.base)
     free = added((found.information, values), drive_speed=0.01)
@@ -145,13 +140,3 @@ def test_an_end_moves_out_and_an_open_one_stays_open():
     assert _farther(-0.1, -0.07, 0.04, False) == pytest.approx(-0.05)
     assert _farther(1.0, 1.2, 0.0, True) == pytest.approx(1.2)
     assert _farther(1.0, 1.2, 1e3, True) is None  # an error of a thousand in the logarithm leaves nothing known
-
-
-def test_a_scene_states_its_own_tolerances():
-    rig = {**RIG, "drive_speed": "1 mm/s"}
-    scene = Scene.from_document({"effects": EFFECTS, "rig": rig, "tolerances": {"stiffness": "5 %", "mass": 0}})
-    assert scene.tolerances == {"stiffness": 0.05, "mass": 0.0}
-    assert Scene.from_document(scene.as_document()).tolerances == scene.tolerances
-    for wrong, words in (({"stifness": 0.1}, "did you mean 'stiffness'"), ({"mass": "150 %"}, "below 1")):
-        with pytest.raises(SceneError, match=words):
-            Scene.from_document({"effects": EFFECTS, "rig": rig, "tolerances": wrong})

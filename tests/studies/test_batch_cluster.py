@@ -10,8 +10,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from identify.studies.batch_store import complete
-from identify.studies.job import BatchError
+from identify.studies.batch_store import BatchError, complete
 from identify.studies.planning import plan
 from identify.studies.running import run_batch
 from identify.studies.workers import ClusterWorkers, LocalWorkers

@@ -8,7 +8,7 @@ import pytest
 
 from identify.base.table import LINE, harmless, visible
 from identify.scene import Scene
-from identify.studies.job import FAILED, LONGEST, BatchError, End, Job, content_key, folder_names, numerics
+from identify.studies.batch_store import FAILED, LONGEST, BatchError, End, Job, content_key, folder_names, numerics
 from identify.studies.planning import BatchPlan, plan
 from identify.studies.running import check_place, index_csv
 from tests.support.batch_case import SCENE, write_case
@@ -59,6 +59,8 @@ def test_rows_of_a_group_are_one_job_with_its_labels(case):
     assert first.logs[1].labels == {"material": "skin", "run": "2"}
     assert Job.from_document(first.as_document()) == first
     assert any("logs.run" in note for note in planned.notes), "a label that is called like a key of a log"
+    text = "\ufeffpath;group;drive_speed;place\na.csv;G;1 mm/s;Füße, links\n"  # of a German spreadsheet
+    assert case(text.encode()).jobs[0].labels == {"place": "Füße, links"}
 
 
 def test_overrides_reach_the_group_or_the_log(case):
@@ -71,17 +73,14 @@ def test_overrides_reach_the_group_or_the_log(case):
     assert scene.rig.mass == 0.3 and [log.mass for log in scene.logs] == [None, None]
 
 
-def test_what_the_scene_states_of_a_log_is_kept_where_the_row_states_nothing(case):
+def test_what_the_scene_states_of_logs_is_kept_where_the_row_states_nothing(case):
+    """Of the log at a path, and without a path of every log, so that a folder can take its drive from a column."""
     listed = '[[logs]]\npath = "a.csv"\ndrive_speed = "9 mm/s"\nnoise = "1 mN"\nlabels = { site = "arm" }\n'
     rows = "path,group,drive_speed,material\na.csv,G,,skin\nb.csv,H,1 mm/s,skin\n"
     (log,) = scene_of(case(rows, scene=listed).jobs[0]).logs
     assert log.drive_speed == 9e-3 and log.noise == 1e-3 and log.labels == {"site": "arm", "material": "skin"}
     (log,) = scene_of(case("path,group,drive_speed\na.csv,G,2 mm/s\n", scene=listed).jobs[0]).logs
     assert log.drive_speed == 2e-3, "the manifest has the last word"
-
-
-def test_a_log_of_the_scene_without_a_path_holds_of_every_log(case):
-    """So that the logs of a folder can take their drive from a column."""
     rows = "path,group,drive_speed\na.csv,G,\nb.csv,H,\nc.csv,K,2 mm/s\n"
     listed = '[[logs]]\ncolumns = { position = "Fz" }\nnoise = "2 mN"\n[[logs]]\npath = "b.csv"\nnoise = "1 mN"\n'
     logs = [scene_of(job).logs[0] for job in case(rows, scene=listed).jobs]
@@ -130,11 +129,6 @@ def test_a_refused_manifest_is_taken_with_the_remedy_that_is_named(case, wrong, 
     assert len(found) == len(remedies)
     assert all(remedy in sentence for remedy, sentence in zip(remedies, found, strict=True))
     assert case(right).jobs
-
-
-def test_semicolons_and_a_byte_order_mark_are_fine(case):
-    text = "\ufeffpath;group;drive_speed;place\na.csv;G;1 mm/s;Füße, links\n"
-    assert case(text.encode()).jobs[0].labels == {"place": "Füße, links"}
 
 
 def test_a_folder_is_one_group_per_log(tmp_path):

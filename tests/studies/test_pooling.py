@@ -64,17 +64,16 @@ def test_people_of_each_group_are_compared_as_tukey_does(seed):
         assert d.interval == pytest.approx((ends.low[i, j], ends.high[i, j]), rel=1e-6)
 
 
-def test_two_groups_are_students_test():
+@pytest.mark.parametrize("scatter", [0.05, 0.15])
+def test_two_groups_are_compared_as_student_does_in_pairs_and_else_as_welch_does(scatter):
     random = np.random.default_rng(4)
-    first, second = random.normal(0.5, 0.05, 6), random.normal(0.56, 0.05, 6)
+    first, second = random.normal(0.5, 0.05, 6), random.normal(0.56, scatter, 6)
     groups, y = ("A",) * 6 + ("B",) * 6, np.concatenate([first, second])
-    same = pool(y, np.zeros(12), Setting(groups, tuple(f"V{k % 6}" for k in range(12)))).differences[0]
-    own = pool(y, np.zeros(12), Setting(groups, tuple(f"V{k}" for k in range(12)))).differences[0]
-    paired, free = stats.ttest_rel(first, second), stats.ttest_ind(first, second)
-    assert same.p == pytest.approx(paired.pvalue, rel=1e-9) and same.shared == 6
-    assert same.interval == pytest.approx(tuple(paired.confidence_interval(0.95)), rel=1e-9)
-    assert own.p == pytest.approx(free.pvalue, rel=1e-9) and own.shared == 0
-    assert own.interval == pytest.approx(tuple(free.confidence_interval(0.95)), rel=1e-9)
+    paired, free = stats.ttest_rel(first, second), stats.ttest_ind(first, second, equal_var=False)
+    for people, shared, expected in (([k % 6 for k in range(12)], 6, paired), (range(12), 0, free)):
+        found = pool(y, np.zeros(12), Setting(groups, tuple(f"V{k}" for k in people))).differences[0]
+        assert found.p == pytest.approx(expected.pvalue, rel=1e-9) and found.shared == shared
+        assert found.interval == pytest.approx(tuple(expected.confidence_interval(0.95)), rel=1e-9)
 
 
 # Share of neighbouring materials called different in mu_s by the mixed model (REML, Kenward and Roger, multivariate t)
@@ -98,15 +97,15 @@ def test_power_is_that_of_the_mixed_model(plan, before):
     assert 100 * np.mean(calls) == pytest.approx(before, abs=5.0)
 
 
-@pytest.mark.parametrize(
-    "plan",
-    [
-        Plan("paired", volunteers=5, runs=2),
-        Plan("own people", volunteers=5, runs=2, paired=False),
-        Plan("runs lost", volunteers=6, runs=2, lost=0.33),
-    ],
-    ids=lambda plan: plan.name,
+NULL = (
+    Plan("paired", volunteers=5, runs=2),
+    Plan("own people", volunteers=5, runs=2, paired=False),
+    Plan("two of own people", materials=2, volunteers=5, runs=2, paired=False),
+    Plan("runs lost", volunteers=6, runs=2, lost=0.33),
 )
+
+
+@pytest.mark.parametrize("plan", NULL, ids=lambda plan: plan.name)
 def test_false_differences_are_at_most_five_percent(plan):
     """300 studies without a difference: at 5 % more than 24 say "different" once in fifty times. Control: every fit
     as a person of its own."""
@@ -118,7 +117,7 @@ def test_false_differences_are_at_most_five_percent(plan):
         naive += any(d.verdict == DIFFERENT for d in pool(y, noise, Setting(study.setting.group)).differences)
     assert false <= 24
     if not plan.paired:
-        assert naive > 45
+        assert naive > 30
 
 
 def test_intervals_of_means_cover():
@@ -168,21 +167,6 @@ def test_the_answer_does_not_hang_on_order_or_unit():
     assert widths[1] == pytest.approx([1000 * error for error in widths[0]], rel=1e-9)
 
 
-def test_an_odd_fit_is_flagged_and_an_even_study_flags_nobody():
-    study = draw(Plan("odd"), np.random.default_rng(12))
-    y, noise = study.y[:, 0].copy(), study.noise[:, 0, 0]
-    assert pool(y, noise, study.setting).outliers == ()
-    y[17] += 0.25
-    (found,) = pool(y, noise, study.setting).outliers
-    assert found.row == 17 and found.z > 4
-
-
-def test_outliers_are_rare_where_there_are_none():
-    random = np.random.default_rng(5)
-    studies = [draw(Plan("even", volunteers=6, runs=2), random) for _ in range(200)]
-    assert sum(bool(pool(s.y[:, 0], s.noise[:, 0, 0], s.setting).outliers) for s in studies) <= 18  # 5 %: 10
-
-
 def test_quantities_hang_together_as_they_were_drawn():
     study = draw(Plan("many", volunteers=40, runs=2), np.random.default_rng(9))
     pooled = [pool(study.y[:, k], study.noise[:, k, k], study.setting) for k in range(6)]
@@ -206,12 +190,9 @@ def test_one_more_person_scatters_as_people_do():
     assert found.further_sd == pytest.approx(math.sqrt(between + run * (1 - 1 / 3)), rel=1e-9)
 
 
-def test_many_groups_have_means_but_no_pairs():
+def test_too_many_groups_have_means_but_no_pairs_and_too_few_fits_are_refused():
     y, setting = np.random.default_rng(0).standard_normal(80), Setting(tuple(f"g{k % 40}" for k in range(80)))
     found = pool(y, np.zeros(80), setting)
     assert len(found.means) == 40 and found.differences == ()
-
-
-def test_too_few_fits_are_refused_in_one_sentence():
     with pytest.raises(PoolingError, match="no group has two fits"):
         pool(np.array([1.0, 2.0]), np.zeros(2), Setting(("A", "B")))

@@ -15,15 +15,15 @@ from identify.scene import Scene
 MASS, STIFFNESS, DAMPING, LOAD, NOISE = 0.2, 1470.0, 147.0, 1.0, 0.005
 MU_S, MU_K0, DELTA, A, LENGTH, CREEP = 0.62, 0.43, -0.13, 300.0, 37.4e-6, 0.5
 SPEEDS = (0.1 / 6e4, 1e-4, 1e-3, 5e-3)
-PARAMETERS = (
-    ("mu_s", 0.62, 0.0011, "", "identified", ""),
-    ("mu_k0", 0.43, 0.0009, "", "identified", ""),
-    ("delta_mu_k", -0.13, 0.0021, "", "identified", ""),
-    ("a", 301.7, 9.3, "s/m", "identified", ""),
-    ("D", 37.42e-6, 0.21e-6, "m", "identified", ""),
-    ("t_cr", 0.5013, 0.0042, "s", "identified", ""),
-)
-TRUTH = {name: value for name, value, *_ in PARAMETERS}
+PARAMETERS = {
+    "mu_s": (0.62, 0.0011, ""),
+    "mu_k0": (0.43, 0.0009, ""),
+    "delta_mu_k": (-0.13, 0.0021, ""),
+    "a": (301.7, 9.3, "s/m"),
+    "D": (37.42e-6, 0.21e-6, "m"),
+    "t_cr": (0.5013, 0.0042, "s"),
+}
+TRUTH = {name: value for name, (value, *_) in PARAMETERS.items()}
 EFFECTS = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
 RIG = {"mass": "0.2 kg", "stiffness": "1.47 N/mm", "zeta": 0.05, "normal_force": "1 N"}
 Array = NDArray[np.float64]
@@ -72,33 +72,31 @@ def log_curves(speed: float, samples: int, cycles: int = 9, scatter: float = 0.0
     onset = stick * 0.7 + np.concatenate([[0.0], np.cumsum((stick * factor + length)[:-1])])
     end = onset[-1] + length + 0.6 * stick
     time = np.linspace(0, end, samples)
-    force = _force(time, onset, slip, speed)
+    # straight sticks between the slips that begin at the onsets
+    knots = np.concatenate([[-1e-9], *(np.append(at + slip["time"][::20], at + length) for at in onset), [end]])
+    levels = np.tile(np.append(slip["force"][::20], slip["force"][-1]), cycles)
+    first, last = slip["force"][0] - STIFFNESS * speed * onset[0], slip["force"][-1] + STIFFNESS * speed * 0.6 * stick
+    force = np.interp(time, knots, np.concatenate([[first], levels, [last]]))
     level = np.interp(time, onset, 1 + 0.3 * (factor - 1))
-    measured = force * level + NOISE * random.standard_normal(samples)
-    used = np.ones(samples, bool)
-    used[: samples // 40] = False
-    fitted = np.where(used, force, np.nan)
-    table = np.column_stack(
-        [
-            onset,
-            onset + length,
-            slip["force"][0] * factor**0.3,
-            slip["force"][-1] * factor**0.3,
-            random.normal(0, 1.1, cycles),
-        ]
-    )
+    used = np.arange(samples) >= samples // 40
+    ends = (slip["force"][0] * factor**0.3, slip["force"][-1] * factor**0.3)
+    table = np.column_stack([onset, onset + length, *ends, random.normal(0, 1.1, cycles)])
     return LogCurves(
         name=f"pair_{speed * 6e4:g}_mm_min.txt",
         time=time,
         normal_force=LOAD * (1 - 0.05 * (1 - np.exp(-3 * time / end))) + 0.002 * random.standard_normal(samples),
-        friction_force=measured,
-        fitted_force=fitted,
+        friction_force=force * level + NOISE * random.standard_normal(samples),
+        fitted_force=np.where(used, force, np.nan),
         used=used,
         noise=NOISE,
         drive_speed=speed,
         cycles=table,
         measured=table[:, :4],
-        slip=_detail(slip, speed, float(onset[cycles // 2]), cycles // 2 + 1, time),
+        slip=SlipDetail(
+            cycle=cycles // 2 + 1,
+            samples=np.flatnonzero((time >= onset[cycles // 2]) & (time < onset[cycles // 2] + length)),
+            **(slip | {"time": onset[cycles // 2] + slip["time"]}),
+        ),
     )
 
 
@@ -113,163 +111,76 @@ def fit_of_a_scene() -> Fit:
     fit = fake_fit(samples=4000)
     logs = [{"path": f"log_{i}.txt", "drive_speed": speed} for i, speed in enumerate(SPEEDS, 1)]
     scene = Scene.from_document({"name": "pair", "effects": EFFECTS, "rig": RIG, "logs": logs}).as_document()
-    told = [
-        {**log, "drive_speed_m_per_s": speed, "normal_force_N": 1.0}
-        for log, speed in zip(fit.result["logs"], SPEEDS, strict=True)
-    ]
-    return replace(fit, result={**fit.result, "provenance": {**fit.result["provenance"], "scene": scene}, "logs": told})
+    return replace(fit, result={**fit.result, "provenance": {**fit.result["provenance"], "scene": scene}})
+
+
+def with_parameters(fit: Fit, **changes: dict[str, Any]) -> Fit:
+    """The same fit with other entries of these parameters."""
+    told = {name: {**entry, **changes.get(name, {})} for name, entry in fit.result["parameters"].items()}
+    return replace(fit, result={**fit.result, "parameters": told})
 
 
 def with_verdicts(fit: Fit) -> Fit:
     """The same fit with every kind of verdict."""
-    told = dict(fit.result["parameters"])
-    test = "a log at 5 mm/s sampled at 1 kHz or more would tell"
-    told["a"] = {
-        **told["a"],
-        "standard_error": None,
-        "interval": [112.0, None],
-        "verdict": "not identifiable",
-        "reason": test,
-    }
-    told["delta_mu_k"] = {**told["delta_mu_k"], "interval": [-0.19, -0.08], "verdict": "weak", "reason": test}
-    told["t_cr"] = {
-        **told["t_cr"],
-        "interval": [None, None],
-        "standard_error": None,
-        "verdict": "at bound",
-        "reason": test,
-    }
-    told["D"] = {
-        **told["D"],
-        "interval": None,
-        "standard_error": None,
-        "verdict": "fixed",
-        "reason": "fixed in the scene",
-    }
-    return replace(fit, result={**fit.result, "parameters": told})
+    test, none = "a log at 5 mm/s sampled at 1 kHz or more would tell", {"standard_error": None}
+    return with_parameters(
+        fit,
+        a={**none, "interval": [112.0, None], "verdict": "not identifiable", "reason": test},
+        delta_mu_k={"interval": [-0.19, -0.08], "verdict": "weak", "reason": test},
+        t_cr={**none, "interval": [None, None], "verdict": "at bound", "reason": test},
+        D={**none, "interval": None, "verdict": "fixed", "reason": "fixed in the scene"},
+    )
 
 
 def failed(fit: Fit, status: str, message: str) -> Fit:
     """The same logs with a status other than converged: null parameters, the last iterate apart."""
     last = {name: {"value": entry["value"], "unit": entry["unit"]} for name, entry in fit.result["parameters"].items()}
-    null = {
-        name: {**entry, "value": None, "standard_error": None, "interval": None}
-        for name, entry in fit.result["parameters"].items()
-    }
-    result = {
-        **fit.result,
-        "status": status,
-        "message": message,
-        "parameters": null,
-        "last_iterate": last,
-        "correlation": None,
-    }
-    return Fit(result=result, logs=fit.logs)
+    null = {name: {"value": None, "standard_error": None, "interval": None} for name in last}
+    ended = with_parameters(fit, **null).result | {"status": status, "message": message, "last_iterate": last}
+    return Fit(result={**ended, "correlation": None}, logs=fit.logs)
 
 
 def without_cycles(fit: Fit) -> Fit:
     """The same logs with nothing detected and nothing fitted."""
-    bare = tuple(
-        replace(
-            log,
-            fitted_force=np.full_like(log.time, np.nan),
-            cycles=np.empty((0, 5)),
-            measured=np.empty((0, 4)),
-            slip=None,
-        )
-        for log in fit.logs
-    )
+    none = {"cycles": np.empty((0, 5)), "measured": np.empty((0, 4)), "slip": None}
+    bare = tuple(replace(log, fitted_force=np.full_like(log.time, np.nan), **none) for log in fit.logs)
     message = "No log holds three complete stick-slip cycles; drive slower, or press harder, and record again."
     ended = failed(Fit(fit.result, bare), "no_cycles", message)
     return replace(ended, result={**ended.result, "gate": None, "fit": None, "derived": {}, "last_iterate": {}})
 
 
-def _force(time: Array, onset: Array, slip: dict[str, Array], speed: float) -> Array:
-    """Straight sticks between the slips that begin at the onsets."""
-    length = slip["time"][-1]
-    knots = np.concatenate([[time[0] - 1e-9], *(np.append(at + slip["time"][::20], at + length) for at in onset)])
-    waveform = np.append(slip["force"][::20], slip["force"][-1])
-    start = slip["force"][0] - STIFFNESS * speed * (onset[0] - time[0])
-    levels = np.concatenate([[start], np.tile(waveform, len(onset))])
-    after = onset[-1] + length
-    tail = slip["force"][-1] + STIFFNESS * speed * (time - after)
-    return np.where(time > after, tail, np.interp(time, knots, levels))
-
-
-def _detail(slip: dict[str, Array], speed: float, onset: float, cycle: int, time: Array) -> SlipDetail:
-    """The slip with a little stick on both sides of it."""
-    length = slip["time"][-1]
-    before, after = np.linspace(-0.2 * length, 0, 40)[:-1], np.linspace(0, 0.35 * length, 60)[1:]
-    joined = {
-        "time": onset + np.concatenate([before, slip["time"], length + after]),
-        "sliding_speed": np.pad(slip["sliding_speed"], (39, 59)),
-    }
-    for name, slope in (
-        ("elongation", speed),
-        ("force", STIFFNESS * speed),
-        ("gamma", 1 / CREEP),
-        ("coefficient", 0.0),
-    ):
-        ends = slip[name][0] + slope * before, slip[name][-1] + slope * after
-        joined[name] = np.concatenate([ends[0], slip[name], ends[1]])
-    first, last = np.searchsorted(time, [joined["time"][0], joined["time"][-1]])
-    return SlipDetail(cycle=cycle, samples=np.arange(first, last), **joined)
+def number(value: float | None, unit: str, low: float, high: float, validity: str = "") -> dict[str, Any]:
+    """An entry of a document."""
+    return {"value": value, "unit": unit, "interval": [low, high], "validity": validity}
 
 
 def _document(curves: tuple[LogCurves, ...]) -> dict[str, Any]:
-    names = [name for name, *_ in PARAMETERS]
-    random = np.random.default_rng(5)
-    draw = np.corrcoef(random.standard_normal((6, 9)))
+    parameters = {}
+    for name, (value, error, unit) in PARAMETERS.items():
+        entry = {"value": value, "unit": unit, "standard_error": error, "level": 0.95, "verdict": "identified"}
+        parameters[name] = {**entry, "interval": [value - 1.96 * error, value + 1.96 * error], "reason": ""}
+    shift = {"a": {"shift": -31.0, "unit": "s/m", "in_standard_errors": -3.3}}
+    draw = np.corrcoef(np.random.default_rng(5).standard_normal((6, 9)))
     return {
         "schema": 1,
         "status": "converged",
         "message": f"{len(curves)} logs and {sum(len(log.cycles) for log in curves)} cycles agree within the noise.",
-        "parameters": {
-            name: {
-                "value": value,
-                "unit": unit,
-                "standard_error": error,
-                "interval": [value - 1.96 * error, value + 1.96 * error],
-                "level": 0.95,
-                "verdict": verdict,
-                "reason": reason,
-            }
-            for name, value, error, unit, verdict, reason in PARAMETERS
-        },
-        "correlation": {"names": names, "matrix": draw.tolist()},
+        "parameters": parameters,
+        "correlation": {"names": list(PARAMETERS), "matrix": draw.tolist()},
         "gate": {
             "chi2_per_sample": 1.0021,
             "worst_cycle": {"log": 1, "cycle": 7, "z": 2.9},
             "solver": "Solve_Succeeded",
             "event_shift_samples": 0.08,
-            "strength_scatter": None,
         },
         "fit": {"samples": sum(int(log.used.sum()) for log in curves), "cycles": 36, "iterations": 9, "rms_N": NOISE},
-        "derived": {
-            "v_cr": {"value": 7.48e-5, "unit": "m/s", "interval": [7.3e-5, 7.7e-5], "validity": "D / t_cr"},
-            "stick_slip_ends_above": {
-                "value": 0.0113,
-                "unit": "m/s",
-                "interval": [0.0109, 0.0118],
-                "validity": "periodic orbit",
-            },
-        },
-        "rig_sensitivity": {
-            "mass": {
-                "a": {"shift": -31.0, "unit": "s/m", "in_standard_errors": -3.3},
-                "D": {"shift": 1e-8, "unit": "m", "in_standard_errors": 0.05},
-            },
-            "damping": {
-                "a": {"shift": 4.1, "unit": "s/m", "in_standard_errors": 0.44},
-                "D": {"shift": None, "unit": "m", "in_standard_errors": None},
-            },
-        },
+        "derived": {"v_cr": number(7.48e-5, "m/s", 7.3e-5, 7.7e-5, "D / t_cr")},
+        "rig_sensitivity": {"mass": {**shift, "D": {"shift": None, "unit": "m", "in_standard_errors": None}}},
         "timing_s": {"read": 0.31, "detect": 0.05, "start": 0.16, "build": 0.11, "solve": 0.62, "total": 1.25},
         "notes": ["The noise was estimated from straight lines through the stick phases."],
         "logs": [_log_document(i, log) for i, log in enumerate(curves, start=1)],
         "provenance": {
             "version": "0.1.0",
-            "command": "stickslip fit --scene pair.toml",
             "scene": {"name": "UHMWPE on skin, example pair", "effects": ["inertia", "contact_ageing"]},
             "seed": 0,
             "packages": {"numpy": np.__version__, "casadi": "3.8.2"},
@@ -280,22 +191,7 @@ def _document(curves: tuple[LogCurves, ...]) -> dict[str, Any]:
 def _log_document(position: int, log: LogCurves) -> dict[str, Any]:
     drop = float(np.mean(log.cycles[:, 2] - log.cycles[:, 3]))
     period = float(np.mean(np.diff(log.cycles[:, 0])))
-    row = {
-        "step": 1,
-        "stroke": 1,
-        "mean_coefficient": 0.512,
-        "mean_coefficient_sd": 0.061,
-        "first_breakaway_coefficient": 0.63,
-        "static_peak_coefficient": 0.618,
-        "kinetic_mean_coefficient": 0.43,
-        "drop_N": drop,
-        "stick_slope_N_per_s": STIFFNESS * log.drive_speed,
-        "stick_stiffness_N_per_m": STIFFNESS,
-        "frequency_Hz": 1 / period,
-        "stick_slip_percent": 97.0,
-        "normal_force_drift_N": -0.05,
-    }
-    entry = {"value": drop, "unit": "N", "interval": [0.98 * drop, 1.02 * drop]}
+    row = {"step": 1, "stroke": 1, "mean_coefficient": 0.512, "static_peak_coefficient": 0.618, "drop_N": drop}
     return {
         "path": f"logs/{log.name}",
         "sha256": f"{position:064x}",
@@ -317,9 +213,9 @@ def _log_document(position: int, log: LogCurves) -> dict[str, Any]:
         },
         "derived": {
             "periodic orbit": {
-                "drop": {**entry, "validity": "nonlinear model"},
-                "period": {"value": period, "unit": "s", "interval": [0.99 * period, 1.01 * period]},
+                "drop": number(drop, "N", 0.98 * drop, 1.02 * drop, "nonlinear model"),
+                "period": number(period, "s", 0.99 * period, 1.01 * period),
             },
-            "closed form": {"drop": {**entry, "validity": "not valid here (a·V_max = 9.4)"}},
+            "closed form": {"drop": number(drop, "N", 0.9 * drop, 1.1 * drop, "not valid here (a·V_max = 9.4)")},
         },
     }
