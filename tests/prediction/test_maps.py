@@ -190,7 +190,7 @@ def test_multipliers_are_how_a_disturbance_shrinks_in_simulation():
 def test_an_interval_of_an_end_is_how_far_it_moves_with_what_is_known():
     """The end over drive speed where a alone is uncertain: between the ends of the outer values of a."""
     sd = 3.0
-    draws = Draws.of(SITE.model, DEMO | {"drive_speed": 5e-3, "normal_force": 1.0}, ("a",), np.array([[sd**2]]))
+    draws = Draws.of(SITE.model, DEMO | {"drive_speed": 5e-3, "normal_force": 1.0}, ("a",), [[sd**2]], 200)
     (end,) = line_map(SITE, "drive_speed", (1e-2, 5e-2), 8, draws).ends
     for side, found in ((1.0, end.interval.low), (-1.0, end.interval.high)):
         outer = Site(SITE.model, {**DEMO, "a": DEMO["a"] * np.exp(side * 1.959964 * sd / DEMO["a"])}, 5e-3, 1.0)

@@ -75,8 +75,8 @@ def test_stick_slip_out_of_reach_from_a_rested_contact_is_found():
         "normal_force": 0.116, "mu_s": 0.6732, "mu_k0": 0.3551, "delta_mu_k": 0.04821,
     }  # fmt: skip
     lanes = Lanes.of([pair] * 3, np.array([0.3e-3, 0.42e-3, 0.6e-3]))
-    rested = simulate(lanes, np.stack([np.zeros(3), np.ones(3)]), 30)
-    renewed = simulate(lanes, onsets(lanes, np.full(3, 0.02)), 30)
+    rested = simulate(lanes, np.stack([np.zeros(3), np.ones(3)]), 12)
+    renewed = simulate(lanes, onsets(lanes, np.full(3, 0.02)), 12)
     assert rested.slides.tolist() == [True, True, True] and renewed.slides.tolist() == [True, False, True]
     document = ask(pair, 0.6e-3)
     said = [study.said_at(document, float(speed)) for speed in lanes.drive]
