@@ -23,14 +23,14 @@ from identify.logs.vibration import rhythmic
 Array = NDArray[np.float64]
 
 
-def next_logs(found: Findings) -> tuple[NextLogResult, ...] | None:
+def next_logs(findings: Findings) -> tuple[NextLogResult, ...] | None:
     """The logs that would identify what a converged fit calls weak or not identifiable, one after the other; None where
     nothing is left, fewer than two sticks end in a slip, or the time is up before they are chosen."""
-    knowledge = _knowledge(found)
+    knowledge = _knowledge(findings)
     if knowledge is None:
         return None
-    assert found.attempt is not None
-    logs = found.attempt.fitted_logs
+    assert findings.attempt is not None
+    logs = findings.attempt.fitted_logs
     load = float(np.median([log.mean_load for log in logs]))
     speeds = [speed for log in logs for speed, _ in driven(log.data)]
     planned = choose(knowledge, [LogDesign(speed, load) for speed in dialled(speeds)], BUDGET)
@@ -43,12 +43,12 @@ def next_logs(found: Findings) -> tuple[NextLogResult, ...] | None:
     )
 
 
-def _knowledge(found: Findings) -> Knowledge | None:
+def _knowledge(findings: Findings) -> Knowledge | None:
     """What the fit knows; None where there is nothing to ask or nothing to start from."""
-    if found.status is not Status.CONVERGED or found.attempt is None or found.sure is None:
+    if findings.status is not Status.CONVERGED or findings.attempt is None or findings.sure is None:
         return None
-    unknowns, attempt, sure = found.unknowns, found.attempt, found.sure
-    verdicts = {e.name: e.verdict for e in found.estimates}
+    unknowns, attempt, sure = findings.unknowns, findings.attempt, findings.sure
+    verdicts = {e.name: e.verdict for e in findings.estimates}
     free = np.flatnonzero(unknowns.free)
     verdict = [verdicts[unknowns.names[i]] for i in free.tolist()]
     # What a log has for itself, another one has anew; harmonics are those of a drive at its speed.
@@ -86,11 +86,11 @@ def _knowledge(found: Findings) -> Knowledge | None:
     )
 
 
-def advised(found: Findings, logs: Sequence[NextLogResult]) -> Findings:
+def advised(findings: Findings, logs: Sequence[NextLogResult]) -> Findings:
     """The findings with the log to add beside every verdict that leaves something open."""
-    assert found.attempt is not None and found.sure is not None
-    attempt = found.attempt
-    shown = hints(attempt.fitted_logs, attempt.solved.trajectories, found.unknowns, attempt.solved.theta)
+    assert findings.attempt is not None and findings.sure is not None
+    attempt = findings.attempt
+    shown = hints(attempt.fitted_logs, attempt.solved.trajectories, findings.unknowns, attempt.solved.theta)
 
     def with_log(estimate: Estimate) -> Estimate:
         log, hint = next((log for log in logs if estimate.name in log.expected), None), shown.get(estimate.name)
@@ -105,4 +105,6 @@ def advised(found: Findings, logs: Sequence[NextLogResult]) -> Findings:
             return replace(estimate, reason=estimate.reason.replace(str(hint), f"{hint.shown}: {remedy}"))
         return replace(estimate, reason="; ".join(filter(None, (estimate.reason, remedy))))
 
-    return replace(found, sure=replace(found.sure, estimates=[with_log(each) for each in found.sure.estimates]))
+    return replace(
+        findings, sure=replace(findings.sure, estimates=[with_log(each) for each in findings.sure.estimates])
+    )

@@ -293,10 +293,10 @@ REMEDIES = {
 }
 
 
-def shown(name: str, found: RigValue) -> str:
+def shown(name: str, known: RigValue) -> str:
     """A quantity in words, with its interval."""
-    low, high = (f"{end:.4g}" for end in found.interval)
-    return f"{found.value:.4g} {UNITS[name]}".rstrip() + f" (95 %: {low} to {high})"
+    low, high = (f"{end:.4g}" for end in known.interval)
+    return f"{known.value:.4g} {UNITS[name]}".rstrip() + f" (95 %: {low} to {high})"
 
 
 def rig_toml(rig: RigCalibration, measured: Sequence[Measured]) -> str:
@@ -307,14 +307,14 @@ def rig_toml(rig: RigCalibration, measured: Sequence[Measured]) -> str:
         "# A drive_speed or normal_force that all logs share may stand here as well.",
     ]
     for name in ("mass", "stiffness", "zeta"):
-        found: RigValue | None = getattr(rig, name)
-        if found is None:
+        known: RigValue | None = getattr(rig, name)
+        if known is None:
             lines.append(f'{name} = "{f"TODO {UNITS[name]}".strip()}"   # not determined; give {REMEDIES[name]}')
         else:
-            value = f"{found.value:.6g}" if not UNITS[name] else f'"{found.value:.6g} {UNITS[name]}"'
-            interval = " to ".join(f"{end:.4g}" for end in found.interval)
+            value = f"{known.value:.6g}" if not UNITS[name] else f'"{known.value:.6g} {UNITS[name]}"'
+            interval = " to ".join(f"{end:.4g}" for end in known.interval)
             lines.append(
-                f'{name} = {{ value = {value}, tolerance = "{100.0 * found.tolerance:.3g} %" }}   # 95 %: {interval}'
+                f'{name} = {{ value = {value}, tolerance = "{100.0 * known.tolerance:.3g} %" }}   # 95 %: {interval}'
             )
     if rig.tied:
         lines.append(f'natural_frequency_tolerance = "{100.0 * rig.tied:.3g} %"   # sqrt(k/m): both err together')

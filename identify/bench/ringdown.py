@@ -78,18 +78,18 @@ def ring_downs(time: Array, force: Array) -> list[RingDown]:
     if not strongest > 0.0:
         return []
     period = 1.0 / strongest
-    found = [
+    taps = [
         fit
         for first, last in _taps(time, force, period)
         if (fit := _fitted(time[first:last], force[first:last], period))
     ]
     samples = period / interval
-    if found and samples < FEWEST_SAMPLES:
+    if taps and samples < FEWEST_SAMPLES:
         raise IdentifyError(
             f"the ringing has {samples:.2g} samples per swing, so that a faster one could look the same; expected "
             f"{FEWEST_SAMPLES:.0f} or more, better 20: sample at {20.0 / period:.0f} Hz or more"
         )
-    return found
+    return taps
 
 
 def _taps(time: Array, force: Array, period: float) -> Iterator[tuple[int, int]]:

@@ -337,27 +337,27 @@ class CycleBatch:
         """
         n, n_y = y.shape
         none = np.zeros(n, dtype=bool)
-        found = Motions(~none, none, y.copy(), np.full((n, n_y), np.nan + 0j), none.copy())
+        motions = Motions(~none, none, y.copy(), np.full((n, n_y), np.nan + 0j), none.copy())
         left, drift, lasted, jump = np.arange(n), np.zeros(n), np.zeros(n, dtype=int), np.ones(n)
         for plain in PLAIN:
             for _ in range(plain):
                 if not left.size:
-                    return found
-                cycles = self.take(left).run(found.y[left])
-                found.refused[left] = cycles.refused
-                found.sticks[left] = cycles.rests
+                    return motions
+                cycles = self.take(left).run(motions.y[left])
+                motions.refused[left] = cycles.refused
+                motions.sticks[left] = cycles.rests
                 jump[left] = cycles.jump / self.scale[left, ELONGATION]
                 left, y = left[cycles.rests], cycles.y[cycles.rests]
-                now = np.sign(y[:, ELONGATION] - found.y[left, ELONGATION])
+                now = np.sign(y[:, ELONGATION] - motions.y[left, ELONGATION])
                 lasted[left] = np.where(now == drift[left], lasted[left] + 1, 0)
-                found.y[left], drift[left] = y, now
+                motions.y[left], drift[left] = y, now
             if left.size:
-                y_next, multipliers, closed = self.take(left)._newton(found.y[left], jump[left])
-                found.y[left], found.periodic[left] = y_next, closed
-                found.multipliers[left[closed]] = multipliers[closed]
+                y_next, multipliers, closed = self.take(left)._newton(motions.y[left], jump[left])
+                motions.y[left], motions.periodic[left] = y_next, closed
+                motions.multipliers[left[closed]] = multipliers[closed]
                 left = left[~closed]
-        found.sticks[left[lasted[left] >= DRIFTING]] = False
-        return found
+        motions.sticks[left[lasted[left] >= DRIFTING]] = False
+        return motions
 
     def _newton(self, y: Array, jump: Array) -> tuple[Array, NDArray[np.complex128], Bools]:
         """Rest states (n, n_y) nearer to a stable orbit than y, which come to rest again; multipliers of the return map

@@ -217,11 +217,11 @@ class Chart:
     @staticmethod
     def of(grid: Plane, survey: Survey, ends: Border, losses: Border) -> Chart:
         """What a survey of a grid found."""
-        found, growth = survey.motions, survey.batch.growth
+        motions, growth = survey.motions, survey.batch.growth
         rows = np.full((growth.size, len(QUANTITIES)), np.nan)
-        if np.any(found.periodic):
-            rows[found.periodic] = survey.batch.take(found.periodic).figures(found.y[found.periodic])
-        answers = zip(found.refused & ~found.sticks, found.periodic, found.sticks, growth < 0.0, strict=True)
+        if np.any(motions.periodic):
+            rows[motions.periodic] = survey.batch.take(motions.periodic).figures(motions.y[motions.periodic])
+        answers = zip(motions.refused & ~motions.sticks, motions.periodic, motions.sticks, growth < 0.0, strict=True)
         words = [NO_ANSWER if refused else outcome_of(*answer).value for refused, *answer in answers]
         outcomes = np.full(grid.shape, NOT_ADMITTED, dtype="<U20")
         outcomes[grid.admitted] = words
@@ -229,9 +229,9 @@ class Chart:
             plane=grid,
             outcomes=outcomes,
             growth=grid.gridded(growth),
-            multiplier=grid.gridded(found.multipliers[:, 0].real),
+            multiplier=grid.gridded(motions.multipliers[:, 0].real),
             figures={name: grid.gridded(column) for name, column in zip(QUANTITIES, rows.T, strict=True)},
-            sticking=Boundary.of(grid, grid.gridded(found.sticks.astype(float), 0.0), ends),
+            sticking=Boundary.of(grid, grid.gridded(motions.sticks.astype(float), 0.0), ends),
             unstable=Boundary.of(grid, grid.gridded((growth >= 0.0).astype(float), 0.0), losses),
         )
 
@@ -343,14 +343,14 @@ def line_map(
     borders = survey.ends(FINE), survey.losses()
     changes: list[tuple[AnswerChange, ...]] = []
     for border in borders:
-        found = []
+        row = []
         for k, place in enumerate(border.places[:, 0].tolist()):
             value, below, interval = float(q.value_at(place)), bool(border.nodes[k, 0] < border.nodes[k, 1]), None
             if draws is not None and set(draws.names) != {name}:
                 start = (border.y[k], border.scale[k]) if border.y.size else None
                 interval = draws.interval(draws.ends(site, q, place, below, start), value)
-            found.append(AnswerChange(value, below, interval))
-        changes.append(tuple(found))
+            row.append(AnswerChange(value, below, interval))
+        changes.append(tuple(row))
     force = grid.gridded(np.array([state.force for state in slidings(site.model, survey.batch.settings)]))[0]
     return LineMap(Chart.of(grid, survey, *borders), force, changes[0], changes[1])
 
@@ -475,11 +475,11 @@ def _change(site: Site, q: Axis, drawn: Draws | None, tested: Tested | None, mar
     far = int(other[np.argmin(np.abs(other - mine) - 0.25 * (other > mine))])  # of two as near the one above
     near = far - 1 if far > mine else far + 1
     rising = bool((far > near) != steady[mine])
-    found = []
+    turns = []
     for border, kind in ((survey.ends(FINE), "end of stick-slip"), (survey.losses(), "loss of stability")):
         for k in np.flatnonzero(np.all(np.sort(border.nodes, axis=1) == sorted((near, far)), axis=1)).tolist():
-            found.append((float(border.places[k, 0]), kind, (border.y[k], border.scale[k]) if border.y.size else None))
-    place, kind, start = (max if rising else min)(found, key=lambda each: each[0])  # steady only beyond both
+            turns.append((float(border.places[k, 0]), kind, (border.y[k], border.scale[k]) if border.y.size else None))
+    place, kind, start = (max if rising else min)(turns, key=lambda each: each[0])  # steady only beyond both
     limit, interval, scaled, reason = float(q.value_at(place)), None, None, ""
     if drawn is not None:
         ends = drawn.ends(site, q, place, rising, start)

@@ -156,19 +156,19 @@ def solution_set(map_: CycleMap, drive_speed: float) -> SolutionSet:
 
     def settled(windows: Windows) -> Motions:
         """From a rested contact, else from the nearest stick-slip of the windows."""
-        found, near = batch.settle(batch.rested()), windows.near(drive_speed)
-        return found if found.sticks[0] or near is None else batch.settle(near[None])
+        motions, near = batch.settle(batch.rested()), windows.near(drive_speed)
+        return motions if motions.sticks[0] or near is None else batch.settle(near[None])
 
     windows = speed_windows(map_.model, w)
-    found, (low, high) = settled(windows), windows.searched
-    if bool(found.sticks[0]) != (windows.near(drive_speed) is not None) or not low <= drive_speed <= high:
+    motions, (low, high) = settled(windows), windows.searched
+    if bool(motions.sticks[0]) != (windows.near(drive_speed) is not None) or not low <= drive_speed <= high:
         # A window narrower than the grid, or a speed at the very edge of one: this speed is a node then.
         windows = speed_windows(map_.model, w, (drive_speed,))
-        found = settled(windows)
-    orbit = close(map_, found.y[0], drive_speed, steady.growth) if found.periodic[0] else None
+        motions = settled(windows)
+    orbit = close(map_, motions.y[0], drive_speed, steady.growth) if motions.periodic[0] else None
     orbit = orbit if orbit is not None and orbit.stable else None
-    outcome = outcome_of(orbit is not None, bool(found.sticks[0]), steady.stable)
-    return SolutionSet(outcome, orbit, found.y[0] if found.sticks[0] else None, steady, windows)
+    outcome = outcome_of(orbit is not None, bool(motions.sticks[0]), steady.stable)
+    return SolutionSet(outcome, orbit, motions.y[0] if motions.sticks[0] else None, steady, windows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,11 +188,11 @@ class DrawAnswers:
     def motions(self) -> Motions:
         """From the stick-slip of the point itself, else from a rested contact."""
         y, batch = self.answer.y, self.batch
-        found = batch.settle(batch.rested() if y is None else np.tile(y, (len(self.draws.settings), 1)))
-        left = np.flatnonzero(~found.sticks)
+        motions = batch.settle(batch.rested() if y is None else np.tile(y, (len(self.draws.settings), 1)))
+        left = np.flatnonzero(~motions.sticks)
         if y is not None and left.size:
-            found.update(left, batch.take(left).settle(batch.take(left).rested()))
-        return found
+            motions.update(left, batch.take(left).settle(batch.take(left).rested()))
+        return motions
 
     @cached_property
     def numbers(self) -> Mapping[str, Array]:

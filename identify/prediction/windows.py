@@ -72,20 +72,20 @@ class Survey:
         from a rested one), and from the stick-slip of the nodes beside. Without sides the nodes are a row."""
         sides = sides or [np.stack([np.arange(len(places) - 1), np.arange(1, len(places))], axis=1)]
         batch = CycleBatch(model, settings_at(places))
-        found = batch.settle(batch.rested())
-        left = np.flatnonzero(~found.sticks)
+        motions = batch.settle(batch.rested())
+        left = np.flatnonzero(~motions.sticks)
         if left.size:
-            found.update(left, batch.take(left).settle(batch.take(left).renewed()))
-        fresh = found.sticks.copy()
+            motions.update(left, batch.take(left).settle(batch.take(left).renewed()))
+        fresh = motions.sticks.copy()
         while np.any(fresh):
-            before = found.sticks.copy()
+            before = motions.sticks.copy()
             for source, rows in (side.T[order] for side in sides for order in ([0, 1], [1, 0])):
-                new = fresh[source] & ~found.sticks[rows]
+                new = fresh[source] & ~motions.sticks[rows]
                 if np.any(new):
                     near, part = source[new], batch.take(rows[new])
-                    found.update(rows[new], part.settle(found.y[near] * part.scale / batch.scale[near]))
-            fresh = found.sticks & ~before
-        return Survey(model, places, settings_at, sides, batch, found)
+                    motions.update(rows[new], part.settle(motions.y[near] * part.scale / batch.scale[near]))
+            fresh = motions.sticks & ~before
+        return Survey(model, places, settings_at, sides, batch, motions)
 
     def ends(self, rounds: int) -> Border:
         """Where stick-slip ends, its brackets halved so many times."""
@@ -141,13 +141,13 @@ class StickTest:
     def __call__(self, rows: Rows, places: Array) -> Bools:
         """Whether rows (k,) do at their places (k,)."""
         batch = CycleBatch(self._model, self._at(rows, places))
-        found = batch.settle(self.shares[rows] * batch.scale)
-        left = np.flatnonzero(~found.sticks & self._strange[rows])
+        motions = batch.settle(self.shares[rows] * batch.scale)
+        left = np.flatnonzero(~motions.sticks & self._strange[rows])
         if left.size:
-            found.update(left, batch.take(left).settle(batch.take(left).rested()))
-        stuck = found.sticks
+            motions.update(left, batch.take(left).settle(batch.take(left).rested()))
+        stuck = motions.sticks
         self._strange[rows[stuck]] = False
-        self.shares[rows[stuck]] = (found.y / batch.scale)[stuck]
+        self.shares[rows[stuck]] = (motions.y / batch.scale)[stuck]
         return stuck
 
 
