@@ -100,8 +100,6 @@ class Looks:
         )
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, self._process.pid, NICE)
-            # Linux weighs whole sessions against each other, where it groups by them
-            Path(f"/proc/{self._process.pid}/autogroup").write_text(str(NICE))
         try:
             document = json.loads(self._process.communicate(timeout=LONGEST)[0])
         except subprocess.TimeoutExpired:

@@ -48,12 +48,13 @@ def fit_seen(folder: Folder, name: str) -> Document:
     cycles_of = _cycles(place / "result.h5", len(document["logs"]))
     logs = [
         {
-            "path": _inside(folder, log.get("path")),
+            "path": path.relative_to(folder.root).as_posix() if path.is_relative_to(folder.root) else path.name,
             "left_out": log.get("reason_left_out"),
             "text": (log.get("derived") or {}).get("text", ""),
             "cycles": cycles,
         }
         for log, cycles in zip(document["logs"], cycles_of, strict=True)
+        for path in [Path(str(log.get("path")))]
     ]
     return {key: document.get(key) for key in SHOWN} | {
         "tolerances": tolerances_text(result.tolerances or {}),
@@ -134,11 +135,3 @@ def _cycles(path: Path, logs: int) -> list[list[Document]]:
     except OSError:
         pass
     return out
-
-
-def _inside(folder: Folder, path: object) -> str:
-    """The path of a log as the page names it; its name where it lies elsewhere."""
-    try:
-        return folder.name(Path(str(path)))
-    except ValueError:
-        return Path(str(path)).name

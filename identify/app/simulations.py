@@ -54,7 +54,12 @@ def tried(scene: Scene, log: Segmented, values: Mapping[str, float], chosen: ran
     used = scene.values(log.entry) | dict(values)
     drive = Drive.of(tuple((max(at - begin, 0.0), speed) for at, speed in log.drive.within(begin, end)))
     start = {"elongation": float(cycles.arrest_force[first]) / used["stiffness"]}
-    loading = _loading(time, load) if model.follows_load else float(np.nanmean(load))
+    loading: tuple[Array, Array] | float = float(np.nanmean(load))
+    if model.follows_load:  # in pieces
+        sound = np.isfinite(load)
+        edges = np.linspace(0, np.count_nonzero(sound), min(LOADS, np.count_nonzero(sound)) + 1).astype(int)
+        middles, means = (np.add.reduceat(v[sound], edges[:-1]) / np.diff(edges) for v in (time, load))
+        loading = np.append(0.0, middles), np.append(means[0], means)
     with ONE_AT_A_TIME:
         motion = run(model, used, drive, loading, float(time[-1]), start=start, accuracy=ACCURACY)
         # Evenly over all of it, and evenly over every slip, however short.
@@ -85,15 +90,6 @@ def tried(scene: Scene, log: Segmented, values: Mapping[str, float], chosen: ran
     return dict(plain(document))
 
 
-def _loading(time: Array, load: Array) -> tuple[Array, Array]:
-    """The load over time in pieces, for a model that follows it."""
-    sound = np.isfinite(load)
-    time, load = time[sound], load[sound]
-    edges = np.linspace(0, time.size, min(LOADS, time.size) + 1).astype(int)
-    middles, means = (np.add.reduceat(values, edges[:-1]) / np.diff(edges) for values in (time, load))
-    return np.append(0.0, middles), np.append(means[0], means)
-
-
 def start_from_data(scene: Scene) -> Document:
     """What a fit would start from, without a fit: the parameters (SI) and where they come from."""
     with ONE_AT_A_TIME:
@@ -117,14 +113,10 @@ def site_of(scene: Scene, result: Result | None, number: int) -> Site:
     speeds = [abs(v) for _, v in drive if v] if isinstance(drive, tuple) else [abs(drive)] if drive else []
     load = log.normal_force_N or rig.normal_force
     if not speeds or not load:
-        missing = [name for name, known in ((SPEED, speeds), (LOAD, load)) if not known]
-        words, given = (
-            " and ".join(name.replace("_", " ") for name in missing),
-            ", ".join(f"{name} = {EXAMPLES[name]}" for name in missing),
-        )
+        missing = SPEED if not speeds else LOAD
         raise PageError(
-            f"the scene states no {words}, which a fit that has converged takes from the logs; map such a fit, or "
-            f"give under [rig]: {given}"
+            f"the scene states no {missing.replace('_', ' ')}, which a fit that has converged takes from the logs; map "
+            f"such a fit, or give under [rig]: {missing} = {EXAMPLES[missing]}"
         )
     area = scene.contact.area_at(load)
     return Site(scene.model, values, speeds[0], load, area, scene.contact.exponent or 0.0)

@@ -19,8 +19,7 @@ Interval = tuple[float | None, float | None]  # an end that is open is None
 
 @dataclass(frozen=True)
 class Number:
-    """One number of an answer; validity: where it holds, in words; interval: 95 %, None without one; reason: why an end
-    is open; group: of the logs it is told of."""
+    """One number with its 95 % interval; validity: where it holds; reason: why an end is open; group: of logs."""
 
     value: float | None
     unit: str = ""
@@ -38,8 +37,7 @@ class Number:
 @dataclass(frozen=True)
 class ParameterResult:
     """One parameter; interval, standard error and verdict hold errors of rig and sensors, interval_rig_exact the noise
-    alone. Of one that differs between groups of logs: group, the label they are told apart by (per), and
-    its own name (parameter) where it stands under another key."""
+    alone; group, its label (per) and the own name (parameter) of one that differs between groups of logs."""
 
     value: float | None = None
     unit: str = ""
@@ -61,12 +59,8 @@ class ParameterResult:
 
 @dataclass(frozen=True)
 class EffectReason:
-    """Why one effect stays or goes.
-
-    sentence: in lab words; group, value: the dimensionless group that tells, and its value ("" and None without one);
-    error: relative error of the force or the period that leaving it out would make; statistic: likelihood-ratio
-    statistic that it gains on the data. None: not known.
-    """
+    """Why one effect stays or goes; group, value: the dimensionless group that decides; error: relative, of force or
+    period without it; statistic: the likelihood ratio it gains on the data. None: not known."""
 
     effect: str
     kept: bool
@@ -148,8 +142,8 @@ class QualityResult:
 
 @dataclass(frozen=True)
 class ClassicalDirection:
-    """All strokes of one direction (1 forth, -1 back): their number, the mean coefficient of sliding with its scatter
-    from stroke to stroke, and by how much the last tenth of them differs from the first."""
+    """All strokes of one direction (1 forth, -1 back): number, mean coefficient with its scatter from stroke to stroke,
+    and by how much the last tenth of them differs from the first."""
 
     direction: int
     strokes: int
@@ -160,8 +154,8 @@ class ClassicalDirection:
 
 @dataclass(frozen=True)
 class ClassicalTable:
-    """Figures of the record alone: per step and stroke a row by name (SI, units in the names); of strokes to and fro
-    the directions apart; per row why a figure is None; what each figure is."""
+    """Figures of the record alone, a row per step and stroke (SI, units in the names), with why one is None and what
+    each is; of strokes to and fro the directions apart."""
 
     rows: tuple[Mapping[str, Json], ...] = ()
     directions: tuple[ClassicalDirection, ...] = ()
@@ -172,7 +166,7 @@ class ClassicalTable:
 @dataclass(frozen=True)
 class LogResult:
     """One log; part_of: the number (from 1) of the log of the scene that it is a part of, None where it is whole;
-    regime, confidence and evidence: what it shows; derived: what the pair does at its speed and load."""
+    derived: what the pair does at its speed and load."""
 
     part_of: int | None = field(default=None, metadata=OMITTED)
     path: str = ""
@@ -241,8 +235,8 @@ class NoiseResult:
 
 @dataclass(frozen=True)
 class ProfileCurve:
-    """The profile of one parameter: values [SI], loss of the data in units of chi^2, the ends of its interval, whether
-    the walk to an end failed or met a bound; standard_error of theta, by the curvature."""
+    """The profile of one parameter: values [SI], loss in units of chi^2, the ends of its interval, whether the way to
+    an end failed or met a bound; standard_error of theta, by the curvature."""
 
     values: tuple[float | None, ...]
     loss: tuple[float | None, ...]
@@ -292,8 +286,7 @@ class BootstrapResult:
 
 @dataclass(frozen=True)
 class AccuracyLevel:
-    """One solve of the table of accuracies; shifts against the finest and errors left, by parameter, in standard
-    errors, None where it did not solve."""
+    """One solve of the table of accuracies; shifts against the finest and errors left by parameter; None: unsolved."""
 
     accuracy: str
     seconds: float | None = None
@@ -326,8 +319,8 @@ class AccuracyResult:
 
 @dataclass(frozen=True)
 class NextLogResult:
-    """A log that would tell more: drive speed [m/s], normal force [N], duration [s], sampling rate [Hz], slips in it;
-    expected: half lengths of 95 % intervals, relative (of mu_s - mu_k0 for delta_mu_k), of the parameters it tells."""
+    """A log to record next: drive speed [m/s], normal force [N], duration [s], sampling rate [Hz], slips; expected:
+    half lengths of 95 % intervals, relative (of mu_s - mu_k0 for delta_mu_k), by parameter."""
 
     drive_speed: float
     normal_force: float
@@ -359,9 +352,8 @@ class HeldResult:
 
 @dataclass(frozen=True)
 class CauseResult:
-    """One possible cause of a misfit, SI: a quantity that was stated (log: of one alone), the number of its class (what
-    the data do not tell apart is one class), its score (about the fall of chi^2 with it free), and its value as stated
-    and as the data suggest it; gains, and the drive speed of all logs, as ratios."""
+    """One possible cause of a misfit, SI: a quantity (log: of one alone), its class (of what the data do not tell
+    apart), its score (about the fall of chi^2 with it free), its value as stated and as suggested; gains as ratios."""
 
     quantity: str
     log: str | None
@@ -390,8 +382,8 @@ class DistributionResult:
 
 @dataclass(frozen=True)
 class UnevenCycles:
-    """What is known of every cycle of a log (from 1), one value each: onset and rest before it [s], force at the onset
-    and its drop [N], strength and level over the load."""
+    """Every cycle of a log (from 1): onset and rest before it [s], force there and drop [N], strength and level over
+    the load."""
 
     log: int
     cycle: tuple[int, ...]
@@ -432,10 +424,8 @@ class UnevenResult:
 
 @dataclass(frozen=True)
 class Result:
-    """A finished fit, whatever its status; `more`: what an estimator other than the plain one adds.
-
-    Without success the parameters have no values, and `last_iterate` says where the search stood.
-    """
+    """A finished fit, whatever its status; `more`: what an estimator other than the plain one adds. Without success the
+    parameters have no values, and `last_iterate` says where the search stood."""
 
     schema: int = 1
     status: str = ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from data_io.thresholds import Thresholds
 from data_io.units import UnitError, parse_quantity
@@ -30,7 +30,6 @@ from identify.scene.tables import (
     is_number,
     nearest,
     part,
-    share,
     stated,
 )
 from identify.scene.toml import TOP, Tables, is_rig, located, to_fill_in
@@ -59,7 +58,7 @@ def read_parts(document: Mapping[str, object], folder: Path) -> Tables:
         raise SceneError(f"still to fill in: {', '.join(missing)}; replace each TODO by a quantity with its unit")
     effects, extrapolate = _effects(document.get("effects"), document.get("extrapolate", []))
     parameters = document.get("parameters", {})
-    rig, damping, damping_frequency = _rig(document.get("rig"), parameters, effects)
+    rig, damping = _rig(document.get("rig"), parameters, effects)
     table, example = TomlTable.of(document.get("contact", {}), "[contact]", CONTACT, AREA), "{ coefficient, exponent }"
     law = TomlTable.of(table.data.get("area_law", {}), table.place("area_law"), AREA_LAW, example)
     if len(table.data) == 2 or len(law.data) == 1:
@@ -84,7 +83,7 @@ def read_parts(document: Mapping[str, object], folder: Path) -> Tables:
         "effects": effects,
         "extrapolate": extrapolate,
         "rig": rig,
-        "parameters": read_parameters(parameters, declared_by(effects), damping_frequency | contact.parameters),
+        "parameters": read_parameters(parameters, declared_by(effects), contact.parameters),
         "logs": tuple(_log_entry(entry, number, folder, rig, damping) for number, entry in enumerate(logs, 1)),
         "initial": Initial(**tables["initial"]),
         "contact": contact,
@@ -108,8 +107,8 @@ def _dashpot(c: float) -> Damping:
     return lambda stiffness, mass: c * math.sqrt(stiffness / mass)
 
 
-def _rig(value: object, parameters: object, effects: Effects) -> tuple[Rig, Damping, dict[str, tuple[str, float]]]:
-    """The rig, how its damping follows stiffness and mass, and the frequency at which that acts, where one is given."""
+def _rig(value: object, parameters: object, effects: Effects) -> tuple[Rig, Damping]:
+    """The rig, and how its damping follows stiffness and mass."""
     on = effects if effects != "auto" else MAIN[:1]
     damped_by = next((e.name for e in ALL if e.name in on and any(p.name == "damping" for p in e.parameters)), None)
     table = TomlTable.of(value, "[rig]", RIG, '[rig] mass = "0.2 kg", stiffness = "1470 N/m"')
@@ -127,8 +126,14 @@ def _rig(value: object, parameters: object, effects: Effects) -> tuple[Rig, Damp
     dashpot = _is_dashpot(table)
     for key in ("mass", "stiffness", *DAMPING, "drive_speed", "normal_force", "noise"):
         unit = "N s/m" if key == "damping" and dashpot else RIG[key].unit
-        stated_value, tolerance = _with_tolerance(table, key, unit)
-        values[key] = None if stated_value is None else RIG[key].read(stated_value, unit, table.place(key))
+        number, tolerance = table.data.get(key), None
+        if isinstance(number, Mapping):
+            example = '{ value = "0.2 kg", tolerance = "2 %" }'
+            inner = TomlTable.of(number, table.place(key), {"value": Key(), "tolerance": Key(read=part)}, example)
+            if "value" not in number:
+                raise SceneError(f"{inner.where} has no value; write {{ value = …, tolerance = … }}")
+            number, tolerance = number["value"], inner.get("tolerance")
+        values[key] = None if number is None else RIG[key].read(number, unit, table.place(key))
         if tolerance is not None:
             tolerances["damping" if key in DAMPING else key] = tolerance
         if tolerance and key in ("zeta", "loss_factor"):
@@ -157,14 +162,7 @@ def _rig(value: object, parameters: object, effects: Effects) -> tuple[Rig, Damp
     how = _dashpot(values["damping"]) if dashpot else how
     followed = how(values["stiffness"], values["mass"])
     values["damping"] = values["damping"] or 0.0 if followed is None else followed
-    frequency = table.get("damping_frequency")
-    if frequency is not None and effects != "auto" and "driven_damping" not in effects:
-        raise SceneError(
-            "[rig] damping_frequency belongs to the effect driven_damping; add it to effects instead of "
-            "hysteresis_damping, or drop damping_frequency"
-        )
-    elsewhere = {} if frequency is None else {"damping_frequency": (table.place("damping_frequency"), frequency)}
-    return Rig(**values, tolerances=tolerances, ratio_tolerances=ratios), how, elsewhere
+    return Rig(**values, tolerances=tolerances, ratio_tolerances=ratios), how
 
 
 def _searched(rig: Mapping[str, object], parameters: object) -> dict[str, float]:
@@ -183,29 +181,6 @@ def _searched(rig: Mapping[str, object], parameters: object) -> dict[str, float]
             lower, upper = (stated(table[word], unit, f"{where} {word}") for word in ("lower", "upper"))
             values[key] = math.sqrt(lower * upper) if lower * upper > 0.0 else 0.5 * (lower + upper)
     return values
-
-
-def _with_tolerance(table: TomlTable, key: str, unit: str) -> tuple[Any, float | None]:
-    """The value of a rig key, and its relative standard deviation where one is stated."""
-    value = table.data.get(key)
-    if not isinstance(value, Mapping):
-        return value, None
-    inner = TomlTable.of(value, table.place(key), ("value", "tolerance"), '{ value = "0.2 kg", tolerance = "2 %" }')
-    if "value" not in value:
-        raise SceneError(f"{inner.where} has no value; write {{ value = …, tolerance = … }}")
-    tolerance, where = value.get("tolerance"), inner.place("tolerance")
-    relative = share(tolerance, where)
-    if relative is None and isinstance(tolerance, str):
-        reference = RIG[key].read(value["value"], unit, inner.where)
-        if isinstance(reference, tuple):
-            raise SceneError(f"{where} of a programme is {tolerance!r}; expected a share such as 2 %")
-        try:
-            relative = stated(tolerance, unit, where) / abs(reference)
-        except SceneError as reason:
-            raise SceneError(f"{reason}; a share such as 2 % does as well") from None
-    elif relative is None and tolerance is not None:
-        relative = stated(tolerance, "", where)
-    return value["value"], relative
 
 
 def _is_dashpot(table: TomlTable) -> bool:

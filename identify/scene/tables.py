@@ -175,7 +175,6 @@ RIG: Mapping[str, Key] = {
     "zeta": Key(),
     "loss_factor": Key(),
     "log_decrement": Key(),
-    "damping_frequency": Key("1/s"),
     "drive_speed": Key("m/s", speed, usual=(1e-9, 1.0, "mm/s")),
     "normal_force": Key("N", sign=POSITIVE, usual=(1e-4, 1e4, "mN")),
     "noise": Key("N", sign=POSITIVE),

@@ -59,7 +59,7 @@ def test_given_parameters_are_held_unless_asked_for():
 
 
 def test_driven_damping_is_that_of_its_frequency():
-    scene = scene_of(["inertia", "driven_damping"], {"damping_frequency": "13 Hz"})
+    scene = scene_of(["inertia", "driven_damping"], parameters={"damping_frequency": "13 Hz"})
     assert scene.values()["damping_frequency"] == 13.0
     c = float(scene.model.load([0, 0], [scene.values()[n] for n in scene.model.parameter_names], [1, 1, 1, 0]))
     assert c == pytest.approx(147.0 / (2 * math.pi * 13.0), rel=1e-14), "c = h/omega, omega of the excitation"
@@ -85,8 +85,8 @@ HEAVY = {"normal_force": "100 N"}
 
 
 def test_effects_may_be_left_to_be_chosen():
-    parameters = {"lag_time": {"start": "2 ms"}, "skin_retardation": "7 s", "slope": {"lower": -3}}
-    scene = scene_of("auto", {"damping_frequency": "13 Hz"}, parameters=parameters)
+    parameters = {"lag_time": {"start": "2 ms"}, "damping_frequency": "13 Hz", "slope": {"lower": -3}}
+    scene = scene_of("auto", parameters=parameters)
     assert scene.effects == "auto" and scene.as_document()["effects"] == "auto"
     assert Scene.from_document(scene.as_document()) == scene
     every = {p.name for e in ALL for p in e.parameters}
