@@ -57,7 +57,8 @@ def tried(scene: Scene, log: Segmented, values: Mapping[str, float], chosen: ran
     loading: tuple[Array, Array] | float = float(np.nanmean(load))
     if model.follows_load:  # in pieces
         sound = np.isfinite(load)
-        edges = np.linspace(0, np.count_nonzero(sound), min(LOADS, np.count_nonzero(sound)) + 1).astype(int)
+        count = int(np.count_nonzero(sound))
+        edges = np.linspace(0, count, min(LOADS, count) + 1).astype(int)
         middles, means = (np.add.reduceat(v[sound], edges[:-1]) / np.diff(edges) for v in (time, load))
         loading = np.append(0.0, middles), np.append(means[0], means)
     with ONE_AT_A_TIME:

@@ -68,11 +68,12 @@ def rig(arguments: Namespace, terminal: Terminal) -> Answer:
         with atomic_write(out) as handle:
             handle.write(rig_toml(result, measured))
         terminal.say(f'{out}: written; in a scene, in place of [rig]: rig = "{out.name}"')
-    document: dict[str, object] = dict.fromkeys(("mass", "stiffness", "zeta", "skin_stiffness"))
-    for name in document:
-        if (value := getattr(result, name)) is not None:
-            document[name] = {"value": value.value, "tolerance": value.tolerance, "interval": list(value.interval)}
-    document |= {
+    known = {name: getattr(result, name) for name in ("mass", "stiffness", "zeta", "skin_stiffness")}
+    document = {
+        **{
+            name: v and {"value": v.value, "tolerance": v.tolerance, "interval": list(v.interval)}
+            for name, v in known.items()
+        },
         "to_fill_in": list(result.missing),
         "agreement": asdict(result.agreement),
         "measured": [
@@ -147,9 +148,8 @@ def _known(text: str) -> Measured:
     if kind not in KNOWN or not sign:
         raise CommandLineError(f'--known is {text!r}; expected mass or stiffness with its error: mass="180 g ± 2 g"')
     known = quantity(value.strip(), KNOWN[kind], "--known")
-    relative = quantity(error.strip(), "", "--known") if "%" in error else None
-    if relative is None:
-        relative = quantity(error.strip(), KNOWN[kind], "--known") / known
+    unit, size = ("", 1.0) if "%" in error else (KNOWN[kind], known)
+    relative = quantity(error.strip(), unit, "--known") / (size or 1.0)
     if not (known > 0.0 and 0.0 < relative < 1.0):
         raise CommandLineError(f"--known is {text!r}; expected a positive value and a smaller error: correct it")
     return Measured(kind, known, relative, f"{kind} known as {stated.strip()}")

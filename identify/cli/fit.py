@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from argparse import Namespace
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
@@ -205,10 +204,15 @@ def verify(arguments: Namespace, terminal: Terminal) -> Answer:
         if not log_is_at(Path(log)):
             raise CommandLineError(f"{log}: there is no log; give a file, a folder of them, or a pattern in quotes")
     moved = {digest_of(Path(log)): Path(log) for log in arguments.logs}
-    logs = [
-        replace(entry, path=_unchanged(entry.path, stored.logs[stored.places(number)[0]].sha256 or "", moved))
-        for number, entry in enumerate(scene.logs)
-    ]
+    logs = []
+    for number, entry in enumerate(scene.logs):  # the very logs that were fitted
+        sha256 = stored.logs[stored.places(number)[0]].sha256 or ""
+        path = moved.get(sha256, entry.path)
+        if not log_is_at(path):
+            raise CommandLineError(f"{path}: the log of this result is no longer there; put it back, or name it as LOG")
+        if path == entry.path and digest_of(path) != sha256:
+            raise CommandLineError(f"{path}: the log has changed since that fit (other SHA-256); put the old one back")
+        logs.append(replace(entry, path=path))
     made = stored.provenance
     seed, starts = made.get("seed"), made.get("starts")
     with terminal.bar() as progress:
@@ -235,19 +239,6 @@ def verify(arguments: Namespace, terminal: Terminal) -> Answer:
         terminal.say(words)
     status = "differs" if differences else "reproduced"
     return Answer(NOT_SUCCEEDED if differences else DONE, {"status": status, "differences": differences})
-
-
-def _unchanged(path: Path, sha256: str, moved: Mapping[str, Path]) -> Path:
-    """Where the very log that was fitted lies: among those named (by SHA-256), else where it lay."""
-    from data_io.contents import digest_of, log_is_at
-
-    if sha256 in moved:
-        return moved[sha256]
-    if not log_is_at(path):
-        raise CommandLineError(f"{path}: the log of this result is no longer there; put it back, or name it as LOG")
-    if digest_of(path) != sha256:
-        raise CommandLineError(f"{path}: the log has changed since that fit (other SHA-256); put the old one back")
-    return path
 
 
 def compare(stored: Result, again: Result) -> list[str]:

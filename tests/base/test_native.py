@@ -26,17 +26,14 @@ def function(factor: float = 2.0) -> ca.Function:
 
 def made(f: ca.Function) -> None:
     identity = native.key(f, simd=True)
-    assert identity is not None
+    assert identity is not None and identity.startswith("simd-")
     native.start([(f, identity)])
     native.wait()
 
 
 def bound(function: ca.Function) -> Mapped:
     """The function as its best machine code, which is made now."""
-    identity = native.key(function, simd=True)
-    assert identity is not None and identity.startswith("simd-")
-    native.start([(function, identity)])
-    native.wait()
+    made(function)
     return Mapped(function)
 
 
