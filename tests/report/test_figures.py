@@ -27,12 +27,13 @@ def test_the_measured_cycles_are_drawn_with_their_numbers(fit):
     means = drawn.tables["measured_means"]["mean_coefficient"]
     assert means[0] == pytest.approx(np.mean((log.friction_force / log.normal_force)[inside]))
     axes = drawn.figure.axes
-    for place, (name, words) in enumerate((("strength", "strength"), ("drop_N", "drop"), ("hold_s", "hold time"))):
-        counted = sum(bar.get_height() for bar in axes[place].patches)
-        assert counted == np.count_nonzero(np.isfinite(table[name])) and words in axes[place].get_xlabel()
-    for position, line in enumerate(axes[3].lines, 1):
-        mine = table["log"] == position
-        np.testing.assert_allclose(line.get_xydata(), np.column_stack([table["hold_s"], table["strength"]])[mine])
+    for panel, name, words in zip(
+        axes, ("strength", "drop_N", "hold_s"), ("strength", "drop", "hold time"), strict=False
+    ):
+        counted = sum(bar.get_height() for bar in panel.patches)
+        assert counted == np.count_nonzero(np.isfinite(table[name])) and words in panel.get_xlabel()
+    against = np.concatenate([line.get_xydata() for line in axes[3].lines])
+    np.testing.assert_allclose(against, np.column_stack([table["hold_s"], table["strength"]]))
     speeds = [1e3 * abs(log.drive_speed) for log in fit.logs]
     np.testing.assert_allclose(axes[4].lines[0].get_xydata(), np.column_stack([speeds, means]))
 

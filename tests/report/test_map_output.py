@@ -96,8 +96,6 @@ def test_the_command_line_draws_and_stores_maps(tmp_path, capsys):
         ["--map", "mass", "--range", "mass=2 kg:1 kg"],
         ["--map", "mass", "--range", "mass"],
         ["--map", "mass", "--points", "1"],
-        ["--map", "mass", "--points", "0"],
-        ["--map", "mass", "D", "--points", "0"],
         ["--points", "0"],
         ["--map", "mass", "--data", "map.txt"],
         ["--data", "map.csv"],

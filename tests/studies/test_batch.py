@@ -166,8 +166,9 @@ def test_a_finished_batch_is_kept_taken_over_and_not_shared_or_overwritten(tmp_p
         run(case, out, resume=True)
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "cat.png").write_text("")
-    with pytest.raises(BatchError, match="holds no batch of ours"):
-        run(case, tmp_path / "photos", resume=True)
+    for place, words in (("photos", "holds no batch of ours"), ("photos/cat.png", "choose another name")):
+        with pytest.raises(BatchError, match=words):
+            run(case, tmp_path / place, resume=True)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals")

@@ -76,27 +76,6 @@ def test_two_groups_are_compared_as_student_does_in_pairs_and_else_as_welch_does
         assert found.interval == pytest.approx(tuple(expected.confidence_interval(0.95)), rel=1e-9)
 
 
-# Share of neighbouring materials called different in mu_s by the mixed model (REML, Kenward and Roger, multivariate t)
-# that this analysis took the place of, in %: the same 250 draws of each plan, six parameters compared at once.
-POWER = (
-    (Plan("paired, 4 people", volunteers=4, gap=4.0), 70.0),
-    (Plan("paired, 8 people", volunteers=8, gap=2.0), 55.8),
-    (Plan("own people, 6 for each material", volunteers=6, gap=4.0, paired=False), 36.6),
-    (Plan("paired, a third of the runs lost", volunteers=8, gap=2.0, lost=0.33), 52.2),
-    (Plan("errors of the fits as large as people", volunteers=8, gap=2.0, fits=6.0), 45.4),
-)
-
-
-@pytest.mark.parametrize(("plan", "before"), POWER, ids=lambda value: getattr(value, "name", ""))
-def test_power_is_that_of_the_mixed_model(plan, before):
-    random, calls = np.random.default_rng(1), []
-    for _ in range(250):
-        study = draw(plan, random)
-        found = pool(study.y[:, 0], study.noise[:, 0, 0], study.setting, 6)
-        calls += [d.verdict == DIFFERENT for d in found.differences if {d.first, d.second} != {"M1", "M3"}]
-    assert 100 * np.mean(calls) == pytest.approx(before, abs=5.0)
-
-
 NULL = (
     Plan("paired", volunteers=5, runs=2),
     Plan("own people", volunteers=5, runs=2, paired=False),
