@@ -388,10 +388,10 @@ def fitted_scene(result: Result, log: int) -> Scene:
         raise FitError(
             pair.untold or f"this fit has no value of {', '.join(missing)}; fix it in the scene and fit again"
         )
-    told, entry = result.logs[log - 1], scene.logs[result.numbers[log - 1]]
+    document, entry = result.logs[log - 1], scene.logs[result.numbers[log - 1]]
     values = {**scene.values(entry), **pair.values}
     measured: dict[str, Any] = {name: values[name] for name in RIG_PARAMETERS if name in values}
-    rig, speed, load = scene.rig_for(entry), told.drive_speed_m_per_s, told.normal_force_N
+    rig, speed, load = scene.rig_for(entry), document.drive_speed_m_per_s, document.normal_force_N
     rig = replace(
         rig,
         drive_speed=rig.drive_speed if speed is None else speed,

@@ -132,7 +132,7 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
         accuracy=tables.accuracy_rows(result.accuracy_table or ()),
         derived=tables.answer_table([("value", of_pair)], "friction pair"),
         outlook=tables.answer_table([(head, tables.outlook_of(log.derived)) for head, log in columns]),
-        told=[(place, lines) for place, log in enumerate(result.logs, 1)
+        in_words=[(place, lines) for place, log in enumerate(result.logs, 1)
               if (lines := tables.sentences(log.derived, len(logs) > 1))],
         effects=tables.effects_table(result.effects.reasons),
         chosen=wording.EFFECTS_CHOSEN.get(result.effects.chosen, "") + f" {wording.EFFECT_SIZES}" * sizes,

@@ -308,7 +308,7 @@ def joint(pooled: Sequence[Pooled], group: str) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):
         R = residuals.corr().fillna(0.0).to_numpy(copy=True)
     np.fill_diagonal(R, 1.0)
-    size, vectors = np.linalg.eigh(R)  # pairs told by different fits: the nearest matrix that can be a correlation
+    size, vectors = np.linalg.eigh(R)  # pairs of different fits: the nearest matrix that can be a correlation
     R = (vectors * np.maximum(size, 0.0)) @ vectors.T
     R /= np.sqrt(np.outer(np.diag(R), np.diag(R)))
     errors = np.array([p.mean_of(group).error for p in pooled])
