@@ -296,7 +296,7 @@ def test_every_single_bit_of_an_archive_that_flips_is_noticed_or_harmless(tmp_pa
     write_hdf5(record, tmp_path / "log.h5")
     whole = (tmp_path / "log.h5").read_bytes()
     noticed = 0
-    for place in random.integers(0, len(whole), 40):
+    for place in random.integers(0, len(whole), 20):
         data = bytearray(whole)
         data[place] ^= 1 << int(random.integers(0, 8))
         (tmp_path / "bad.h5").write_bytes(data)
@@ -308,7 +308,7 @@ def test_every_single_bit_of_an_archive_that_flips_is_noticed_or_harmless(tmp_pa
         np.testing.assert_array_equal(back.friction_force, record.friction_force)
         np.testing.assert_array_equal(back.time, record.time)
         np.testing.assert_array_equal(back.normal_force, record.normal_force)
-    assert noticed > 8
+    assert noticed > 4
 
 
 def test_a_file_that_claims_more_than_fits_is_refused_before_memory_goes(tmp_path):
