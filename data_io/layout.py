@@ -8,7 +8,7 @@ from typing import Final
 
 from data_io.columns import KIND, Header, Name, match_header, shown
 from data_io.source import Request, Source
-from data_io.text import BLANKS, DELIMITERS, is_clock_time, is_date, is_number, is_number_like, split, to_number
+from data_io.text import BLANKS, DELIMITERS, Text, is_clock_time, is_date, is_number, is_number_like, split, to_number
 from data_io.units import kind_of, split_cell, unit_word
 from data_io.values import Finding
 
@@ -31,7 +31,7 @@ class Head:
     width: int
 
 
-def head_at(source: Source, data: bytes, position: int, request: Request) -> Head | None:
+def head_at(source: Source, data: Text, position: int, request: Request) -> Head | None:
     """Return the head of a table whose header row is the line at `position`, None if that line is none.
 
     A header row names at least one role, holds no number, and rows with as many fields follow it before any other
@@ -80,7 +80,7 @@ def head_at(source: Source, data: bytes, position: int, request: Request) -> Hea
             return Head(_with_units(source, request, header, units[0] if units else ()), below, *layout)
         if clear and complaint is None:
             held, names = len(split(row, delimiter)), len(_trimmed(fields))
-            complaint = f"line {data.count(10, 0, below) + 1} holds {held} fields where the header names {names} "
+            complaint = f"line {data[:below].count(10) + 1} holds {held} fields where the header names {names} "
             complaint += (
                 "columns; decimal commas cannot be told from separating commas; export with ; or tabs between columns"
                 if delimiter == "," and held == 2 * names
@@ -91,14 +91,14 @@ def head_at(source: Source, data: bytes, position: int, request: Request) -> Hea
     return None
 
 
-def line_at(data: bytes, position: int) -> tuple[str, int]:
+def line_at(data: Text, position: int) -> tuple[str, int]:
     """Return the line that starts at `position`, and where the next one starts."""
     end = data.find(b"\n", position)
     end, after = (len(data), len(data)) if end < 0 else (end, end + 1)
     return data[position:end].decode("utf-8", "replace"), after
 
 
-def lines_from(data: bytes, position: int) -> Iterator[tuple[int, str]]:
+def lines_from(data: Text, position: int) -> Iterator[tuple[int, str]]:
     """Yield the lines that are not blank, with their positions."""
     while position < len(data):
         line, after = line_at(data, position)
@@ -145,7 +145,7 @@ def _named(fields: Sequence[str], request: Request) -> set[str]:
 
 
 def _with_names_above(
-    data: bytes, position: int, delimiter: str, fields: list[str], request: Request
+    data: Text, position: int, delimiter: str, fields: list[str], request: Request
 ) -> tuple[list[str], Header]:
     """Return a row of names and what it tells; names that it leaves empty may stand in the row above (merged cells)."""
     header = match_header(fields, request.columns)
@@ -159,7 +159,7 @@ def _with_names_above(
     return (filled, other) if len(other.roles) > len(header.roles) else (fields, header)
 
 
-def _rows_below(data: bytes, position: int) -> tuple[list[tuple[int, str]], int, str | None]:
+def _rows_below(data: Text, position: int) -> tuple[list[tuple[int, str]], int, str | None]:
     """Return the lines before the first row of numbers, where that is, and the row (None: none is near)."""
     between: list[tuple[int, str]] = []
     for here, line in lines_from(data, position):
@@ -181,7 +181,7 @@ def _row_layout(row: str, delimiter: str, names: int) -> tuple[str, int] | None:
     return None
 
 
-def _has_row_names(data: bytes, start: int, delimiter: str, header: Header) -> bool:
+def _has_row_names(data: Text, start: int, delimiter: str, header: Header) -> bool:
     """Tell whether rows hold the numbers 1, 2, 3, … in front of the named columns, as R's write.table writes them."""
     place = header.roles.get("time", -1) + 1
     own = BLANKS if delimiter == WIDE else delimiter
@@ -230,7 +230,7 @@ def _trimmed(fields: Sequence[str]) -> list[str]:
     return list(fields[: last + 1])
 
 
-def numbered_head(data: bytes, request: Request, *, goes_on: bool) -> Head | None:
+def numbered_head(data: Text, request: Request, *, goes_on: bool) -> Head | None:
     """Return the head of a file of bare numbers, its columns called "1", "2", ..., if the user named them so.
 
     The table is the longest block of rows of equal width, whichever delimiter tells it; other lines stand above it.

@@ -4,6 +4,7 @@ import contextlib
 import gzip
 import hashlib
 import io
+import mmap
 import os
 import zipfile
 import zlib
@@ -52,6 +53,7 @@ MOST_TIMES: Final = 100
 """A log packs to a tenth of its size; what packs to less than one in this many is a trap or holds nothing."""
 HEAD: Final = 65536
 """Bytes that a reader sees when it is asked whether it can read a file."""
+_LARGE: Final = 1 << 22  # bytes from which memory is asked for in large pages
 _LARGEST: Final = 1 << 31  # bytes of a packed file that may be taken into memory
 
 
@@ -128,6 +130,15 @@ class Source:
     def read(self) -> bytes:
         """Return all bytes, unpacked."""
         return self.path.read_bytes() if self.held is None else self.held
+
+    def text(self) -> bytes | mmap.mmap:
+        """Return the same, of a large file in large pages of memory, which are filled in half the time."""
+        if self.held is not None or self.size < _LARGE or not hasattr(mmap, "MADV_HUGEPAGE"):
+            return self.read()
+        data = mmap.mmap(-1, self.size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+        data.madvise(mmap.MADV_HUGEPAGE)
+        with self.path.open("rb") as handle:
+            return data if handle.readinto(data) == self.size and not handle.read(1) else self.read()
 
     def file(self) -> str | io.BytesIO:
         """Return what a library may open: the path, or the unpacked bytes as a file."""

@@ -22,7 +22,7 @@ from data_io.columns import (
 from data_io.layout import COMMENT, DIGIT, LOOKED_AT, Head, head_at, is_row, line_at, lines_from, numbered_head
 from data_io.rows import Above, Numbers, read_block, read_numbers
 from data_io.source import Request, Source
-from data_io.text import DELIMITERS, TEXT_LINE, as_utf8, is_number_like, is_words, over_midnight, split
+from data_io.text import DELIMITERS, TEXT_LINE, Text, as_utf8, is_number_like, is_plain, is_words, over_midnight, split
 from data_io.values import Finding, FloatArray
 
 BLOCK: Final = 1 << 21
@@ -75,17 +75,20 @@ def read_tables(
     chooses channels, only these, the columns with a role and those called as in `keep` are read. A line that matches
     `never` is no header, whatever it names. block: bytes read at once. Raises `LogError` where there is no table.
     """
-    data = source.read()
-    if b"\0" in data and bytes(_MOST_ZEROS) in data.rstrip(b"\0"):
-        raise source.error(
-            "the file holds long stretches of zero bytes; lines of text were expected; copy or export it again"
-        )
-    walk = _Walk(source, request, _without_breaks(as_utf8(data)), block)
+    data = source.text()
+    if not is_plain(data):
+        data = data[:]
+        if b"\0" in data and bytes(_MOST_ZEROS) in data.rstrip(b"\0"):
+            raise source.error(
+                "the file holds long stretches of zero bytes; lines of text were expected; copy or export it again"
+            )
+        data = as_utf8(data)
+    walk = _Walk(source, request, _without_breaks(data), block)
     walk.breaks, walk.never, walk.keep = breaks, never, keep
     return walk.tables()
 
 
-def read_below(source: Source, request: Request, data: bytes, head: Head) -> Table:
+def read_below(source: Source, request: Request, data: Text, head: Head) -> Table:
     """Return the table of a text whose head is known. Raises `LogError`."""
     return _Walk(source, request, data, BLOCK).tables(head)[0][0]
 
@@ -114,15 +117,29 @@ class _OpenTable:
     first_line: int
     wanted: frozenset[int] | None
     remarks: list[Finding] = field(default_factory=list)
-    pieces: list[Numbers] = field(default_factory=list)
+    columns: dict[int, FloatArray] = field(default_factory=dict)
+    rows: int = 0
+    days: list[tuple[int, Mapping[int, FloatArray | None]]] = field(default_factory=list)
     above: Above = field(default_factory=Above)
 
-    def add(self, numbers: Numbers) -> None:
-        """Put rows below those that are there."""
+    def add(self, numbers: Numbers, expected: int = 0) -> None:
+        """Put rows below those that are there; expected: how many more may follow, for which there is room then.
+
+        Columns in one piece of memory are filled faster than many pieces that are put together in the end.
+        """
         self.remarks += numbers.remarks
         if numbers.rows:
+            stop = self.rows + numbers.rows
             kept = {i: v for i, v in numbers.columns.items() if self.wanted is None or i in self.wanted}
-            self.pieces.append(replace(numbers, columns=kept))
+            for index in {**self.columns, **kept}:
+                column = self.columns.get(index)
+                if column is None or column.size < stop:
+                    room = np.empty(stop + max(expected, self.rows))
+                    room[: self.rows] = np.nan if column is None else column[: self.rows]
+                    self.columns[index] = column = room
+                column[self.rows : stop] = kept.get(index, np.nan)
+            self.days.append((numbers.rows, numbers.days))
+            self.rows = stop
         self.above = Above(
             self.above.decimal or numbers.decimal,
             self.above.fields or numbers.fields,
@@ -132,22 +149,17 @@ class _OpenTable:
 
     def close(self) -> Table:
         """Return the whole table; rows at its end that hold nothing, as spreadsheets leave them, are taken away."""
-        header, pieces = self.head.header, self.pieces
-        columns: dict[int, FloatArray] = {}
-        for index in sorted({index for piece in pieces for index in piece.columns}):
-            own = (piece.columns.get(index) for piece in pieces)
-            filled = [np.full(piece.rows, np.nan) if v is None else v for piece, v in zip(pieces, own, strict=True)]
-            columns[index] = np.concatenate(filled)
-        if not pieces:
+        header, end = self.head.header, self.rows
+        columns = {index: self.columns[index][:end] for index in sorted(self.columns)}
+        if not end:
             columns = {index: np.empty(0) for index in range(len(header.names))}
-        end = sum(piece.rows for piece in pieces)
         if end and all(np.isnan(column[-1]) for column in columns.values()):
             full = np.flatnonzero(np.any([~np.isnan(column) for column in columns.values()], axis=0))
             end = int(full[-1]) + 1 if full.size else 0
             columns = {index: column[:end] for index, column in columns.items()}
-        clocks = {index for piece in pieces for index in piece.days} & set(columns)
+        clocks = {index for _, days in self.days for index in days} & set(columns)
         for index in clocks:
-            dated = [np.full(piece.rows, np.nan) if (d := piece.days.get(index)) is None else d for piece in pieces]
+            dated = [np.full(rows, np.nan) if (own := days.get(index)) is None else own for rows, days in self.days]
             columns[index] = over_midnight(columns[index], np.concatenate(dated)[:end])
         for index, units in self.above.units.items():
             if header.names[index].unit is None:
@@ -203,7 +215,7 @@ def _milliseconds_added(header: Header, columns: dict[int, FloatArray], clocks: 
 class _Walk:
     """A text in UTF-8 being read from front to back."""
 
-    def __init__(self, source: Source, request: Request, data: bytes, block: int) -> None:
+    def __init__(self, source: Source, request: Request, data: Text, block: int) -> None:
         self.source, self.request, self.data, self.block = source, request, data, block
         self.breaks: re.Pattern[str] | None = None
         self.never: re.Pattern[str] | None = None
@@ -252,7 +264,7 @@ class _Walk:
                 )
         for size in (1 << 17, _MOST_WORDS) if first else ():
             head = numbered_head(data[:size], self.request, goes_on=size < len(data))
-            last = data.rstrip()[-LOOKED_AT:].rpartition(b"\n")[2].decode("utf-8", "replace")
+            last = data[-(1 << 16) :].rstrip()[-LOOKED_AT:].rpartition(b"\n")[2].decode("utf-8", "replace")
             if head is not None and (size == _MOST_WORDS or len(split(last, head.delimiter)) == head.width):
                 return head.start, head
         return None
@@ -299,8 +311,8 @@ class _Walk:
             numbers = read_block(raw, table.head, table.above.decimal, table.wanted) if raw else None
             if numbers is None:
                 break
-            table.add(numbers)
-            begin = stop
+            begin, left = stop, len(self.data) - stop
+            table.add(numbers, expected=numbers.rows * left // len(raw) * 51 // 50 + 9)
             self.request.progress(begin / len(self.data))
         return begin
 
@@ -358,7 +370,7 @@ class _Walk:
 
     def _line(self, position: int) -> int:
         known, line = self._counted
-        line += self.data.count(b"\n", known, position) - self.data.count(b"\n", position, known)
+        line += self.data[known:position].count(b"\n") - self.data[position:known].count(b"\n")
         self._counted = (position, line)
         return line
 
@@ -368,7 +380,7 @@ class _Walk:
         return tuple(line.strip() for line in lines if line.strip())
 
 
-def _without_breaks(data: bytes) -> bytes:
+def _without_breaks(data: Text) -> Text:
     """Return a text in which the cells of the first header hold no line breaks; empty lines stand for these."""
     cut = data.rfind(b"\n", 0, 1 << 15)
     if b'"' not in data[: max(cut, 0)]:
@@ -396,7 +408,7 @@ def _is_lost_row(line: str) -> bool:
     return any(len(f := split(line, d)) > 1 and is_row(f) and all(map(is_number_like, f)) for d in DELIMITERS)
 
 
-def _why_no_table(data: bytes, request: Request) -> str:
+def _why_no_table(data: Text, request: Request) -> str:
     """Say what is missing: rows of numbers, a header row, or the columns the user named."""
     above: list[str] = []
     for _, line in itertools.islice(lines_from(data, 0), _MOST_LOOKED_AT):

@@ -2,6 +2,7 @@
 
 import codecs
 import csv
+import mmap
 import re
 from collections.abc import Sequence
 from datetime import date
@@ -11,6 +12,9 @@ from typing import Final
 import numpy as np
 
 from data_io.values import FloatArray
+
+Text = bytes | mmap.mmap
+"""A whole log in UTF-8, in which lines are looked for and cut out as bytes."""
 
 BLANKS: Final = r"\s+"
 """The delimiter of columns that stand apart by blanks, as pandas writes it."""
@@ -50,6 +54,7 @@ _GROUP_MARKS: Final = "\u202f\u00a0\u2009\u2019"
 """Narrow blanks and the typographic apostrophe between thousands; the plain one stands in text of one byte, too."""
 _THOUSAND: Final = re.compile(r"\d{3}(?!\d)")
 _HEAD: Final = 1 << 16
+_BLOCK: Final = 1 << 20
 _LEAST_UNMARKED: Final = 32
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
@@ -103,6 +108,12 @@ def _without_mark(head: bytes) -> str | None:
         if plain and not _CONTROL.search(others):
             return name
     return None
+
+
+def is_plain(data: Text) -> bool:
+    """Tell text of single bytes in which `as_utf8` changes nothing."""
+    blocks = (data[i : i + _BLOCK] for i in range(0, len(data), _BLOCK))
+    return all(block.isascii() and not any(mark in block for mark in (b"\r", b"\0", b"'")) for block in blocks)
 
 
 def as_utf8(data: bytes) -> bytes:
