@@ -31,8 +31,8 @@ def with_sound_clocks(request: Request, contents: Contents) -> Contents:
     parts, findings = [], list(contents.findings)
     for part in contents.parts:
         clock = -1 if part.clocks else part.header.roles.get("time", -1)
-        usable = clock in part.columns and part.rows > 2
-        for repair in (_oldest_first, _written, _counted_on) if usable else ():
+        unsound = clock in part.columns and part.rows > 2 and not step_range(part.columns[clock])[0] > 0.0
+        for repair in (_oldest_first, _written, _counted_on) if unsound else ():
             part, notes = repair(part, clock)
             findings += notes
         parts.append(part)

@@ -146,9 +146,8 @@ def with_drive_of_rotation(request: Request, contents: Contents) -> Contents:
     """
     if contents.settled or "drive_speed" in request.columns:
         return contents
-    parts, findings = [], list(contents.findings)
-    for part in contents.parts:
-        parts.append(part)
+    parts, findings = list(contents.parts), list(contents.findings)
+    for place, part in enumerate(parts):
         names = [(i, name) for i, name in enumerate(part.header.names) if i in part.columns]
         turns = next((i for i, name in names if (name.unit or "").lower() in _RPM), None)
         if turns is None or "drive_speed" in part.header.roles:
@@ -161,7 +160,7 @@ def with_drive_of_rotation(request: Request, contents: Contents) -> Contents:
             continue
         speed = 2.0 * np.pi / 60.0 * part.columns[turns] * np.abs(part.columns[radius]) * factor(unit or "", "m")
         if np.isfinite(speed).all() and speed.any():
-            parts[-1] = with_column(part, "drive_speed", Name(NAME, NAME, "m/s"), speed)
+            parts[place] = with_column(part, "drive_speed", Name(NAME, NAME, "m/s"), speed)
             track = part.header.names[radius].name
             text = f"the drive speed is 2 pi {turning} / 60 times {track}, as a rotary module has it"
             findings.append(Finding("speed_from_rotation", "info", text))
