@@ -14,18 +14,20 @@ from data_io.record import BLOCK
 COLUMNS = {"time": "/daq/t", "friction_force": "/daq/Fx", "normal_force": "/daq/Fz"}
 
 
-def foreign(tmp_path, **changes):
-    """A file of another programme; `changes` are datasets to replace (None: leave out)."""
-    path = tmp_path / "other.h5"
-    data = {"t": ("ms", np.arange(9) * 10), "Fx": ("mN", np.arange(9.0)), "Fz": ("N", np.full(9, -2.0, np.float32))}
-    with h5py.File(path, "w") as file:
-        for name, (unit, values) in {**data, **changes}.items():
-            if values is None:
-                continue
-            file[f"daq/{name}"] = values
-            if unit:
-                file[f"daq/{name}"].attrs["units"] = unit
+def stored(path, columns, mode="w", libver=None, userblock=0, **kind):
+    """A file of another programme, of columns (unit, values) by path; those without values are left out."""
+    with h5py.File(path, mode, libver=libver, userblock_size=userblock) as file:
+        for name, (unit, values) in columns.items():
+            if values is not None:
+                data = file.create_dataset(name, data=values, **kind)
+                data.attrs.update({"units": unit} if unit else {})
     return path
+
+
+def foreign(tmp_path, **changes):
+    """Its datasets in /daq; `changes` are some to replace."""
+    data = {"t": ("ms", np.arange(9) * 10), "Fx": ("mN", np.arange(9.0)), "Fz": ("N", np.full(9, -2.0, np.float32))}
+    return stored(tmp_path / "other.h5", {f"daq/{name}": column for name, column in {**data, **changes}.items()})
 
 
 def test_named_datasets_in_si(tmp_path):
@@ -86,10 +88,8 @@ def plain(path, time=None, force=None, units=("s", "N", "N"), userblock=0, **kin
         np.ones(N),
         np.arange(N) % 7.0 if force is None else force,
     )
-    with h5py.File(path, "w", userblock_size=userblock) as file:
-        for name, values, unit in zip(("time", "normal_force", "friction_force"), columns, units, strict=True):
-            file.create_dataset(f"run_1/step_1/{name}", data=values, **kind).attrs["units"] = unit
-    return path
+    names = [f"run_1/step_1/{name}" for name in ("time", "normal_force", "friction_force")]
+    return stored(path, dict(zip(names, zip(units, columns, strict=True), strict=True)), userblock=userblock, **kind)
 
 
 @pytest.mark.parametrize("userblock", [0, 512])
@@ -180,27 +180,19 @@ NAMED = {"time": "/daq/t", "friction_force": "/daq/Fx", "normal_force": "/daq/Fz
 
 def good(path, libver=None):
     """The layout of ours made by others."""
-    with h5py.File(path, "w", libver=libver) as file:
-        group = file.create_group("run_1/step_1")
-        for name, unit in (("time", "s"), ("normal_force", "N"), ("friction_force", "N")):
-            group.create_dataset(name, data=np.arange(1.0, 401.0), chunks=(16,)).attrs["units"] = unit
-    return path
+    columns = {f"run_1/step_1/{name}": (unit, np.arange(1.0, 401.0)) for name, unit in UNITS.items()}
+    return stored(path, columns, libver=libver, chunks=(16,))
 
 
 def linked(path, link):
-    with h5py.File(path, "w") as file:
-        for name, unit in (("t", "s"), ("Fz", "N")):
-            file[f"daq/{name}"] = np.arange(1.0, 10.0)
-            file[f"daq/{name}"].attrs["units"] = unit
+    stored(path, {"daq/t": ("s", np.arange(1.0, 10.0)), "daq/Fz": ("N", np.arange(1.0, 10.0))})
+    with h5py.File(path, "a") as file:
         file["daq/Fx"] = link
     return path
 
 
 def secret(path):
-    with h5py.File(path, "w") as file:
-        file["Fx"] = np.arange(9.0)
-        file["Fx"].attrs["units"] = "N"
-    return path
+    return stored(path, {"Fx": ("N", np.arange(9.0))})
 
 
 def test_a_link_into_another_file_is_not_followed(tmp_path):
@@ -212,16 +204,14 @@ def test_a_link_into_another_file_is_not_followed(tmp_path):
         read_log(path)  # what is linked is not even listed
     with h5py.File(path, "a") as file:  # the same numbers in the file itself are taken
         del file["daq/Fx"]
-        file["daq/Fx"] = np.arange(9.0)
-        file["daq/Fx"].attrs["units"] = "N"
+    stored(path, {"daq/Fx": ("N", np.arange(9.0))}, "a")
     assert read_log(path, columns=NAMED).friction_force.tolist() == list(range(9))
 
 
 def test_links_within_the_file_are_followed_and_rings_of_them_end(tmp_path):
     path = linked(tmp_path / "log.h5", h5py.SoftLink("/elsewhere/Fx"))
+    stored(path, {"elsewhere/Fx": ("N", np.arange(9.0))}, "a")
     with h5py.File(path, "a") as file:
-        file["elsewhere/Fx"] = np.arange(9.0)
-        file["elsewhere/Fx"].attrs["units"] = "N"
         file["daq/ring"] = h5py.SoftLink("/daq/ring")
     assert read_log(path, columns=NAMED).friction_force.tolist() == list(range(9))
     with pytest.raises(LogError, match="no dataset '/daq/ring'"):
