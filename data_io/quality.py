@@ -23,6 +23,7 @@ Rows = npt.NDArray[np.bool_]
 
 _CLIPPED_RUN: Final = 10  # rows in a row at the very same extreme value before a sensor is at its end
 _CLIPPED_EXCESS: Final = 5.0  # times that its end is shown more often than the values before it
+_HELD_EVENLY: Final = 0.9  # share of values held as long as the usual one, by a logger ahead of its sensor
 _BIG_STEP: Final = (
     3.0  # steps of the quantisation by which a repeated signal moves on; a coarse one moves by one or two
 )
@@ -52,12 +53,15 @@ def _look_at_friction(record: Record, used: Rows, limits: Thresholds) -> tuple[S
         f"the friction force comes in steps of {resolution:.3g} N, coarse against its range of {span:.3g} N; use a "
         "smaller measuring range of the sensor, or export more digits",
     )  # fmt: skip
-    repeated = _repeated(record, used, resolution)
-    notes += limits.finding(
-        "repeated_rows", "repeated_rows", repeated,
-        f"{100 * repeated:.0f} % of the rows repeat the measured values of the row before: the logger ran faster than "
-        "the sensor, or the link to it was lost for a while; log at the sensor's own rate, or leave such stretches out",
-    )  # fmt: skip
+    repeated, evenly = _repeated(record, used, resolution)
+    cause = (
+        "they are held for equally many rows each: the logger ran faster than the sensor; log at the sensor's own rate"
+        if evenly
+        else "they stand still now and then, for unlike times: a display that was read too slowly, or a link that was "
+        "lost for a while; check how the values come to the logger, and leave such stretches out"
+    )
+    text = f"{100 * repeated:.0f} % of the rows repeat the measured values of the row before; {cause}"
+    notes += limits.finding("repeated_rows", "repeated_rows", repeated, text)
     return Signal(clipped, resolution, repeated), notes
 
 
@@ -80,20 +84,23 @@ def _clipping(name: str, force: FloatArray, limits: Thresholds) -> tuple[int, li
     return total, notes
 
 
-def _repeated(record: Record, used: Rows, step: float) -> float:
-    """Return the share of rows that repeat the row before in every measured column, but for repetitions by chance."""
+def _repeated(record: Record, used: Rows, step: float) -> tuple[float, bool]:
+    """Return the share of rows that repeat the row before, not by chance, and whether they do so evenly."""
     pair = used[1:] & used[:-1]
     change = np.abs(np.diff(record.friction_force))
     same = pair & (change == 0.0)
     moved = change[pair & ~same] if same.any() else np.empty(0)
     if moved.size == 0 or float(np.median(moved)) <= _BIG_STEP * step:
-        return 0.0
+        return 0.0, False
     beside = pair & ~same & (change < 1.5 * step)
     if np.ptp(record.normal_force[used]) > 0:
         still = np.diff(record.normal_force) == 0
         same, beside = same & still, beside & still
+    held = np.diff(np.flatnonzero(np.concatenate(([True], ~same, [True]))))
+    usual = float(np.median(held))
+    evenly = usual > 1 and bool(np.mean(np.abs(held - usual) <= 1.0) >= _HELD_EVENLY)
     by_chance = 0.5 * int(np.count_nonzero(beside))
-    return max(int(np.count_nonzero(same)) - by_chance, 0.0) / max(int(np.count_nonzero(pair)), 1)
+    return max(int(np.count_nonzero(same)) - by_chance, 0.0) / max(int(np.count_nonzero(pair)), 1), evenly
 
 
 # The normal force: its level, drift and ripple, rows without load, a sensor at its end.
