@@ -24,9 +24,8 @@ Rows = npt.NDArray[np.bool_]
 _CLIPPED_RUN: Final = 10  # rows in a row at the very same extreme value before a sensor is at its end
 _CLIPPED_EXCESS: Final = 5.0  # times that its end is shown more often than the values before it
 _HELD_EVENLY: Final = 0.9  # share of values held as long as the usual one, by a logger ahead of its sensor
-_BIG_STEP: Final = (
-    3.0  # steps of the quantisation by which a repeated signal moves on; a coarse one moves by one or two
-)
+_BIG_STEP: Final = 3.0
+"""Steps of the quantisation by which a repeated signal moves on; a coarse one moves by one or two."""
 
 
 @dataclass(frozen=True)
