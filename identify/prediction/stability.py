@@ -199,12 +199,6 @@ def critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = 
         return value[()], {"alpha": slope[()]}
 
 
-def _factor(form: str) -> float:
-    if form not in DAMPERS:
-        raise ValueError(f"form was {form!r}; expected 'derived' or 'printed'")
-    return DAMPERS[form]
-
-
 def critical_friction(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived", *, derivatives: bool = False) -> Any:
     """Critical friction parameter Pi_fc (eqs. 21-25): steady sliding is stable below it.
 
@@ -224,36 +218,33 @@ def critical_friction(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived"
     Raises:
         ValueError: an unknown form.
     """
-    factor = _factor(form)
+    if form not in DAMPERS:
+        raise ValueError(f"form was {form!r}; expected 'derived' or 'printed'")
     zeta, T = (np.asarray(q, float) for q in np.broadcast_arrays(zeta, tau_cr))
-    z = factor * zeta
+    z = DAMPERS[form] * zeta
     with np.errstate(all="ignore"):
         share = T / (1 + z * T)
         value = (z * (1 + T * share))[()]
         if not derivatives:
             return value
-        by_zeta = factor * (1 + share * share)
+        by_zeta = DAMPERS[form] * (1 + share * share)
         by_time = z * share * (2 + z * T) / (1 + z * T)
     return value, {"zeta": by_zeta[()], "tau_cr": by_time[()]}
 
 
-def critical_frequency(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived", *, derivatives: bool = False) -> Any:
+def critical_frequency(zeta: ArrayLike, tau_cr: ArrayLike, *, derivatives: bool = False) -> Any:
     """Omega_c = 1/sqrt(1 + 2 zeta tau_cr): frequency at the boundary over omega_n (eqs. 23-25).
 
-    Args: as for `critical_friction`; the printed determinant has zeta for 2 zeta here too.
+    Args: as for `critical_friction`.
 
     Returns:
         Omega_c, broadcast; NaN where 1 + 2 zeta tau_cr <= 0 (no such boundary). With `derivatives` a pair.
-
-    Raises:
-        ValueError: an unknown form.
     """
-    factor = _factor(form)
     zeta, T = (np.asarray(q, float) for q in np.broadcast_arrays(zeta, tau_cr))
     with np.errstate(all="ignore"):
-        base = np.where(1 + factor * zeta * T > 0, 1 + factor * zeta * T, np.nan)
+        base = np.where(1 + 2 * zeta * T > 0, 1 + 2 * zeta * T, np.nan)
         value = (1 / np.sqrt(base))[()]
         if not derivatives:
             return value
-        half = 0.5 * factor * value / base
+        half = value / base
         return value, {"zeta": (-T * half)[()], "tau_cr": (-zeta * half)[()]}
