@@ -42,9 +42,9 @@ class LogData:
     base (n_p,) base values of the parameters; own (n_p,) where the search starts a parameter that differs from log to
     log (NaN: as for all; empty: none does); groups (n_p): the group of logs it shares each parameter with, "" for none;
     drive_speed [m/s]; programme: the drive where it changes its speed within the window (None: drive_speed throughout);
-    normal_force, known to within normal_force_sd [N] (0: exact), over time sd_course (None: the same throughout),
-    tremor_sd [N] of it in periods below JITTER (0: none); loose [N]: by how much more it may be off at an onset, before
-    which the mass may have moved unseen; strength_sd: of mu_s from stick to stick (0: the same in all);
+    normal_force, known to within normal_force_sd [N] (0: exact), over time sd_over_time (None: the same throughout),
+    jitter_sd [N] of it in periods below JITTER (0: none); onset_jitter_sd [N]: by how much more it may be off at an
+    onset, before which the mass may have moved unseen; strength_sd: of mu_s from stick to stick (0: the same in all);
     begin, end of the fitted window [s].
     """
 
@@ -60,9 +60,9 @@ class LogData:
     own: Array = field(default_factory=lambda: np.empty(0))
     groups: tuple[str, ...] = ()
     programme: Drive | None = None
-    tremor_sd: float = 0.0
-    sd_course: NormalForce | None = None
-    loose: float = 0.0
+    jitter_sd: float = 0.0
+    sd_over_time: NormalForce | None = None
+    onset_jitter_sd: float = 0.0
     strength_sd: float = 0.0
 
     def theta(self, shared: Array) -> Array:
@@ -75,12 +75,12 @@ class LogData:
 
     def load_sd_at(self, time: ArrayLike) -> Array:
         """By how much the course of the normal force may be off at times [s], any shape [N]."""
-        known = self.sd_course
+        known = self.sd_over_time
         return np.full(np.shape(time), self.normal_force_sd) if known is None else known.at(time)
 
     def onset_load_sd_at(self, time: ArrayLike) -> Array:
         """By how much it may be off at onsets at times [s], any shape [N]."""
-        return np.hypot(self.load_sd_at(time), self.loose)
+        return np.hypot(self.load_sd_at(time), self.onset_jitter_sd)
 
     @property
     def noise(self) -> float:
@@ -108,13 +108,13 @@ class LogData:
 
 @dataclass(frozen=True)
 class LoadSpline:
-    """A measured normal force as a line over time; sd [N] by which it may be off (0: exact); tremor_sd [N], the part of
-    it that has periods below JITTER; sd_course: the sd over time, where it is not the same throughout."""
+    """A measured normal force as a line over time; sd [N] by which it may be off (0: exact); jitter_sd [N], the part of
+    it that has periods below JITTER; sd_over_time: the sd over time, where it is not the same throughout."""
 
     force: NormalForce
     sd: float = 0.0
-    tremor_sd: float = 0.0
-    sd_course: NormalForce | None = None
+    jitter_sd: float = 0.0
+    sd_over_time: NormalForce | None = None
 
 
 def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> LoadSpline:

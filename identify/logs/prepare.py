@@ -575,13 +575,13 @@ def _load(
 
 def _data(log: Segmented, load: LoadSpline, window: tuple[float, float], unknowns: Unknowns) -> LogData:
     """The log as the estimator sees it."""
-    rig, phases, over_time, mean = log.rig, log.found, load.sd_course, float(np.mean(load.force.values))
+    rig, phases, over_time, mean = log.rig, log.found, load.sd_over_time, float(np.mean(load.force.values))
     size = float(np.max(np.abs(kept(log.force, log.used))))
     # a log without noise, as a simulation leaves it, is weighted by what the computation is surely good for
     noise = log.noise if log.noise > NOISELESS * size else ASSUMED * size
-    loose, coefficient = 0.0, float(np.median(phases.cycles.onset_force)) / mean if phases.count else 0.0
+    jitter, coefficient = 0.0, float(np.median(phases.cycles.onset_force)) / mean if phases.count else 0.0
     if phases.stick_slope is not None and coefficient > 0.0 and phases.stick_slope[0] > 0.0 and rig.half_period:
-        loose = onset_jitter(load.force, coefficient, phases.stick_slope[0])
+        jitter = onset_jitter(load.force, coefficient, phases.stick_slope[0])
     return LogData(
         time=np.ascontiguousarray(log.record.time),
         force=np.where(np.isfinite(log.force), log.force, 0.0),
@@ -595,9 +595,9 @@ def _data(log: Segmented, load: LoadSpline, window: tuple[float, float], unknown
         own=np.full(len(unknowns.names), np.nan) if np.any(unknowns.grouped) else np.empty(0),
         groups=tuple("" if by is None or by == EACH_LOG else log.entry.labels[by] for by in unknowns.per),
         programme=None if log.drive.constant else log.drive,
-        tremor_sd=load.tremor_sd if load.tremor_sd > 0.3 * REPEATABLE * mean else 0.0,
-        sd_course=over_time and NormalForce.of((over_time.times, np.hypot(over_time.values, REPEATABLE * mean))),
-        loose=loose,
+        jitter_sd=load.jitter_sd if load.jitter_sd > 0.3 * REPEATABLE * mean else 0.0,
+        sd_over_time=over_time and NormalForce.of((over_time.times, np.hypot(over_time.values, REPEATABLE * mean))),
+        onset_jitter_sd=jitter,
     )
 
 
@@ -634,8 +634,8 @@ def _left_out(fit_mode: FitMode, log: Segmented, judgement: Judgement) -> str | 
     reason = None
     if log.verdict.strokes > 1:
         reason = (
-            f"{name} goes to and fro: its force changes its sign in {log.verdict.strokes} strokes; give one as window, "
-            'the programme of the drive with its signs, or its position column (columns = { position = "…" })'
+            f"{name} goes to and fro: its force changes its sign in {log.verdict.strokes} strokes; give the programme "
+            'of the drive with its signs, its position column (columns = { position = "…" }), or a window of one stroke'
         )
     elif fit_mode.name == "cycles" and 0 < cycles <= skipped:
         reason = f"{name}: skip_cycles = {skipped} leaves none of its {cycles} cycles; lower it"
@@ -695,7 +695,7 @@ def _as_sure_as_its_level(log: Prepared, data: LogData) -> LogData:
         return data
     before, after = (float(np.mean(log.force[rows] / data.normal_force.at(time[rows]))) for rows in (sliding, settled))
     off = (1.0 - share) * abs(before / after - 1.0) * data.mean_normal_force if after else 0.0
-    return replace(data, normal_force_sd=float(np.hypot(data.normal_force_sd, off)), sd_course=None)
+    return replace(data, normal_force_sd=float(np.hypot(data.normal_force_sd, off)), sd_over_time=None)
 
 
 def cut_in_last_stick(prepared: Prepared, arrest: float, stick: float) -> Prepared:

@@ -67,7 +67,8 @@ class RecordedDrive:
 
 
 def recorded_drive(record: Record) -> RecordedDrive:
-    """What a record shows of its drive: its drive speed, else a column of speed or position whose name says so."""
+    """What a record shows of its drive: its drive speed, else a column of speed or position whose name says so, else
+    one that moves as fast as the head of the log states: others are carriages, radii or wear."""
     if isinstance(record.drive_speed, np.ndarray):
         return _of_steps(steps_of(record.time, record.drive_speed), "drive_speed", "as the log says")
     if record.drive_speed is not None:
@@ -80,6 +81,9 @@ def recorded_drive(record: Record) -> RecordedDrive:
         trouble, stands = "; ".join(d.trouble for d in tried), bool(speeds) and all(d.stands for d in tried)
         shown = (drive for drive in tried if drive.programme is not None)
         return next(shown, RecordedDrive(None, trouble=trouble, stands=stands))
+    if (name := _as_fast_as_the_head(record, ("m/s", "m"))) is not None:
+        drive = _of_column(record, name)
+        return replace(drive, source=f"{drive.source}, which moves as fast as the head of the log says")
     stated = [str(step.parameters.get("Velocity", "")).strip() for step in record.steps]
     if stated and all(re.fullmatch(r"[+-]?0+(\.0*)?", text) for text in stated):
         return RecordedDrive(None, trouble="the head of the log says Velocity = 0", stands=True)
@@ -99,8 +103,8 @@ def drive_of(record: Record, drive: RecordedDrive) -> DriveCourse:
 
 
 def drive_position(record: Record) -> str | None:
-    """The column in metres that is the position of the drive, by its name; None where none is."""
-    return next(iter(_named(record, "m", POSITION_NAMES)), None)
+    """The column in metres that is the position of the drive, by its name, or by the head of the log; else None."""
+    return next(iter(_named(record, "m", POSITION_NAMES)), None) or _as_fast_as_the_head(record, ("m",))
 
 
 def speed_of(record: Record) -> Array | None:
@@ -114,9 +118,7 @@ def speed_of(record: Record) -> Array | None:
     position = drive_position(record)
     if position is None or not _travels(record.channels[position]):
         return None
-    index, reach, values = np.arange(len(record)), max(len(record) // 1000, 2), record.channels[position]
-    low, high = np.maximum(index - reach, 0), np.minimum(index + reach, len(record) - 1)
-    return np.abs((values[high] - values[low]) / (record.time[high] - record.time[low]))
+    return _row_by_row(record, position)
 
 
 # Columns by their names.
@@ -150,10 +152,35 @@ def _unused(record: Record) -> str:
             values = record.channels[name]
             if _travels(values) or (unit == "m/s" and np.isfinite(values).all() and np.any(values)):
                 return (
-                    f"column {_shown(name)} is not taken for the drive, because its name does not say so; if it is: "
-                    f'--columns "{role}={_shown(name)}"'
+                    f"column {_shown(name)} is not taken for the drive, because neither its name nor the head of "
+                    f'the log says so; if it is: --columns "{role}={_shown(name)}"'
                 )
     return UNTOLD
+
+
+def _row_by_row(record: Record, name: str, wider: int = 1) -> Array:
+    """How fast a column means that the drive moves (n,) [m/s]; of a position over so many times the usual rows."""
+    if record.channel_units[name] == "m/s":
+        return np.abs(record.channels[name])
+    index, reach, values = np.arange(len(record)), wider * max(len(record) // 1000, 2), record.channels[name]
+    low, high = np.maximum(index - reach, 0), np.minimum(index + reach, len(record) - 1)
+    return np.abs((values[high] - values[low]) / (record.time[high] - record.time[low]))
+
+
+def _as_fast_as_the_head(record: Record, units: Sequence[str]) -> str | None:
+    """The column of one of these units that moves as fast as the head of the log states; None where none does."""
+    head = velocity_in_head(record)
+    meant = () if head is None else (*head.speeds.values(), 1e-3 * abs(head.value))  # a column shows it in mm/s
+    for name in (name for unit in units for name, own in record.channel_units.items() if own == unit):
+        if not meant or not np.isfinite(record.channels[name]).all():
+            continue
+        usual = []  # a speed is the same over twice as many rows; the differences of noise are half as fast
+        for speed in (_row_by_row(record, name, wider) for wider in (1, 2)):
+            moving = speed > 0.05 * float(np.quantile(speed, 0.9))
+            usual.append(float(np.median(speed[moving])) if moving.any() else 0.0)
+        if any(all(abs(one / own - 1.0) < 0.1 for one in usual) for own in meant):
+            return name
+    return None
 
 
 # A speed or a position as a programme.

@@ -163,7 +163,7 @@ def _quality(log: Prepared) -> QualityResult:
     if log.hidden_swing:
         findings.append(Finding("load_varies", "warning", load_varies(log)))
         verdict = "accept with warnings" if verdict == "accept" else verdict
-    if log.data.loose > 0.0:
+    if log.data.onset_jitter_sd > 0.0:
         findings.append(Finding("load_trembles", "info", load_trembles(log)))
     return QualityResult(verdict, tuple(findings), {**judged.figures, **figures})
 
@@ -179,9 +179,9 @@ def load_varies(log: Prepared) -> str:
 def load_trembles(log: Prepared) -> str:
     """How a normal force that jitters counts in the fit, and what would help."""
     return (
-        f"the normal force trembles by {1e3 * log.data.loose:.2g} mN (standard deviation) from slip to slip: at the "
-        "onset of a slip it is counted as unknown; for narrower intervals drive faster, measure the normal force with "
-        "less noise, or cut the log to where the load is steadier (window)"
+        f"the normal force jitters by {1e3 * log.data.onset_jitter_sd:.2g} mN (standard deviation): at the onset of a "
+        "slip it is counted as unknown; for narrower intervals drive faster, measure the normal force with less noise, "
+        "or cut the log to where the load is steadier (window)"
     )
 
 

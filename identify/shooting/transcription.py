@@ -160,7 +160,7 @@ class _LogTranscriber:
             elif stretch.kind == "rest":
                 states = self._rest(part, stretch, end)
             else:
-                if jitter := log.tremor_sd > 0.0 and i in trajectory.own_slips:
+                if jitter := log.jitter_sd > 0.0 and i in trajectory.own_slips:
                     sd, value = log.load_sd_at([stretch.until]), trajectory.sliding_deviation[part]
                     # A tremor goes through half a period while a slip lasts: the deviation at its end is another one.
                     self.load = np.concatenate([self.load, self.c.add(value, sd, prior=(0.0, sd))], axis=1)

@@ -62,9 +62,9 @@ def test_the_course_of_a_trembling_load_is_as_sure_at_its_ends_as_is_said(rate, 
         seen = 1.5 + true + NOISE * random.standard_normal(times.size)
         course = smooth(times, seen)
         off = course.force.at(times) - 1.5 - true
-        assert course.sd_course is not None
-        ends.append(off[places] / course.sd_course.at(times[places]))
+        assert course.sd_over_time is not None
+        ends.append(off[places] / course.sd_over_time.at(times[places]))
         inner = slice(times.size // 3, 2 * times.size // 3, 17)
-        middle.append(off[inner] / course.sd_course.at(times[inner]))
+        middle.append(off[inner] / course.sd_over_time.at(times[inner]))
     root = [float(np.sqrt(np.mean(np.square(z)))) for z in (ends, middle)]
     assert 0.6 < root[0] < 1.4 and 0.6 < root[1] < 1.4

@@ -60,7 +60,7 @@ def test_noise_alone_makes_no_rhythm_of_a_load():
     times = np.arange(20_000) / 1000.0
     for seed in range(5):
         made = smooth(times, 1.0 + NOISE * np.random.default_rng(seed).standard_normal(times.size))
-        assert len(made.force.times) < 40 and made.tremor_sd == 0.0
+        assert len(made.force.times) < 40 and made.jitter_sd == 0.0
 
 
 @pytest.mark.parametrize("rate", [50.0, 500.0, 1000.0])
@@ -106,7 +106,7 @@ def test_a_load_that_swings_in_a_slip_is_found_there(swing):
     log = LogData(times, force, weight, unknowns.base(case.RIG), 3e-4, load, 5e-3, 0.0, end)
     costs = {}
     for tremor in (0.0, 5e-3):
-        data = [replace(log, tremor_sd=tremor)]
+        data = [replace(log, jitter_sd=tremor)]
         values = [unknowns.values(unknowns.start, log.base)]
         trajectories = [g for g in place(unknowns.model, data, values, [falls], COARSE_GRID) if g is not None]
         solved = solve_in_passes(data, trajectories, unknowns)
@@ -130,7 +130,7 @@ def test_a_log_says_that_its_tremor_counts_as_unknown_at_onsets(speed, told):
     document = {"effects": [*MAIN, "varying_normal_force"], "rig": RIG, "logs": logs}
     scene = Scene.from_document(document, Path())
     made = prepare(scene, scene.logs[0], Record(times, load, force), from_scene(scene))
-    assert made.typical >= 2 and (made.data.loose > 0.0) == told
+    assert made.typical >= 2 and (made.data.onset_jitter_sd > 0.0) == told
     findings = [f.message for f in _quality(made).findings if f.code == "load_trembles"]
     assert len(findings) == told and all(
         "mN" in m and "onset of a slip it is counted as unknown" in m for m in findings
@@ -152,6 +152,6 @@ def test_a_jitter_in_a_broad_band_is_not_known_better_than_it_is():
         grip = 3.0 * (1.0 + 0.005 * _broad(knots.size, 1e-3, random))
         made = smooth(knots, grip + 4.6e-3 * random.standard_normal(knots.size))
         inside = slice(500, -500)
-        told = made.sd if made.sd_course is None else made.sd_course.at(knots[inside])
+        told = made.sd if made.sd_over_time is None else made.sd_over_time.at(knots[inside])
         ratios.append(float(np.sqrt(np.mean((made.force.at(knots) - grip)[inside] ** 2) / np.mean(told**2))))
     assert 0.85 < np.mean(ratios) < 1.15

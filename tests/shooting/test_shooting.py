@@ -29,12 +29,12 @@ def _problem(
     noise_seed=1,
     grid=SMALL,
     speeds=(case.SLOW, case.MIDDLE),
-    tremor_sd=0.0,
+    jitter_sd=0.0,
     strength_sd=0.0,
 ):
     logs = [case.simulated(pair, *speed) for speed in speeds]
     unknowns = case.search_space(pair, free)
-    data = [case.log_data(log, unknowns, noise_seed=noise_seed, load_sd=load_sd, tremor_sd=tremor_sd) for log in logs]
+    data = [case.log_data(log, unknowns, noise_seed=noise_seed, load_sd=load_sd, jitter_sd=jitter_sd) for log in logs]
     data = [replace(log, strength_sd=strength_sd) for log in data]
     trajectories = case.placed(unknowns, logs, data, grid)
     return shooting_problem(data, trajectories, unknowns, grid), logs
@@ -59,7 +59,7 @@ def test_every_further_freedom_is_counted():
     problem, logs = _problem(free=(*case.FRICTION, "mass", "stiffness"), load_sd=1e-3)
     cycles = sum(log.cycles for log in logs)
     assert problem.layout.size - problem.layout.rows == 8 + 2 * len(logs) + cycles
-    trembling, _ = _problem(free=(*case.FRICTION, "mass", "stiffness"), load_sd=1e-3, tremor_sd=1e-3)
+    trembling, _ = _problem(free=(*case.FRICTION, "mass", "stiffness"), load_sd=1e-3, jitter_sd=1e-3)
     assert trembling.layout.size - trembling.layout.rows == 8 + 2 * len(logs) + 2 * cycles
     scattering, _ = _problem(strength_sd=1e-2)
     assert scattering.layout.size - scattering.layout.rows == 6 + 2 * len(logs) + cycles
@@ -79,7 +79,7 @@ def test_rows_are_independent():
 @pytest.mark.parametrize("pair", [case.PAIR, MIXED], ids=["saturating", "both types"])
 def test_derivatives_agree_with_central_differences(pair, tremor, strength):
     free = (*case.FRICTION, "mass", "stiffness", "damping")
-    problem, _ = _problem(pair, free=free, load_sd=1e-3, tremor_sd=tremor, strength_sd=strength)
+    problem, _ = _problem(pair, free=free, load_sd=1e-3, jitter_sd=tremor, strength_sd=strength)
     z = _somewhere(problem)
     point = problem.evaluate(z, derivatives=True)
     random, h = np.random.default_rng(5), 1e-6
@@ -111,7 +111,7 @@ def test_hessian_is_that_of_the_linearised_residuals():
 @pytest.mark.parametrize(("tremor", "strength"), VARIED, ids=["calm", "trembling", "sticks differ"])
 def test_exact_hessian_agrees_with_differences_of_the_gradient(tremor, strength):
     free = (*case.FRICTION, "mass")
-    problem, _ = _problem(MIXED, free=free, load_sd=1e-3, tremor_sd=tremor, strength_sd=strength)
+    problem, _ = _problem(MIXED, free=free, load_sd=1e-3, jitter_sd=tremor, strength_sd=strength)
     z, h = _somewhere(problem, 1e-2), 1e-5
     multipliers = 30.0 * np.random.default_rng(7).standard_normal(problem.layout.rows)
 
@@ -286,7 +286,7 @@ def test_a_wrong_model_does_not_fit(wrong):
 @pytest.mark.parametrize("jitter", [0.0, 1e-3])
 @pytest.mark.parametrize("per", [None, "log"], ids=["shared", "own"])
 def test_a_point_keeps_its_cost_where_every_parameter_is_unknown(per, jitter):
-    problem, _ = _problem(load_sd=jitter, tremor_sd=jitter)
+    problem, _ = _problem(load_sd=jitter, jitter_sd=jitter)
     unknowns = problem.layout.unknowns
     if per is not None:
         unknowns = replace(unknowns, per=tuple(per if name == "mu_s" else None for name in unknowns.names))

@@ -73,7 +73,7 @@ def _simulated(pair: tuple[tuple[str, float], ...], speed: float, duration: floa
 
 
 def log_data(
-    log: Log, unknowns: Unknowns, *, noise_seed: int | None = None, load_sd: float = 0.0, tremor_sd: float = 0.0
+    log: Log, unknowns: Unknowns, *, noise_seed: int | None = None, load_sd: float = 0.0, jitter_sd: float = 0.0
 ) -> LogData:
     """The log as the estimator sees it, with white noise drawn from `noise_seed`."""
     noise = 0.0 if noise_seed is None else NOISE * np.random.default_rng(noise_seed).standard_normal(log.time.size)
@@ -89,7 +89,7 @@ def log_data(
         load_sd,
         0.0,
         log.end,
-        tremor_sd=tremor_sd,
+        jitter_sd=jitter_sd,
     )
 
 
