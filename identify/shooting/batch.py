@@ -106,13 +106,13 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     before = np.concatenate([x[None], after])
     worn = np.full(n, -1)
     if model.clamped is not None:
-        falls = (free[..., model.clamped] <= _lowest(model)) & (before[:-1, :, model.clamped] > _lowest(model))
-        worn = _first(falls & (np.arange(len(after))[:, None] < np.where(over < 0, len(after), over)))
+        wears = (free[..., model.clamped] <= _lowest(model)) & (before[:-1, :, model.clamped] > _lowest(model))
+        worn = _first(wears & (np.arange(len(after))[:, None] < np.where(over < 0, len(after), over)))
     # After its arrest a row keeps its state; one that is lost keeps that before.
     stop = np.where(over < 0, length, over + rests)
-    held = np.minimum(np.arange(length + 1)[:, None], stop)
-    states, rates = before[held, rows], rates[np.minimum(held, np.where(over < 0, length - 1, over)), rows]
-    rates[(held == stop) & (over >= 0) & ~rests] = 0.0
+    kept = np.minimum(np.arange(length + 1)[:, None], stop)
+    states, rates = before[kept, rows], rates[np.minimum(kept, np.where(over < 0, length - 1, over)), rows]
+    rates[(kept == stop) & (over >= 0) & ~rests] = 0.0
     ends = []
     for component, at in ((model.clamped, worn), (SPEED, np.where(rests, over, -1))):
         ends.append(_crossing(model, component, at, states, rates, free[at, rows], h))

@@ -91,19 +91,19 @@ def samples_of(family: Family, logs: Sequence[LogData], portion: int = PORTION) 
         last = np.where(final, np.searchsorted(log.time, log.end, side="right"), last)
         full = last > first
         cells, first, lengths = cells[full], first[full], (last - first)[full]
-        chunk = (np.cumsum(lengths) - lengths) // portion
-        for begin in np.flatnonzero(np.diff(chunk, prepend=-1)).tolist():
-            part = slice(begin, int(np.searchsorted(chunk, chunk[begin], side="right")))
-            held, ends = lengths[part], first[part] + lengths[part]
+        number_of = (np.cumsum(lengths) - lengths) // portion
+        for begin in np.flatnonzero(np.diff(number_of, prepend=-1)).tolist():
+            part = slice(begin, int(np.searchsorted(number_of, number_of[begin], side="right")))
+            counts, ends = lengths[part], first[part] + lengths[part]
             sample: Indices | slice
             if np.array_equal(first[part][1:], ends[:-1]):  # as a rule: a slice copies nothing
                 sample = slice(int(first[begin]), int(ends[-1]))
             else:
-                sample = np.arange(int(held.sum())) + np.repeat(ends - np.cumsum(held), held)
+                sample = np.arange(int(counts.sum())) + np.repeat(ends - np.cumsum(counts), counts)
             edges = flat[cells[part]]
-            u = log.time[sample] - np.repeat(edges[:, 0], held)
-            u /= np.repeat(edges[:, 1] - edges[:, 0], held)
-            yield CellSamples(number, cells[part], held, sample, u)
+            u = log.time[sample] - np.repeat(edges[:, 0], counts)
+            u /= np.repeat(edges[:, 1] - edges[:, 0], counts)
+            yield CellSamples(number, cells[part], counts, sample, u)
 
 
 def compressed(family: Family, logs: Sequence[LogData], reference: Array, portion: int = PORTION) -> Moments:
@@ -117,20 +117,20 @@ def compressed(family: Family, logs: Sequence[LogData], reference: Array, portio
     powers, pull = np.zeros((n, 2 * order - 1)), np.zeros((n, order))
     square, number = np.zeros(n), np.zeros(n)
     line = np.where(np.arange(order) < LINE, reference, 0.0)
-    for held in samples_of(family, logs, portion):
-        log, cells = logs[held.log], held.cells
-        first = np.cumsum(held.lengths) - held.lengths
-        weight = log.weight[held.samples]
-        r = log.force[held.samples] - held.of_curve(line.reshape(n, order)[:, :LINE])
-        number[cells] = held.lengths if weight.min() > 0 else np.add.reduceat((weight > 0).astype(float), first)
+    for chunk in samples_of(family, logs, portion):
+        log, cells = logs[chunk.log], chunk.cells
+        first = np.cumsum(chunk.lengths) - chunk.lengths
+        weight = log.weight[chunk.samples]
+        r = log.force[chunk.samples] - chunk.of_curve(line.reshape(n, order)[:, :LINE])
+        number[cells] = chunk.lengths if weight.min() > 0 else np.add.reduceat((weight > 0).astype(float), first)
         pulled, weighed = weight * r, weight.copy()
         square[cells] = np.add.reduceat(np.multiply(pulled, r, out=r), first)
         for i in range(2 * order - 1):
             powers[cells, i] = np.add.reduceat(weighed, first)
-            weighed *= held.u
+            weighed *= chunk.u
             if i < order:
                 pull[cells, i] = np.add.reduceat(pulled, first)
-                pulled *= held.u
+                pulled *= chunk.u
     hankel = np.arange(order)[:, None] + np.arange(order)[None, :]
     curvature = powers[:, hankel].reshape(count, n_cells, order, order)
     squares, numbers = (column.reshape(count, n_cells).sum(axis=1) for column in (square, number))
@@ -322,8 +322,8 @@ class Problem:
         the fitted windows."""
         out = [np.full(log.time.size, np.nan) for log in self.logs]
         for family, (_, curve) in zip(self.layout.families, self._curves(z * self.layout.scale), strict=True):
-            for held in samples_of(family, self.logs):
-                out[held.log][held.samples] = held.of_curve(curve.reshape(-1, family.block.order))
+            for chunk in samples_of(family, self.logs):
+                out[chunk.log][chunk.samples] = chunk.of_curve(curve.reshape(-1, family.block.order))
         return out
 
     def block_costs(self, z: Array) -> list[Array]:

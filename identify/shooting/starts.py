@@ -44,14 +44,14 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
     known = {}
     if speeds[fast] > 1.5 * speeds[slow] and "delta_mu_k" in names:
         known = {"a": 2.0 / speeds[fast], "delta_mu_k": min(1.2 * (levels[fast] - levels[slow]), -0.005)}
-    told = value | known
-    share = 1.0 - float(np.exp(-told.get("a", 0.0) * speeds[slow]))
-    mu_k0 = max(levels[slow] - told.get("delta_mu_k", 0.0) * share, 0.01)
+    value |= known
+    share = 1.0 - float(np.exp(-value.get("a", 0.0) * speeds[slow]))
+    mu_k0 = max(levels[slow] - value.get("delta_mu_k", 0.0) * share, 0.01)
     peaked = any(log.fit_mode.name == "continuous" for log in logs)
     mu_s = max(float(np.max(quantiles)), mu_k0 + 0.02) if peaked else mu_k0 + 0.15
     rows = []
     for length, time in product(LENGTHS, TIMES) if peaked else [(LENGTHS[0], TIMES[0])]:
-        one = told | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time}
+        one = value | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time}
         rows.append([one[name] for name in names])
     return np.unique(_inside(unknowns, unknowns.theta(np.array(rows), base)), axis=0)
 

@@ -20,7 +20,7 @@ from identify.simulation.stepper import Situated, symbols
 
 Array = NDArray[np.float64]
 
-_BENDS = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where the bend is looked at
+_SHARES = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where its curvature is looked at
 
 
 @lru_cache(maxsize=32)
@@ -33,12 +33,12 @@ def _functions(model: Model) -> tuple[ca.Function, ca.Function, Mapped, Mapped]:
     force, limit = model.driving_force(rested, p, u), model.grip(rested, p, u)
     margin = limit - ca.fabs(force)
     row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(margin, force, rested)))])
-    bend = ca.Function("bend", [x, c, t], [ca.densify(ca.jacobian(ca.jacobian(margin, t), t))])
-    times = ca.SX.sym("times", _BENDS.size)
-    largest = ca.mmax(ca.vertcat(*(bend(x, c, at) for at in ca.vertsplit(times))))
+    curvature = ca.Function("curvature", [x, c, t], [ca.densify(ca.jacobian(ca.jacobian(margin, t), t))])
+    times = ca.SX.sym("times", _SHARES.size)
+    largest = ca.mmax(ca.vertcat(*(curvature(x, c, at) for at in ca.vertsplit(times))))
     calm = limit - ca.fabs(model.calm_force(x, p, u, t))
     many = [Mapped(ca.Function("margins", [x, c, t], [ca.cse(ca.densify(q))])) for q in (margin, calm)]
-    return row, ca.Function("bends", [x, c, times], [ca.cse(largest)]), *many
+    return row, ca.Function("curvatures", [x, c, times], [ca.cse(largest)]), *many
 
 
 class Resting:
@@ -47,11 +47,11 @@ class Resting:
     def __init__(self, model: Model) -> None:
         self.model = model
         self._x, self._c = np.zeros(len(model.states)), np.zeros(len(model.parameters) + 5)
-        self._t, self._bends = np.zeros(1), np.zeros(_BENDS.size)
-        row, bends, self._margins, self._calm = _functions(model)
-        self._row, self._bend = compiled(row), compiled(bends)
+        self._t, self._at_shares = np.zeros(1), np.zeros(_SHARES.size)
+        row, curvatures, self._margins, self._calm = _functions(model)
+        self._row, self._curvature = compiled(row), compiled(curvatures)
         self._row.bind([self._x, self._c, self._t])
-        self._bend.bind([self._x, self._c, self._bends])
+        self._curvature.bind([self._x, self._c, self._at_shares])
 
     def until(self, x: Array, situated: Situated, limit: float) -> tuple[float | None, Array, float]:
         """Rest from x (n_x,), its speed zero, for at most `limit` [s].
@@ -84,11 +84,11 @@ class Resting:
         return self._row()
 
     def _concave(self, limit: float) -> bool:
-        """Whether the breakaway margin bends downwards throughout."""
+        """Whether the breakaway margin curvatures downwards throughout."""
         if self.model.vibrates:
             return False
-        np.multiply(_BENDS, limit, out=self._bends)
-        return bool(self._bend()[0] <= 0.0)
+        np.multiply(_SHARES, limit, out=self._at_shares)
+        return bool(self._curvature()[0] <= 0.0)
 
     def _by_bisection(self, limit: float) -> float | None:
         """The only zero of a concave margin that is positive at the start, to the last digits (Brent's method)."""

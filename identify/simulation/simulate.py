@@ -79,7 +79,7 @@ def run(
             "give the mass under [rig]"
         )
     admit(model, values, duration, start or {})
-    asked = accuracy if isinstance(accuracy, Stepping) else Stepping(accuracy / SAFETY)
+    stepping = accuracy if isinstance(accuracy, Stepping) else Stepping(accuracy / SAFETY)
     accuracy = ACCURACY if isinstance(accuracy, Stepping) else accuracy
     if not 0.0 < accuracy < 1.0:
         raise SimulationError(f"the accuracy is {accuracy}; expected a relative error between 0 and 1, such as 1e-6")
@@ -90,12 +90,12 @@ def run(
     x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
 
     def made(steps: Plan) -> Trajectory:
-        with closing(Machine(model, p, scale, steps, locate=asked.locate)) as machine:
+        with closing(Machine(model, p, scale, steps, locate=stepping.locate)) as machine:
             motion = tuple(phases(machine, programme, load, duration, x))
         other, share = steps.other()
         return Trajectory(model, motion, duration, accuracy, lambda: made(other), share)
 
-    return made(plan(scale, asked))
+    return made(plan(scale, stepping))
 
 
 def simulate(

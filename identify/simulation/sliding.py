@@ -84,7 +84,7 @@ def _steady(model: Model, p: Array, u: Array, worn: bool) -> tuple[Array, Array]
 
 
 def _slidings(model: Model, p: Array, u: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.complex128]]:
-    """States (n, n_x), worn (n,) and eigenvalues (n, n_x; NaN last where worn) of lanes p (n, n_p), u (n, 4)."""
+    """States (n, n_x), worn (n,) and eigenvalues (n, n_x; NaN last where worn) of rows p (n, n_p), u (n, 4)."""
     try:
         x, slope = _steady(model, p, u, worn=False)
         worn = np.zeros(x.shape[0], dtype=bool)

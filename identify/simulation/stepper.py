@@ -273,7 +273,7 @@ def _walking(
     t, before, control, ends = z[at.t], z[at.ends], z[at.control], trial_end[1:]
     error, step, watch = control[1], control[2], control[6]
     norm = ca.if_else(trial_end[0] <= 1e30, ca.fmax(trial_end[0], 1e-10), 1e30)
-    good, fallen, risen, guess, dip = norm <= 1.0, 0.0, 0.0, h, h
+    good, fallen, risen, crossing, dip = norm <= 1.0, 0.0, 0.0, h, h
     # The step after it: as the error says, and as its trend says where it grows (Gustafsson's predictive control).
     root = _root(norm, method.measured)
     slower = root / SAFETY
@@ -284,7 +284,7 @@ def _walking(
         down = ca.logic_or(ends[i] < 0.0, ca.logic_and(ends[i] <= 0.0, t > 0.0))
         fallen = ca.logic_or(fallen, down)
         risen = ca.logic_or(risen, ca.logic_and(down, before[i] <= 0.0))
-        guess = ca.fmin(guess, ca.if_else(down, _first_guess(h, before, ends, i), h))
+        crossing = ca.fmin(crossing, ca.if_else(down, _first_guess(h, before, ends, i), h))
         dip = ca.fmin(dip, _dip(h, before, ends, i))
     met, dips = ca.logic_and(good, fallen), ca.logic_and(ca.logic_and(good, watch > 0.5), dip < h)
     taken = ca.logic_and(good, ca.logic_not(ca.logic_or(fallen, dips)))
@@ -292,7 +292,7 @@ def _walking(
     outside = ca.logic_and(met, ca.logic_or(risen, bounds[3] < 0.5))
     over = ca.logic_and(taken, t + h >= bounds[0] * (1.0 - 1e-15))
     stuck = ca.logic_and(norm > 1.0, following < bounds[2])
-    next_h = ca.if_else(met, ca.if_else(outside, h, guess), ca.if_else(dips, dip, following))
+    next_h = ca.if_else(met, ca.if_else(outside, h, crossing), ca.if_else(dips, dip, following))
     next_watch = ca.if_else(dips, watch - 1, ca.if_else(dip < h, watch, DIPS))
     stop = Stop.EVENT * outside + Stop.TIME_IS_UP * over + Stop.STUCK * stuck
     last = ca.if_else(taken, root, error), ca.if_else(taken, h, step)

@@ -127,10 +127,10 @@ class Objective:
     def slope(self, theta: Array) -> tuple[float, Array, Array]:
         """Value, gradient (p,), and scores (c, p)."""
         self.passes += 1
-        found = [likelihood.with_scores(theta) for likelihood in self.likelihoods]
-        scores = np.vstack([own for _, own in found])
+        each = [likelihood.with_scores(theta) for likelihood in self.likelihoods]
+        scores = np.vstack([own for _, own in each])
         value, prior = self.prior.logarithm(theta)
-        value += sum(float(cycles.log_likelihood.sum()) for cycles, _ in found)
+        value += sum(float(cycles.log_likelihood.sum()) for cycles, _ in each)
         return value, scores.sum(axis=0) + prior, scores
 
     def narrow(self, theta: Array) -> None:
@@ -162,7 +162,7 @@ class Objective:
             if now() >= until:
                 raise StopIteration
 
-        found = scipy.optimize.minimize(
+        optimum = scipy.optimize.minimize(
             cost,
             theta[free],
             jac=True,
@@ -170,10 +170,10 @@ class Objective:
             method="BFGS",
             options={"gtol": 0.2, "hess_inv0": 0.5 * (inverse + inverse.T), "maxiter": steps},
         )
-        if not (np.isfinite([found.fun, *found.x]).all() and np.isfinite(found.hess_inv).all()):
+        if not (np.isfinite([optimum.fun, *optimum.x]).all() and np.isfinite(optimum.hess_inv).all()):
             return Ascent(theta)
-        converged = bool(found.success or np.all(np.abs(found.jac) < 1.0))
-        return Ascent(whole(found.x), -float(found.fun), np.sqrt(np.diag(inverse)), converged, now() < until)
+        converged = bool(optimum.success or np.all(np.abs(optimum.jac) < 1.0))
+        return Ascent(whole(optimum.x), -float(optimum.fun), np.sqrt(np.diag(inverse)), converged, now() < until)
 
 
 def features(records: Sequence[Sticks]) -> Array:

@@ -127,8 +127,8 @@ class Likelihood:
             chained[j] = self.chain()
             level = chained[j, 1:3]
         columns = dict(zip(CYCLE, chained[:, 3:].T, strict=True))
-        found = Cycles(log_likelihood=chained[:, 0], level_after=chained[:, 1], **columns)
-        return _Forward(found, onset, begun, states, state, slips, before)
+        of_cycles = Cycles(log_likelihood=chained[:, 0], level_after=chained[:, 1], **columns)
+        return _Forward(of_cycles, onset, begun, states, state, slips, before)
 
     def _sample(self, i: int, cycles: int) -> Array:
         """Time since the sample before, and force, for every batch row (r, 2)."""

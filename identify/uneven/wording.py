@@ -138,8 +138,8 @@ def apart(values: Sequence[tuple[str, float, float, float]]) -> str:
 
 def masses(names: Sequence[str], each: Sequence[tuple[float, float, float]], scatter: str) -> str:
     """The masses of records of one slider [kg], each with its interval, and how they scatter."""
-    told = "; ".join(f"{name} {_grams(mass)}" for name, mass in zip(names, each, strict=True))
-    return f"Mass by record: {told}; {scatter}."
+    listed = "; ".join(f"{name} {_grams(mass)}" for name, mass in zip(names, each, strict=True))
+    return f"Mass by record: {listed}; {scatter}."
 
 
 def no_one_mass(scatter: str) -> str:
