@@ -16,7 +16,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base import native
 from identify.base.compiled import Compiled, compiled
 from identify.model.model import SPEED, Model
 from identify.model.modes import GUARDS, ModeName, sliding_modes
@@ -349,8 +348,6 @@ def _locating(control: ca.SX, h: ca.SX, ends: ca.SX, exits: list[int], rtol: ca.
 # Steps of one scene with one method: the compiled trials and bursts with their buffers.
 # ----------------------------------------------------------------------------------------------------------------------
 
-MUCH = 20_000  # bursts: some seconds of the virtual machine, what the compiler takes
-
 
 class Stepper:
     """Steps one model with one method; holds buffers, so one at a time uses it: `borrowed`."""
@@ -372,27 +369,8 @@ class Stepper:
             ):
                 calls[mode] = compiled(function)
                 calls[mode].bind(given)
-        self._function = burst(model, method)
-        self._bind(self._function)
-        self._count, self._look, self.native = 0, float(100), False  # bursts: before them nobody looks for machine code
-
-    def _bind(self, function: ca.Function) -> None:
-        """Take this function for the bursts."""
-        self._burst = compiled(function)
+        self._burst = compiled(burst(model, method))
         self._burst.bind([self._z, self._bounds, self._constants, self._tolerances])
-
-    def hasten(self) -> None:
-        """Take the machine code of the bursts where it is there, and have it made where they are used much."""
-        if self.native or self._count < self._look:
-            return
-        key = native.key(self._function)
-        code = None if key is None else native.find(key, self._function.name())
-        if code is not None:
-            self._bind(code)
-        elif key is not None and self._count >= MUCH and not native.busy():
-            native.start([(self._function, key)])
-        self.native = code is not None
-        self._look = np.inf if key is None else MUCH if self._count < MUCH else self._count + MUCH
 
     def tune(self, p: Array, tolerances: Array, bounds: tuple[float, float, float, bool]) -> None:
         """Set parameters p (n_p,), tolerances of a step (rtol, then atol (n_x,)), and its bounds: longest and shortest
@@ -425,7 +403,6 @@ class Stepper:
     def go_on(self) -> list[list[float]]:
         """Several trials from where the last call stopped: rows of state, time, stop and h as in `BurstState`; those
         after a stop repeat it."""
-        self._count += 1
         rows = self._burst().reshape(self.method.trials, -1)
         self._z[:] = rows[-1]
         return rows[:, : self.places.h + 1].tolist()
@@ -458,5 +435,4 @@ def borrowed(model: Model, method: Method) -> Stepper:
 
 def give_back(stepper: Stepper) -> None:
     """Let others use it."""
-    stepper.hasten()
     _IDLE.setdefault((stepper.model, stepper.method), []).append(stepper)

@@ -1,21 +1,15 @@
-"""Onsets under a vibrating drive, what is refused before them, and bursts as machine code."""
+"""Onsets under a vibrating drive, and what is refused before them."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from experiments.hard_scenes import PAIR
-from experiments.reference_methods import LOW
-from identify.base import native
 from identify.base.errors import SimulationError
-from identify.effects import MAIN
 from identify.model.model import assemble
 from identify.simulation.resting import swing
 from identify.simulation.simulate import run
-from identify.simulation.stepper import Situated, Stepper, burst
 
 
 @pytest.mark.parametrize("names", [("excitation",), ("excitation", "finger_motion", "skin_compliance", "sensor_lag")])
@@ -43,20 +37,3 @@ def test_a_vibration_without_a_phase_is_refused_and_one_that_does_not_move_is_no
         run(model, values, 0.0, 1.0, 1e9)
     assert run(model, values, 0.0, 1.0, 1e7).onsets.size == 0
     assert run(model, values | {"excitation_amplitude": 0.0}, 0.0, 1.0, 1e9).onsets.size == 0
-
-
-def test_bursts_as_machine_code_give_the_same_numbers(machine_code: Path) -> None:
-    model, p = assemble(MAIN), np.array([PAIR[name] for name in assemble(MAIN).parameter_names])
-    stepper, function = Stepper(model, LOW), burst(model, LOW)
-
-    def nodes() -> np.ndarray:
-        stepper.tune(p, np.full(4, 1e-6), (np.inf, 1e-15, np.inf, True))
-        stepper.start("slip", [4.2e-4, 0.0, 1.0], Situated(p, 1e-3, 1.0, 1.0, 0.0), 1.0, 1e-5)
-        return np.array([stepper.go_on() for _ in range(200)])
-
-    before = nodes()
-    native.start([(function, native.key(function))])
-    native.wait()
-    stepper.hasten()
-    assert stepper.native
-    np.testing.assert_array_equal(nodes(), before)
