@@ -49,11 +49,7 @@ class _Cycles:
         speed, begin, noise = (np.array([getattr(d, n) for d in logs])[log] for n in ("drive_speed", "begin", "noise"))
         # Each cycle begins about where the fall before it is.
         u = np.stack([speed, force, np.ones_like(force), np.where(first, begin, np.roll(fall, 1))], axis=1)
-        values = np.stack(p)[log]
-        for name, value in model.quiet:
-            if np.isfinite(value):  # what vibrates is left to the shooting
-                values[:, model.parameter_names.index(name)] = value
-        return _Cycles(model, log, first, fall, values, u, noise)
+        return _Cycles(model, log, first, fall, np.stack(p)[log], u, noise)
 
     def slips(self, x: Array, per_half_period: int = PER_HALF_PERIOD) -> Slips:
         """The slip of every cycle from its arrest x (n, n_x)."""
@@ -73,15 +69,14 @@ def place(
     """
     if not logs or not sum(f.size for f in falls):
         return [None for _ in logs]
+    p = [q.copy() for q in p]
+    for name, value in model.quiet:
+        if np.isfinite(value):  # what vibrates is left to the shooting
+            for q in p:
+                q[model.parameter_names.index(name)] = value
     cycles = _Cycles.of(model, logs, p, falls)
-    starts = [_at_begin(model, log, q, f) for log, q, f in zip(logs, p, falls, strict=True)]
-    x = _arrests(cycles, starts)
-    onset = _placed(logs, cycles, x)[1]
-    # Now that the first onset is known, so is the bounded state at the begin; the first cycles are made again.
-    for row in np.flatnonzero(cycles.first).tolist():
-        number = int(cycles.log[row])
-        x[row] = starts[number] = _begin_state(cycles, row, starts[number], float(onset[row]), logs[number])
-    slips, onset = _placed(logs, cycles, x)
+    starts = [_begin_state(model, log, q, f) for log, q, f in zip(logs, p, falls, strict=True)]
+    slips, onset = _placed(logs, cycles, _arrests(cycles, starts))
     trajectories: list[ShootingTrajectory | None] = []
     for number, log in enumerate(logs):
         mine = np.flatnonzero(cycles.log == number)
@@ -150,37 +145,32 @@ def _placed(logs: list[LogData], cycles: _Cycles, x: Array) -> tuple[Slips, Arra
     return slips, best
 
 
-def _at_begin(model: Model, log: LogData, p: Array, falls: Array) -> Array:
-    """State at the begin of the window: elongation from the first stick's samples, bounded states half way."""
-    bounds = [(s.start, s.lower, s.upper) for s in model.states]
+def _begin_state(model: Model, log: LogData, p: Array, falls: Array) -> Array:
+    """State at the begin of the window: elongation from the first stick's samples, the bounded state such that the
+    first onset comes about when it was seen."""
+    clamped, bounds = model.clamped, [(s.start, s.lower, s.upper) for s in model.states]
     x = np.array([start if low is None or high is None else 0.5 * (low + high) for start, low, high in bounds])
-    if falls.size:
-        end = log.begin + 0.8 * max(falls[0] - log.begin, 0.0)
-        last = int(np.searchsorted(log.time, max(end, log.time[0]), side="right"))
-        rows = slice(int(np.searchsorted(log.time, log.begin)), last)
-        mine = log.weight[rows] > 0
-        if np.any(mine):
-            k = p[model.parameter_names.index("stiffness")]
-            moved = k * log.drive_speed * (log.time[rows] - log.begin)
-            level = np.median(thinned((log.force[rows] - moved)[mine]))
-            u = np.array([[log.drive_speed, float(log.normal_force.at(log.begin)), 1.0, log.begin]])
-            settled = batch.at_force(model, np.array([level]), p[None, :], u)[0]
-            x = np.where(np.arange(x.size) == (-1 if model.clamped is None else model.clamped), x, settled)
-    return x
-
-
-def _begin_state(cycles: _Cycles, row: int, start: Array, onset: float, log: LogData) -> Array:
-    """The state at the begin with its bounded state chosen so that the first onset comes when it was seen [s]."""
-    model = cycles.model
-    if model.clamped is None:
-        return start
-    x = np.tile(start, (41, 1))
-    x[:, model.clamped] = np.linspace(0.0, 1.0, len(x))
-    u = np.tile([log.drive_speed, float(log.normal_force.at(onset)), 1.0, log.begin], (len(x), 1))
-    times = batch.stick(model, x, np.tile(cycles.p[row], (len(x), 1)), u)[0]
+    if not falls.size:
+        return x
+    end = log.begin + 0.8 * max(falls[0] - log.begin, 0.0)
+    rows = slice(*np.searchsorted(log.time, [log.begin, np.nextafter(max(end, log.time[0]), np.inf)]))
+    counted = log.weight[rows] > 0
+    k, m = (p[model.parameter_names.index(name)] for name in ("stiffness", "mass"))
+    if np.any(counted):
+        moved = k * log.drive_speed * (log.time[rows] - log.begin)
+        level = np.median(thinned((log.force[rows] - moved)[counted]))
+        u = np.array([[log.drive_speed, float(log.normal_force.at(log.begin)), 1.0, log.begin]])
+        settled = batch.at_force(model, np.array([level]), p[None, :], u)[0]
+        x = np.where(np.arange(x.size) == (-1 if clamped is None else clamped), x, settled)
+    if clamped is None:
+        return x
+    onset = falls[0] - 0.5 * np.pi * np.sqrt(m / k)  # a fall is half way down after a quarter of a period
+    aged, first = np.tile(x, (41, 1)), onset - log.begin
+    aged[:, clamped] = np.linspace(0.0, 1.0, len(aged))
+    u = np.tile([log.drive_speed, float(log.normal_force.at(onset)), 1.0, log.begin], (len(aged), 1))
+    times = batch.stick(model, aged, np.tile(p, (len(aged), 1)), u)[0]
     # Where the first stick is so long that its start is forgotten, half way is as good as any.
-    known = np.ptp(times) > 1e-3 * (onset - log.begin)
-    return x[int(np.argmin(np.abs(times - (onset - log.begin)))) if known else len(x) // 2]
+    return aged[int(np.argmin(np.abs(times - first)))] if np.ptp(times) > 1e-3 * first else x
 
 
 def _trajectory(
