@@ -76,11 +76,9 @@ class Solved:
         problem, which is the same unknown by unknown: one Newton step on that, in search units."""
         z = self.solution.z
         point = problem.evaluate(z, derivatives=True)
-        assert point.hessian is not None and point.jacobian is not None and point.gradient is not None
         kkt = optimality_matrix(point.hessian, point.jacobian)
         # What the solver left of its own conditions is not the steps' doing: it is taken out.
         own = self.problem.evaluate(z, derivatives=True)
-        assert own.jacobian is not None and own.gradient is not None
         change = point.gradient - own.gradient + (point.jacobian - own.jacobian).T @ self.solution.multipliers
         left = np.concatenate([change, point.rows - own.rows])
         step = solve_equilibrated(kkt, -left[:, None])[:, 0]

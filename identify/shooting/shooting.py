@@ -5,7 +5,7 @@ rows and their derivatives, ready for any solver. Hessian: Gauss-Newton, exact o
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
@@ -247,15 +247,15 @@ def _chunks(count: int) -> list[slice]:
 @dataclass(frozen=True)
 class Point:
     """Everything at one point z (scaled unknowns): cost, rows, the curve coefficients of every family, and with
-    derivatives the gradient (n,), the Jacobian (m, n) sparse and the Gauss-Newton Hessian (n, n) sparse, upper
-    triangle."""
+    derivatives (else empty) the gradient (n,), the Jacobian (m, n) sparse and the Gauss-Newton Hessian (n, n) sparse,
+    upper triangle."""
 
     cost: float
     rows: Array
     curves: tuple[Array, ...]
-    gradient: Array | None = None
-    jacobian: sp.csc_matrix | None = None
-    hessian: sp.csc_matrix | None = None
+    gradient: Array = field(default_factory=lambda: np.empty(0))
+    jacobian: sp.csc_matrix = field(default_factory=lambda: sp.csc_matrix((0, 0)))
+    hessian: sp.csc_matrix = field(default_factory=lambda: sp.csc_matrix((0, 0)))
 
 
 class Problem:
@@ -348,7 +348,6 @@ class Problem:
             on_rows: multipliers (m,).
         """
         point = self.evaluate(z, derivatives=True)
-        assert point.hessian is not None
         x, entries = z * self.layout.scale, list[Array]()
         known = zip(self.layout.families, self.moments, self.pattern.families, point.curves, strict=True)
         for family, moments, scatter, curve in known:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identify.base.budget import seconds_left
-from identify.shooting.shooting import Problem
+from identify.shooting.shooting import Point, Problem
 
 Array = NDArray[np.float64]
 Ports = Sequence[tuple[str, ca.Sparsity]]  # of a function: names and shapes
@@ -98,39 +98,35 @@ class _NlpCallback(ca.Callback):
 
 
 def _callbacks(problem: Problem, exact: bool) -> dict[str, _NlpCallback]:
-    """The four functions IPOPT takes."""
+    """The four functions IPOPT takes; the problem remembers the last point."""
     n, m, pattern = problem.layout.size, problem.layout.rows, problem.pattern
     rows, one = ca.Sparsity.dense(m), ca.Sparsity.dense(1)
     xp: Ports = [("x", ca.Sparsity.dense(n)), ("p", ca.Sparsity.dense(0, 1))]
 
-    def nlp(z: Array, _p: Array) -> Sequence[ArrayLike]:
+    def values(z: Array, _p: Array) -> Sequence[ArrayLike]:
         point = problem.evaluate(z, derivatives=False)
         return point.cost, point.rows
 
-    def grad_f(z: Array, _p: Array) -> Sequence[ArrayLike]:
-        point = problem.evaluate(z, derivatives=True)
-        assert point.gradient is not None
-        return point.cost, point.gradient
+    def at(z: Array) -> Point:
+        return problem.evaluate(z, derivatives=True)
 
-    def jac_g(z: Array, _p: Array) -> Sequence[ArrayLike]:
-        point = problem.evaluate(z, derivatives=True)
-        assert point.jacobian is not None
-        return point.rows, point.jacobian.data
-
-    def hess_lag(z: Array, _p: Array, on_cost: Array, on_rows: Array) -> Sequence[ArrayLike]:
+    def hessian(z: Array, _p: Array, on_cost: Array, on_rows: Array) -> Sequence[ArrayLike]:
         if exact:
             return (problem.exact_hessian(z, float(on_cost[0]), on_rows).data,)
-        point = problem.evaluate(z, derivatives=True)
-        assert point.hessian is not None
-        return (point.hessian.data * on_cost[0],)
+        return (at(z).hessian.data * on_cost[0],)
 
-    outputs: list[tuple[Ports, Ports, Callable[..., Sequence[ArrayLike]]]] = [
-        (xp, [("f", one), ("g", rows)], nlp),
-        (xp, [("f", one), ("grad_f_x", xp[0][1])], grad_f),
-        (xp, [("g", rows), ("jac_g_x", pattern.jacobian.sparsity)], jac_g),
-        ([*xp, ("lam_f", one), ("lam_g", rows)], [("triu_hess_gamma_x_x", pattern.hessian.sparsity)], hess_lag),
-    ]
-    return {of.__name__: _NlpCallback(of.__name__, given, results, of) for given, results, of in outputs}
+    xpl: Ports = [*xp, ("lam_f", one), ("lam_g", rows)]
+    functions: dict[str, tuple[Ports, Ports, Callable[..., Sequence[ArrayLike]]]] = {
+        "nlp": (xp, [("f", one), ("g", rows)], values),
+        "grad_f": (xp, [("f", one), ("grad_f_x", xp[0][1])], lambda z, _: (at(z).cost, at(z).gradient)),
+        "jac_g": (
+            xp,
+            [("g", rows), ("jac_g_x", pattern.jacobian.sparsity)],
+            lambda z, _: (at(z).rows, at(z).jacobian.data),
+        ),
+        "hess_lag": (xpl, [("triu_hess_gamma_x_x", pattern.hessian.sparsity)], hessian),
+    }
+    return {name: _NlpCallback(name, *given) for name, given in functions.items()}
 
 
 def solve(
