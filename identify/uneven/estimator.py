@@ -4,7 +4,7 @@ what several records of one slider have in common."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
@@ -229,38 +229,35 @@ def maximise(
         objective.narrow(theta)
         screened.append((objective, objective.climb(theta, everything, until, SCREENING)))
     objective, best = max(screened, key=lambda pair: pair[1].value)
-    if np.isfinite(best.value) and best.in_time:
+    moved = np.inf  # deviations
+    for _ in range(ROUNDS):
+        if not np.isfinite(best.value) or not best.in_time:
+            break
         theta = best.theta
         objective.narrow(theta)
-        for _ in range(ROUNDS):
-            best = objective.climb(theta, everything, until)
-            if not np.isfinite(best.value) or not best.in_time:
-                break
-            moved, theta = float(np.max(np.abs(best.theta - theta) / best.sd)), best.theta
-            objective.narrow(theta)
-            if best.converged and moved < 0.05:  # deviations by which parameters move in the last round
-                break
-    maximum = Maximum(
+        if best.converged and moved < 0.05:
+            break
+        best = objective.climb(theta, everything, until)
+        moved = float(np.max(np.abs(best.theta - theta) / best.sd))
+    covariance, value, fixed = np.full((best.theta.size, best.theta.size), np.nan), -np.inf, best.theta
+    if best.converged:
+        covariance, value = _covariance(objective, best.theta)
+    if converged := bool(np.isfinite(covariance).all()):
+        middle = np.append(best.theta[:LAW], prior.mean[LAW:])
+        fixed = objective.climb(middle, np.arange(len(THETA)) < LAW).theta
+    return Maximum(
         prior=prior,
         theta=best.theta,
-        covariance=np.full((best.theta.size, best.theta.size), np.nan),
-        fixed=best.theta,
-        log_likelihood=-np.inf,
+        covariance=covariance,
+        fixed=fixed,
+        log_likelihood=value if converged else -np.inf,
         cycles=sum(sticks.count for sticks in records),
-        converged=False,
+        converged=converged,
         in_time=best.in_time,
         evaluations=sum(own.passes for own, _ in screened),
         nodes=objective.nodes,
         starts=tuple(optimum.value for _, optimum in screened),
     )
-    if not best.converged:
-        return maximum
-    covariance, value = _covariance(objective, best.theta)
-    if not np.isfinite(covariance).all():
-        return maximum
-    middle = np.append(best.theta[:LAW], prior.mean[LAW:])
-    fixed = objective.climb(middle, np.arange(len(THETA)) < LAW).theta
-    return replace(maximum, covariance=covariance, fixed=fixed, log_likelihood=value, converged=True)
 
 
 def _covariance(objective: Objective, theta: Array) -> tuple[Array, float]:
