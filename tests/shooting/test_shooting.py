@@ -235,31 +235,19 @@ def test_the_truth_solves_the_rows_and_has_the_event_times_of_the_independent_in
     np.testing.assert_allclose(solution.x[:6], unknowns.start[unknowns.free], atol=1e-4)
 
 
-def test_a_guess_whose_events_are_out_of_order_is_a_failed_solve():
-    # It ended a fit with CasADi's own error: "Ill-posed problem detected".
+@pytest.mark.parametrize("late", [True, False], ids=["events out of order", "a slide of no length"])
+def test_a_trajectory_that_is_no_motion_is_a_failed_solve(late, recwarn):
     problem, logs = _problem(load_sd=1e-4)
     unknowns = problem.layout.unknowns
     trajectories = case.placed(unknowns, logs, problem.logs, COARSE_GRID)
-    late = trajectories[0].until.copy()
-    late[trajectories[0].ending("arrest")[0]] = trajectories[0].onset[1] + 0.5
-    solved = solve_in_passes(problem.logs, [replace(trajectories[0], until=late), trajectories[1]], unknowns)
+    first, until = trajectories[0], trajectories[0].until.copy()
+    which = int(first.ending("arrest" if late else "wear")[0])
+    until[which] = first.onset[1] + 0.5 if late else until[which + 1]
+    solved = solve_in_passes(problem.logs, [replace(first, until=until), trajectories[1]], unknowns)
     assert not solved.solution.success and solved.solution.cost == np.inf
     assert solved.solution.return_status == "Events_Out_Of_Order"
-    assert solve_in_passes(problem.logs, trajectories, unknowns).solution.success
-
-
-def test_a_guess_with_a_slide_of_no_length_is_a_failed_solve(recwarn):
-    # Its normal force was 0/0 as well, with a warning of numpy's for the user.
-    problem, logs = _problem(load_sd=1e-4)
-    trajectories = case.placed(problem.layout.unknowns, logs, problem.logs, COARSE_GRID)
-    worn = int(trajectories[1].ending("wear")[0])
-    pinched = trajectories[1].until.copy()
-    pinched[worn] = pinched[worn + 1]
-    trajectories[1] = replace(trajectories[1], until=pinched)
-    solution = solve(shooting_problem(problem.logs, trajectories, problem.layout.unknowns, COARSE_GRID))
-    assert not solution.success and solution.cost == np.inf
-    assert solution.return_status == "Events_Out_Of_Order"
     assert not recwarn.list
+    assert solve_in_passes(problem.logs, trajectories, unknowns).solution.success
 
 
 @pytest.mark.parametrize("wrong", ["nothing", "no contact ageing", "mass", "drive speed"])

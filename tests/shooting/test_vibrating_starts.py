@@ -1,6 +1,6 @@
 """Logs whose drive vibrates: where slips begin, and the blocks of rests that are no straight lines.
 
-The truth is the event-driven simulation, which knows nothing of lanes, placing or shooting.
+The truth is the event-driven simulation, which knows nothing of batches, placing or shooting.
 """
 
 from __future__ import annotations
