@@ -68,7 +68,12 @@ class Resting:
             return 0.0, x, force
         onset = None
         if limit > 0.0:
-            onset = self._by_bisection(limit) if self._concave(limit) else self._by_scan(limit)
+            np.multiply(_SHARES, limit, out=self._at_shares)
+            if self.model.vibrates or self._curvature()[0] > 0.0:
+                onset = self._by_scan(limit)
+            elif self._at(limit)[0] <= 0.0:  # the only zero of a concave margin, to the last digits
+                last = 4.0 * np.finfo(float).eps
+                onset = float(scipy.optimize.brentq(lambda t: self._at(t)[0], 0.0, limit, xtol=1e-300, rtol=last))
         row = self._at(limit if onset is None else onset)
         return onset, row[2:].copy(), float(row[1])
 
@@ -82,21 +87,6 @@ class Resting:
     def _at(self, t: float) -> Array:
         self._t[0] = t
         return self._row()
-
-    def _concave(self, limit: float) -> bool:
-        """Whether the breakaway margin curvatures downwards throughout."""
-        if self.model.vibrates:
-            return False
-        np.multiply(_SHARES, limit, out=self._at_shares)
-        return bool(self._curvature()[0] <= 0.0)
-
-    def _by_bisection(self, limit: float) -> float | None:
-        """The only zero of a concave margin that is positive at the start, to the last digits (Brent's method)."""
-        if self._at(limit)[0] > 0.0:
-            return None
-        return float(
-            scipy.optimize.brentq(lambda t: self._at(t)[0], 0.0, limit, xtol=1e-300, rtol=4.0 * np.finfo(float).eps)
-        )
 
     def _by_scan(self, limit: float) -> float | None:
         """The first zero of the margin; where it is positive without what oscillates, by more than the force of that,
