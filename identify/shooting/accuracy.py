@@ -102,8 +102,10 @@ def accuracy_table(
     finest = next((s for _, s, _, _ in reversed(reached) if s.solution.success), answer)
     rows = []
     for level, at_level, seconds, spent in reached:
-        errors = (at_level.theta - finest.theta)[unknowns.free] / size, at_level.discretisation_error / size
-        shift, left = errors if at_level.solution.success else (None, None)
+        shift, left = None, None
+        if at_level.solution.success:
+            shift = (at_level.theta - finest.theta)[unknowns.free] / size
+            left = at_level.discretisation_error / size
         rows.append(AccuracyRow(level, seconds, spent, at_level.grid.steps, shift, left))
     return rows
 
