@@ -133,9 +133,7 @@ def _lowest(model: Model) -> float:
 def _crossing(
     model: Model, component: int | None, step: Indices, states: Array, rates: Array, free: Array, h: Array
 ) -> tuple[Array, Array]:
-    """When a component comes to its level in a step (n,) of each row (-1: never), (n,) [s], and the states there
-    (n, n_x): on the parabola through both ends of the step, the last one `free` of bounds (n, n_x), with the rate at
-    its start."""
+    """When a component comes to its level in a step (n,) of each row (-1: never), (n,) [s], and the states there."""
     time, state, rows = np.full(step.shape, np.nan), np.full(free.shape, np.nan), np.flatnonzero(step >= 0)
     if component is None or not rows.size:
         return time, state

@@ -265,8 +265,7 @@ def _clamped(model: Model, worn: bool) -> list[int]:
 
 
 def _cells(s: Symbols, points: list[tuple[ca.SX, ...]], fractions: list[ca.SX], h: ca.SX) -> ca.SX:
-    """Coefficients (4, cells) in reference time of the cubics between points (value, rate) that lie h [s] apart; the
-    cells begin at these fractions of the phase."""
+    """Coefficients (4, cells) in reference time of cubics between points (value, rate) h [s] apart."""
     stretch = s.reference / s.duration
     curves = []
     for j, fraction in enumerate(fractions):

@@ -238,8 +238,7 @@ def first_state(context: LogContext) -> Array:
 
 
 def _aged_at_begin(context: LogContext, x: Array, clamped: int, peak: float) -> float:
-    """The bounded state with which the first slip lies on the data about the first peak [s]; half way where that does
-    not depend on it."""
+    """The bounded state with which the first slip lies on the data about the first peak [s]; half way without any."""
     log = context.log
     begin = max(peak - FIRST_SWINGS * context.half, log.begin)
     end = min(peak + FIRST_SWINGS * context.half, context.change_after(peak))

@@ -165,14 +165,7 @@ def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unkno
 
 
 def _solve(problem: Problem, *, coarse: bool, exact: bool) -> tuple[Solution, int, bool]:
-    """Solve one pass with Gauss-Newton, and where that creeps along a ridge go on with the exact Hessian.
-
-    Args:
-        exact: begin with it: the pass before took it, its answer is near, and Gauss-Newton would leave it again.
-
-    Returns:
-        the solution, iterations in all, whether the exact Hessian led to it.
-    """
+    """Solution, iterations, whether the exact Hessian (exact: taken at once) led on where Gauss-Newton creeps."""
     tolerance, mu_init = (1e-3, 1e-4) if coarse else (1e-8, 1e-6)
     iterations = 0
     if exact:
@@ -191,8 +184,7 @@ def _solve(problem: Problem, *, coarse: bool, exact: bool) -> tuple[Solution, in
 def _shift_in_samples(
     problem: Problem, solution: Solution, logs: list[LogData], trajectories: list[ShootingTrajectory]
 ) -> float:
-    """Largest event offset of this pass in sample intervals of its log; where slips last no longer than samples lie
-    apart, in shares of a slip. An event that goes as far as it can has not settled."""
+    """Largest event offset in sample intervals, or in shares of a short slip; one that ends at its bound moves on."""
     worst = 0.0
     for place, log, trajectory in zip(problem.layout.places, logs, trajectories, strict=True):
         if place.events.size:

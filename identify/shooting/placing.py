@@ -86,11 +86,7 @@ def place(
 
 
 def _arrests(cycles: _Cycles, starts: list[Array]) -> Array:
-    """States (n, n_x) from which the cycles start, each the arrest of the one before: handed on until it stays, from
-    the kinetic level less half a drop.
-
-    Near the end of stick-slip the return map hardly contracts, and a slip depends much on the one before.
-    """
+    """States (n, n_x) from which cycles start, each the arrest of the one before: handed on until it stays."""
     names = cycles.model.parameter_names
     mu_s, mu_k0, stiffness = (cycles.p[:, names.index(n)] for n in ("mu_s", "mu_k0", "stiffness"))
     level = np.maximum(2 * mu_k0 - mu_s, 0.05 * mu_k0) * cycles.u[:, 1]
@@ -146,8 +142,7 @@ def _placed(logs: list[LogData], cycles: _Cycles, x: Array) -> tuple[Slips, Arra
 
 
 def _begin_state(model: Model, log: LogData, p: Array, falls: Array) -> Array:
-    """State at the begin of the window: elongation from the first stick's samples, the bounded state such that the
-    first onset comes about when it was seen."""
+    """State at the begin of the window: elongation from its first samples, age of the contact from the first onset."""
     clamped, bounds = model.clamped, [(s.start, s.lower, s.upper) for s in model.states]
     x = np.array([start if low is None or high is None else 0.5 * (low + high) for start, low, high in bounds])
     if not falls.size:

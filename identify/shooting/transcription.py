@@ -175,8 +175,7 @@ class _LogTranscriber:
         return Places(begin[0].astype(np.int64), until, nodes, loads, shared, in_slips, strengths)
 
     def _own(self) -> Indices:
-        """The parameters (n_p,) this log has for itself or with its group, KNOWN for the others; those of the first log
-        are the shared ones."""
+        """The parameters (n_p,) this log has for itself or with its group, KNOWN for the others."""
         u, known, own = self.c.unknowns, self.c.groups, np.full(len(self.model.parameters), KNOWN)
         for i in np.flatnonzero(u.own).tolist():
             key = (i, (self.log.groups[i] if self.log.groups else "") or f"log {self.number}")
@@ -206,11 +205,7 @@ class _LogTranscriber:
         return out
 
     def _load(self, part: int) -> int:
-        """The normal force of this part: known to within the error of its measurement, or exactly.
-
-        Of a slow log the periods are known to a millisecond, which is a millionth of the load: no measured load is
-        that good, and a fit that took it as exact would answer with wrong friction.
-        """
+        """The normal force of this part to within its error: taken as exact, event times would tell it to a millionth."""
         sd = float(self.log.onset_load_sd_at(self.trajectory.loaded_at[part]))
         self.load = CONSTANT
         if sd > 0.0:
@@ -239,8 +234,7 @@ class _LogTranscriber:
         self.c.put(kind, (self.number, part), slots, constants, edges, self.own)
 
     def _rest(self, part: int, stretch: Stretch | None, end: Array) -> Array:
-        """A rest that ends in a node, at an event or at a given time; or (None) the last one, which the end of the
-        window cuts. Slots of the node (2, n_x)."""
+        """A rest that ends in a node, at an event or at a given time, or (None) with the window: slots of the node."""
         until = self.log.end if stretch is None else stretch.until
         constants = self._constants(self.rest_rows, self.since, until, until)
         if self.worn:
@@ -272,8 +266,7 @@ class _LogTranscriber:
         self.node, self.worn = node, False
 
     def _slide(self, part: int, stretch: Stretch, end: Array, *, jitter: bool) -> Array:
-        """A part of a slide in one mode, whatever ends it: slots of the nodes at the ends of its intervals
-        (2, n, n_x). jitter: the deviation of the normal force becomes another one on the way."""
+        """A part of a slide in one mode: slots (2, n, n_x) of its nodes; jitter: the load changes on the way."""
         worn, released = stretch.kind == "worn", stretch.ended_by == "release"
         intervals, steps = len(stretch.nodes), self.grid.steps
         known = np.tile(self.clamped & worn, (intervals, 1))

@@ -89,8 +89,7 @@ class Resting:
         return self._row()
 
     def _by_scan(self, limit: float) -> float | None:
-        """The first zero of the margin; where it is positive without what oscillates, by more than the force of that,
-        nothing is looked at finely."""
+        """The first zero of the margin; looked at finely only where what oscillates may take it to zero."""
         period, force = swing(self.model, self._c[:-5])
 
         def margin(times: Array) -> Array:

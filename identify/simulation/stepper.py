@@ -306,8 +306,7 @@ def _root(value: ca.SX, degree: int) -> ca.SX:
 
 
 def _first_guess(h: ca.SX, before: ca.SX, ends: ca.SX, i: int) -> ca.SX:
-    """Where within a step of length h event function i, which falls to zero in it, is zero: Hermite's cubic for time as
-    a function of its value where it falls at both ends, else the chord."""
+    """Where within a step event function i falls to zero: Hermite's cubic for time by its value, else the chord."""
     v0, s0, v1, s1 = before[i], before[N_GUARDS + i], ends[i], ends[N_GUARDS + i]
     share, falls = v0 / (v0 - v1), ca.logic_and(s0 < 0.0, s1 < 0.0)
     a, b = (v1 - v0) / (ca.if_else(falls, s0, 1.0) * h), (v1 - v0) / (ca.if_else(falls, s1, 1.0) * h)

@@ -141,8 +141,7 @@ class Radau(Method):
 
     @staticmethod
     def _stages(problem: StepProblem, x: ca.SX, t: ca.SX, h: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Moves from x to the three stages (n_x, 3), what the last Newton step moved them by, and the inverse of the
-        real factor."""
+        """Moves from x to the three stages (n_x, 3), of the last Newton step, and the inverse of the real factor."""
         n, one = x.numel(), ca.DM.eye(x.numel())
         # In equations times h: inverses without pivoting lose no digits.
         scaled = h * ca.densify(ca.jacobian(problem(x, t), x))

@@ -29,8 +29,7 @@ def situated_at(w: Array, direction: float = 1.0, time: float = 0.0) -> Situated
 
 @lru_cache(maxsize=64)
 def _functions(model: Model, method: Method, mode: ModeName) -> tuple[Mapped, Mapped]:
-    """Of (x and step length, w, direction): x after a step and the rate there; the derivatives of x after it by x and
-    w, one column per row."""
+    """Of (x and step length, w, direction): x after a step and the rate there; the derivatives of x by x and w."""
     n_x, n_p = len(model.states), len(model.parameters)
     given = xh, w, direction = ca.SX.sym("xh", n_x + 1), ca.SX.sym("w", n_p + 2), ca.SX.sym("direction")
     moving, constants = rate(model, mode), ca.vertcat(w[:n_p], w[n_p + 1], direction, w[n_p], 0, 0)
@@ -76,8 +75,7 @@ def node_slopes(model: Model, slides: Sequence[Slide], onset: Array) -> list[Arr
 
 
 def _switch(model: Model, before: Slide, after: Slide, moved: Array) -> Array:
-    """What a switch takes from derivatives (n_x, m) at fixed times: the change of the rate, times how the time of the
-    switch moves."""
+    """What a switch takes from derivatives (n_x, m) at fixed times: the jump of the rate times how its time moves."""
     if before.situated.direction != after.situated.direction:
         which = SPEED
     elif after.mode == "worn" and model.clamped is not None:

@@ -198,12 +198,7 @@ def why_withheld(maximum: Maximum, records: Sequence[Sticks]) -> str:
 def _quantities(
     maximum: Maximum, records: Sequence[Sticks], mass: Mass, refused: Mapping[str, str], withheld: bool
 ) -> tuple[list[Estimate], list[str], Array]:
-    """The estimates of this estimator, and names and covariance [SI] of those with a standard error.
-
-    Args:
-        refused: why a quantity has no value, by its name.
-        withheld: whether the law has none: a mass without it is known from no more than the time of a slip.
-    """
+    """The estimates but those refused, and names and covariance of those with an error; withheld: the law has none."""
     rig, rest = records[0].rig, records[0].usual_rest
     stiffness, factor = rig.stiffness * rig.load, float(np.exp(NORMAL * rig.error))
     estimates = [_estimate("stiffness", "N/m", stiffness, (stiffness / factor, stiffness * factor), rig.error, rest)]

@@ -218,8 +218,7 @@ class _Trace:
         return [_Row(number, anchor, line, float(off[first]), float(height[last]), level, stopped, *seen)]
 
     def _line(self, start: float, stop: float) -> Array:
-        """Slope and intercept of a line through the samples from start to stop, by Huber's weights (spikes), its slope
-        near the rate of all sticks, which half of a stick's creep may change by as much; empty without samples."""
+        """Slope and intercept by Huber's weights, the slope near that of all sticks; empty without samples."""
         low, high = np.searchsorted(self.time, [start, stop])
         if high - low < 2:
             return np.empty(0)
@@ -265,8 +264,7 @@ def _assembled(rows: Sequence[_Row], noise: float, rig: RigConstants) -> Sticks:
 
 
 def _averaged(time: Array, force: Array, step: float) -> tuple[Array, Array, int]:
-    """Means of so many samples that these lie a step apart, but the first and the last sample by themselves; and how
-    many a mean is of."""
+    """Means a step apart, the first and the last sample by themselves, and how many samples a mean is of."""
     interval = float(np.median(np.diff(time))) if time.size > 1 else step
     many = max(1, int(step / interval))
     inner = (time.size - 2) // many

@@ -156,8 +156,7 @@ def _motion() -> ca.Function:
 
 
 def _onset() -> tuple[Mapped, Mapped]:
-    """A stick's end: from where the loading alone has moved the mass, in steps of the logarithm of the sliding, to the
-    first sample that is off the stick line."""
+    """A stick's end: from where loading alone has moved the mass to the first sample that is off the stick line."""
     (all_theta, theta), (all_rig, rig) = _symbols("theta", THETA), _symbols("rig", RIG)
     stick = ca.SX.sym("stick", 5)
     fallen, line, rest, usual, known = ca.vertsplit(stick)
@@ -218,8 +217,7 @@ def _begin() -> tuple[Mapped, Mapped]:
 def _sliding(
     x: Mapping[str, ca.SX], way: ca.SX, kept: Mapping[str, ca.SX]
 ) -> tuple[ca.SX, list[ca.SX], list[ca.SX], ca.SX]:
-    """Noises (4,), and with them the level's change and fine roughness on a way of sliding [m]: means over it, values
-    at its end; and the covariance of the noises."""
+    """Noises (4,), level's change and roughness over a way [m]: means, values at its end; the noises' covariance."""
     noises = ca.SX.sym("noises", 4)
     share = way / ROUGHNESS_LENGTH + 1e-6
     gone = -ca.expm1(-share)
@@ -232,8 +230,7 @@ def _sliding(
 
 
 def _step() -> tuple[Mapped, Mapped]:
-    """From one sample to the next, by the midpoint rule; fine roughness enters by its mean over the step, exact for a
-    given speed; then the sample is seen."""
+    """From one sample to the next by the midpoint rule, roughness by its mean; then the sample is seen."""
     (all_kept, kept), (all_rig, rig) = _symbols("kept", KEPT), _symbols("rig", RIG)
     sample, (mean, covariance, total, state) = ca.SX.sym("sample", 2), _filter_state()
     h, force = ca.vertsplit(sample)
