@@ -205,7 +205,7 @@ class _LogTranscriber:
         return out
 
     def _load(self, part: int) -> int:
-        """The normal force of this part to within its error: taken as exact, event times would tell it to a millionth."""
+        """The normal force of this part to within its error: if exact, event times would tell it to a millionth."""
         sd = float(self.log.onset_load_sd_at(self.trajectory.loaded_at[part]))
         self.load = CONSTANT
         if sd > 0.0:
