@@ -3,7 +3,8 @@
 `native.start` runs `python compile_worker.py CACHE COMPILER OPTION… -- BUILD…`: every BUILD is a folder
 `build-<identity>` in CACHE with a function.c in it. The library appears in the cache at once or not at all, its
 checksum in its name; `<identity>.failed` where the compiler has none. The process outlives the one it serves, which may
-be shorter than a compilation, by a minute at most, and leaves no build folder behind, also at SIGTERM.
+be shorter than a compilation. No compilation takes more than a minute of the processor, so that none goes on for ever,
+and no build folder is left behind, also at SIGTERM.
 """
 
 import hashlib
@@ -12,11 +13,10 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from pathlib import Path
 
-LONGEST = 60.0  # seconds that all compilations of one process may take
+LONGEST = 60  # seconds of the processor that one compilation may take
 
 
 def library_name(identity: str, data: bytes) -> str:
@@ -28,16 +28,18 @@ def main(cache: str, *rest: str) -> None:
     """Compile all; the arguments are those of the module's docstring."""
     command, builds = rest[: rest.index("--")], [Path(build) for build in rest[rest.index("--") + 1 :]]
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())
+    import resource  # not there on Windows, where nothing is compiled
+
     os.nice(10)
-    until = time.monotonic() + LONGEST
+    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST))  # of the compiler's own processes as well
     try:
         for build in builds:
             identity, library = build.name.removeprefix("build-"), build / "function.so"
             words: list[str | Path] = [*command, "-o", library, build / "function.c", "-lm"]
             environment = os.environ | {"TMPDIR": str(build)}
             try:
-                with suppress(OSError, subprocess.TimeoutExpired):  # no room, or a slow machine: another time
-                    subprocess.run(words, check=True, env=environment, timeout=until - time.monotonic())
+                with suppress(OSError):  # no room: another time
+                    subprocess.run(words, check=True, env=environment)
                     with library.open("rb+") as written:
                         data = written.read()
                         os.fsync(written.fileno())

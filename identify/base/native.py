@@ -176,7 +176,7 @@ def make_room(base: Path) -> None:
     room = 1e6 * (float(stated) if stated.replace(".", "", 1).isdigit() else LIMIT)
     with suppress(OSError):  # another process has removed one meanwhile
         for left in base.glob("build-*"):
-            if time.time() - left.stat().st_mtime > 2.0 * compile_worker.LONGEST:
+            if time.time() - left.stat().st_mtime > 10.0 * compile_worker.LONGEST:
                 shutil.rmtree(left, ignore_errors=True)
         files = [(path.stat(), path) for kind in ("simd", "plain", "wide") for path in base.glob(f"{kind}-*.*")]
         for about, path in sorted(files, key=lambda file: -file[0].st_mtime):
