@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from data_io import Record, write_csv
+from experiments.batch_trials import SCENE
 from experiments.study_problem import DEMO
 from identify import identification, report
 from identify.logs.scene_records import parted, parts_of, with_records
@@ -14,7 +15,6 @@ from identify.report.finished import Fit
 from identify.studies.batch_store import RESULT, write_document
 from identify.studies.planning import plan
 from identify.studies.workers import make
-from tests.support.batch_case import SCENE
 from tests.support.command import refused, stickslip
 
 LOGS = """

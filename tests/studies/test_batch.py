@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from data_io.values import LogError
+from experiments.batch_trials import STUB, alive, children, kill, put, started, wait_for, write_case
 from experiments.stub_fits import numbers
 from identify.studies.batch_store import (
     CRASHED,
@@ -28,7 +29,7 @@ from identify.studies.batch_store import (
 from identify.studies.planning import plan
 from identify.studies.running import run_batch
 from identify.studies.workers import LocalWorkers, guarded, make
-from tests.support.batch_case import STUB, Silent, alive, children, kill, put, started, wait_for, write_case
+from tests.support.batch_case import Silent
 
 GROUPS = ["G1", "G2", "G3"]
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from data_io import Record, write_csv
+from experiments.batch_trials import SCENE, write_case
 from experiments.study_problem import DEMO, RIG
 from identify.effects import MAIN
 from identify.model.model import assemble
 from identify.simulation.simulate import run
-from tests.support.batch_case import SCENE, write_case
 from tests.support.command import refused, stickslip
 
 HELD = "[parameters]\n" + "".join(

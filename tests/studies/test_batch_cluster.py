@@ -10,11 +10,12 @@ from contextlib import contextmanager
 
 import pytest
 
+from experiments.batch_trials import ROOT, STUB, environment, wait_for, write_case
 from identify.studies.batch_store import BatchError, complete
 from identify.studies.planning import plan
 from identify.studies.running import run_batch
 from identify.studies.workers import ClusterWorkers, LocalWorkers
-from tests.support.batch_case import ROOT, STUB, Silent, environment, wait_for, write_case
+from tests.support.batch_case import Silent
 
 pytest.importorskip(
     "distributed", reason="dask.distributed is not installed: pip install 'stick-slip-workbench[cluster]'"

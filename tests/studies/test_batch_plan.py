@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from experiments.batch_trials import SCENE, write_case
 from identify.base.table import LINE, harmless, visible
 from identify.scene import Scene
 from identify.studies.batch_store import FAILED, LONGEST, BatchError, End, Job, content_key, folder_names, numerics
 from identify.studies.planning import BatchPlan, plan
 from identify.studies.running import index_csv
-from tests.support.batch_case import SCENE, write_case
 
 GOOD = "path,group,drive_speed\na.csv,G,1 mm/s\n"
 WITH_X = "path,drive_speed,x\na.csv,1 mm/s,"

@@ -1,23 +1,4 @@
-"""What the tests of the batch share with the trials of it."""
-
-from experiments.batch_trials import (
-    ROOT,
-    SCENE,
-    STUB,
-    alive,
-    children,
-    environment,
-    kill,
-    put,
-    started,
-    wait_for,
-    write_case,
-)
-
-__all__ = [
-    "ROOT", "SCENE", "STUB", "Silent", "alive", "children", "environment", "kill", "put", "started",
-    "wait_for", "write_case",
-]  # fmt: skip
+"""What the tests of the batch share beside the trials of it (experiments/batch_trials.py)."""
 
 
 class Silent:
