@@ -20,7 +20,7 @@ def said(value: float | None, unit: str, beside: float | None = None) -> str:
     if value is None:
         return "none"
     scale = scale_for(value if beside is None else beside, unit)
-    return f"{number(value / scale.factor, 3)} {scale.unit}".rstrip()
+    return f"{number(float(f'{value / scale.factor:.3g}'), 3)} {scale.unit}".rstrip()
 
 
 def listed(names: Sequence[str], word: str = "and") -> str:
