@@ -28,9 +28,10 @@ from identify.base.progress import Notice, Progress, noticed_once, to_nobody
 from identify.base.result import NextLogResult
 from identify.base.wording import told_apart
 from identify.bench.next_log import advised, next_logs
-from identify.diagnosis.explain import MISFITS, explain
+from identify.diagnosis.explain import MISFITS, explain, leading_score
 from identify.diagnosis.findings import Findings, against_data
 from identify.diagnosis.fitted import Fitted, fit_beside
+from identify.diagnosis.score_test import Score
 from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.specimens import with_scatter
 from identify.effects import ALL
@@ -275,10 +276,14 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
     with stage("intervals"):
         task.progress("intervals", 0.9)
         findings = _quantified(task, prepared, attempt, left_out)
+        if apart := _logs_may_differ(task.scene, findings, leading_score(findings)):
+            prepared, findings = _with_logs_apart(task, prepared, findings)
+            if findings.scatter:
+                return prepared, findings
         findings = explain(findings, task.scene, prepared, task.progress)
         if _within_usual_errors(task.scene, findings):
             prepared, findings = _with_rig_estimated(task, prepared, findings)
-        if _logs_may_differ(task.scene, findings):
+        if not apart and _logs_may_differ(task.scene, findings):
             return _with_logs_apart(task, prepared, findings)
     return prepared, findings
 
@@ -331,16 +336,18 @@ MOST_SCATTER = 0.06  # of friction from log to log, one standard deviation: spec
 GAINS = ("load_gain", "force_gain")
 
 
-def _logs_may_differ(scene: Scene, findings: Findings) -> bool:
-    """Whether a misfit, or a scatter of sticks, may be one of logs: no cause in common to all of them explains it, and
-    the scene does not say that all are of one specimen."""
+def _logs_may_differ(scene: Scene, findings: Findings, leading: Score | None = None) -> bool:
+    """Whether a misfit, or a scatter of sticks, may be one of logs: a gain of one log leads the scores, or no cause in
+    common to all was found; and the scene does not say that all are of one specimen."""
     attempt, usual = findings.attempt, {**USUAL_TOLERANCES, **scene.tolerances}["specimen"]
     if attempt is None or len(attempt.log_numbers) < 2 or not usual or not np.isfinite(attempt.excess):
         return False
     if findings.status is Status.CONVERGED:
         return stick_scatter(attempt.solved) is not None
     of_logs = all(c.log is not None and c.quantity in GAINS for c in findings.causes if c.number == 1)
-    return findings.status in MISFITS and (of_logs or not findings.explained)
+    if leading is not None:
+        of_logs = leading.log is not None and leading.column.name in GAINS
+    return findings.status in MISFITS and (of_logs or (leading is None and not findings.explained))
 
 
 def _with_logs_apart(task: Task, prepared: list[Prepared], findings: Findings) -> tuple[list[Prepared], Findings]:

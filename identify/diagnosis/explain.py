@@ -89,6 +89,15 @@ def explain(findings: Findings, scene: Scene, prepared: Sequence[Prepared], prog
     return _with_cause(findings, scene, Fitted(scene, findings.unknowns, tuple(prepared), attempt))
 
 
+def leading_score(findings: Findings) -> Score | None:
+    """The highest score at a misfit; None where there is none."""
+    attempt = findings.attempt
+    if findings.status not in MISFITS or attempt is None or not np.isfinite(attempt.excess):
+        return None
+    table = _scores(attempt, held_quantities(attempt, findings.unknowns))
+    return None if table is None or not table.scores else table.scores[0]
+
+
 def _doubtful(findings: Findings) -> bool:
     """Whether what fits is looked at again: the data contradict the rig as it was stated, noise is autocorrelated,
     friction rises with the sliding speed, which is rare and what a lagging sensor makes of friction that falls, or the

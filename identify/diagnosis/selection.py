@@ -52,6 +52,7 @@ SPAN = 0.03  # by which the normal force must vary (as a share) to tell how fric
 LOAD_VARIES = 2e-3  # half range of the normal force over its mean from which its course counts
 SLIP_SAMPLES = 6.0  # per slip: fewer cannot tell a lag or a direct effect
 BANDS = {"breathing": (0.05, 0.5), "pulse": (0.5, 3.0), "tremor": (4.0, 20.0)}  # of a live finger [Hz]
+UNASKED = "not looked for in the data: list it by name"
 
 
 def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress | None = None) -> Choice:
@@ -284,21 +285,14 @@ def _choice(
     effects = tuple(e.name for e in ALL if e.name in (*ALWAYS, *kept))
     looks, out = {one.effect: one for one in candidates}, list[EffectReason]()
     for name in (effect.name for effect in ALL):
-        stays, look = name in effects, looks.get(name)
-        gain, asked = gains.get(name, (np.nan, np.nan))
-        worth = "it was tried"
+        stays, look, (gain, least) = name in effects, looks.get(name), gains.get(name, (np.nan, np.nan))
+        worth = "it gains nothing" if name in gains and not stays else "without it no start describes the data"
         if np.isfinite(gain):
             verdict = "worth" if stays else "not worth"
-            worth = f"the fit gains {max(gain, 0.0):.3g} where its parameters ask for {asked:.3g}: {verdict} them"
-        elif name in gains:
-            worth = "without it no start describes the data" if stays else "it gains nothing"
+            worth = f"the fit gains {max(gain, 0.0):.3g} where its parameters ask for {least:.3g}: {verdict} them"
+        sentence = UNASKED if look is None else f"{look.sentence}; {worth}" if look.tried else look.sentence
         if name in ALWAYS:
             sentence = "the equation of motion of a stick-slip record needs it"
-        elif name in notes:
-            sentence = notes[name]
-        elif look is not None:
-            sentence = f"{look.sentence}; {worth}" if look.tried else look.sentence
-        else:
-            sentence = "not looked for in the data: list it by name"
+        sentence = notes.get(name, sentence)
         out.append(EffectReason(name, stays, sentence, statistic=float(gain) if np.isfinite(gain) else None))
     return Choice(effects, tuple(out))

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from identify.base.quantiles import chi_square_exceeded
 from identify.diagnosis.quantities import DIFFERENCE, load_gain, parameter
@@ -27,7 +27,7 @@ from identify.logs.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
-ROUNDS = 8  # solves, each from the step of the one before
+ROUNDS = 5  # solves, each from the step of the one before
 SETTLED = 0.3  # standard errors: a step that is smaller is the last one
 CHANCE = 1e-4  # by which noise alone makes logs differ
 FARTHEST = 0.3  # of friction, that a log may be off
@@ -90,7 +90,7 @@ def log_effects(table: ScoreTable, at: Array, least: float, inflation: float, *,
             return float(0.5 * np.sum(np.log(precision) - along**2 / precision) + at.size * logarithm)
 
         ends = np.log([least, FARTHEST])
-        best = minimize_scalar(unlikely, bounds=ends, method="bounded").x
+        best = scipy.optimize.minimize_scalar(unlikely, bounds=ends, method="bounded").x
         deviation = float(np.exp(min((best, ends[0]), key=unlikely)))
     covariance = np.linalg.inv(information + np.eye(at.size) / deviation**2)
     step = covariance @ (pull - at / deviation**2)
