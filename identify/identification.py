@@ -359,7 +359,7 @@ def _with_logs_apart(task: Task, prepared: list[Prepared], findings: Findings) -
     if found is None or found.sd > max(MOST_SCATTER, least):
         return prepared, findings
     again = _quantified(task, found.prepared, found.attempt, dict(findings.left_out))
-    if again.status is not Status.CONVERGED or any(held.contradicted for held in again.held):
+    if again.status is not Status.CONVERGED or again.contradicted:
         return prepared, findings
     each = zip(found.attempt.names, (100.0 * found.off).tolist(), strict=True)
     shares = ", ".join(f"{name} {level:+.2g} % and {static:+.2g} %" for name, (level, static) in each)
@@ -389,7 +389,7 @@ def _quantified(task: Task, prepared: list[Prepared], attempt: Attempt | None, l
     if status is Status.CONVERGED:
         message = slides_only(attempt.fitted_logs, attempt.solved.trajectories) or message
     accepted = attempt.fits and sure.refused is None
-    held = against_data(attempt, unknowns, rig, largest_inflation(attempt, sure.allowed.noise)) if accepted else []
+    held = against_data(attempt, unknowns, rig, largest_inflation(attempt, sure.allowed.noise)) if accepted else {}
     return Findings(status, message, unknowns, attempt, left_out, sure, held)
 
 

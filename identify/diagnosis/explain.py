@@ -110,7 +110,7 @@ def _doubtful(findings: Findings) -> bool:
     sits = (theta - unknowns.lower < near) & unknowns.walls[0] | (unknowns.upper - theta < near) & unknowns.walls[1]
     stated = (~unknowns.free | np.isfinite(unknowns.prior_sd) | sits) & friction
     return bool(
-        any(held.contradicted for held in findings.held)
+        findings.contradicted
         or (change is not None and change > 0.0)
         or np.any(stated)
         or any(model.inflation > AUTOCORRELATED for model in (findings.sure.allowed.noise if findings.sure else ()))

@@ -27,26 +27,11 @@ VAGUE = 1.0  # standard error of a logarithm beyond which the data say nothing o
 CLEAR = 25.0  # squared distance that noise does not reach
 
 
-@dataclass(frozen=True)
-class Held:
-    """A rig quantity against the data, SI: stated; said: where the data would put it, to first order, and the relative
-    standard error of that; squared distance of both."""
-
-    name: str
-    unit: str
-    stated: float
-    said: float
-    error: float
-    squared: float
-
-    @property
-    def contradicted(self) -> bool:
-        """Whether noise cannot be why the data would put it elsewhere."""
-        return self.squared > CLEAR
-
-
-def against_data(attempt: Attempt, unknowns: Unknowns, rig: Mapping[str, float], inflation: float) -> list[Held]:
-    """Mass, stiffness and damping as stated, against what the data say of them with all that was free set free.
+def against_data(
+    attempt: Attempt, unknowns: Unknowns, rig: Mapping[str, float], inflation: float
+) -> dict[str, HeldResult]:
+    """Mass, stiffness and damping as stated, by name, against what the data say of them to first order, with all that
+    was free set free.
 
     Args:
         rig: stated values [SI] by name; inflation: by how much autocorrelation of the noise widens a variance.
@@ -55,21 +40,16 @@ def against_data(attempt: Attempt, unknowns: Unknowns, rig: Mapping[str, float],
     try:
         scores = score_table(attempt.solved, columns, inflation).scores if columns else ()
     except np.linalg.LinAlgError:  # directions that no log determines: their verdicts say so
-        return []
-    out = []
+        return {}
+    out = {}
     for score in sorted(scores, key=lambda each: RIG_PARAMETERS.index(each.column.name)):
         name = score.column.name
         prior = unknowns.prior_sd[unknowns.names.index(name)] if score.column.prior else 0.0  # its error is in the step
         error = float(np.sqrt(max(score.error**2 - prior**2, 0.0)))
         if error < VAGUE:
-            unit, said = unknowns.model.parameter(name).unit, rig[name] * float(np.exp(score.step))
-            out.append(Held(name, unit, rig[name], said, error, score.score))
+            value = rig[name] * float(np.exp(score.step))
+            out[name] = HeldResult(rig[name], value, value * error, unknowns.model.parameter(name).unit, score.score)
     return out
-
-
-def held_results(held: list[Held]) -> dict[str, HeldResult]:
-    """As the result gives it, by name."""
-    return {h.name: HeldResult(h.stated, h.said, h.said * h.error, h.unit, h.squared) for h in held}
 
 
 @dataclass(frozen=True)
@@ -87,7 +67,7 @@ class Findings:
     attempt: Attempt | None = None
     left_out: Mapping[int, str] = field(default_factory=dict)
     sure: Certainty | None = None
-    held: list[Held] = field(default_factory=list)
+    held: Mapping[str, HeldResult] = field(default_factory=dict)
     causes: tuple[CauseResult, ...] = ()
     trace: Trace = field(default_factory=Trace)
     estimator: str = "plain"
@@ -95,6 +75,11 @@ class Findings:
     scene: Scene | None = None
     explained: bool = False
     scatter: float = 0.0
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether noise cannot be why the data would put something of the rig elsewhere."""
+        return any(held.squared_distance > CLEAR for held in self.held.values())
 
     @property
     def estimates(self) -> Sequence[Estimate]:

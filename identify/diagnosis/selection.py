@@ -216,7 +216,7 @@ class _Comparison:
         known = None if attempt is None else information_at(attempt.solved, unknowns)
         if attempt is None or known is None or not known.known:
             return falls
-        pulled = {held.name: held for held in against_data(attempt, unknowns, stated_rig(self._scene), 1.0)}
+        pulled = against_data(attempt, unknowns, stated_rig(self._scene), 1.0)
         covariance, at = known.covariance(), {unknowns.names[i]: n for n, i in enumerate(known.free.tolist())}
         off = np.where(unknowns.logarithmic, 1.0, attempt.solved.theta)[known.free]
         for effect in self.kept:
@@ -226,7 +226,9 @@ class _Comparison:
             if mine:
                 loss = float(off[mine] @ np.linalg.solve(covariance[np.ix_(mine, mine)], off[mine]))
             elif stated:  # held: from where the data would put it
-                loss = sum((1.0 + 2.0 * np.log(held.said / held.stated)) / held.error**2 for held in stated)
+                loss = sum(
+                    (1.0 + 2.0 * np.log(h.from_data / h.stated)) * (h.from_data / h.standard_error) ** 2 for h in stated
+                )
             else:
                 continue
             least = max(len(mine), 1) * float(np.log(max(self.best.samples, 2)))

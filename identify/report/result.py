@@ -19,7 +19,7 @@ from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, NORMAL
 from identify.base.result import ParameterResult, Result, ToleranceResult
 from identify.diagnosis.effect_choice import Choice, as_listed, effects_result
-from identify.diagnosis.findings import Findings, held_results
+from identify.diagnosis.findings import Findings
 from identify.diagnosis.score_test import score_table
 from identify.diagnosis.specimens import columns_of, log_effects
 from identify.estimation.attempt import Attempt
@@ -104,7 +104,7 @@ def result_of(
         ),
         not_tried=tuple(found.trace.not_tried),
         more={} if estimated is None else estimated.more,
-        rig_against_data=held_results(found.held) or None,
+        rig_against_data=found.held or None,
         causes=found.causes,
         timing_s={stage: seconds.get(stage, 0.0) for stage in (*STAGES, "total")},
         provenance={

@@ -38,11 +38,11 @@ def test_a_wrong_rig_that_friction_absorbs_is_named():
     freed = Scene.from_document(wrong.as_document() | {"parameters": {name: {"start": factor * RIG[name]}}}, Path())
     free = _found(freed, drawn(LOGS, seed=3))
     assert free.status is Status.CONVERGED
-    said = next(h for h in found.held if h.name == name)
+    said = found.held[name]
     costs = [each.attempt.solved.solution.cost for each in (found, free)]
     value = next(e.value for e in free.estimates if e.name == name)
-    assert said.squared == pytest.approx(2.0 * (costs[0] - costs[1]), rel=0.05)
-    assert np.log(said.said / said.stated) == pytest.approx(np.log(value / said.stated), rel=0.1)
+    assert said.squared_distance == pytest.approx(2.0 * (costs[0] - costs[1]), rel=0.05)
+    assert np.log(said.from_data / said.stated) == pytest.approx(np.log(value / said.stated), rel=0.1)
 
 
 def test_a_right_rig_is_not_contradicted():
@@ -50,8 +50,8 @@ def test_a_right_rig_is_not_contradicted():
     for seed in range(2):
         found = _found(_scene(), drawn(LOGS, seed=seed))
         assert found.status is Status.CONVERGED and "the data ask for" not in found.message
-        assert [h.name for h in found.held] == ["mass", "stiffness", "damping"]
-        far += [h.squared for h in found.held]
+        assert list(found.held) == ["mass", "stiffness", "damping"]
+        far += [h.squared_distance for h in found.held.values()]
     assert 0.2 < np.mean(far) < 2.5, "squared distances of one degree of freedom each"
 
 
@@ -62,9 +62,10 @@ def test_a_tolerance_that_the_data_contradict_is_told():
     for tolerance in (0.002, 0.2):
         rig = {"value": f"{1.05 * RIG['mass']} kg", "tolerance": f"{100 * tolerance} %"}
         found = _found(_scene(mass=rig), drawn(LOGS, seed=3))
-        told = next(h for h in found.held if h.name == "mass")
-        said.append(told.said)
-        expected = np.log(told.said / told.stated) ** 2 / (told.error**2 + tolerance**2)
-        assert told.squared == pytest.approx(expected)
-        assert told.contradicted == (tolerance < 0.1)
+        told = found.held["mass"]
+        said.append(told.from_data)
+        error = told.standard_error / told.from_data
+        expected = np.log(told.from_data / told.stated) ** 2 / (error**2 + tolerance**2)
+        assert told.squared_distance == pytest.approx(expected)
+        assert found.contradicted == (tolerance < 0.1)
     assert said == pytest.approx([RIG["mass"]] * 2, rel=0.02)
