@@ -356,7 +356,7 @@ def _with_logs_apart(task: Task, prepared: list[Prepared], findings: Findings) -
     assert findings.attempt is not None
     least = {**USUAL_TOLERANCES, **task.scene.tolerances}["specimen"]
     found = with_scatter(findings.attempt, prepared, findings.unknowns, least)
-    if found is None or found.sd > max(MOST_SCATTER, least):
+    if found is None or found.sd > max(MOST_SCATTER, 2.0 * least):  # few logs hardly tell it
         return prepared, findings
     again = _quantified(task, found.prepared, found.attempt, dict(findings.left_out))
     if again.status is not Status.CONVERGED or again.contradicted:

@@ -27,8 +27,8 @@ from identify.logs.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
-ROUNDS = 5  # solves, each from the step of the one before
-SETTLED = 0.3  # standard errors: a step that is smaller is the last one
+ROUNDS = 6  # solves, each from the step of the one before
+SETTLED = 0.1  # fall of chi^2 that is worth no further step
 CHANCE = 1e-4  # by which noise alone makes logs differ
 FARTHEST = 0.3  # of friction, that a log may be off
 
@@ -119,8 +119,7 @@ def with_scatter(attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unkno
         effects = log_effects(table, off[of], least, inflation, estimated=True)
         if best is attempt and effects.fall < chi_square_exceeded(CHANCE, len(table.scores)):
             return None
-        small = np.abs(effects.step) < SETTLED * np.sqrt(np.diag(effects.covariance))
-        if (best is not attempt and np.all(small)) or not in_time("scatter between logs"):
+        if (best is not attempt and effects.fall < SETTLED) or not in_time("scatter between logs"):
             return Scattered(best, logs, off, effects.sd) if best.fits else None
         off[of] = np.clip(off[of] + effects.step, -FARTHEST, FARTHEST)
         theta = best.solved.theta.copy()
