@@ -342,6 +342,8 @@ def _logs_may_differ(scene: Scene, findings: Findings, leading: Score | None = N
     attempt, usual = findings.attempt, {**USUAL_TOLERANCES, **scene.tolerances}["specimen"]
     if attempt is None or len(attempt.log_numbers) < 2 or not usual or not np.isfinite(attempt.excess):
         return False
+    if not alike(attempt.fitted_logs):  # sticks that differ so are no misfit of logs
+        return False
     if findings.status is Status.CONVERGED:
         return stick_scatter(attempt.solved) is not None
     of_logs = all(c.log is not None and c.quantity in GAINS for c in findings.causes if c.number == 1)
