@@ -18,7 +18,6 @@ from identify.logs.recorded_drive import recorded_drive
 Array = NDArray[np.float64]
 
 MOST_POINTS = 4_000  # of a curve that is sent
-READERS = 2  # logs that are read at a time
 HELD = 2_000_000_000  # bytes of all logs in memory; the one that was asked for last stays
 
 
@@ -77,7 +76,7 @@ class OpenLogs:
     def __init__(self, folder: Folder) -> None:
         self._folder = folder
         self._logs: OrderedDict[tuple[str, tuple[int, int], str], OpenLog] = OrderedDict()
-        self._lock, self._readers = threading.Lock(), threading.Semaphore(READERS)
+        self._lock = threading.Lock()
 
     def opened(self, name: str, options: Document) -> OpenLog:
         """The log of that name, as `data_io.read_log` reads it with these options; reading begins where it has not."""
@@ -108,8 +107,7 @@ class OpenLogs:
             opened.share = share
 
         try:
-            with self._readers:
-                record = read(progress=progress)
+            record = read(progress=progress)
             drive = recorded_drive(record)
             opened.programme = tuple((float(start), float(speed)) for start, speed in drive.programme or ())
             opened.record = record

@@ -274,9 +274,7 @@ def document(seen: Inspection) -> dict[str, object]:
                 **_regime(regime),
                 "cycles": phases.count,
                 "noise_N": phases.noise,
-                "share": {
-                    name: phases.share(k) for name, k in (("stick", STICK), ("slip", SLIP), ("sliding", SLIDING))
-                },
+                "share": {name: phases.share(kind) for name, kind in KINDS.items()},
                 "samples_per_slip": phases.samples_per_slip,
                 "samples_per_cycle": phases.samples_per_cycle,
                 "spikes": phases.spike_count,
