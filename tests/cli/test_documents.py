@@ -71,7 +71,7 @@ def test_the_notebook_runs_and_shows_what_it_says(tmp_path, monkeypatch, no_furt
     plain = [{key: cell[key] for key in ("cell_type", "source")} for cell in page["cells"]]
     assert plain == [{key: cell[key] for key in ("cell_type", "source")} for cell in notebook()["cells"]]
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("identify.report.report_figures.pictures", lambda _: ())  # one is drawn by its own cell
+    monkeypatch.setattr("identify.report.figures.pictures", lambda _: ())  # one is drawn by its own cell
     space, pictures, tables = {}, 0, 0
     for cell in page["cells"]:
         if cell["cell_type"] == "markdown":

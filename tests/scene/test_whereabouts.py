@@ -57,7 +57,7 @@ def bench(tmp_path):
 
 def test_a_fit_of_it_verifies_where_it_lay_and_where_it_lies_now(bench, capsys, monkeypatch):
     path = "logs/stroke_*.csv"
-    monkeypatch.setattr("identify.report.report_figures.pictures", lambda _: ())  # neither is what is verified
+    monkeypatch.setattr("identify.report.figures.pictures", lambda _: ())  # neither is what is verified
     (bench / "scene.toml").write_text(SCENE.replace("{path}", path), encoding="utf-8")
     assert main(["fit", "--scene", str(bench / "scene.toml"), "--out", str(bench / "out")]) == 0
     result = bench / "out" / "result.json"
