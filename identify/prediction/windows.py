@@ -31,7 +31,7 @@ QUANTILES = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)  # of draws: the ends of an inter
 COARSE, FINE = 5, 12  # halvings of a bracket by motions, on a map and along a line
 CLOSEST = 40  # by growth rates, which cost next to nothing
 FIRST, DOUBLINGS = 0.02, 8  # of the coordinate: first step from where an end is expected, and how often it is doubled
-SPACING = 0.3  # of the logarithm of the drive speed between nodes
+SPACING, FINER = 0.3, 8  # of the logarithm of the drive speed between nodes; so many times as fine for sliding
 SLOWEST, FASTEST = 1e-2, 30.0  # range searched, over the slowest and the typical speed of pair and rig
 
 
@@ -70,7 +70,7 @@ class Survey:
     def of(model: Model, places: Array, settings_at: Callable[[Array], Array], sides: Sequence[Rows] = ()) -> Survey:
         """Settle motions from a rested contact, from one that is almost renewed (small stick-slip may be out of reach
         from a rested one), and from the stick-slip of the nodes beside. Without sides the nodes are a row."""
-        sides = sides or [np.stack([np.arange(len(places) - 1), np.arange(1, len(places))], axis=1)]
+        sides = sides or _in_a_row(len(places))
         batch = CycleBatch(model, settings_at(places))
         motions = batch.settle(batch.rested())
         left = np.flatnonzero(~motions.sticks)
@@ -119,6 +119,11 @@ class Survey:
             inside, outside = np.where(now, middle, inside), np.where(now, outside, middle)
         share = 0.5 * (inside + outside)[:, None]
         return np.asarray((1.0 - share) * self.places[nodes[:, 0]] + share * self.places[nodes[:, 1]])
+
+
+def _in_a_row(count: int) -> list[Rows]:
+    """The sides of a grid of one direction."""
+    return [np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)]
 
 
 def growing(model: Model, at: At) -> Holds:
@@ -309,8 +314,11 @@ def _windows(model: Model, setting: tuple[float, ...], nodes: tuple[float, ...])
         states = np.concatenate([border.y[below], survey.motions.y[part], border.y[above]])
         low, high = (float(limits[side[0]]) if side.size else None for side in (below, above))
         ranges.append(SpeedRange(low, high, speeds, states))
-    grows = survey.batch.growth[[0, -1]] >= 0.0
-    losses = np.sort(survey.losses().places[:, 0])
+    # Stability of sliding costs next to nothing, and may be lost between two nodes only.
+    fine = np.linspace(places[0], places[-1], FINER * places.size)[:, None]
+    batch = CycleBatch(model, settings_at(fine))
+    grows = batch.growth[[0, -1]] >= 0.0
+    losses = np.sort(replace(survey, places=fine, sides=_in_a_row(len(fine)), batch=batch).losses().places[:, 0])
     speeds = np.exp([*places[:1][grows[:1]], *losses, *places[-1:][grows[1:]]]).tolist()
     unstable = tuple(zip(speeds[::2], speeds[1::2], strict=True))
     return Windows((float(np.exp(places[0])), float(np.exp(places[-1]))), tuple(ranges), unstable)

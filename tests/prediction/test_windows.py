@@ -20,6 +20,7 @@ from identify.model.model import assemble
 from identify.prediction.predict import predict
 from identify.prediction.windows import speed_windows
 from identify.scene import Scene
+from identify.simulation.sliding import growth_rates
 from tests.support.maps_case import DEMO, SITE
 
 CASES = Path(__file__).parent / "cases"
@@ -111,6 +112,16 @@ def test_sliding_is_unstable_until_its_damping_vanishes():
     exact = np.log(-DEMO["delta_mu_k"] * DEMO["a"] / damper) / DEMO["a"]
     found = speed_windows(SITE.model, SITE.setting)
     assert found.unstable == ((found.searched[0], pytest.approx(exact, rel=1e-8)),)
+
+
+def test_sliding_that_is_unstable_between_two_nodes_only_is_seen():
+    """Growth rates at many speeds, of a pair whose sliding is unstable over a sixth of the logarithm."""
+    model, pair = assemble(study.EFFECTS), study.random_pairs(8, seed=50)[7]
+    w = np.array([pair[name] for name in (*model.parameter_names, "normal_force")] + [1.0])
+    ((low, high),) = speed_windows(model, w).unstable
+    speeds = np.geomspace(0.5 * low, 2.0 * high, 2000)
+    grows = growth_rates(model, np.column_stack([np.tile(w[:-1], (2000, 1)), speeds])) >= 0.0
+    assert high < 1.2 * low and np.array_equal(grows, (low < speeds) & (speeds < high))
 
 
 @pytest.mark.slow
