@@ -169,8 +169,7 @@ def _refuse_too_few(entry: LogEntry, record: Record, used: Bools) -> None:
     name, left = name_of(entry), int(np.count_nonzero(used))
     if left >= FEWEST:
         return
-    time, end = record.time, float(record.time[-1])
-    start, stop = entry.window or (0.0, end)
+    time, (start, stop), end = record.time, entry.window or (0.0, np.inf), float(record.time[-1])
     inside = int(np.count_nonzero((time >= start) & (time <= stop)))
     if inside < FEWEST <= time.size:
         remedy = "widen it" if start >= 0.0 and stop <= end else "move the window inside"
@@ -502,9 +501,8 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     soft = "stiffness" in scene.parameters or "skin_compliance" in model.effects  # what loads the sticks is not known
     log = segmented(entry, record, scene.rig_for(entry), elastic=not (soft or model.vibrates))
     expected = None if soft or not log.drive.constant else log.speed * log.rig.stiffness
-    judgement = judge(
-        log.record, [RecordPart(log.time, log.measured, log.found, expected, log.load)], scene.thresholds, log.used
-    )
+    part = RecordPart(log.time, log.measured, log.found, expected, log.load)
+    judgement = judge(log.record, [part], scene.thresholds, log.used)
     stiffness = 0.0 if model.vibrates else log.rig.stiffness  # else the mass swings with something else
     half_period, skip = log.rig.half_period or 0.0, entry.skip_cycles
     moving = ForceRecord(log.time, log.measured, log.load, log.noise, half_period, log.drive, stiffness)

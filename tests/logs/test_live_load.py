@@ -1,4 +1,4 @@
-"""What a live finger does to a record: a normal force that trembles, noise with a memory, few samples per stick."""
+"""What a live finger does to a record: a normal force that jitters, noise with a memory, few samples per stick."""
 
 from __future__ import annotations
 

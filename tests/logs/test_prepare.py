@@ -153,6 +153,7 @@ def test_laws_outside_their_measured_range_are_refused_with_the_measured_load():
 def test_a_rejected_log_is_left_out_with_its_reason_and_a_threshold_lets_it_in():
     record = _record()
     rippling = 1.0 + 0.4 * np.sqrt(2) * np.sin(2 * np.pi * 5 * record.time)
+    rippling += 1e-3 * np.random.default_rng(1).standard_normal(rippling.size)
     bad = Record(record.time, rippling, record.friction_force)
     log = _prepared(bad)
     assert log.judgement.verdict == "reject"
