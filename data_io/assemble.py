@@ -55,7 +55,7 @@ def assemble(source: Source, request: Request, contents: Contents) -> Record:
     settled = contents.settled
     run = of_run(source, request, contents.parts)
     check_request(source, request, run[0].header)
-    cleaned = [_without_marks(part) for part in run]
+    cleaned = [(part, []) if settled else _without_marks(part) for part in run]
     run = [part for part, _ in cleaned]
     picked = chosen(source, request, run)
     notes = [*contents.findings, *(note for part, found in cleaned if part in picked for note in found)]

@@ -107,7 +107,7 @@ def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | N
     whole = (
         frame.shape[1] == head.width
         if use is None
-        else raw.count(head.delimiter.encode()) == (head.width - 1) * len(frame)
+        else np.count_nonzero(np.frombuffer(raw, np.uint8) == ord(head.delimiter)) == (head.width - 1) * len(frame)
     )
     if not whole:
         return None

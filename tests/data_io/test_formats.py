@@ -57,7 +57,7 @@ def test_broken_and_drawn_logs_hold_no_defect(capsys):
 @pytest.mark.parametrize("name", [name for name in TEXTS if name != "bare tab"])
 def test_chosen_channels_are_those_of_the_whole_log(tmp_path, name):
     kind = ALL[name]
-    path = put(tmp_path, kind, kind.make(rows(2000)).data)
+    path = put(tmp_path, kind, kind.make(rows(600)).data)
     whole, few = read_log(path, **kind.options), read_log(path, channels=(), **kind.options)
     for column in ("time", "normal_force", "friction_force"):
         np.testing.assert_array_equal(getattr(few, column), getattr(whole, column))
