@@ -280,7 +280,7 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
             prepared, findings = _with_logs_apart(task, prepared, findings)
             if findings.scatter:
                 return prepared, findings
-        findings = explain(findings, task.scene, prepared, task.progress)
+        findings = explain(findings, task.scene, task.records, prepared, task.progress)
         if _within_usual_errors(task.scene, findings):
             prepared, findings = _with_rig_estimated(task, prepared, findings)
         if not apart and _logs_may_differ(task.scene, findings):

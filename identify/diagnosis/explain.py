@@ -14,14 +14,16 @@ from itertools import zip_longest
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io import Record
 from identify.base.budget import now
+from identify.base.errors import FitError, SceneError
 from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.base.result import CauseResult
 from identify.base.wording import START_VALUES
 from identify.diagnosis.findings import Findings
-from identify.diagnosis.fitted import Fitted
-from identify.diagnosis.quantities import REACH, Suggestion, held_quantities, in_series, smoothed, suggestion
+from identify.diagnosis.fitted import Fitted, fit_beside, fit_model
+from identify.diagnosis.quantities import EFFECTS, REACH, Suggestion, held_quantities, in_series, smoothed, suggestion
 from identify.diagnosis.score_test import ALIKE, Column, Score, ScoreTable, score_table
 from identify.estimation.attempt import Attempt, solve_again
 from identify.estimation.covariance import sizes
@@ -51,14 +53,15 @@ LISTED, SEEN = 12, 2  # causes in the table; findings of the quality gate that a
 
 @dataclass(frozen=True)
 class _Cause:
-    """A quantity fitted again: how far it moved, the standard error of that, the fit, and what looks like it there with
-    how far that would move."""
+    """A quantity fitted again: how far it moved, the standard error of that, the fit and its search space, and what
+    looks like it there with how far that would move."""
 
     score: Score
     size: float
     attempt: Attempt
+    unknowns: Unknowns
     error: float
-    alike: tuple[tuple[Score, float], ...]
+    alike: tuple[tuple[Score, float], ...] = ()
 
     @property
     def all(self) -> list[tuple[Score, float, float]]:
@@ -66,9 +69,15 @@ class _Cause:
         return [(self.score, self.size, self.error), *((one, size, one.error) for one, size in self.alike)]
 
 
-def explain(findings: Findings, scene: Scene, prepared: Sequence[Prepared], progress: Progress) -> Findings:
-    """What a fit found of logs as they are followed, with the most likely cause of a misfit as its first sentence, and
-    refused where it only looks right."""
+def explain(
+    findings: Findings, scene: Scene, read: Sequence[Record], prepared: Sequence[Prepared], progress: Progress
+) -> Findings:
+    """What a fit found, with the most likely cause of a misfit as its first sentence, and refused where it only looks
+    right.
+
+    Args:
+        read: the records of the scene; prepared: its logs as they are followed.
+    """
     attempt, misfits = findings.attempt, findings.status in MISFITS
     refused, taken = "", [log for log in prepared if log.left_out is None]
     swapped = dict.fromkeys(log.entry.path.name for log in prepared if log.judgement.swapped)
@@ -86,7 +95,7 @@ def explain(findings: Findings, scene: Scene, prepared: Sequence[Prepared], prog
     if not misfits and not (answered and _doubtful(findings)):
         return findings
     progress("looking for what is wrong", 0.95)
-    return _with_cause(findings, scene, Fitted(scene, findings.unknowns, tuple(prepared), attempt))
+    return _with_cause(findings, scene, read, Fitted(scene, findings.unknowns, tuple(prepared), attempt))
 
 
 def leading_score(findings: Findings) -> Score | None:
@@ -117,7 +126,7 @@ def _doubtful(findings: Findings) -> bool:
     )
 
 
-def _with_cause(findings: Findings, scene: Scene, ended: Fitted) -> Findings:
+def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended: Fitted) -> Findings:
     """The findings with the cause that the score test names, where setting it free confirms it."""
     attempt, unknowns = ended.attempt, ended.unknowns
     assert attempt is not None
@@ -141,13 +150,13 @@ def _with_cause(findings: Findings, scene: Scene, ended: Fitted) -> Findings:
             continue
         tries, began = tries + 1, now()
         with tracing(apart=True):
-            cause = _refitted(ended, score)
+            with_effect = score.column.name in EFFECTS
+            cause = _with_effect(scene, read, ended, score) if with_effect else _refitted(ended, score)
         note(Trial(f"{REFIT}: {score.column.name}", (), "examined", None, now() - began))
         if cause is not None and (cause.attempt.excess < clearly or (cause.attempt.fits and not fits)):
-            # Where what is stated explains the data nearly as well beside it, the misfit is the search's.
-            as_stated = cause.attempt.excess + _inflation(cause.attempt) * (cause.size / cause.error) ** 2
-            stated = cause.score.column.change is not None and as_stated < 0.5 * attempt.excess
-            causes += [] if stated else [cause]
+            # Where it hardly had to move, the misfit was the search's.
+            unsure = with_effect or cause.score.column.change is None  # its error is that of the score before
+            causes += [cause] if unsure or abs(cause.size) > np.sqrt(CLEAR) * cause.error else []
     causes.sort(key=lambda cause: cause.attempt.excess)
     causes = [each for each in causes if each.attempt.excess < causes[0].attempt.excess + CLEAR]
     rows = _rows(scene, attempt, unknowns, table, causes)
@@ -187,7 +196,7 @@ def _refitted(ended: Fitted, score: Score) -> _Cause | None:
             if not set(best.log_numbers) >= set(ended.logs) or not np.isfinite(best.excess):
                 return None
             if column.change is None:
-                return _Cause(score, size, best, score.error, ())
+                return _Cause(score, size, best, unknowns, score.error)
             theta = np.where(np.arange(origin.size) == i, origin, best.solved.theta)
         else:
             size = float(np.clip(size + step.step, -column.most, column.most))
@@ -212,8 +221,33 @@ def _refitted(ended: Fitted, score: Score) -> _Cause | None:
             ratio = table.information[mine] / np.diag(table.information)
             near = np.flatnonzero(np.abs(table.correlation[mine]) > ALIKE).tolist()
             alike = tuple((table.scores[j], float(size * ratio[j])) for j in near if j != mine)
-            return _Cause(score, size, best, step.error, alike) if abs(size) < column.most else None
+            return _Cause(score, size, best, unknowns, step.error, alike) if abs(size) < column.most else None
     return None
+
+
+def _with_effect(scene: Scene, read: Sequence[Record], ended: Fitted, score: Score) -> _Cause | None:
+    """The fit with the effect that brings a quantity; None where that is of other logs."""
+    effect, name = EFFECTS[score.column.name]
+    more = scene.with_effects((*scene.effects, effect))
+    spec = more.parameters[name]
+    start = float(np.clip(score.step, spec.lower, spec.upper))
+    parameters = {**more.parameters, name: replace(spec, fixed=None, start=start)}
+    if effect == "load_dependence":
+        at = float(np.mean([log.data.mean_normal_force for log in ended.prepared]))
+        parameters["reference_force"] = replace(parameters["reference_force"], fixed=at)
+    more = replace(more, parameters=parameters)
+    try:
+        found = fit_beside(ended, more, read)
+        if found.attempt is None or not found.attempt.fits:
+            found = min(found, fit_model(more, read), key=lambda each: each.excess)
+    except (FitError, SceneError):
+        return None
+    if found.attempt is None or not set(found.logs) >= set(ended.logs) or not np.isfinite(found.excess):
+        return None
+    i = found.unknowns.names.index(name)
+    size = float(found.attempt.solved.theta[i])
+    size = float(np.exp(size)) if found.unknowns.logarithmic[i] else size
+    return _Cause(score, size, found.attempt, found.unknowns, score.error) if abs(size) < score.column.most else None
 
 
 def _set_free(ended: Fitted, score: Score, i: int) -> Attempt:
@@ -274,10 +308,10 @@ def _caused(findings: Findings, scene: Scene, causes: Sequence[_Cause], *, fits:
         )
         return replace(findings, status=Status.MODEL_MISFIT, message=message)
     # The parameter that moves most for its size, of those the data determine.
-    unknowns, base = findings.unknowns, findings.unknowns.base(stated_rig(scene))
+    unknowns, rig = findings.unknowns, stated_rig(scene)
     before, after = (
-        dict(zip(unknowns.names, unknowns.values(a.solved.theta, base).tolist(), strict=True))
-        for a in (attempt, best.attempt)
+        dict(zip(u.names, u.values(a.solved.theta, u.base(rig)).tolist(), strict=True))
+        for u, a in ((unknowns, attempt), (best.unknowns, best.attempt))
     )
     known = {e.name for e in findings.estimates if e.verdict in ("identified", "weak")} - {best.score.column.name}
     size = dict(zip(before, sizes(unknowns, np.array(list(before.values()))).tolist(), strict=True))

@@ -197,8 +197,9 @@ def estimates(
         verdict = verdict_of(value, low, high, float(size_of[i]), declared.scale == "log")
         tied = f"tied to {unknowns.names[of]}" if of != i else ""
         if verdict == "not identifiable" or low is None or high is None:
-            low = None if tied else _open(low, declared.lower, above=True)
-            high = None if tied else _open(high, declared.upper, above=False)
+            # An end that says no more than the admissible box is open.
+            low = None if tied or low is None or not declared.lower < low < math.inf else low
+            high = None if tied or high is None or not -math.inf < high < declared.upper else high
             reason = tied or hints.get(name, "these data hold too little on it")
             out.append(replace(nothing, lower=low, upper=high, verdict="not identifiable", reason=reason))
             continue
@@ -247,13 +248,6 @@ def verdict_of(value: float, low: float | None, high: float | None, size: float,
     return "weak" if within else "not identifiable"
 
 
-def _open(end: float | None, bound: float, *, above: bool) -> float | None:
-    """An interval end that says no more than the admissible box is open."""
-    if end is None or not math.isfinite(end):
-        return None
-    return end if (end > bound if above else end < bound) else None
-
-
 def _prior_share(unknowns: Unknowns, i: int, sd: float) -> str:
     prior = float(unknowns.prior_deviation[i])
     if not math.isfinite(prior):
@@ -275,17 +269,11 @@ def _prior_share(unknowns: Unknowns, i: int, sd: float) -> str:
 COEFFICIENTS = ("mu_s", "mu_k0", "delta_mu_k", "slope", "direct_strength")  # the friction force is linear in them
 LEVELS = ("mu_s", "mu_k0")  # a zero of the friction force is a level of both
 LENGTHS = {"m": 1.0, "m/s": 1.0, "s/m": -1.0, "N/m": -1.0}  # powers of a length; an area only makes a pressure
-TOLERANCE_WORDS = {
-    "mass": "the mass",
-    "stiffness": "the stiffness",
-    "damping": "the damping",
-    "drive_speed": "the drive speed",
-    "friction_force": "the gain of the friction force",
-    "normal_force": "the gain of the normal force",
-    "friction_zero": "the zero of the friction force",
-    "normal_zero": "the zero of the normal force",
-    "specimen": "the likeness of the specimens of the logs",
-}
+FORCES = ("friction", "normal")
+TOLERANCE_WORDS = {name: f"the {name.replace('_', ' ')}" for name in ("mass", "stiffness", "damping", "drive_speed")}
+TOLERANCE_WORDS |= {f"{force}_force": f"the gain of the {force} force" for force in FORCES}
+TOLERANCE_WORDS |= {f"{force}_zero": f"the zero of the {force} force" for force in FORCES}
+TOLERANCE_WORDS |= {"specimen": "the likeness of the specimens of the logs"}
 
 
 def added_by_tolerances(known: Information, values: Array, tolerances: Mapping[str, float], memory: float) -> Array:

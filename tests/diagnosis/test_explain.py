@@ -27,8 +27,9 @@ def ended(stated, logs=None):
 
 
 def explained(stated, logs=None):
+    found = ended(stated, logs)
     logs = logs or records()
-    return explain(ended(stated, None if logs is records() else logs), stated, prepared(stated, logs)[0], to_nobody)
+    return explain(found, stated, logs, prepared(stated, logs)[0], to_nobody)
 
 
 def told(message, pattern):
@@ -101,6 +102,6 @@ def test_an_answer_that_leaves_out_a_log_names_no_cause():
     found, logs = ended(scene()), prepared(scene(), records())[0]
     alone = solve_from(logs, [1], replace(found.unknowns, start=found.attempt.solved.theta))
     incomplete = replace(found, attempt=alone, status=Status.MODEL_MISFIT)
-    out = explain(incomplete, scene(), logs, to_nobody)
+    out = explain(incomplete, scene(), records(), logs, to_nobody)
     assert out.causes == () and out.status is Status.SOLVER_FAILED
     assert out.message.startswith("no answer of all logs was found") and "not as stated" not in out.message

@@ -107,11 +107,6 @@ def _process(random, n, regression):
     return lfilter([1.0], np.concatenate([[1.0], -np.asarray(regression)]), random.standard_normal(n + 2000))[2000:]
 
 
-def test_white_noise_is_called_white():
-    random = np.random.default_rng(1)
-    assert all(autoregression(random.standard_normal(2000)).white for _ in range(200))
-
-
 @pytest.mark.parametrize("regression", [[0.8], [0.3], [1.2, -0.5]])
 def test_the_memory_of_an_autoregression_is_found(regression):
     random = np.random.default_rng(2)
@@ -124,8 +119,9 @@ def test_the_memory_of_an_autoregression_is_found(regression):
     assert np.mean(found.spectrum(40_000)[1:-1]) == pytest.approx(1.0, rel=0.01)
 
 
-def test_missing_samples_do_not_hide_the_memory():
+def test_white_noise_is_called_white_and_missing_samples_do_not_hide_a_memory():
     random = np.random.default_rng(3)
+    assert all(autoregression(random.standard_normal(2000)).white for _ in range(200))
     noise = _process(random, 20_000, [0.8])
     noise[5000:9000] = np.nan
     assert autoregression(noise).inflation == pytest.approx(9.0, rel=0.15)

@@ -19,39 +19,25 @@ from identify.examples import FOLDER
 
 ROOT = Path(__file__).resolve().parents[2]
 
-FILM = '''
-import sys
-from collections.abc import Mapping
-
+FILM = """
+import numpy as np
 import identify.effects
-from identify.effects.quantities import Effect, Importance, Parameter, Situation, Terms
-
+from identify.effects.quantities import Effect, Importance, Parameter, Terms
 
 class ViscousFilm(Effect):
-    """A fluid film: friction in proportion to sliding speed (Newton's law of viscosity)."""
-
     name = "viscous_film"
     says = "a fluid film adds friction in proportion to sliding speed"
     source = "Newton's law of viscosity"
     parameters = (Parameter("film_slope", "s/m", 1e-3, 1e3, 0.5, "b", "friction of the film per sliding speed"),)
     null = {"film_slope": 0.0}
 
-    def terms(self, s: Situation) -> Terms:
-        """The friction of the film; nothing in stick."""
+    def terms(self, s):
         return Terms(excess=s.p.film_slope * s.v)
 
-    def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
-        """Its friction at the drive speed."""
-        share = p["film_slope"] * drive_speed
-        return Importance("b v", share, f"the film adds {share:.2g} to the coefficient")
-
+    def importance(self, p, normal_force, drive_speed):
+        return Importance("b v", p["film_slope"] * drive_speed, "the film adds to the coefficient")
 
 identify.effects.register(ViscousFilm())
-
-from pathlib import Path
-
-import numpy as np
-
 from data_io import Record
 from identify import Scene, fit, simulate
 
@@ -68,7 +54,7 @@ document["logs"] = [{"path": "none.csv"}]
 found = fit(Scene.from_document(document), [record]).result
 film = found["parameters"]["film_slope"]
 print(found["status"], film["value"], *film["interval"], film["verdict"])
-'''
+"""
 
 
 def _run(script: str) -> str:
