@@ -134,11 +134,10 @@ def _fit_and_report(
     from identify.report.report_tables import summary
     from identify.shooting.accuracy import DEFAULT_OPTIONS
 
-    with terminal.bar() as progress:
+    with terminal.bar() as progress, result_folder(out) as folder:
         outcome = fit(scene, progress=progress, starts=starts, asked=options or DEFAULT_OPTIONS)
-        with result_folder(out) as folder:
-            progress("writing the report")
-            write_report(outcome, folder)
+        progress("writing the report")
+        write_report(outcome, folder)
     keep()  # the next fit of this kind finds its functions compiled
     terminal.say(summary(outcome.typed))
     terminal.say(f"report: {out / 'report.html'}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import tempfile
@@ -58,11 +59,14 @@ def check_replaceable(out: Path, names: tuple[str, ...] = RESULT) -> None:
 def result_folder(out: Path, names: tuple[str, ...] = RESULT) -> Iterator[Path]:
     """A temporary folder beside `out` to write into; it takes the place of `out` when all went well.
 
+    Entered before the work, so that what another command writes to `out` meanwhile is not replaced.
+
     Raises:
-        CommandLineError: `out` must not be replaced.
+        CommandLineError: `out` must not be replaced; a result that was written is then kept beside it.
     """
     check_replaceable(out, names)
     out = Path(os.path.realpath(out))
+    before = out.stat().st_ino if out.exists() else None
     out.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".part", dir=out.parent))
     with unfinished(temporary):
@@ -70,6 +74,12 @@ def result_folder(out: Path, names: tuple[str, ...] = RESULT) -> Iterator[Path]:
         fresh.mkdir()
         yield fresh
         check_interrupted()
+        if (out.stat().st_ino if out.exists() else None) != before:
+            free = next(f for i in itertools.count(2) if not (f := out.with_name(f"{out.name}-{i}")).exists())
+            fresh.rename(free)
+            raise CommandLineError(
+                f"--out {out.name}: another command has written there meanwhile; this result stands in {free}"
+            )
         if out.exists():
             out.rename(aside)
         try:

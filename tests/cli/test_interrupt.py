@@ -129,6 +129,17 @@ def test_a_result_of_ours_is_replaced_whole(folder):
     assert list(folder.iterdir()) == [out]
 
 
+def test_what_another_command_wrote_meanwhile_is_not_replaced(folder):
+    out = result_in(folder / "out", "old")
+    with pytest.raises(CommandLineError, match=r"this result stands in .*out-2"), result_folder(out) as fresh:
+        (fresh / "report.html").write_text("mine")
+        with result_folder(out) as other:
+            (other / "report.html").write_text("of the other")
+            (other / "result.json").write_text('{"schema": 1, "status": "converged"}')
+    assert (out / "report.html").read_text() == "of the other"
+    assert (folder / "out-2" / "report.html").read_text() == "mine" and len(list(folder.iterdir())) == 2
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError, OSError])
 def test_an_interruption_leaves_the_old_result(folder, error):
     out = result_in(folder / "out", "old")
