@@ -73,7 +73,7 @@ def stage(name: str) -> Iterator[None]:
         yield
     finally:
         _stage.reset(token)
-        seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - began
+        seconds[name] = max(seconds.get(name, 0.0) + time.perf_counter() - began, 0.0)  # clocks differ by their ticks
 
 
 def of_which(part: str, seconds: float, of: str) -> None:
