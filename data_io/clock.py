@@ -80,7 +80,7 @@ def _counted_on(part: Part, clock: int) -> tuple[Part, list[Finding]]:
         over = change[falls] + most
         if (over > 0.0).all() and (over < (LONGEST_GAP + 1.5) * usual).all() and usual < 1e-3 * most:
             later: FloatArray = time + most * np.concatenate(([0.0], np.cumsum(change < 0.0)))
-            text = f"the clock is a counter that begins anew at {most:.10g}, {falls.size} time(s); it was counted on"
+            text = f"the clock is a counter that restarts at {most:.10g}, {falls.size} time(s); it was counted on"
             columns = {**part.columns, clock: later}
             return replace(part, columns=columns), [Finding("counter_begins_anew", "info", text)]
     return part, []
@@ -292,7 +292,7 @@ def joined(clocks: Sequence[StepClock]) -> tuple[list[float], list[Finding]]:
         text = f"by the starting times {_some(overlapping)} began before the step above ended; put right behind it"
         findings.append(Finding("step_overlap", "warning", text))
     if untold:
-        text = f"the log does not tell the pause before {_some(untold)}; one sampling interval was assumed"
+        text = f"the pause before {_some(untold)} is not stated in the log; one sampling interval was assumed"
         findings.append(Finding("step_gap_unknown", "warning", text))
     return offsets, findings
 

@@ -75,12 +75,12 @@ def of_run(source: Source, request: Request, parts: Sequence[Part]) -> list[Part
     if request.run is None and request.step is not None:
         runs = sorted({part.run for part in parts if part.number == request.step}) or runs
     if request.run is not None and request.run not in runs:
-        raise source.error(f"run {request.run} was asked for; the log holds run {_listed(runs)}; choose one of them")
+        raise source.error(f"run {request.run} was asked for; runs in the log: {_listed(runs)}; choose one of them")
     if request.run is None and len(runs) > 1:
         places = {part.run: part.run_items["table"] for part in parts if "table" in part.run_items}
         named = [f"{run} ({places[run]})" if run in places else str(run) for run in runs]
         beside = ", tables that stand side by side" if places else ""
-        raise source.error(f"the log holds the runs {_listed(named)}{beside}; one was expected; choose one with --run")
+        raise source.error(f"runs in the log: {_listed(named)}{beside}; one was expected; choose one with --run")
     run = [part for part in parts if part.run == (runs[0] if request.run is None else request.run)]
     if not any(part.rows for part in run):
         raise source.error("no rows of numbers were found below the header; at least two were expected; export again")
@@ -94,7 +94,7 @@ def chosen(source: Source, request: Request, run: Sequence[Part]) -> list[Part]:
     found = [part for part in run if part.number == request.step]
     if not found:
         steps = _listed([part.number for part in run])
-        raise source.error(f"step {request.step} was asked for; the log holds step {steps}; choose one of them")
+        raise source.error(f"step {request.step} was asked for; steps in the log: {steps}; choose one of them")
     if not found[0].rows:
         raise source.error(f"step {request.step} holds no rows; at least two were expected; choose another step")
     return found

@@ -77,7 +77,7 @@ def _time(request: Request, part: Part) -> tuple[Part, str]:
         return part, ""
     name = Name("distance / speed", "distance / speed", SI_UNIT[KIND["time"]])
     made = with_column(part, "time", name, np.concatenate(([0.0], np.cumsum(steps))))
-    text = f"the time was made of {names[found[0]].raw!r} over {names[found[1]].raw!r}: the log holds no clock"
+    text = f"the time was made of {names[found[0]].raw!r} over {names[found[1]].raw!r}: the log has no clock"
     return made, text
 
 

@@ -480,7 +480,7 @@ def _the_run(source: Source, request: Request, tables: Sequence[_Table]) -> int 
     runs = {part.run for part, _ in tables if request.step in (None, part.number)}
     if not runs:
         held = ", ".join(str(step) for step in sorted({part.number for part, _ in tables})[:_SHOWN])
-        raise source.error(f"step {request.step} was asked for; the log holds step {held}; choose one of them")
+        raise source.error(f"step {request.step} was asked for; steps in the log: {held}; choose one of them")
     return runs.pop() if len(runs) == 1 else None
 
 

@@ -82,7 +82,7 @@ def head_at(source: Source, data: Text, position: int, request: Request) -> Head
             held, names = len(split(row, delimiter)), len(_trimmed(fields))
             complaint = f"line {data[:below].count(10) + 1} holds {held} fields where the header names {names} "
             complaint += (
-                "columns; decimal commas cannot be told from separating commas; export with ; or tabs between columns"
+                "columns; decimal commas look like separating commas; export with ; or tabs between columns"
                 if delimiter == "," and held == 2 * names
                 else "columns; as many were expected; repair the header or export again"
             )

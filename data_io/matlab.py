@@ -213,6 +213,6 @@ def _field_names(array: _Array, order: str) -> list[str]:
     _, names = array.part((1, 2, *_TEXTS), "the field names")
     width = struct.unpack(f"{order}i", length)[0] if len(length) == 4 else 0
     if not 0 < width <= _LONGEST_NAME or len(names) % width:
-        raise _DamageError(f"the field names of {array.name!r} cannot be told apart")
+        raise _DamageError(f"the field names of {array.name!r} cannot be separated")
     raw = bytes(names)
     return [raw[i : i + width].split(b"\0")[0].decode("latin-1") for i in range(0, len(raw), width)]

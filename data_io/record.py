@@ -129,7 +129,7 @@ def _check_gaps(fail: Fail, time: FloatArray, normal: FloatArray, friction: Floa
             f'"{stop:.6g} s"]), in a scene leave them out with exclude = [["{first:.6g} s", "{last:.6g} s"]], or '
         )
         raise fail(
-            f"the {which} force holds no number in rows {row + 1} to {last_row + 1} ({first:.6g} to {last:.6g} s); at "
+            f"the {which} force has no number in rows {row + 1} to {last_row + 1} ({first:.6g} to {last:.6g} s); at "
             f"most {LONGEST_GAP} such rows in a row are accepted; {part if stop > start else ''}export the log again"
         )
     total = int(np.count_nonzero(bad))

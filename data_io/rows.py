@@ -225,7 +225,7 @@ def _parsed(
         except (ValueError, OverflowError, pd.errors.ParserWarning) as error:
             reason = " ".join(str(error).split())
             raise source.error(
-                f"below line {first_line - 1} rows cannot be told apart ({reason:.80}); rows as the header has them "
+                f"below line {first_line - 1} rows cannot be separated ({reason:.80}); rows as the header has them "
                 "were expected; repair the log or export again"
             ) from error
     return frame

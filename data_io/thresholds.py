@@ -73,7 +73,7 @@ LIMITS: Final = (
     Limit("samples_per_slip", 10, "samples",
           "samples from force peak to valley: what a and delta_mu_k need", beyond="below"),
     Limit("samples_per_cycle_reject", 4, "samples",
-          "samples of a swing: with fewer stick cannot be told from slip", severity="reject", beyond="below"),
+          "samples per period: with fewer, stick and slip cannot be distinguished", severity="reject", beyond="below"),
     Limit("stick_slope", 0.10, "of k times v_0",
           "difference between the slope of the sticks and stiffness times drive speed"),
 )  # fmt: skip

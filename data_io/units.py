@@ -85,7 +85,7 @@ def parse_quantity(text: object, unit: str) -> float:
         if match is None:
             raise UnitError(f"{text!r} was found where {_expected(unit)} was expected; write a number, then its unit")
         if re.match(r",\d", match[2]):
-            raise UnitError(f"{text!r} holds a decimal comma where a point was expected; write it with a point")
+            raise UnitError(f"{text!r} has a decimal comma where a point was expected; write it with a point")
         number, given = float(match[1]), match[2]
     elif isinstance(text, (int, float, np.integer, np.floating)) and not isinstance(text, bool):
         number, given = float(text), ""

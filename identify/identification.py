@@ -77,7 +77,7 @@ SEARCH_SHARE = 0.6  # of what is left: the rest is for the intervals of an answe
 PLAIN_SHARE = 0.75  # where cycles differ: the estimator of uneven records needs the rest
 
 UNEVEN_EFFECT = "friction_heterogeneity"  # asks for the estimator of uneven records
-LAST_STAGE, NEXT_LOG = "stability and amplitude", "the log that would tell more"
+LAST_STAGE, NEXT_LOG = "stability and amplitude", "the log to record next"
 BY_NAME = {effect.name: effect for effect in ALL}
 LIKELY = 3.0  # standard deviations of the usual error of a rig or a sensor
 ERRORS = {name: name for name in ("mass", "stiffness", "damping", "drive_speed")}
@@ -367,7 +367,7 @@ def _with_logs_apart(task: Task, prepared: list[Prepared], findings: Findings) -
     shares = ", ".join(f"{name} {level:+.2g} % and {static:+.2g} %" for name, (level, static) in each)
     message = (
         f"friction, and mu_s beside it, differs from log to log by {100.0 * found.sd:.2g} % (one standard deviation; "
-        f"{shares}), which the intervals hold; {again.message}"
+        f"{shares}), which the intervals include; {again.message}"
     )
     return found.prepared, replace(again, message=message, causes=findings.causes, scatter=found.sd)
 

@@ -105,7 +105,7 @@ def no_further_logs(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def no_predictions(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fits do not say where their pair sticks and slips, which takes longer than a quick fit: tests/prediction asks."""
-    monkeypatch.setattr(result, "outlooks_of", lambda prepared, *_: [{} for _ in prepared])
+    monkeypatch.setattr(result, "answers_of_logs", lambda prepared, *_: [{} for _ in prepared])
 
 
 @pytest.fixture

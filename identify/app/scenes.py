@@ -22,7 +22,7 @@ from identify.scene.parameters import declared_by
 from identify.scene.toml import parsed, question_bare_numbers
 
 LONGEST = 1_000_000  # characters of a scene file
-INVALID = "the text beside the form is no valid TOML; mend it there first"
+INVALID = "the text beside the form is no valid TOML; correct it there first"
 NEEDED = ("mass", "stiffness", "damping")
 RIG_FIELDS = {
     "mass": ("moving mass", "kg", "Weigh what moves with the contact: holder, specimen, half of the springs."),
@@ -92,7 +92,7 @@ class Scenes:
         try:
             document = parsed(self.text(name))
         except ValueError as error:
-            raise SceneError(f"this is not valid TOML ({error}); mend that line") from None
+            raise SceneError(f"this is not valid TOML ({error}); correct that line") from None
         question_bare_numbers(document)
         return Scene.from_document({"name": path.stem, **document}, path.parent)
 
@@ -145,7 +145,7 @@ def edited(text: str, keys: Sequence[str], value: object) -> str:
     if isinstance(place, (AoT, list)) and last.isdecimal() and value is None:
         del place[int(last) - 1]
     elif not isinstance(place, (dict, Table)):
-        raise PageError(f"{'.'.join(keys)} leads into something that is no table; mend the text beside the form")
+        raise PageError(f"{'.'.join(keys)} leads into something that is no table; correct the text beside the form")
     elif value is None or value in ("", []):
         place.pop(last, None)
     else:
@@ -161,7 +161,7 @@ def with_log(text: str, path: str) -> str:
     entry["path"] = path
     logs = document.setdefault("logs", tomlkit.aot())
     if not isinstance(logs, AoT):
-        raise PageError("[[logs]] of the scene is no list of tables; mend the text beside the form")
+        raise PageError("[[logs]] of the scene is no list of tables; correct the text beside the form")
     logs.append(entry)
     return tomlkit.dumps(document)
 

@@ -103,7 +103,7 @@ def _endpoint(work: Callable[[PageQuery], Answer]) -> Callable[[Request], Awaita
         async for piece in request.stream():
             body += piece
             if len(body) > LARGEST_QUESTION:
-                return _refused("this is more than the page ever asks; load it again", 413)
+                return _refused("this request is larger than any of the page; load the page again", 413)
         try:
             asked |= json.loads(body or b"{}")
         except (ValueError, TypeError, RecursionError):

@@ -24,7 +24,7 @@ from identify.base.quantiles import NORMAL, student
 from identify.base.wording import speed_text, three_figures
 from identify.bench.ringdown import FEWEST_SAMPLES, FEWEST_SWINGS, ring_downs
 from identify.logs.noise import line_slope
-from identify.logs.recorded_drive import UNTOLD, drive_of, recorded_drive
+from identify.logs.recorded_drive import NOT_STATED, drive_of, recorded_drive
 from identify.logs.regime import look
 
 Array = NDArray[np.float64]
@@ -94,9 +94,9 @@ def sticks(record: Record, path: Path, speed: float | None, on_skin: bool = Fals
     seen = look(record, drive_of(record, recorded))
     drive = recorded.speed if speed is None else speed
     if not drive:
-        why = "" if recorded.trouble == UNTOLD else f" ({recorded.trouble})"
+        why = "" if recorded.trouble == NOT_STATED else f" ({recorded.trouble})"
         raise IdentifyError(
-            f"{path.name}: no tap rings down in it, and it does not hold its drive speed{why}, which turns the slope "
+            f"{path.name}: no tap rings down in it, and its drive speed is not constant{why}, which turns the slope "
             f'of a stick into a stiffness; for a pull give --drive-speed "{path.name}=0.1 mm/s"; a tap needs '
             f"{FEWEST_SWINGS:.0f} swings above the noise with {FEWEST_SAMPLES:.0f} samples each: sample faster"
         )

@@ -37,7 +37,7 @@ SPEED_TOLERANCE, MASS_TOLERANCE = 0.01, 0.005  # of drive speeds and of added ma
 RIG_OPTIONS: Options = {
     "logs LOG*": "taps that ring down, pulls or stick-slip on a block",
     "--out RIG.toml!": "the file to write; never overwritten",
-    "--drive-speed [LOG=]SPEED+": 'where a log does not tell it: "1 mm/s"',
+    "--drive-speed [LOG=]SPEED+": 'where a log has none: "1 mm/s"',
     "--added-mass LOG=MASS+": 'fixed to the holder: "tap2.csv=50 g"',
     "--skin LOG+": "one more log: a stick on skin, not on the block",
     "--known NAME=VALUE±ERROR+": 'such as mass="180 g ± 2 g"',
@@ -63,7 +63,7 @@ def rig(arguments: Namespace, terminal: Terminal) -> Answer:
     if disagreement(result):
         terminal.say(wrapped(disagreement(result)))
     for name in result.missing:
-        terminal.say(wrapped(f"{NAMED[name]}: these records do not tell it; give {REMEDIES[name]}"))
+        terminal.say(wrapped(f"{NAMED[name]}: not identifiable from these records; give {REMEDIES[name]}"))
     if values:
         with atomic_write(out) as handle:
             handle.write(rig_toml(result, measured))
@@ -158,7 +158,7 @@ def _known(text: str) -> Measured:
 PLAN_OPTIONS: Options = {
     "source SCENE.toml|result.json": "a scene, or a fit",
     "--budget T": 'for all logs together (default: "15 min")',
-    "--for NAME,…": "parameters to be told (default: all of friction)",
+    "--for NAME,…": "parameters to be identified (default: all of friction)",
     "--out STEPS.csv": "the step programme as a table, to type into a script",
     **SET,
     "what can be set at the rig; lists with commas": {
@@ -194,7 +194,9 @@ def plan(arguments: Namespace, terminal: Terminal) -> Answer:
     if arguments.source.lower().endswith(".json"):
         result = read_result(Path(arguments.source))
         if not result.converged:
-            raise CommandLineError(f"{arguments.source} tells no pair ({result.message}); plan from the scene instead")
+            raise CommandLineError(
+                f"{arguments.source} has no identified pair ({result.message}); plan from the scene instead"
+            )
         made = planned(scene_of(result, arguments.source), (), choices, result)
     else:
         scene = Scene.from_toml(arguments.source, arguments.set)
@@ -221,5 +223,5 @@ def plan(arguments: Namespace, terminal: Terminal) -> Answer:
 
 
 RIG = "mass, stiffness and damping of a rig, from taps and slow pulls (docs/measuring.md)"
-PLAN = "which few logs to record next, and what they will tell (docs/planning.md)"
+PLAN = "which few logs to record next, and what they are expected to identify (docs/planning.md)"
 COMMANDS = (Command("rig", RIG, RIG_OPTIONS, rig), Command("plan", PLAN, PLAN_OPTIONS, plan))

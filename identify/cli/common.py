@@ -120,7 +120,7 @@ SET: Options = {"--set KEY=VALUE+": 'such as rig.mass="0.3 kg"'}
 READING: Options = {
     "how to read the logs": {
         "--step N": "use this step of the run (default: all, on one clock)",
-        "--run N": "use this run, where a log holds several",
+        "--run N": "use this run, where a log has several",
         "--columns NAME=COLUMN,…": "such as time=T,friction_force=Fx,normal_force=Fz",
         "--units NAME=UNIT,…": "such as friction_force=N,time=s",
         "--normal-force FORCE": 'constant, where the log has none: "3 N"',

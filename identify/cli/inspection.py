@@ -17,7 +17,7 @@ from identify.base.result import ClassicalTable
 from identify.base.wording import DASH, columns, number, programme_text, quantity, split_key, wrapped
 from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, RecordPart, judge
-from identify.logs.recorded_drive import UNTOLD, RecordedDrive, drive_of, recorded_drive
+from identify.logs.recorded_drive import NOT_STATED, RecordedDrive, drive_of, recorded_drive
 from identify.logs.regime import SURE, Known, LogRegime, Regime, joined, look, only_of
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 
@@ -136,7 +136,7 @@ def lines(seen: Inspection) -> Iterator[str]:
         each = [f"step {s.step.number}: {_drive(s.drive)}, {s.drive.source}" for s in seen.steps if s.drive.programme]
         driven = "; ".join(each) or "not in the log"
     elif seen.drive.programme is None:
-        driven = "not in the log" + (f" ({seen.drive.trouble})" if seen.drive.trouble != UNTOLD else "")
+        driven = "not in the log" + (f" ({seen.drive.trouble})" if seen.drive.trouble != NOT_STATED else "")
     else:
         driven = _drive(seen.drive) + ("" if record.drive_speed is not None else f", {seen.drive.source}")
     yield wrapped(f"drive speed: {driven}", "  ")

@@ -140,7 +140,7 @@ INSPECT: Options = {
     "logs LOG+": "one or more logs",
     "--plot FILE": "draw force and phases over time (png, svg or pdf)",
     "--stiffness K": 'of the rig, to compare the sticks with: "1470 N/m"',
-    "--drive-speed V": 'where the log does not tell it: "0.1 mm/s"',
+    "--drive-speed V": 'where the log has none: "0.1 mm/s"',
     "--mass M": 'moving mass of the rig, for how fast it slips: "0.2 kg"',
     **READING,
     **PART,

@@ -103,7 +103,7 @@ def operating_points(arguments: Namespace) -> tuple[list[PairAtPoint], Tested | 
         raise CommandLineError("expected one of --scene SCENE.toml and --result result.json; give one of them")
     result = read_result(Path(arguments.result)) if arguments.result else None
     if result is not None and not result.converged:
-        raise CommandLineError(f"{arguments.result}: this fit has no values ({result.status}); mend the fit first")
+        raise CommandLineError(f"{arguments.result}: this fit has no values ({result.status}); correct the fit first")
     source = Scene.from_toml(arguments.scene) if result is None else scene_of(result, arguments.result)
     whole = source
     if source.effects == "auto":  # as they were chosen for the result, else by the numbers of the scene

@@ -67,7 +67,7 @@ def batch(arguments: Namespace, terminal: Terminal) -> Answer:
         more = [f"and {len(complaints) - MOST_SAID} more"] if len(complaints) > MOST_SAID else []
         for complaint in [*complaints[:MOST_SAID], *more]:
             terminal.note(f"  {complaint}")
-        message = f"{len(complaints)} things to mend before the batch can begin; nothing was fitted"
+        message = f"{len(complaints)} things to correct before the batch can begin; nothing was fitted"
         terminal.note(f"stickslip: {message}")
         return Answer(WRONG_INPUT, {"schema": 1, "status": "error", "message": message, "errors": complaints})
     for note in planned.notes:

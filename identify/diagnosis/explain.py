@@ -297,7 +297,7 @@ def _caused(findings: Findings, scene: Scene, causes: Sequence[_Cause], *, fits:
         asked = [suggestion(scene, attempt, findings.unknowns, *each) for each in cause.all]
         series = [softer for each in asked if (softer := in_series(scene, each)) is not None]
         named |= {each.words: each for each in (*asked, *series)}
-    apart = ", which these data cannot tell apart" if len(named) > 1 else ""
+    apart = ", which these data cannot distinguish" if len(named) > 1 else ""
     words, remedies = ", or ".join(named), "; or ".join(dict.fromkeys(each.remedy for each in named.values()))
     if not fits:
         share = f"but for {100.0 * max(best.attempt.excess, 0.0) / attempt.excess:.2g} % of it"
@@ -319,7 +319,7 @@ def _caused(findings: Findings, scene: Scene, causes: Sequence[_Cause], *, fits:
     moved, name = max(moves, default=(0.0, ""))
     fall = f"chi^2 falls by {(attempt.excess - best.attempt.excess) / _inflation(attempt):.3g}"
     fall += f", and {name} moves by {100.0 * moved:.2g} %" if name else ""
-    message = f"the data ask for {words}{apart}: {remedies} ({fall}); {findings.message}"
+    message = f"the fit is better with {words}{apart}: {remedies} ({fall}); {findings.message}"
     refused = moved > MATTERS and findings.status is Status.CONVERGED
     return replace(findings, status=Status.MODEL_MISFIT if refused else findings.status, message=message)
 
@@ -348,13 +348,13 @@ def _unexplained(findings: Findings, prepared: Sequence[Prepared]) -> Findings:
     if missing and attempt is not None and attempt.with_solved(attempt.solved).fits:
         names = listed([prepared[i].name for i in missing])
         message = (
-            f"no answer of all logs was found: that of the others does not stick-slip as {names} does, and nothing "
-            f"that was stated stands out in them: check what [[logs]] says of {names}, fit it alone, or {START_VALUES}"
+            f"no answer of all logs was found: that of the others does not stick-slip as {names} does, and no "
+            f"stated quantity explains it: check the entry of {names} in [[logs]], fit it alone, or {START_VALUES}"
         )
         return replace(findings, status=Status.SOLVER_FAILED, message=message)
     for log in prepared:
         for finding in log.judgement.findings if log.left_out is None else ():
             if finding.severity != "info":
                 seen.setdefault(finding.code, f"{log.entry.path.name}: {finding.message}")
-    before = f"; before the fit this was seen: {'; '.join(list(seen.values())[:SEEN])}" if seen else ""
+    before = f"; findings before the fit: {'; '.join(list(seen.values())[:SEEN])}" if seen else ""
     return replace(findings, message=f"{findings.message}{before}")

@@ -286,7 +286,7 @@ def _of_parameter(
     else:
         remedy = "add skin_compliance to effects" if name == "skin_stiffness" else f"correct {name} under [parameters]"
     if spec is not None and spec.fixed is not None:
-        by = f"the value it is held at ({said(spec.fixed, declared.unit)})"
+        by = f"the value it is fixed at ({said(spec.fixed, declared.unit)})"
     elif prior:
         tolerance = float(unknowns.prior_sd[i]) * (stated if declared.scale == "log" else 1.0)
         by = f"its prior ({said(stated, declared.unit)} ± {said(tolerance, declared.unit, stated)})"

@@ -44,8 +44,10 @@ SURE = 10.0  # times what its parameters must gain: an effect that gains more to
 HELD = ("velocity_weakening", "direct_effect", "load_dependence", "occlusion", "excitation", "finger_motion")
 BY_NAME = {effect.name: effect for effect in ALL}
 LOOKED_AT = (*ALWAYS, "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force")
-NO_TIME = "the time limit ended the comparison before it was asked whether the data need it: a longer --time-limit"
-NOT_COMPARED = "not compared: cycles differ so among themselves, or from the rig, that no sum of squares tells which"
+NO_TIME = "the time limit ended the comparison before this effect was tested: give a longer --time-limit"
+NOT_COMPARED = (
+    "not compared: cycles differ too much among themselves, or from the rig, for a comparison of sums of squares"
+)
 CLEAR = 3.0  # standard errors by which a stick slope must differ from k v_0
 SOFTER = 0.005  # share of the rig's stiffness that it must lack at least
 SPAN = 0.03  # by which the normal force must vary (as a share) to tell how friction depends on it
@@ -101,12 +103,14 @@ def candidates_of(prepared: Sequence[Prepared], lines: Sequence[SpectralLine]) -
     varies = max(float(np.ptp(loads) / 2 / np.mean(loads)), within)
     samples = max((log.segmentation.samples_per_slip for log in prepared if log.segmentation.count), default=0.0)
     resolved, damped = samples >= SLIP_SAMPLES, any(log.rig.damping > 0.0 for log in prepared)
-    slips = f"slips hold {samples:.3g} samples{'' if resolved else ', too few to tell how they start'}"
+    slips = f"slips have {samples:.3g} samples{'' if resolved else ', too few to resolve their start'}"
     lag = {"lag_time": 0.1 * float(np.mean([log.rig.half_period for log in prepared])) / np.pi}
     finger = [line for line in lines if any(low <= line.frequency <= high for low, high in BANDS.values())]
     vibration = [line for line in lines if line not in finger]
     swings = [
-        f"the sticks swing at {', '.join(f'{line.frequency:.4g} Hz' for line in some)}" if some else "no such rhythm"
+        f"the sticks oscillate at {', '.join(f'{line.frequency:.4g} Hz' for line in some)}"
+        if some
+        else "no such spectral line"
         for some in (finger, vibration)
     ]
     paper, ages = "the paper's model has it", "the friction level may drift along the logs"
@@ -291,7 +295,7 @@ def _choice(
         worth = "it gains nothing" if name in gains and not stays else "without it no start describes the data"
         if np.isfinite(gain):
             verdict = "worth" if stays else "not worth"
-            worth = f"the fit gains {max(gain, 0.0):.3g} where its parameters ask for {least:.3g}: {verdict} them"
+            worth = f"the fit gains {max(gain, 0.0):.3g} and its parameters require {least:.3g}: {verdict} them"
         sentence = UNASKED if look is None else f"{look.sentence}; {worth}" if look.tried else look.sentence
         if name in ALWAYS:
             sentence = "the equation of motion of a stick-slip record needs it"

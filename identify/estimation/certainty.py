@@ -285,7 +285,9 @@ def _without_late(here: Certainty, profiles: Profiles | None, q: Question) -> li
     late = {names[i] for i in _profiled(here, q)} - done
     known = sizes(q.unknowns, q.unknowns.values(here.attempt.solved.theta, q.base))
     known = (CURVED if _poorly_determined(here, q) else POORLY) * known
-    reason = "the time limit left no time for its profile, and the curvature at the answer says little of its interval"
+    reason = (
+        "the time limit left no time for its profile, and the curvature at the answer does not determine its interval"
+    )
 
     def stays(e: Estimate, i: int) -> bool:
         sharp = e.verdict == "identified" and e.standard_error is not None and e.standard_error < known[i]
@@ -403,6 +405,6 @@ def active_event_bound(solved: Solved, names: Sequence[str]) -> str | None:
     if squared < HELD:
         return None
     return (
-        f"{held[0]}: at this answer a phase gets as short as it can, if it happens at all, and holds the answer back "
+        f"{held[0]}: at this answer a phase is as short as it can be, which moves the answer "
         f"by {np.sqrt(squared):.1f} standard errors; leave this log out or end it earlier"
     )

@@ -200,11 +200,11 @@ def estimates(
             # An end that says no more than the admissible box is open.
             low = None if tied or low is None or not declared.lower < low < math.inf else low
             high = None if tied or high is None or not -math.inf < high < declared.upper else high
-            reason = tied or hints.get(name, "these data hold too little on it")
+            reason = tied or hints.get(name, "not identifiable from these data")
             out.append(replace(nothing, lower=low, upper=high, verdict="not identifiable", reason=reason))
             continue
         error = sd[of] * (value if declared.scale == "log" else 1.0)
-        known = [] if verdict == "identified" else [hints.get(name, "more cycles would tell")]
+        known = [] if verdict == "identified" else [hints.get(name, "more cycles are needed")]
         reason = tied or "; ".join(filter(None, (*known, _prior_share(unknowns, i, sd[i]), walled)))
         out.append(Estimate(name, declared.unit, value, float(error), low, high, verdict, reason))
     return out

@@ -51,8 +51,8 @@ def prefit_warnings(prepared: Sequence[Prepared]) -> list[str]:
     instead = f"{three_figures(ratio * stated)} N/m"
     return [
         f"in the sticks of all logs the force rises at {three_figures(ratio)} times stiffness times drive speed: the "
-        f"stiffness is {instead} instead of {three_figures(stated)} N/m, or all drive speeds are off; mend [rig], or "
-        f'let it be estimated: [parameters] stiffness = {{ start = "{instead}" }}',
+        f"stiffness is {instead} instead of {three_figures(stated)} N/m, or all drive speeds are off; correct "
+        f'[rig], or let it be estimated: [parameters] stiffness = {{ start = "{instead}" }}',
         *then,
     ]
 
@@ -73,7 +73,7 @@ def wrong_unit(prepared: Sequence[Prepared], *, placed: bool = True) -> str:
             if not 1.0 / slower < 1.0 + slope < STEEPER:
                 return (
                     f"in the sticks of {log.name} the force rises {1.0 + slope:.3g} times as fast as stiffness times "
-                    "drive speed says: check the units of its time and forces, its drive speed and the stiffness of "
+                    "drive speed: check the units of its time and forces, its drive speed and the stiffness of "
                     "the rig"
                 )
     return ""
@@ -106,8 +106,8 @@ def at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
                 owner = next((e.name for e in ALL if name in {p.name for p in e.parameters}), None)
                 without = f", take {owner} out of the effects" if owner is not None and owner not in MAIN else ""
                 out[name] = (
-                    f"{name} sits at the {word} end of what the model admits: these logs do not tell it; fix {name} in "
-                    f"[parameters]{without}, or add a log that tells it"
+                    f"{name} is at the {word} end of what the model admits: these logs do not determine it; fix {name} "
+                    f"in [parameters]{without}, or add a log that does"
                 )
     return out
 
@@ -199,7 +199,7 @@ def hints(
     speeds = sorted({log.data.drive_speed for log, _ in slipping})
     if samples < RESOLVED:
         remedy = f"sample at {round_up(WANTED / min(slips)):.0f} Hz or more, or add a log that slips for longer"
-        shape = Hint(f"slips hold at most {samples:.0f} samples, so their shape is not seen", remedy)
+        shape = Hint(f"slips have at most {samples:.0f} samples, so their shape is not resolved", remedy)
     elif len(speeds) == 1:
         remedy = f"add a log at {1e3 * 10 * speeds[0]:.2g} mm/s or more, with {WANTED} samples per slip"
         shape = Hint(f"one drive speed ({1e3 * speeds[0]:.3g} mm/s) shows one kind of slip", remedy)
@@ -208,7 +208,7 @@ def hints(
     out = dict.fromkeys(("a", "delta_mu_k", "D", "mu_k0", "mass", "damping"), shape)
     if "t_cr" in unknowns.names:
         sticks, t_cr = np.concatenate([g.sticks for _, g in slipping]), np.exp(theta[unknowns.names.index("t_cr")])
-        rests = Hint("sticks of different length tell it", "add a slower and a faster log")
+        rests = Hint("sticks of different length are needed", "add a slower and a faster log")
         if sticks.size and np.min(sticks) > 3 * t_cr:
             shown = f"every stick lasts {np.min(sticks):.2g} s or more, long enough to saturate the contact"
             rests = Hint(shown, "add a faster log, with sticks of a few tenths of that")
@@ -249,7 +249,7 @@ def _without_cycles(logs: Sequence[Prepared], trajectories: Sequence[ShootingTra
     if sticks:
         peaks = "one stick shows" if sticks == 1 else f"{sticks} sticks show"
         hold = Hint(f"{peaks} the strength after those rests", "add holds that last a tenth and ten times as long")
-        out |= {"mu_s": hold, "t_cr": hold, "D": Hint("the peaks hold too few samples", f"sample faster, or {slower}")}
+        out |= {"mu_s": hold, "t_cr": hold, "D": Hint("the peaks have too few samples", f"sample faster, or {slower}")}
     return out
 
 

@@ -160,7 +160,7 @@ def _chi_square(
         highest = [max(float(np.nanmax(np.abs(log.force))), 1e-300) / log.noise for log in solved.problem.logs]
         if (missed := np.sqrt(chi2) / min(highest)) < NOISELESS:
             return Status.CONVERGED, (
-                f"the logs hold no noise: the curve misses them by {missed:.1g} of their force, as a simulation does; "
+                f"the logs have no noise: the curve misses them by {missed:.1g} of their force, as a simulation does; "
                 "the intervals are those of the noise that was assumed"
             )
     if abs(chi2 - 1.0) <= allowed and float(np.max(off, initial=0.0)) <= PER_CYCLE:
@@ -371,15 +371,15 @@ def inconsistency(
             if excess.size and excess[worst] > allowed:
                 return (
                     f"{name}, cycle {part[worst] + 1}: at this answer the mass is pulled {what} as soon as it stops, "
-                    f"or all but ({excess[worst]:+.2g} N against what the contact holds, noise {log.noise:.2g} N), a "
-                    "motion that the fit does not follow; leave this log out, or measure with more damping or less "
+                    f"or all but ({excess[worst]:+.2g} N beyond the static limit, noise {log.noise:.2g} N), a "
+                    "motion that the fit excludes; leave this log out, or measure with more damping or less "
                     "normal force"
                 )
         backwards = (n for n, back in zip(trajectory.part, turned_back(trajectory), strict=True) if back.any())
         if (cycle := next(backwards, None)) is not None:
             return (
-                f"{name}, cycle {cycle + 1}: at this answer the slip runs backwards on its way, which the fit does not "
-                "follow; exclude that stretch"
+                f"{name}, cycle {cycle + 1}: at this answer the slip reverses before it ends, which the fit excludes; "
+                "exclude that stretch"
             )
     return None
 

@@ -44,8 +44,8 @@ DEFINITIONS: Mapping[str, str] = {
     "stick_slip_percent": "share of the time in sticks and slips",
     "sliding_percent": "share of the time in sliding without stick-slip",
     "sliding_trend_percent": "coefficient of the last tenth of what slides against the first tenth",
-    "rhythm_Hz": "how often the force of steady sliding swings, where one line stands out of its spectrum",
-    "rhythm_N": "range of that swing, peak to valley",
+    "rhythm_Hz": "frequency of the spectral line of the force in steady sliding, where there is one",
+    "rhythm_N": "range of that oscillation, peak to valley",
     "normal_force_N": "mean over the loaded rows",
     "normal_force_drift_percent": "median normal force of the last tenth of the loaded rows less that of the first, as "
     "share of their median",
@@ -124,7 +124,7 @@ def _row(part: _Part, stroke: Stroke, verdict: Verdict, stiffness: float | None)
         trend = 100.0 * (float(np.mean(coefficient[-tenth:])) / first - 1.0)
     few = f"{phases.count} slip(s) are too few" if phases.count else "no slip"
     no_stick = "no stick slope" if speed else "the drive speed is unknown or zero"
-    no_rhythm = "no rhythm stands out of the noise of steady sliding"
+    no_rhythm = "no spectral line above the noise of steady sliding"
     out: Figures = {
         "run": (stroke.run, ""),
         "step": (stroke.step, ""),
@@ -146,7 +146,7 @@ def _row(part: _Part, stroke: Stroke, verdict: Verdict, stiffness: float | None)
         "stick_slip_percent": (100.0 * (phases.share(STICK) + phases.share(SLIP)) if phases.count else 0.0, ""),
         "sliding_percent": (100.0 * phases.share(SLIDING), ""),
         "noise_N": (phases.noise, ""),
-        "stick_slope_N_per_s": (slope[0] if slope else None, "no stick was seen from its beginning to its end"),
+        "stick_slope_N_per_s": (slope[0] if slope else None, "no stick is complete"),
         "stick_slope_scatter_percent": (
             100.0 * slope[1] if slope and phases.stick_slopes.size > 1 else None,
             "fewer than two whole sticks",

@@ -144,11 +144,11 @@ def _log_lines(log: _Seen, folder: Path, options: Mapping[str, object], rest: _S
     piece, drive = log.piece, log.drive
     lines = [f"# {log.facts}", "[[logs]]", f"path = {_located(piece.path, folder)}"]
     if log.slides:
-        lines.insert(1, "# it slides: it tells the friction at its speed, and with slower logs a and delta_mu_k")
+        lines.insert(1, "# it slides: it determines the friction at its speed, and with slower logs a and delta_mu_k")
     if drive.programme is None:
         slope = "" if log.slope is None else f"; the force rises at {log.slope:.4g} N/s in stick, that is k times it"
         head = velocity_in_head(piece.record)
-        states = "" if head is None else f"the head of the log says {velocity_text(head)}; "
+        states = "" if head is None else f"the header of the log states {velocity_text(head)}; "
         lines.append(f'drive_speed = "TODO mm/s"   # {states}{drive.trouble}{slope}')
     elif drive.speed is not None:
         lines.append(f'drive_speed = "{speed_text(drive.speed)}"   # {drive.source}: check it')
@@ -157,7 +157,7 @@ def _log_lines(log: _Seen, folder: Path, options: Mapping[str, object], rest: _S
         lines.append(f"drive_speed = [{pairs}]   # [start in s, speed], {drive.source}: check it")
     stated = options if piece.step is None else {**options, "step": piece.step}
     lines += [f"{key} = {_toml(value)}" for key, value in stated.items()]
-    lines.append(f'# noise = "{1e3 * log.noise:.3g} mN"   # estimated from the log; taken anew at every fit')
+    lines.append(f'# noise = "{1e3 * log.noise:.3g} mN"   # estimated from the log, again at every fit')
     if rest is not None:
         zero = float(np.nanmedian(rest.piece.record.friction_force))
         lines.append(

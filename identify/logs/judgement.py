@@ -231,9 +231,9 @@ def _suspicions(record: Record, phases: Sequence[Segmentation], limits: Threshol
             onset, arrest = (float(np.median(ends)) for ends in (part.cycles.onset_force, part.cycles.arrest_force))
             if arrest < -0.5 * onset:  # inertia makes a third of it
                 text = (
-                    f"the force swings about zero, from {onset:.3g} N to {arrest:.3g} N, as no friction does: its zero "
-                    "was lost (AC coupling, or a tare while it ran); drops and periods are right, coefficients are "
-                    "not: record with DC coupling, or state the zero with tare"
+                    f"the force oscillates about zero, from {onset:.3g} N to {arrest:.3g} N, as no friction does: its "
+                    "zero was lost (AC coupling, or a tare while it ran); drops and periods are right, "
+                    "coefficients are not: record with DC coupling, or state the zero with tare"
                 )
                 yield Finding("zero_lost", "warning", text)
         elif np.isfinite(force).any():
@@ -279,16 +279,16 @@ def _of_sliding(time: Array, force: Array, limits: Thresholds) -> Iterator[Findi
         return
     if line.samples > MOST:
         text = (
-            f"the force swings by {line.range:.3g} N ({percent(line.range / level) if level else 'about zero'}), "
+            f"the force oscillates by {line.range:.3g} N ({percent(line.range / level) if level else 'about zero'}), "
             f"{line.frequency:.3g} times a second, without a slip: an oscillation of rig, track or drive, which a mean "
-            "coefficient hides; look for what has this rhythm"
+            "coefficient hides; look for what has this frequency"
         )
         yield Finding("swings", "warning", text)
         return
     rates, wanted = (20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 10_000.0), 50.0 * line.frequency
     text = (
-        f"the force swings {line.frequency:.3g} times per second, with {line.samples:.1f} samples in each swing: too "
-        "few to tell stick from slip (all is called sliding); sample at "
+        f"the force oscillates at {line.frequency:.3g} Hz, with {line.samples:.1f} samples per period: too "
+        "few to distinguish stick from slip (all is called sliding); sample at "
         f"{next((r for r in rates if r >= wanted), wanted):g} Hz or more"
     )
     yield Finding("sampled_too_slowly", limits.severity("samples_per_cycle", line.samples) or "warning", text)

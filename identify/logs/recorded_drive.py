@@ -32,7 +32,7 @@ SPEED_NAMES = (
 )  # fmt: skip
 POSITION_NAMES = ("stageposition", "driveposition", "position", "pos", *DISTANCES)
 AXES = ("v", "v1", "v2", "v3", "vx", "vy", "vz", "x", "y", "z")  # of carriages: any of them may be the drive, or none
-UNTOLD = "the log does not tell it"
+NOT_STATED = "it is not stated in the log"
 DISAGREES = "drive_speed_disagrees"  # the code of the finding
 EVEN = 0.05  # share by which the halves of an even stretch may differ
 APART = 0.02  # share of the larger by which a stated and a recorded speed contradict each other
@@ -70,11 +70,11 @@ def recorded_drive(record: Record) -> RecordedDrive:
     """What a record shows of its drive: its drive speed, else a column of speed or position whose name says so, else
     one that moves as fast as the head of the log states: others are carriages, radii or wear."""
     if isinstance(record.drive_speed, np.ndarray):
-        return _of_steps(steps_of(record.time, record.drive_speed), "drive_speed", "as the log says")
+        return _of_steps(steps_of(record.time, record.drive_speed), "drive_speed", "as stated in the log")
     if record.drive_speed is not None:
         speed = abs(float(record.drive_speed))
         pairs = ((0.0, speed),) if speed else None
-        return RecordedDrive(pairs, "as the log says", "it is 0 in the log", not speed)
+        return RecordedDrive(pairs, "as stated in the log", "it is 0 in the log", not speed)
     speeds = _named(record, "m/s", SPEED_NAMES)
     tried = [_of_column(record, name) for name in (*speeds, *_named(record, "m", POSITION_NAMES))]
     if tried:
@@ -83,10 +83,10 @@ def recorded_drive(record: Record) -> RecordedDrive:
         return next(shown, RecordedDrive(None, trouble=trouble, stands=stands))
     if (name := _as_fast_as_the_head(record, ("m/s", "m"))) is not None:
         drive = _of_column(record, name)
-        return replace(drive, source=f"{drive.source}, which moves as fast as the head of the log says")
+        return replace(drive, source=f"{drive.source}, which moves as fast as the header of the log states")
     stated = [str(step.parameters.get("Velocity", "")).strip() for step in record.steps]
     if stated and all(re.fullmatch(r"[+-]?0+(\.0*)?", text) for text in stated):
-        return RecordedDrive(None, trouble="the head of the log says Velocity = 0", stands=True)
+        return RecordedDrive(None, trouble="the header of the log states Velocity = 0", stands=True)
     return RecordedDrive(None, trouble=_unused(record))
 
 
@@ -152,10 +152,10 @@ def _unused(record: Record) -> str:
             values = record.channels[name]
             if _travels(values) or (unit == "m/s" and np.isfinite(values).all() and np.any(values)):
                 return (
-                    f"column {_shown(name)} is not taken for the drive, because neither its name nor the head of "
-                    f'the log says so; if it is: --columns "{role}={_shown(name)}"'
+                    f"column {_shown(name)} is not taken for the drive, because neither its name nor the header "
+                    f'of the log states so; if it is: --columns "{role}={_shown(name)}"'
                 )
-    return UNTOLD
+    return NOT_STATED
 
 
 def _row_by_row(record: Record, name: str, wider: int = 1) -> Array:
@@ -273,8 +273,8 @@ def with_drive_checked(scene: Scene, entry: LogEntry, record: Record) -> Record:
     elif head is not None and not isinstance(stated, tuple):
         agrees = any(abs(abs(stated) / own - 1.0) < 0.1 for own in head.speeds.values())
         text = (
-            f"the scene has a drive speed of {speed_text(stated)}, but the head of the log says {velocity_text(head)}; "
-            "check drive_speed"
+            f"the scene has a drive speed of {speed_text(stated)}, but the header of the log states "
+            f"{velocity_text(head)}; check drive_speed"
         )
         text = None if agrees else text
     return record if text is None else replace(record, findings=(*record.findings, Finding(DISAGREES, "warning", text)))
@@ -303,7 +303,7 @@ def _differs(entry: LogEntry, stated: DriveSpeed, record: Record, recorded: Reco
         return None
     return (
         f"the scene has a drive speed of {speed_text(float(meant[first]))} at {time[first]:.4g} s, but "
-        f"{recorded.place} says {speed_text(float(seen[first]))} there, and they differ for "
+        f"{recorded.place} is {speed_text(float(seen[first]))} there, and they differ for "
         f"{time[stop - 1] - time[first]:.3g} s; correct drive_speed, leave it out to take "
         "that of the log, or give a window"
     )

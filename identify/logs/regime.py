@@ -84,8 +84,8 @@ class ForceOscillation:
     def __str__(self) -> str:
         """What a log does that is sampled too slowly, to follow its name."""
         return (
-            f"swings by {self.range:.2g} N, {self.frequency:.3g} times a second as far as {self.samples:.2g} samples "
-            f"per period tell, as stick-slip does: sample it at {25.0 * self.frequency:.2g} Hz or more"
+            f"oscillates by {self.range:.2g} N at {self.frequency:.3g} Hz, with {self.samples:.2g} samples per period, "
+            f"as stick-slip does: sample it at {25.0 * self.frequency:.2g} Hz or more"
         )
 
 
@@ -144,7 +144,7 @@ def classify(
     if seen is None or not seen.stands_out():
         return replace(sliding, found=found)
     rhythm = seen.oscillation
-    says = f"it swings by {rhythm.range:.3g} N, {rhythm.frequency:.3g} times a second"
+    says = f"it oscillates by {rhythm.range:.3g} N at {rhythm.frequency:.3g} Hz"
     return replace(sliding, found=found, rhythm=rhythm, evidence=(*sliding.evidence, says))
 
 
@@ -234,9 +234,9 @@ def _mean_cycle(time: Array, force: Array, found: Segmentation, period: float) -
 def _discriminate(shape: _Shape, found: Segmentation, known: Known) -> tuple[bool, float, tuple[str, ...]]:
     """Whether the falls of a force are slips, with what confidence, and what was tested."""
     if found.count == 0:
-        says = "no fall of the force stands out of its noise"
+        says = "no drop of the force exceeds its noise"
         if found.other_falls:
-            says = f"{found.other_falls} falls stand out of the noise, none of them faster than the rises beside it"
+            says = f"{found.other_falls} drops exceed the noise, none of them faster than the rise before it"
         return False, 0.95, (says,)
     loads = shape.rate / known.loading_rate if known.loading_rate else np.nan
     evidence = []
@@ -259,11 +259,11 @@ def _discriminate(shape: _Shape, found: Segmentation, known: Known) -> tuple[boo
         odds += max(LOADING * (np.log(OFF) - off), MISSTATED)
         return odds > 0.0, _probability(odds), tuple(evidence)
     if not shape.rises:
-        return False, 0.6, (*evidence, "one fall alone; stiffness and drive speed of the rig would tell")
+        return False, 0.6, (*evidence, "one drop alone; give stiffness and drive speed of the rig")
     odds += float(np.log(shape.frequency / SLOW)) - (0.0 if shape.rises >= FEW else 2.0)  # few cannot be compared
-    says = f"it swings by {three_figures(100 * shape.share)} % of the force, {shape.frequency:.3g} times a second"
+    says = f"it oscillates by {three_figures(100 * shape.share)} % of the force at {shape.frequency:.3g} Hz"
     if odds <= 0.0:
-        says += ", as a turning disc or an uneven track makes it; stiffness and drive speed of the rig would tell"
+        says += ", as a turning disc or an uneven track makes it; give stiffness and drive speed of the rig"
     return odds > 0.0, _probability(odds), (*evidence, says)
 
 
@@ -278,11 +278,11 @@ def _named(time: Array, force: Array, verdict: Verdict, shape: _Shape) -> Verdic
     if shape.one_sine:
         near = max(0.004 * shape.frequency, 0.2 / float(np.ptp(found.cycles.fall)))  # the mains drift, and clocks
         if any(abs(shape.frequency - n * mains) < n * near for mains in (50.0, 60.0) for n in (1, 2, 3)):
-            says = f"it swings {shape.frequency:.4g} times a second as one sine, as the mains make a sensor hum"
+            says = f"it oscillates at {shape.frequency:.4g} Hz as one sine, a multiple of the mains frequency"
             hum = ForceOscillation(shape.frequency, float(np.median(found.cycles.drop)), found.samples_per_cycle)
             return Verdict(Regime.SLIDING, verdict.confidence, (says,), segment(time, force, slips=False), hum)
         says = f"the mean cycle is a sine to {100 * shape.sine:.1f} %, {shape.frequency:.3g} times a second"
-        says += ": it hardly rests, so that mu_s, t_cr and D are poorly determined; record slower as well"
+        says += ": its rests are short, and mu_s, t_cr and D are poorly determined; record slower as well"
         cycles = segment(time, force, half_period=0.5 / shape.frequency)
         return Verdict(Regime.NEAR_HARMONIC, verdict.confidence, (*verdict.evidence, says), cycles)
     drop, scatter = found.cycles.drop[1:], 0.0
@@ -449,7 +449,7 @@ def _of_all(changes: bool, parts: Sequence[Stroke], verdicts: Sequence[Verdict])
     """The regime of a log from those of its strokes: what holds for most of the time."""
     all_parts, all_verdicts = tuple(parts), tuple(verdicts)
     if changes:
-        says = "the drive changes its speed or stands in between; strokes are seen apart"
+        says = "the drive changes its speed or stands in between; strokes are judged one by one"
         return LogRegime(Regime.PROGRAMME, SURE, (says,), all_parts, all_verdicts)
     if not verdicts:
         return LogRegime(None, 0.5, ("no rows",), all_parts, all_verdicts)

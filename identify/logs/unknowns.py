@@ -207,7 +207,7 @@ def from_scene(scene: Scene) -> Unknowns:
                 free[i], sd[i], lower[i], upper[i] = True, tolerance, -RIG_REACH, RIG_REACH
             continue
         if spec is None:
-            raise SceneError(f"the scene says nothing of {name}, which its effects need; add it to [parameters]")
+            raise SceneError(f"the scene has no {name}, which its effects need; add it to [parameters]")
 
         def search(value: float, base: float = base, logarithmic: bool = logarithmic) -> float:
             if not logarithmic:

@@ -401,7 +401,7 @@ def _closed_forms(
     forms = closed_forms(values)
     groups = {name: entry(name, float(value), *MEANING[name]) for name, value in forms.groups.items()}
     ignored, numbers = beyond(model.effects), {name: float(value) for name, value in forms.numbers.items()}
-    unaware = f"not valid here: knows nothing of {' and '.join(ignored)}" if ignored else ""
+    unaware = f"not valid here: does not include {' and '.join(ignored)}" if ignored else ""
     out = {}
     for name, other in [*((name, amplitude[name].value) for name in CYCLE), ("critical_speed", end)]:
         why = unaware or judged(numbers[name], other, str(forms.status), float(forms.groups["alpha"]))

@@ -135,7 +135,7 @@ def closed_form_text(prediction: PointPrediction) -> str:
     """What the paper's closed forms have in place of it."""
     part = prediction.closed_forms
     if part.ignores:
-        return f"The paper's closed forms are not valid here: they know nothing of {' and '.join(part.ignores)}."
+        return f"The paper's closed forms are not valid here: they do not include {' and '.join(part.ignores)}."
     reach = "" if part.a_V_max.value is None else f"; here it is {part.a_V_max.value:.2g}"
     head = f"The paper's closed forms need a V_max far below 1{reach}."
     if part.slip == "runaway":

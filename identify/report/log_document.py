@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 DRAWS = 100  # of the parameters: ends of intervals are good to a tenth of their half width; the calculators take 200
 
 
-def outlooks_of(prepared: list[Prepared], found: Findings, added: Array | float = 0.0) -> list[dict[str, Json]]:
+def answers_of_logs(prepared: list[Prepared], found: Findings, added: Array | float = 0.0) -> list[dict[str, Json]]:
     """Stability and amplitude of the fitted pair at every log's speed and load; empty where there is no answer.
 
     Args:
@@ -89,7 +89,7 @@ def of_log(number: int, log: Prepared, found: Findings) -> tuple[Array, Array] |
             group = log.data.groups[index] or f"log {number + 1}"
             share = next((s for s in sure.shares if (s.index, s.group) == (index, group)), None)
             if share is None:
-                return f"No answer: this log took no part, and no other log tells {names[index]} of {group}."
+                return f"No answer: this log was left out, and no other log determines {names[index]} of {group}."
             theta[index] = share.theta
             if share.place >= 0:
                 order[i] = free.size + share.place
@@ -107,7 +107,7 @@ def log_result(
     """One log in the result.
 
     Args:
-        answer: what the parameters say of its stick-slip, see `outlooks_of`.
+        answer: what the parameters say of its stick-slip, see `answers_of_logs`.
         part_of: the number (from 1) of the log of the scene that it is a part of; None where it is whole.
     """
     record, verdict, window = log.record, log.regime_verdict, log.entry.window

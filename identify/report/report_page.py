@@ -79,7 +79,7 @@ def banner(result: Result) -> dict[str, object]:
         message = f"{rests_on[0].upper()}{rests_on[1:]}. {wording.NOT_FOR} {wording.DRAWN}"
     elif result.converged and doubtful:
         kind = "fair"
-        head += f" These logs do not tell {listed([wording.plain_symbol(n) for n in doubtful])}."
+        head += f" Not identifiable from these logs: {listed([wording.plain_symbol(n) for n in doubtful])}."
     tiles = [
         (name, value, f"{spread} in nine of ten drawn cycles")
         for name, value, spread in wording.distribution_lines(result)
@@ -131,7 +131,7 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
         intervals=tables.method_table(result),
         accuracy=tables.accuracy_rows(result.accuracy_table or ()),
         derived=tables.answer_table([("value", of_pair)], "friction pair"),
-        outlook=tables.answer_table([(head, tables.outlook_of(log.derived)) for head, log in columns]),
+        answers=tables.answer_table([(head, tables.derived_answers(log.derived)) for head, log in columns]),
         in_words=[(place, lines) for place, log in enumerate(result.logs, 1)
               if (lines := tables.sentences(log.derived, len(logs) > 1))],
         effects=tables.effects_table(result.effects.reasons),

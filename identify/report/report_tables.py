@@ -123,7 +123,7 @@ def summary(result: Result) -> str:
         return lines[0]
     for place, log in enumerate(result.logs, 1):
         if log.reason_left_out:
-            lines.append(wording.wrapped(f"log {place} took no part: {log.reason_left_out}", "  "))
+            lines.append(wording.wrapped(f"log {place} was left out: {log.reason_left_out}", "  "))
     table = parameter_table(result.parameters, errors=not any(e.interval_rig_exact for e in result.parameters.values()))
     lines += ["", table.to_text()]
     if meaning := report_wording.tolerances_text(result.tolerances or {}):
@@ -307,7 +307,7 @@ def _answer(entry: Json, shared: str) -> Cell:
     return Cell(text, note=" · ".join(notes), kind="doubt" if "not valid" in validity.lower() else "")
 
 
-def outlook_of(derived: Entry) -> Entry:
+def derived_answers(derived: Entry) -> Entry:
     """Of what follows from the parameters at one log the three numbers that are asked for first."""
     parts = (("amplitude", "drop"), ("amplitude", "period"), ("stability", "critical_speed"))
     return {key: found[key] for part, key in parts if isinstance(found := derived.get(part), Mapping) and key in found}

@@ -37,7 +37,7 @@ MEANINGS: Mapping[str, str] = {
     "strength": "strength after the typical rest, over the load",
     "strength_scatter": "scatter of the strength from stick to stick",
     "weakening_length": "sliding that takes the strength away",
-    "level_wander": "wander of the friction level along the track",
+    "level_wander": "drift of the friction level along the track",
     "level_roughness": "fine roughness of the friction level",
     "mass": "moving mass",
     "stiffness": "stiffness of the rig",
@@ -138,14 +138,14 @@ def headline(result: Result) -> str:
     """What the friction of the pair is, how sure that is, and what not to use it for."""
     strength, scatter = result.parameters["strength"], result.parameters["strength_scatter"]
     if strength.value is None:
-        return "Friction differs from cycle to cycle, and these records do not tell its strength."
+        return "Friction differs from cycle to cycle, and its strength is not identifiable from these records."
     low, high = (number(end, 2) for end in strength.ends)
     spread = f", and scatters by {100 * scatter.value:.0f} % from stick to stick" if scatter.value else ""
     peak = UnevenResult.of(result).distributions.get("static_peak")
-    at = f" above a level that wanders (static peaks {_range(peak, '')} in nine of ten drawn cycles)" if peak else ""
+    at = f" above a level that drifts (static peaks {_range(peak, '')} in nine of ten drawn cycles)" if peak else ""
     return (
-        f"Friction differs from cycle to cycle: a stick holds {number(strength.value, 3)} ({low} to {high}) of the "
-        f"load{at}{spread}."
+        f"Friction differs from cycle to cycle: a stick withstands {number(strength.value, 3)} ({low} to {high}) of "
+        f"the load{at}{spread}."
     )
 
 

@@ -44,7 +44,7 @@ from identify.logs.scene_records import parts_of
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
 from identify.prediction.wording import listed
-from identify.report.log_document import creep_velocities, load_varies, log_result, outlooks_of
+from identify.report.log_document import answers_of_logs, creep_velocities, load_varies, log_result
 from identify.scene import Scene
 from identify.scene.values import USUAL_TOLERANCES
 from identify.shooting.accuracy import FEWEST_STEPS, Accuracy, accuracy_costs, effect_shares
@@ -82,7 +82,7 @@ def result_of(
     tolerances = _tolerances(scene, found) if converged and found.attempt is not None else {}
     shares = {name: each.relative for name, each in tolerances.items()}
     errors = _by_errors(found, shares) if shares and found.covariance is not None else {}
-    outlooks = outlooks_of(prepared, found, errors.get(ALL, 0.0))
+    answers = answers_of_logs(prepared, found, errors.get(ALL, 0.0))
     gate, figures = (None, None) if found.attempt is None else _gate_and_fit(found.attempt, found.sure)
     result = Result(
         status=found.status.value,
@@ -96,7 +96,7 @@ def result_of(
         derived=creep_velocities(prepared, found) if converged else {},
         logs=tuple(
             log_result(i, log, found, answer, part)
-            for i, (log, answer, part) in enumerate(zip(prepared, outlooks, parts, strict=True))
+            for i, (log, answer, part) in enumerate(zip(prepared, answers, parts, strict=True))
         ),
         notes=tuple(_notes(scene, prepared, found)),
         search=tuple(
@@ -184,16 +184,17 @@ def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> Iterator[
             shown = "; the table of rig errors shows what 1 % would do" if found.estimated is None else ""
             yield f"Taken as exact: {', '.join(name.replace('_', ' ') for name in exact)}{shown}."
         if "force_sensor" not in scene.effects:
-            held = "" if sure is None else "; the intervals hold both"
+            held = "" if sure is None else "; the intervals include both"
             yield (
                 "Zero and gain of both force sensors are taken as they are: what is off there moves the coefficients "
-                f"by as much (1 % of the force by 1 %), which a fit hardly sees{held}. Check them with a known "
-                "weight, or let the effect force_sensor estimate zero and gain of the friction force within priors."
+                f"by as much (1 % of the force by 1 %), with little effect on the misfit{held}. Check them with a "
+                "known weight, or let the effect force_sensor estimate zero and gain of the friction force within "
+                "priors."
             )
         if each_speed_alone(found):
             yield (
                 "Each drive speed stands in one log: a difference between specimens, days or loads would count as one "
-                "of speed, and the intervals hold a usual one. Repeat one speed, or state specimen = 0 under "
+                "of speed, and the intervals include a usual one. Repeat one speed, or state specimen = 0 under "
                 "[tolerances] where all logs are of one specimen."
             )
     doubts = [(log.entry.path.name, f.message) for log in prepared for f in log.record.findings if f.code == DISAGREES]
@@ -202,7 +203,7 @@ def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> Iterator[
     yield from _events(prepared, found)
     yield from () if found.estimated is None else found.estimated.notes
     for index, reason in sorted(found.left_out.items()):
-        yield f"Log {index + 1} took no part in the fit: {reason}."
+        yield f"Log {index + 1} was left out of the fit: {reason}."
 
 
 def _events(prepared: list[Prepared], found: Findings) -> Iterator[str]:

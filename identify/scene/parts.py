@@ -151,7 +151,7 @@ def _rig(value: object, parameters: object, effects: Effects) -> tuple[Rig, Damp
     if zeta is not None and zeta > 1.0:
         raise SceneError(
             f"[rig] zeta is {zeta:g}, more than critical damping (1); expected a ratio such as 0.05 or "
-            '"5 %"; a rig that hardly swings has damping = "… N/m"'
+            '"5 %"; for a rig that barely oscillates give damping = "… N/m"'
         )
     if decrement is not None:
         zeta = decrement / math.hypot(2.0 * math.pi, decrement)

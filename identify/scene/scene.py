@@ -316,7 +316,7 @@ def _check_consistent(scene: Scene) -> None:
                 )
             if spec.per not in (None, EACH_LOG, *entry.labels):
                 raise SceneError(
-                    f"{name} differs by {spec.per}, of which log {entry.path.name} says nothing; give it labels = "
+                    f"{name} differs by {spec.per}, but log {entry.path.name} has no such label; give it labels = "
                     f'{{ {spec.per} = "…" }}, or write per = "log"'
                 )
     for name in RIG_PARAMETERS:

@@ -44,7 +44,7 @@ def read_toml(path: Path, overrides: Sequence[str] = ()) -> Tables:
             ) from None
         if isinstance(error, UnicodeDecodeError):
             raise SceneError("this is not UTF-8 text; save the scene file as UTF-8") from None
-        text, remedy = path.read_text(encoding="utf-8-sig"), "mend that line"
+        text, remedy = path.read_text(encoding="utf-8-sig"), "correct that line"
         if text.lstrip().startswith("{") and '"schema"' in text:
             remedy = "it is a result of stickslip fit: give the scene file, or the result where --result takes it"
         elif re.search(r'"[^"\n]*\\', text):
@@ -103,7 +103,7 @@ def with_rig_file(document: Mapping[str, object], folder: Path) -> Tables:
             "relative to the scene file, or a [rig] table"
         ) from None
     except ValueError as error:
-        raise SceneError(f"rig = {named!r} is not valid TOML ({error}); mend that line") from None
+        raise SceneError(f"rig = {named!r} is not valid TOML ({error}); correct that line") from None
 
 
 def located(folder: Path, path: str) -> Path:
@@ -131,7 +131,7 @@ def put(document: Tables, override: str) -> None:
     for key in keys[:-1]:
         if isinstance(place, list):
             if not key.isdecimal() or not 1 <= int(key) <= len(place):
-                raise SceneError(f"the override {override!r} asks for log {key} of {len(place)}; count them from 1")
+                raise SceneError(f"the override {override!r} refers to log {key} of {len(place)}; count them from 1")
             place = place[int(key) - 1]
         elif isinstance(place, dict):
             place = place.setdefault(key, {})

@@ -84,9 +84,7 @@ class NormalForce:
         if t.shape != f.shape or not np.all(np.diff(t) > 0) or not np.all(np.isfinite(t)):
             raise SimulationError(f"normal force has {f.size} values at {t.size} times; give one value per rising time")
         if not np.all(np.isfinite(f)):
-            raise SimulationError(
-                f"the normal force holds the value {f[~np.isfinite(f)][0]}; expected finite forces [N]"
-            )
+            raise SimulationError(f"the normal force has the value {f[~np.isfinite(f)][0]}; expected finite forces [N]")
         if np.any(f <= 0):
             raise SimulationError(
                 f"the normal force falls to {np.min(f):.3g} N at {t[np.argmin(f)]:.6g} s: lift-off is not simulated; "

@@ -287,7 +287,7 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
             if t - marked < machine.scale.time:
                 raise SimulationError(
                     f"the contact sticks and slips without time passing at {t:.6g} s (chatter): simulate sliding where "
-                    "the static coefficient hardly exceeds the kinetic one; after a long rest start shortly before its "
+                    "the static coefficient is close to the kinetic one; after a long rest start shortly before its "
                     "end, with the elongation it has there"
                 )
             marked = t

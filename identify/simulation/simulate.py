@@ -75,7 +75,7 @@ def run(
     """
     if not model.inertial:
         raise SimulationError(
-            "the effect inertia is off: without a mass nothing says how long a slip takes; add inertia to effects and "
+            "the effect inertia is off: without a mass the duration of a slip is undefined; add inertia to effects and "
             "give the mass under [rig]"
         )
     admit(model, values, duration, start or {})

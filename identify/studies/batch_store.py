@@ -50,7 +50,7 @@ class BatchError(IdentifyError):
     def __init__(self, *complaints: str) -> None:
         self.complaints = complaints
         first, number = complaints[0], len(complaints)
-        super().__init__(first if number == 1 else f"{number} things to mend, first {first}")
+        super().__init__(first if number == 1 else f"{number} things to correct, first {first}")
 
 
 @dataclass(frozen=True)

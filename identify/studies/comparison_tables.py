@@ -13,9 +13,9 @@ from identify.report.report_tables import value_text
 from identify.report.report_wording import MEANINGS, OUTCOMES, VERDICT_MARK, plain_symbol
 from identify.studies.compare import Comparison, FitEntry, PooledQuantity
 from identify.studies.operating_points import Answers, Figure
-from identify.studies.pooled import DIFFERENT, NOT_TESTED, NOT_TOLD_APART, Difference
+from identify.studies.pooled import DIFFERENT, NOT_DISTINGUISHED, NOT_TESTED, Difference
 
-VERDICT_KIND = {DIFFERENT: "good", NOT_TOLD_APART: "plain", NOT_TESTED: "fair"}
+VERDICT_KIND = {DIFFERENT: "good", NOT_DISTINGUISHED: "plain", NOT_TESTED: "fair"}
 MOST_NAMED = 6  # pairs of groups in a sentence
 
 
@@ -218,9 +218,9 @@ def _sentence(entry: PooledQuantity) -> str:
         return f"not tested: {found[0].reason}."
     apart = [(d.first, d.second) if d.value > 0 else (d.second, d.first) for d in found if d.verdict == DIFFERENT]
     named = [f"{visible(higher, 40)} above {visible(lower, 40)}" for higher, lower in apart]
-    rest, untested = (sum(d.verdict == verdict for d in found) for verdict in (NOT_TOLD_APART, NOT_TESTED))
+    rest, untested = (sum(d.verdict == verdict for d in found) for verdict in (NOT_DISTINGUISHED, NOT_TESTED))
     more = f" and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else ""
     pieces = [("; ".join(named[:MOST_NAMED]) or "no difference found") + more]
-    pieces += [f"{rest} pair{'s' * (rest != 1)} not told apart"] if named and rest else []
+    pieces += [f"{rest} pair{'s' * (rest != 1)} not distinguished"] if named and rest else []
     pieces += [f"{untested} not tested"] if untested else []
     return f"{'; '.join(pieces)}."

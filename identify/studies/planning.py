@@ -187,7 +187,7 @@ def _table(source: Path) -> list[tuple[int, list[str]]]:
     try:
         rows = [(reader.line_num, cells) for cells in reader if any(cell.strip() for cell in cells)]
     except csv.Error as error:
-        raise BatchError(f"{source} line {reader.line_num}: this is no CSV ({error}); mend that line") from None
+        raise BatchError(f"{source} line {reader.line_num}: this is no CSV ({error}); correct that line") from None
     if not rows:
         raise BatchError(f"{source}: the manifest is empty; expected a heading such as path,group,drive_speed")
     return rows

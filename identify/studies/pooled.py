@@ -27,7 +27,7 @@ from identify.base.quantiles import LEVEL, chi_square, student, student_below
 Array = NDArray[np.float64]
 T = TypeVar("T")
 
-DIFFERENT, NOT_TOLD_APART, NOT_TESTED = "different", "not told apart", "not tested"
+DIFFERENT, NOT_DISTINGUISHED, NOT_TESTED = "different", "not distinguished", "not tested"
 MOST_GROUPS = 30  # beyond these, pairs are too many to be compared
 RELATIVE_RANK = 1e-8  # of the largest singular value: columns of a design below it are combinations of the others
 ROUNDING = 1e-12  # of the largest value: scatter below it is rounding
@@ -90,7 +90,7 @@ class Difference:
         """Whether the interval leaves out zero."""
         if self.interval is None:
             return NOT_TESTED
-        return DIFFERENT if self.interval[0] > 0.0 or self.interval[1] < 0.0 else NOT_TOLD_APART
+        return DIFFERENT if self.interval[0] > 0.0 or self.interval[1] < 0.0 else NOT_DISTINGUISHED
 
     @property
     def p(self) -> float | None:

@@ -261,7 +261,7 @@ class FitProcess:
         if code is not None and code < 0:
             known = -code in set(signal.Signals)
             cause = signal.Signals(-code).name if known else f"signal {-code}"
-            cause += ", perhaps for want of memory" * (cause == "SIGKILL")
+            cause += ", perhaps because memory ran out" * (cause == "SIGKILL")
         self._errors.seek(max(0, self._errors.seek(0, os.SEEK_END) - 4000))
         detail = self._errors.read().decode("utf-8", "replace").strip()
         return End(store.CRASHED, f"{words} ({cause}); the other fits went on", detail or None)
@@ -390,7 +390,7 @@ class ClusterWorkers:
         complaints = []
         for at, (has_folder, other) in found.items():
             if not has_folder:
-                complaints.append(f"the Dask worker {at} does not see {folder}; share that folder")
+                complaints.append(f"the Dask worker {at} cannot read {folder}; share that folder")
             if other != numerics():
                 wrong = f"the Dask worker {at} has other numerics ({other}); expected {numerics()}"
                 complaints.append(f"{wrong}: install the same versions")

@@ -11,8 +11,8 @@ from identify.uneven.events import Sticks
 UNLIKE_SLOPE = 0.25  # of the stick slope that stiffness and drive speed make: a difference that is reported
 
 SLOWER_THAN_SPRING = (
-    "friction falls with sliding more slowly than the spring relaxes, so the slips show the wander of the level: "
-    "strength and weakening length cannot be told from it; use a softer spring or a slower drive"
+    "friction falls with sliding more slowly than the spring relaxes, so the slips follow the drift of the level: "
+    "strength and weakening length are not identifiable; use a softer spring or a slower drive"
 )
 NO_MAXIMUM = (
     "cycles differ, and no most likely answer was found for uneven records: look for events that are no slips "
@@ -38,17 +38,17 @@ _MEANING = {
     "weakening scales with the strength, which moves it by about 13 %",
     "strength_scatter": "scatter of the strength from stick to stick, as a share",
     "weakening_length": "sliding in which the strength is lost",
-    "mass": "from the course of the slips; the interval includes damping, stiffness, speed dependence and the law",
+    "mass": "from the shape of the slips; the interval includes damping, stiffness, speed dependence and the law",
     "stiffness": "from the slope of the sticks over the drive speed; its error includes the difference from [rig]",
-    "damping": "h of the rig, from the course of the slips; friction that rises with sliding speed looks alike",
+    "damping": "h of the rig, from the shape of the slips; friction that rises with sliding speed looks alike",
     "level_wander": "random walk of the friction level along the track",
     "level_roughness": "scatter of the friction level over a few micrometres",
     "t_cr": "from the strength against the rest of each stick",
-    "mu_s": "the level wanders along the track: there is no one static coefficient; see strength and the static peak",
-    "mu_k0": "the level wanders along the track: there is no one kinetic coefficient; see level_wander",
+    "mu_s": "the level drifts along the track: there is no one static coefficient; see strength and the static peak",
+    "mu_k0": "the level drifts along the track: there is no one kinetic coefficient; see level_wander",
     "D": "see weakening_length, which does not depend on the law of a uniform pair",
 }
-_SPEED = "not separable from the wander of the level within these slips; record several drive speeds on the same track"
+_SPEED = "not separable from the drift of the level within these slips; record several drive speeds on the same track"
 _UNIFORM = {name: _MEANING[name] for name in ("mu_s", "mu_k0", "D")} | {"delta_mu_k": _SPEED, "a": _SPEED}
 
 
@@ -65,8 +65,8 @@ def of_a_uniform_pair(name: str) -> str:
 def scatters_too_much(scatter: float) -> str:
     """Why the strength is withheld where it scatters more than a strength can."""
     return (
-        f"the strength scatters by {100 * scatter:.0f} % from stick to stick, more than one law of a stick describes: "
-        "strength and weakening length cannot be told; use a slower drive, at which every slip ends in a rest"
+        f"the strength scatters by {100 * scatter:.0f} % from stick to stick, more than one friction law describes: "
+        "strength and weakening length are not identifiable; use a slower drive, at which every slip ends in a rest"
     )
 
 
@@ -74,7 +74,7 @@ def lost_at_once(length: float) -> str:
     """Why the strength is withheld where the noise of a sample hides the sliding that takes it all; length [m]."""
     return (
         f"the strength seems lost within {three_figures(1e9 * length)} nm of sliding, less than the noise of a sample "
-        "hides: strength and weakening length cannot be told; use a slower drive, or reduce the noise"
+        "hides: strength and weakening length are not identifiable; use a slower drive, or reduce the noise"
     )
 
 

@@ -93,7 +93,7 @@ def test_the_form_and_the_text_of_a_scene_say_the_same(root, page):
 def test_a_slider_moves_the_simulated_force(root, page):
     go(page, "try?scene=pair.toml")
     page.wait("document.querySelector('#view').dataset.tried")
-    off = "document.querySelector('#told').textContent"
+    off = "document.querySelector('#summary').textContent"
     before = page.ask(off)
     assert re.search(r"slips simulated, \d+ measured, [\d.]+ m?s (early|late) in the median", before)
     page.type("[data-parameter=mu_s]", "250")

@@ -69,7 +69,7 @@ def test_a_zero_of_the_friction_force_is_named_where_the_load_varies():
     ("restrained", "name", "by"),
     [
         ({"t_cr": {"prior": {"mean": 2.0, "sd": 0.02}}}, "t_cr", "its prior (2 s ± 0.02 s)"),
-        ({"D": {"fixed": 1e-4}}, "D", "the value it is held at (0.1 mm)"),
+        ({"D": {"fixed": 1e-4}}, "D", "the value it is fixed at (0.1 mm)"),
         ({"a": {"upper": 150.0}}, "a", "its bounds"),
     ],
     ids=["prior", "held", "bound"],

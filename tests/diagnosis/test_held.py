@@ -33,7 +33,7 @@ def test_a_wrong_rig_that_friction_absorbs_is_named():
     wrong = Scene.from_document(_scene(**{name: factor * RIG[name]}).as_document() | exact, Path())
     found = _found(wrong, drawn(LOGS, seed=3))
     assert found.status is Status.MODEL_MISFIT
-    assert found.message.startswith("the data ask for ") and "the misfit is noise" in found.message
+    assert found.message.startswith("the fit is better with ") and "the misfit is noise" in found.message
     assert f"a {name} of " in found.message and "instead of" in found.message
     freed = Scene.from_document(wrong.as_document() | {"parameters": {name: {"start": factor * RIG[name]}}}, Path())
     free = _found(freed, drawn(LOGS, seed=3))
@@ -49,7 +49,7 @@ def test_a_right_rig_is_not_contradicted():
     far = []
     for seed in range(2):
         found = _found(_scene(), drawn(LOGS, seed=seed))
-        assert found.status is Status.CONVERGED and "the data ask for" not in found.message
+        assert found.status is Status.CONVERGED and "the fit is better with" not in found.message
         assert list(found.held) == ["mass", "stiffness", "damping"]
         far += [h.squared_distance for h in found.held.values()]
     assert 0.2 < np.mean(far) < 2.5, "squared distances of one degree of freedom each"

@@ -24,4 +24,4 @@ def test_the_truth_is_found(name):
         found = result["parameters"][parameter]
         off = abs(found["value"] - true)
         assert off < 3.0 * found["standard_error"] or off < 1e-4 * abs(true), parameter
-    assert ("hold no noise" in result["message"]) == name.startswith("noise_free")
+    assert ("have no noise" in result["message"]) == name.startswith("noise_free")

@@ -75,7 +75,7 @@ WEAR = 1e-6 * TIME
 @pytest.mark.parametrize(
     ("name", "unit", "values", "words"),
     [
-        ("drive_speed", "", None, "no drive speed, and the log does not tell it; give drive_speed"),
+        ("drive_speed", "", None, "no drive speed, not stated in the log; give drive_speed"),
         ("Velocity", "m/s", 1e-3 * (2 + np.sin(TIME)), "column Velocity goes gradually"),
         ("Position", "m", 1e-3 * np.sin(TIME), "column Position does not move evenly"),
         ("Position", "m", np.full(TIME.size, -0.69e-3), "column Position stands still"),
@@ -110,8 +110,8 @@ def test_one_speed_goes_with_a_window_a_late_start_and_strokes_of_a_position():
 
 
 @pytest.mark.parametrize(("stated", "words"), [
-    (1.03e-3, "1.03 mm/s at 0 s, but the drive speed of the log says 1 mm/s there"),
-    ([[0, 1e-3], [4.6, 2e-3], [8.0, 1e-3]], "1 mm/s at 4 s, but the drive speed of the log says 2 mm/s"),
+    (1.03e-3, "1.03 mm/s at 0 s, but the drive speed of the log is 1 mm/s there"),
+    ([[0, 1e-3], [4.6, 2e-3], [8.0, 1e-3]], "1 mm/s at 4 s, but the drive speed of the log is 2 mm/s"),
     ([[0, 1e-3], [4.0, 2e-3]], "2 mm/s at 8 s"),
 ])  # fmt: skip
 def test_a_contradiction_is_a_warning_in_one_sentence(stated, words):

@@ -92,7 +92,7 @@ def test_slips_of_two_samples_do_not_slide_and_their_log_says_how_to_sample_it(v
     log = prepare(scene, scene.logs[0], record, from_scene(scene))
     assert (log.fit_mode.rhythm is None) == vibrates
     if not vibrates:
-        assert "log_1.csv seems to slide, but swings by 0.0" in log.left_out
+        assert "log_1.csv seems to slide, but oscillates by 0.0" in log.left_out
         assert "sample it at 2.1e+02 Hz or more" in log.left_out
 
 

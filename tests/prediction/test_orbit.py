@@ -104,7 +104,7 @@ def test_closed_forms_of_linear_weakening_hold_where_the_contact_is_saturated():
 
 def test_closed_forms_say_which_effects_they_do_not_know():
     forms = asked(1e-3, (*MAIN, "skin_compliance"))["closed_forms"]
-    assert forms["ignores"] == ["skin_compliance"] and "knows nothing of skin" in forms["Pi"]["validity"]
+    assert forms["ignores"] == ["skin_compliance"] and "does not include skin" in forms["Pi"]["validity"]
     natural = np.sqrt(DEMO["stiffness"] / DEMO["mass"]) / (2 * np.pi)
     # a damper that is tuned at its own frequency is h/omega
     assert known_settings({**DEMO, "damping_frequency": 2 * natural})["damping"] == pytest.approx(147.0 / 2, rel=1e-12)

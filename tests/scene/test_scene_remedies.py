@@ -98,7 +98,7 @@ def _file_cases(folder):
     with_rig = GOOD[: GOOD.index("[rig]")] + 'rig = "{}"\n' + GOOD[GOOD.index("[parameters]") :]
     yield lambda: Scene.from_toml(folder / "none.toml"), "give an existing one", good
     yield written(GOOD.encode("utf-16")), "save the scene file as UTF-8", good
-    yield written(GOOD.replace("[rig]", "[rig")), "mend that line", good
+    yield written(GOOD.replace("[rig]", "[rig")), "correct that line", good
     for name in (r"C:\Users\me\slow.csv", r"C:\new\slow.csv", r"C:\new\table.csv"):
         text = re.sub(r'path = "[^"]*"', lambda _, name=name: f'path = "{name}"', GOOD, count=1)
         yield written(text), "write paths of Windows within '", written(text.replace(f'"{name}"', f"'{name}'"))

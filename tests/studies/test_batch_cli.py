@@ -92,7 +92,7 @@ def test_every_complaint_is_told_and_nothing_is_begun(folder, capsys):
     asked = ["batch", case[0], "--scene", case[1], "--out", "out"]
     code, out, words = stickslip(capsys, *asked)
     assert (code, out) == (2, "") and "Traceback" not in words and not Path("out").exists()
-    assert "mass" in words and "none.csv" in words and "no drive speed" in words and "3 things to mend" in words
+    assert "mass" in words and "none.csv" in words and "no drive speed" in words and "3 things to correct" in words
     code, out, _ = stickslip(capsys, *asked, "--json")
     document = json.loads(out)
     assert code == 2 and document["status"] == "error" and len(document["errors"]) == 3

@@ -106,7 +106,7 @@ def test_everything_wrong_is_listed_at_once(case):
     [
         ("", ["expected a heading such as path,group,drive_speed"], GOOD),
         (GOOD.encode("utf-16"), ["save the manifest as CSV in UTF-8"], GOOD),
-        ('path,group,drive_speed\n"a.csv"x,G,1 mm/s\n', ["mend that line"], GOOD),
+        ('path,group,drive_speed\n"a.csv"x,G,1 mm/s\n', ["correct that line"], GOOD),
         ("log,group,drive_speed\na.csv,G,1 mm/s\n", ["expected path,group,drive_speed"], GOOD),
         (GOOD.replace("group", "path"), ["rename one column"], GOOD),
         (MASS.replace("rig", "rgi"), ["'rig'"], MASS),

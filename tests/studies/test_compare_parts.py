@@ -7,7 +7,7 @@ import pytest
 
 from identify.studies.compare import ComparisonQuestion, compare, count, parts, read_fits
 from identify.studies.operating_points import NOTHING, common, group_answers
-from identify.studies.pooled import DIFFERENT, NOT_TOLD_APART
+from identify.studies.pooled import DIFFERENT, NOT_DISTINGUISHED
 from tests.support.comparing_case import NAMES, document, write_fit
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
@@ -54,7 +54,7 @@ def study(folder, raised=0.0, per="volunteer"):
 
 
 @pytest.mark.parametrize("per", ["volunteer", "log"])
-@pytest.mark.parametrize(("raised", "verdict"), [(0.0, NOT_TOLD_APART), (0.1, DIFFERENT)])
+@pytest.mark.parametrize(("raised", "verdict"), [(0.0, NOT_DISTINGUISHED), (0.1, DIFFERENT)])
 def test_values_of_each_person_are_pooled_over_people(tmp_path, per, raised, verdict):
     """Two materials on the same people: the same where nothing was raised; control: different where it was."""
     found = compare(study(tmp_path, raised, per), ComparisonQuestion("material"))

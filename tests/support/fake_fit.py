@@ -122,7 +122,7 @@ def with_parameters(fit: Fit, **changes: dict[str, Any]) -> Fit:
 
 def with_verdicts(fit: Fit) -> Fit:
     """The same fit with every kind of verdict."""
-    test, none = "a log at 5 mm/s sampled at 1 kHz or more would tell", {"standard_error": None}
+    test, none = "a log at 5 mm/s sampled at 1 kHz or more is needed", {"standard_error": None}
     return with_parameters(
         fit,
         a={**none, "interval": [112.0, None], "verdict": "not identifiable", "reason": test},

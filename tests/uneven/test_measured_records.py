@@ -47,7 +47,7 @@ def test_a_record_that_hides_the_weakening_still_tells_the_mass():
     maximum = maximise([sticks])
     mass = mass_of(maximum, sticks.rig.error)
     assert mass.lower < 0.017 < 0.0224 < mass.upper < 3.5 * mass.lower
-    assert "cannot be told" in why_withheld(maximum, [sticks])
+    assert "not identifiable" in why_withheld(maximum, [sticks])
 
 
 @measured

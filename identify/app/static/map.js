@@ -64,7 +64,7 @@ export async function mapView(host, asked, session) {
   const speed = () => `drive_speed=${Number((axis("drive_speed").value * 1e3).toPrecision(10))} mm/s`;
   const range = (quantityName, low, high) => low.value.trim() && high.value.trim() ? [`${quantityName}=${low.value.trim()}:${high.value.trim()}`] : [];
   const limits = ["across from", "across to", "up from", "up to"].map((label) => element("input", { size: 10, "aria-label": label }));
-  // drive speeds reach beyond where stick-slip ends: a map without its end tells little
+  // drive speeds reach beyond where stick-slip ends: a map without its end is of little use
   const ends = (name) => name === "drive_speed" ? before.ends.filter((end) => end !== null) : [];
   const inUnits = () => limits.forEach((limit, i) => {
     const one = axis(i < 2 ? across : up), far = ends(one.name);

@@ -8,7 +8,7 @@ const HAIR = 1 / (devicePixelRatio || 1); // thicker lines of thousands of point
 
     panels: [{label, unit, height, series: [{row, label, color, dash}]}]; ask(begin, end) gives rows, the first the time;
     drawOver(plot, panel) draws over them; hover(time); mode(): "move", or the name that picks(begin, end, name, click)
-    is told; moved(begin, end). */
+    is called; moved(begin, end). */
 export class TimeView {
   constructor(host, { panels, begin, end, shown, ask, drawOver, hover, mode, picks, moved }) {
     Object.assign(this, { host, panels, ask, drawOver, hover, picks, moved, whole: [begin, end], mode: mode ?? (() => "move") });

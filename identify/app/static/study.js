@@ -25,7 +25,7 @@ function forest(host, groups, name, label) {
   host.onclick = (event) => { const row = rows[Math.round(made.y(event.offsetY))]; if (row?.fit) location.hash = address("fit", { path: row.fit }); };
 }
 
-/** Groups and labels of the chosen logs, as they were left: `kept`, rows of the manifest; `changed` is told of every change. */
+/** Groups and labels of the chosen logs, as they were left: `kept`, rows of the manifest; `changed` is called on every change. */
 function manifest(session, host, speeds, kept, changed) {
   const paths = new Set(meant(session)), logs = session.folder.logs.filter((log) => paths.has(log.path));
   if (!logs.length) { put(host, element("p", {}, "There is no log in this folder yet: add some in ", link("the table of logs", "logs"), ".")); return null; }
