@@ -84,7 +84,7 @@ def test_steps_meet_across_midnight_and_a_missing_start_is_said(tmp_path):
 
 def test_several_runs_must_be_chosen(tmp_path):
     path = log(tmp_path, run_text(1, step_text(1, 20)), run_text(2, step_text(1, 30), step_text(2, 10)))
-    with pytest.raises(LogError, match=r"runs 1, 2.*--run"):
+    with pytest.raises(LogError, match=r"runs in the log: 1, 2.*--run"):
         read_log(path)
     assert len(read_log(path, run=1)) == 20
     second = read_log(path, run=2)

@@ -327,7 +327,7 @@ def test_labview_with_one_x_column_and_starts_past_midnight(tmp_path):
 
 @pytest.mark.parametrize("apart", [True, False])
 def test_tables_side_by_side_are_runs(tmp_path, apart):
-    with pytest.raises(LogError, match=r"runs 1 \(columns 1 to 3\), 2 \(columns 5 to 7\).*--run"):
+    with pytest.raises(LogError, match=r"runs in the log: 1 \(columns 1 to 3\), 2 \(columns 5 to 7\).*--run"):
         read_log(CASES / "side_by_side.xlsx")
     one, two = (read_log(CASES / "side_by_side.xlsx", run=run) for run in (1, 2))
     assert np.median(one.normal_force) == pytest.approx(1.0, abs=0.01)

@@ -111,7 +111,7 @@ def test_a_slow_channel_that_stops_for_a_while_is_no_load(tmp_path: Path) -> Non
     time, force, load, _ = drawn(0, rows=2000)
     there = (np.arange(time.size) % 10 == 0) & ((time < time[700]) | (time > time[1300]))
     written(tmp_path / "log.csv", time, force, np.where(there, load.astype(str), ""))
-    with pytest.raises(LogError, match="normal force holds no number in rows"):
+    with pytest.raises(LogError, match="normal force has no number in rows"):
         read_log(tmp_path / "log.csv")
 
 

@@ -71,7 +71,7 @@ def test_groups_are_runs(tmp_path):
         ("slow", "Fx_N", np.arange(N) % 7 + 0.5, wave()), ("slow", "Fz_N", np.full(N, 3.0), wave()),
         ("fast", "Fx_N", np.arange(N) % 5 + 0.5, wave()), ("fast", "Fz_N", np.full(N, 4.0), wave()),
     )  # fmt: skip
-    with pytest.raises(LogError, match=r"runs 1, 2; .*--run"):
+    with pytest.raises(LogError, match=r"runs in the log: 1, 2; .*--run"):
         read_log(path)
     both = {record.steps[0].parameters["group"]: record for record in (read_log(path, run=run) for run in (1, 2))}
     assert both["fast"].normal_force[0] == 4.0 and both["slow"].friction_force[6] == 6.5

@@ -60,7 +60,7 @@ def test_quantities(text, unit, value):
     ],
 )  # fmt: skip
 def test_what_is_no_quantity_is_refused(text, unit):
-    with pytest.raises(UnitError, match=r"found|unknown|holds"):
+    with pytest.raises(UnitError, match=r"found|unknown|has a"):
         parse_quantity(text, unit)
 
 

@@ -101,7 +101,7 @@ def test_scene_that_cuts_the_block_out_is_prepared(name):
     assert not any(f.code == "dropouts" for log in prepared for f in log.judgement.findings)
     assert sum(len(log.segmentation.cycles.onset) for log in prepared) >= 3
     untouched = Scene.from_document({**dict(scene.as_document()), "logs": [{"path": str(NAN_BLOCK)}]}, CASES)
-    with pytest.raises(LogError, match="holds no number"):
+    with pytest.raises(LogError, match="has no number"):
         read_entry(untouched, 0)
 
 

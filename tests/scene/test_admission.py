@@ -19,7 +19,7 @@ NAN = math.nan
         (Scene({}, ((0.0, 1e-3), (0.5, math.inf)), 1.0), "drive runs at .*inf.* expected finite"),
         (Scene({}, 1e-3, NAN), "duration is nan s; expected a positive time"),
         (Scene({}, 1e-3, math.inf), "duration is inf s; expected a positive time"),
-        (Scene({}, 1e-3, 1.0, force=NAN), "normal force holds the value nan"),
+        (Scene({}, 1e-3, 1.0, force=NAN), "normal force has the value nan"),
         (Scene({}, 1e-3, 1.0, force=((0.0, 1.0), (NAN, 2.0))), "one value per rising time"),
         (Scene({}, 1e-3, 1.0, force=((0.0, 1.0), (0.5, -1.0))), "falls to -1 N at 0.5 s: lift-off is not simulated"),
         (Scene({"mass": -1.0}, 1e-3, 1.0), "mass is -1 kg; expected a positive number"),
