@@ -102,8 +102,9 @@ def evened(time: FloatArray, of_step: str = "") -> tuple[FloatArray, list[Findin
     what to say.
 
     A clock of 800 Hz that is written in milliseconds has steps of 1 and 2 ms, and moves samples by up to half of one.
-    No stamp of an even clock is further than half a rounding step from where it belongs; a clock that jitters more, or
-    has gaps, is left as it is. Rows may share a stamp where the step is longer than the interval.
+    No stamp of an even clock is further than half a rounding step from where it belongs, and no two of its intervals
+    differ by more than a step; a clock that jitters more, or has gaps, is left as it is. Rows may share a stamp where
+    the step is longer than the interval.
     """
     if time.size < _FEWEST:
         return time, []
@@ -117,7 +118,7 @@ def evened(time: FloatArray, of_step: str = "") -> tuple[FloatArray, list[Findin
     places = np.arange(time.size)
     slope, begin = np.polyfit(places, time - time[0], 1)
     even = time[0] + begin + slope * places
-    if np.ptp(time - even) > _WITHIN * step:
+    if np.ptp(time - even) > _WITHIN * step or np.ptp(change) > 1.5 * step:
         return time, []
     text = (
         f"the time stamps{of_step} are rounded to {step:.4g} s; they are those of an even clock of {1.0 / slope:.5g} Hz"

@@ -127,6 +127,9 @@ def column_factor(unit: str, si_unit: str, file_unit: str | None = None) -> floa
     counts = file_unit is None or _QUANTITY.fullmatch(file_unit.strip()) is not None
     if counts and match[2] and "/" not in match[2]:  # Time [0.01 s]: the unit of one count
         return float(match[1]) * factor(match[2], si_unit)
+    above, _, counted = unit.strip().rpartition("/")
+    if counts and file_unit and counted.strip() == file_unit.strip():  # 2.5 s/0.01 s: what one such count is
+        return parse_quantity(above, si_unit)
     below = file_unit or (match[2].rpartition("/")[2] if "/" in match[2] else "")
     scale, own = _parsed(match[2] or "1"), _parsed(below or "1")
     whole = None if scale is None or own is None else scale * own

@@ -266,6 +266,7 @@ def test_clocks_that_jitter_have_gaps_or_are_even_stay():
         np.sort(random.choice(even, 1500, replace=False)),
         np.delete(np.floor(even * 64) / 64, slice(1000, 1200)),
         np.concatenate([even[:100], even[100:200] + 5.0]),
+        np.r_[0.0, np.delete(even, 2)[:74] + 0.006, even[74:79] + 0.006],  # begins late, a row lost, another twice
     ):
         same, findings = evened(stamps)
         assert same is stamps and findings == []

@@ -170,6 +170,13 @@ def test_marks_between_thousands_are_no_delimiters(tmp_path: Path, mark: str) ->
     check(tmp_path / "log.csv", time, force, load, 1e-3)
 
 
+@pytest.mark.parametrize("said", [{}, {"time": "10 ms"}, {"time": "0.01 s/0.01 s"}])
+def test_a_header_may_say_what_one_count_is(tmp_path: Path, said: dict[str, str]) -> None:
+    time, force, load, _ = drawn(0)
+    written(tmp_path / "log.csv", (100.0 * time).tolist(), force, load, unit="0.01 s")
+    np.testing.assert_allclose(read_log(tmp_path / "log.csv", units=said).time, time, atol=2e-6)
+
+
 @pytest.mark.parametrize(("shown", "stored"), [("0.0%", 0.01), ("0.00", 1.0)])
 def test_a_cell_shown_in_percent_holds_a_hundredth_of_it(tmp_path: Path, shown: str, stored: float) -> None:
     time, force, load, _ = drawn(4, rows=200)
