@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 from typing import TypeGuard
 
 import numpy as np
@@ -20,9 +19,8 @@ from numpy.typing import NDArray
 from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
-from identify.estimation.attempt import Attempt, place_on, solve_again, solve_from, solve_placed, usable
+from identify.estimation.attempt import Attempt, place_on, solve_from, solve_placed, usable
 from identify.estimation.goodness_of_fit import loads_stand_in
-from identify.estimation.residual_autocorrelation import MORE
 from identify.estimation.starts import Sources, starts_of
 from identify.estimation.stick_strength import with_own_strengths, with_strengths
 from identify.estimation.strategies import in_time, tried
@@ -33,7 +31,6 @@ Array = NDArray[np.float64]
 
 REQUIRED_CYCLES = 3  # of a log that an answer has to describe
 STARTS = 4  # feature starts that are solved at most
-FIRM = 1000.0  # of the priors about a start, in units of the weakest: a logarithm stays within a tenth
 COST_CUTOFF = 8.0  # cost per residual of a start that no solve will save
 
 
@@ -80,10 +77,6 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
         # What passes as autocorrelated noise may yet be a misfit that another start has not.
         if _fits(best) and best.gate.level == 1.0 and expected <= set(best.log_numbers):
             break
-    # The end is no motion of the model, or one that no noise, however autocorrelated, takes so far from the data.
-    lost = best is None or not np.isfinite(best.excess) or not best.gate.chi2_per_sample < 1.0 + MORE
-    if able and lost and alike([prepared[i] for i in starting]):
-        best = _better(best, tried("held near a start", lambda: _held_near(problem, starting), logs=starting))
     why = "does not stick-slip, or not like this, at the answer of the other logs"
     if best is None:
         why = "is not reproduced by any start: the model slides steadily where it sticks"
@@ -173,21 +166,6 @@ def _treatments(log: Prepared) -> Iterator[Prepared]:
     settled = settled_part(log)
     if settled is not None:
         yield settled
-
-
-def _held_near(problem: SearchProblem, starting: list[int]) -> Attempt | None:
-    """A motion of the model near the start of the data, solved under firm priors about it and then without them: where
-    something that is stated is wrong, the parameters run off to make up for it, and no motion is left that says what.
-    """
-    prepared, unknowns = problem.prepared, problem.unknowns
-    for theta in islice(starts_of([prepared[i] for i in starting], unknowns), STARTS):
-        near = solve_from(prepared, starting, replace(unknowns, start=theta).within_region(FIRM))
-        if near is not None and np.isfinite(near.excess):
-            free = solve_again(near, replace(unknowns, start=near.solved.theta))
-            return min(near, free, key=lambda each: each.excess)
-        if time_is_up():
-            break
-    return None
 
 
 def _group_by_group(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]] | None:

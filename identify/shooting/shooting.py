@@ -288,7 +288,9 @@ class Problem:
             unknowns: as those of this problem; start holds the values of what is no unknown here, the priors count.
         """
         layout, x = self.layout, z * self.layout.scale
-        every = self._transcribed(replace(unknowns, free=np.ones_like(unknowns.free)), layout.grid)
+        # Laid out where this problem was, or rests might be cut into other blocks than the samples are compressed in.
+        laid_out = replace(unknowns, free=np.ones_like(unknowns.free), start=layout.unknowns.start)
+        every = self._transcribed(laid_out, layout.grid)
         theta = unknowns.start.copy()
         theta[layout.free] = x[: layout.free.size]
         out = Problem(self.logs, replace(every, unknowns=unknowns), self.moments)

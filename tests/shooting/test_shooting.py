@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identify.effects import MAIN
 from identify.logs.unknowns import FORGOTTEN
 from identify.model.model import SPEED, assemble
 from identify.shooting.blocks import AgeingBlock
@@ -290,6 +291,26 @@ def test_a_point_keeps_its_cost_where_every_parameter_is_unknown(per, jitter):
         spread = unknowns.spread[unknowns.names.index("mu_s")]
         soft, _ = problem.with_all_parameters(unknowns.with_weak_priors(), z)
         assert every.layout.prior_sd[own[0]] == FORGOTTEN * spread > soft.layout.prior_sd[own[0]]
+
+
+def test_the_information_is_taken_in_the_blocks_of_the_solve_however_far_a_lag_moved():
+    """A rest is cut where its decays are gone: at a longer lag into fewer blocks, and the samples are of the first."""
+    model = assemble((*MAIN, "sensor_lag"))
+    unknowns = case.search_space(case.PAIR | {"lag_time": 1e-3}, (*case.FRICTION, "lag_time"), model=model)
+    log = case.simulated(case.PAIR, *case.MIDDLE)
+    data = [case.log_data(log, unknowns, noise_seed=1)]
+    problem = shooting_problem(data, case.placed(unknowns, [log], data, SMALL), unknowns, SMALL)
+    at = unknowns.names.index("lag_time")
+    far = unknowns.start + np.log(30.0) * (np.arange(unknowns.free.size) == at)
+    z = problem.start.copy()
+    place = int(np.flatnonzero(problem.layout.free == at)[0])
+    z[place] = far[at] / problem.layout.scale[place]
+    moved = transcribe(data, list(problem.layout.trajectories), replace(unknowns, start=far), SMALL)
+    counts = [sum(len(family.rows) for family in layout.families) for layout in (problem.layout, moved)]
+    assert counts[1] < counts[0]
+    every, there = problem.with_all_parameters(replace(unknowns, start=far), z)
+    cost = problem.evaluate(z, derivatives=True).cost
+    assert every.evaluate(there, derivatives=True).cost == pytest.approx(cost, rel=1e-9)
 
 
 def test_a_trust_region_is_a_prior_that_adds_its_information():
