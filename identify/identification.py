@@ -25,7 +25,6 @@ from identify.base.errors import FitError
 from identify.base.linear import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
-from identify.base.result import NextLogResult
 from identify.base.wording import told_apart
 from identify.bench.next_log import advised, next_logs
 from identify.diagnosis.explain import MISFITS, explain, leading_score
@@ -164,7 +163,14 @@ def fit(
                 logs, findings = plain_or_uneven(task)
             else:
                 logs, findings = task.prepared, estimated_by(estimator, task)
-            findings, proposed = _with_next_logs(findings, trace, report)
+            proposed = None
+            if findings.status is Status.CONVERGED and findings.attempt is not None:
+                report(NEXT_LOG, 0.95)
+                proposed = next_logs(findings)
+                if proposed is not None:
+                    findings = advised(findings, proposed)
+                elif time_is_up():
+                    trace.not_tried.append(NEXT_LOG)
         findings = _with_trace(findings, trace, used.time_limit)
     report(LAST_STAGE, 0.95)
     used, curves = findings.scene or used, _curves(logs, findings)
@@ -177,7 +183,7 @@ def fit(
     document = (stated if stated.effects != "auto" else used).as_document()
     result = replace(
         result,
-        next_logs=proposed,
+        next_logs=proposed or (),
         notes=(*drives, *result.notes),
         provenance={**result.provenance, "scene": document, "starts": task.starts, "asked": asked.document()},
     )
@@ -393,17 +399,6 @@ def _quantified(task: Task, prepared: list[Prepared], attempt: Attempt | None, l
     accepted = attempt.fits and sure.refused is None
     held = against_data(attempt, unknowns, rig, largest_inflation(attempt, sure.allowed.noise)) if accepted else {}
     return Findings(status, message, unknowns, attempt, left_out, sure, held)
-
-
-def _with_next_logs(findings: Findings, trace: Trace, progress: Progress) -> tuple[Findings, tuple[NextLogResult, ...]]:
-    """Findings of an answer with the log to add beside every verdict that leaves something open, and these logs."""
-    if findings.status is not Status.CONVERGED or findings.attempt is None:
-        return findings, ()
-    progress(NEXT_LOG, 0.95)
-    logs = next_logs(findings)
-    if logs is None and time_is_up():
-        trace.not_tried.append(NEXT_LOG)
-    return (findings, ()) if logs is None else (advised(findings, logs), logs)
 
 
 def _with_trace(findings: Findings, trace: Trace, limit: float) -> Findings:

@@ -125,7 +125,6 @@ def score_table(solved: Solved, columns: Sequence[Column], inflation: float = 1.
     x, near = z * layout.scale, AT_BOUND * layout.scale
     moving = np.flatnonzero((x - layout.lower > near) & (layout.upper - x > near))
     point = problem.evaluate(z, derivatives=True)
-    assert point.hessian is not None and point.jacobian is not None and point.gradient is not None
     hessian, jacobian = point.hessian[moving][:, moving].tocsc(), point.jacobian[:, moving].tocsc()
     kept = np.concatenate([moving, layout.size + np.arange(layout.rows)])
     border = border[:, kept].transpose(1, 0, 2).reshape(kept.size, logs * k)

@@ -147,7 +147,8 @@ def certainty(attempt: Attempt, q: Question) -> Certainty | None:
             q.progress("looking for other optima", None)
             optima = multistart(attempt, q.unknowns, q.seed, here.covariance)
             if optima[0].attempt is not attempt:
-                here = _moved(optima[0].attempt, q)
+                attempt = optima[0].attempt
+                here = _at(attempt, information_at(attempt.solved, q.unknowns), q)
                 refused = _held_by_event(here)
         if refused is None and (along := _profiled(here, q)):
             here, profiles, refused = _with_profiles(here, along, optima, q)
@@ -197,10 +198,6 @@ def _at(
         out.joint[:f, :f] = widened(seen.covariance, np.array(likely), np.maximum(limits, CRITICAL))
     found = estimates(unknowns, theta, q.base, out.covariance, at_bound=bounds, hints=texts, profiles=intervals)
     return replace(out, estimates=not_determined(found, solved.trajectories, texts))
-
-
-def _moved(attempt: Attempt, q: Question) -> Certainty:
-    return _at(attempt, information_at(attempt.solved, q.unknowns), q)
 
 
 def _groups(here: Certainty, q: Question) -> tuple[list[Share], list[tuple[Share, Estimate]]]:
@@ -326,7 +323,7 @@ def _restarted(here: Certainty, profiles: Profiles, q: Question) -> tuple[Certai
     if profiles.gain < here.region and (not moved.fits or np.any(unknowns.at_own_bounds(theta))):
         return here, None
     if moved.fits:
-        return _moved(moved, q), None
+        return _at(moved, information_at(moved.solved, unknowns), q), None
     values = unknowns.values(lower.theta, q.base)
     where = ", ".join(
         f"{unknowns.names[i]} = {values[i]:.4g} {unknowns.model.parameters[i].unit}".rstrip()

@@ -94,7 +94,6 @@ def information(problem: Problem, z: Array) -> Information:
     if layout.free.size != n_p:
         raise ValueError("the information matrix wants a problem with every parameter among its unknowns")
     point = problem.evaluate(z, derivatives=True)
-    assert point.hessian is not None and point.jacobian is not None
     hessian = (point.hessian + sp.triu(point.hessian, 1).T).tocsc()
     jacobian = point.jacobian.tocsc()
     kept = kept_parameters(layout)
@@ -192,8 +191,14 @@ def estimates(
             out.append(replace(nothing, verdict="at bound", reason=at_bound[name]))
             continue
         curvature = float(theta[of] - NORMAL * sd[of]), float(theta[of] + NORMAL * sd[of])
-        interval, walled = _within_walls(unknowns, of, profiles.get(unknowns.names[of], curvature))
-        low, high = (parameter_value(unknowns, i, end, base[i]) for end in interval)
+        ends, walls = list(profiles.get(unknowns.names[of], curvature)), list[str]()
+        for side, (word, bound) in enumerate((("lower", unknowns.lower[of]), ("upper", unknowns.upper[of]))):
+            end = ends[side]
+            if unknowns.walls[side, of] and (end is None or (end <= bound if side == 0 else end >= bound)):
+                ends[side] = float(bound)
+                walls.append(word)
+        walled = f"its interval ends at the {' and '.join(walls)} bound of the scene" if walls else ""
+        low, high = (parameter_value(unknowns, i, end, base[i]) for end in ends)
         verdict = verdict_of(value, low, high, float(size_of[i]), declared.scale == "log")
         tied = f"tied to {unknowns.names[of]}" if of != i else ""
         if verdict == "not identifiable" or low is None or high is None:
@@ -205,7 +210,10 @@ def estimates(
             continue
         error = sd[of] * (value if declared.scale == "log" else 1.0)
         known = [] if verdict == "identified" else [hints.get(name, "more cycles are needed")]
-        reason = tied or "; ".join(filter(None, (*known, _prior_share(unknowns, i, sd[i]), walled)))
+        if math.isfinite(prior := float(unknowns.prior_deviation[i])) and of == i:
+            share = min(100.0, 100 * sd[i] ** 2 / prior**2)
+            known.append(f"its prior (or tolerance) carries {share:.0f} % of the information")
+        reason = tied or "; ".join(filter(None, (*known, walled)))
         out.append(Estimate(name, declared.unit, value, float(error), low, high, verdict, reason))
     return out
 
@@ -215,16 +223,6 @@ def sizes(unknowns: Unknowns, values: Array) -> Array:
     mu_s, mu_k0 = (float(values[unknowns.names.index(name)]) for name in ("mu_s", "mu_k0"))
     weakening = np.array([name == "delta_mu_k" for name in unknowns.names])
     return np.where(weakening, abs(mu_s - mu_k0), np.abs(values))
-
-
-def _within_walls(unknowns: Unknowns, i: int, interval: Interval) -> tuple[Interval, str]:
-    """The interval without what the scene's own bounds exclude, and a sentence where they do."""
-    (lower, upper), ends = interval, list[str]()
-    if unknowns.walls[0, i] and (lower is None or lower <= unknowns.lower[i]):
-        lower, ends = float(unknowns.lower[i]), ["lower"]
-    if unknowns.walls[1, i] and (upper is None or upper >= unknowns.upper[i]):
-        upper, ends = float(unknowns.upper[i]), [*ends, "upper"]
-    return (lower, upper), f"its interval ends at the {' and '.join(ends)} bound of the scene" if ends else ""
 
 
 def parameter_value(unknowns: Unknowns, i: int, theta: float | None, base: float) -> float | None:
@@ -246,13 +244,6 @@ def verdict_of(value: float, low: float | None, high: float | None, size: float,
         return "identified"
     within = high <= WEAK * value and low >= value / WEAK if logarithmic else widest <= (1 - 1 / WEAK) * size
     return "weak" if within else "not identifiable"
-
-
-def _prior_share(unknowns: Unknowns, i: int, sd: float) -> str:
-    prior = float(unknowns.prior_deviation[i])
-    if not math.isfinite(prior):
-        return ""
-    return f"its prior (or tolerance) carries {min(100.0, 100 * sd**2 / prior**2):.0f} % of the information"
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -58,7 +58,6 @@ def influence(solved: Solved) -> Influence:
     """
     problem, z = solved.problem, solved.solution.z
     layout, point = problem.layout, problem.evaluate(z, derivatives=True)
-    assert point.hessian is not None and point.jacobian is not None
     kept = kept_parameters(layout)
     right = np.zeros((layout.size + layout.rows, kept.size))
     right[kept, np.arange(kept.size)] = layout.scale[kept]
@@ -70,7 +69,12 @@ def influence(solved: Solved) -> Influence:
         used = (log.weight > 0.0) & np.isfinite(curve)
         moves[number] = move[used].T @ (log.force - curve)[used]
         covariances[number] = (move[used].T / log.weight[used]) @ move[used]
-    owner = _owners(problem)
+    of_log = np.zeros((count, layout.size), bool)
+    for family in layout.families:
+        for number in range(count):
+            slots = family.slots[family.log == number]
+            of_log[number, slots[slots >= 0]] = True
+    owner = np.where(of_log.sum(axis=0) == 1, np.argmax(of_log, axis=0), -1)  # -1: several logs share it
     off, beside = layout.off_prior(z * layout.scale), layout.beside(columns)
     for unknown in np.flatnonzero(np.isfinite(layout.prior_sd)).tolist():
         column, sd = beside[unknown], layout.prior_sd[unknown]
@@ -96,16 +100,6 @@ def sample_moves(problem: Problem, z: Array, columns: Array) -> list[Array]:
             weight = problem.logs[held.log].weight[held.samples]
             out[held.log][held.samples] = weight[:, None] * held.of_curve(slope)
     return out
-
-
-def _owners(problem: Problem) -> NDArray[np.int64]:
-    """Of which log each unknown (n,) is; -1 where several share it."""
-    owner = np.zeros((len(problem.logs), problem.layout.size), bool)
-    for family in problem.layout.families:
-        for log in range(len(problem.logs)):
-            slots = family.slots[family.log == log]
-            owner[log, slots[slots >= 0]] = True
-    return np.where(owner.sum(axis=0) == 1, np.argmax(owner, axis=0), -1)
 
 
 @dataclass(frozen=True)

@@ -286,7 +286,6 @@ def _factors(problem: Problem, both: Array) -> Factors | None:
     """Of the optimality conditions with the exact Hessian (n + m,); None where they are singular."""
     n = problem.layout.size
     point = problem.evaluate(both[:n], derivatives=True)
-    assert point.jacobian is not None
     try:
         return Factors(optimality_matrix(problem.exact_hessian(both[:n], 1.0, both[n:]), point.jacobian))
     except RuntimeError:  # SuperLU's only word for it
@@ -297,7 +296,6 @@ def _conditions(problem: Problem, both: Array) -> Array:
     """Gradient of the Lagrangian and rows (n + m,)."""
     n = problem.layout.size
     point = problem.evaluate(both[:n], derivatives=True)
-    assert point.gradient is not None and point.jacobian is not None
     with np.errstate(invalid="ignore"):
         return np.concatenate([point.gradient + point.jacobian.T @ both[n:], point.rows])
 

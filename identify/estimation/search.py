@@ -72,8 +72,8 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
     starting = [i for i in cycling if not prepared[i].fit_mode.low_snr] or able
     expected = {i for i in able if i in starting or prepared[i].falls.size > 1}
     best: Attempt | None = None
-    for strategy, theta in _starts(problem, starting) if able else ():
-        best = _better(best, _solved(problem, strategy, theta, starting))
+    for number, (strategy, theta) in enumerate(_starts(problem, starting) if able else ()):
+        best = _better(best, _solved(problem, strategy, theta, starting, first=number == 0))
         # What passes as autocorrelated noise may yet be a misfit that another start has not.
         if _fits(best) and best.gate.level == 1.0 and expected <= set(best.log_numbers):
             break
@@ -114,17 +114,18 @@ def _starts(problem: SearchProblem, starting: list[int]) -> Iterator[tuple[str, 
         yield strategy, theta
 
 
-def _solved(problem: SearchProblem, strategy: str, theta: Array, starting: list[int]) -> Attempt | None:
-    """What one start leads to: solved, with a strength of each stick where that is called for, joined by the other
-    logs; None where it can be placed on no log."""
+def _solved(problem: SearchProblem, strategy: str, theta: Array, starting: list[int], *, first: bool) -> Attempt | None:
+    """What one start leads to, joined by the other logs; None where it can be placed on no log. With a strength of each
+    stick where loads stand in for that, or the first start does not fit: no later one is tried so."""
     prepared, at = problem.prepared, replace(problem.unknowns, start=theta)
-    attempt = tried(strategy, lambda: solve_from(prepared, starting, at), logs=starting)
-    if attempt is None:
+    attempt = alike_sticks = tried(strategy, lambda: solve_from(prepared, starting, at), logs=starting)
+    if attempt is None or alike_sticks is None:
         return None
-    first = attempt
-    if problem.thorough and (not attempt.fits or loads_stand_in(attempt.solved)):
+    if problem.thorough and (loads_stand_in(attempt.solved) if attempt.fits else first):
         problem.progress("solving with a strength of each stick", 0.55)
-        scattered = tried("strength per stick", lambda: with_own_strengths(first, prepared, at), first, starting)
+        scattered = tried(
+            "strength per stick", lambda: with_own_strengths(alike_sticks, prepared, at), alike_sticks, starting
+        )
         if _fits(scattered):
             attempt, prepared = scattered, with_strengths(prepared, scattered.fitted_logs[0].data.strength_sd)
     late = [i for i in usable(prepared) if i not in attempt.log_numbers]

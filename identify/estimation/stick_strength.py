@@ -71,7 +71,6 @@ def _likeliest(solved: Solved, sd: float) -> float:
     """The scatter of largest marginal likelihood, from a solve with another one; 0 where none is likely."""
     problem, layout = solved.problem, solved.problem.layout
     point = problem.evaluate(solved.solution.z, derivatives=True)
-    assert point.hessian is not None and point.jacobian is not None
     about, columns = layout.prior_about[layout.varied], np.arange(layout.varied.size)
     right = np.zeros((layout.size + layout.rows, columns.size))
     right[layout.varied, columns] = layout.scale[layout.varied]
