@@ -58,7 +58,7 @@ def assemble(source: Source, request: Request, contents: Contents) -> Record:
     cleaned = [(part, []) if settled else _without_marks(part) for part in run]
     run = [part for part, _ in cleaned]
     picked = chosen(source, request, run)
-    notes = [*contents.findings, *(note for part, found in cleaned if part in picked for note in found)]
+    notes = [*contents.findings, *(note for part, messages in cleaned if part in picked for note in messages)]
     pulls = not settled and request.normal_force is None and _pressed_negative(run)
     begin = contents.skipped if len(picked) == 1 else None
     steps = []
@@ -276,8 +276,8 @@ def _check_roles(source: Source, request: Request, part: Part, label: str) -> No
             column_factor(unit, SI_UNIT[KIND[role]], name.unit)
         except UnitError as error:
             scale = f'the scale of its sensor, as in --units {role}="2.5 N/V"'
-            way = scale if unit in _VOLTS else f"--units {role}=..."
-            text = f"column {shown([name.raw])} ({words(role)}): {error}; or give it with {way}"
+            option = scale if unit in _VOLTS else f"--units {role}=..."
+            text = f"column {shown([name.raw])} ({words(role)}): {error}; or give it with {option}"
             raise source.error(text) from error
     missing = [role for role in needed if role not in part.header.roles]
     bare = [role for role in needed if role not in missing and not _unit(request, part, role)]
@@ -424,7 +424,7 @@ def _pressed_negative(run: Sequence[Part]) -> bool:
 def _raw_channels(request: Request, part: Part, settled: bool) -> list[tuple[str, FloatArray, str]]:
     """Return name, values and unit of the columns that carry no role; metres, seconds and newtons where it can be."""
     own = {find_column(part.header.names, column): name for name, column in request.columns.items()}
-    found: list[tuple[str, FloatArray, str]] = []
+    raw: list[tuple[str, FloatArray, str]] = []
     taken: set[str] = set(COLUMN_ROLES)
     roles = {r: i for r, i in part.header.roles.items() if request.normal_force is None or r != "normal_force"}
     used = {*roles.values(), *(_filled(part, index) for index in roles.values())}
@@ -440,8 +440,8 @@ def _raw_channels(request: Request, part: Part, settled: bool) -> list[tuple[str
         kind = kind_of(unit) if unit else None
         if kind in _CHANNEL_KINDS:
             values, unit = rescaled(values, factor(unit, SI_UNIT[kind])), SI_UNIT[kind]
-        found.append((name, values, unit))
-    return found
+        raw.append((name, values, unit))
+    return raw
 
 
 def _channels(steps: Sequence[_SiStep]) -> tuple[dict[str, FloatArray], dict[str, str]]:

@@ -166,11 +166,11 @@ def match_names(names: tuple[Name, ...], wanted: Mapping[str, str]) -> Header:
             continue
         places = {i: place for i, name in enumerate(names) if (place := _place(name.key, role)) is not None}
         wrong = {i for i in places if (unit := names[i].unit) and kind_of(unit) != KIND[role]}  # these come last
-        found = sorted(places.keys() - roles.values(), key=lambda i: (i in wrong, places[i], i))
-        if found:
-            roles[role] = found[0]
-        if len(found) > 1:
-            passed_over[role] = tuple(found[1:])
+        unmatched = sorted(places.keys() - roles.values(), key=lambda i: (i in wrong, places[i], i))
+        if unmatched:
+            roles[role] = unmatched[0]
+        if len(unmatched) > 1:
+            passed_over[role] = tuple(unmatched[1:])
     return Header(names, roles, passed_over)
 
 
@@ -210,17 +210,17 @@ def milliseconds_column(header: Header) -> int | None:
 
 def distance_columns(header: Header) -> tuple[int, int] | None:
     """Return the indices of the sliding distance and of the sliding speed, None where a log lacks one of them."""
-    way = next((i for i, name in enumerate(header.names) if name.key in DISTANCES), None)
-    told = header.roles.get("drive_speed")
-    speed = next((i for i, name in enumerate(header.names) if i == told or name.key in _SPEEDS), None)
-    return None if way is None or speed is None else (way, speed)
+    distance = next((i for i, name in enumerate(header.names) if name.key in DISTANCES), None)
+    drive = header.roles.get("drive_speed")
+    speed = next((i for i, name in enumerate(header.names) if i == drive or name.key in _SPEEDS), None)
+    return None if distance is None or speed is None else (distance, speed)
 
 
 def role_indices(names: Sequence[Name], wanted: Mapping[str, str]) -> dict[str, int]:
     """Return the roles of columns that carry the project's own names, the user's wishes first."""
     own = {role: next((i for i, name in enumerate(names) if name.name == role), None) for role in KIND}
-    asked = {role: find_column(names, column) for role, column in wanted.items() if role in KIND}
-    return {role: index for role, index in {**own, **asked}.items() if index is not None}
+    requested = {role: find_column(names, column) for role, column in wanted.items() if role in KIND}
+    return {role: index for role, index in {**own, **requested}.items() if index is not None}
 
 
 def shown(names: Iterable[str], most: int = 40) -> str:

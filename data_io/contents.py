@@ -91,28 +91,28 @@ def chosen(source: Source, request: Request, run: Sequence[Part]) -> list[Part]:
     """Return the step that was asked for, or all that hold rows. Raises the source's `LogError`."""
     if request.step is None:
         return [part for part in run if part.rows]
-    found = [part for part in run if part.number == request.step]
-    if not found:
+    chosen_parts = [part for part in run if part.number == request.step]
+    if not chosen_parts:
         steps = _listed([part.number for part in run])
         raise source.error(f"step {request.step} was asked for; steps in the log: {steps}; choose one of them")
-    if not found[0].rows:
+    if not chosen_parts[0].rows:
         raise source.error(f"step {request.step} holds no rows; at least two were expected; choose another step")
-    return found
+    return chosen_parts
 
 
 def check_request(source: Source, request: Request, header: Header) -> None:
     """Raise the source's `LogError` where the user names a column that the header does not have."""
-    there = shown(name.name for name in header.names)
+    names = shown(name.name for name in header.names)
     twice = [column for column in request.columns.values() if list(request.columns.values()).count(column) > 1]
     if twice:
         raise source.error(f"the column {twice[0]!r} was named for two purposes; one was expected; name another one")
     for role, column in request.columns.items():
         if find_column(header.names, column) is None:
-            raise source.error(f"no column {column!r} was found for {words(role)}; there are {there}; name one of them")
+            raise source.error(f"no column {column!r} was found for {words(role)}; there are {names}; name one of them")
     for key in request.units:
         if key not in COLUMN_ROLES and key not in request.columns and find_column(header.names, key) is None:
             raise source.error(
-                f"a unit was given for {key!r}, which is no column; {', '.join(COLUMN_ROLES[:3])} or one of {there} "
+                f"a unit was given for {key!r}, which is no column; {', '.join(COLUMN_ROLES[:3])} or one of {names} "
                 "was expected; correct the name"
             )
 
@@ -147,28 +147,28 @@ def logs_at(path: Path) -> list[Path]:
     In the order of the numbers in their names. Raises `LogError` where there is none.
     """
     if path.is_dir():
-        found = [
+        paths = [
             p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file() and not _BESIDE.match(p.name)
         ]
     elif is_series(path):
         anchor = Path(path.anchor) if path.anchor else Path()
         once = _ANY_DEPTH.sub("**/", str(path.relative_to(path.anchor)))  # each further one multiplies the work
         try:
-            found = [p for p in anchor.glob(once) if p.is_file()]
+            paths = [p for p in anchor.glob(once) if p.is_file()]
         except (ValueError, OSError, NotImplementedError, RecursionError) as error:
             raise LogError(
                 f"{path}: the pattern cannot be read ({error}); one such as stroke_*.txt was expected; correct it"
             ) from error
     elif path.suffix.lower() == ".zip" and path.is_file():
-        found = [path / name for name in members(path)]
+        paths = [path / name for name in members(path)]
     else:
         return [path]
-    found = [p for p in found if not p.name.startswith(".")]
-    if not found:
+    paths = [p for p in paths if not p.name.startswith(".")]
+    if not paths:
         what = "the folder holds no log" if path.is_dir() else "no file fits the pattern"
         raise LogError(f"{path}: {what}; files such as {', '.join(_SUFFIXES[:3])} were expected; check it")
     return sorted(  # stroke_9 before stroke_10
-        found,
+        paths,
         key=lambda p: [(int(t), "") if t.isdecimal() else (-1, t) for t in re.split(r"(\d{1,18})", str(p))],
     )
 

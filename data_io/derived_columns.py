@@ -39,9 +39,9 @@ def _friction(request: Request, part: Part) -> tuple[Part, str]:
     load = header.roles.get("normal_force")
     force: FloatArray | float
     if request.normal_force is not None:
-        force, unit, told = request.normal_force, "N", f"the given {request.normal_force:g} N"
+        force, unit, source = request.normal_force, "N", f"the given {request.normal_force:g} N"
     elif load is not None and load in part.columns:
-        force, told = part.columns[load], repr(names[load].raw)
+        force, source = part.columns[load], repr(names[load].raw)
         unit = unit_of(request, header, load) or ""
     else:
         return part, ""
@@ -50,21 +50,21 @@ def _friction(request: Request, part: Part) -> tuple[Part, str]:
     except UnitError:
         return part, ""
     name = f"{names[index].name} x load"
-    made = with_column(part, "friction_force", Name(name, name, unit or None), share * part.columns[index] * force)
+    derived = with_column(part, "friction_force", Name(name, name, unit or None), share * part.columns[index] * force)
     text = (
-        f"the friction force was made of the coefficient {names[index].raw!r} times {told}; its sign is that of the "
+        f"the friction force was made of the coefficient {names[index].raw!r} times {source}; its sign is that of the "
         "coefficient, which many machines drop"
     )
-    return made, text
+    return derived, text
 
 
 def _time(request: Request, part: Part) -> tuple[Part, str]:
     names = part.header.names
-    found = distance_columns(part.header)
-    if "time" in part.header.roles or found is None or not set(found) <= set(part.columns) or part.rows < 2:
+    columns = distance_columns(part.header)
+    if "time" in part.header.roles or columns is None or not set(columns) <= set(part.columns) or part.rows < 2:
         return part, ""
     values = []
-    for index, kind in zip(found, ("length", "speed"), strict=True):
+    for index, kind in zip(columns, ("length", "speed"), strict=True):
         try:
             scale = factor(unit_of(request, part.header, index) or "", SI_UNIT[kind])
         except UnitError:
@@ -76,9 +76,9 @@ def _time(request: Request, part: Part) -> tuple[Part, str]:
     if not (np.isfinite(steps).all() and (steps >= 0).all()):
         return part, ""
     name = Name("distance / speed", "distance / speed", SI_UNIT[KIND["time"]])
-    made = with_column(part, "time", name, np.concatenate(([0.0], np.cumsum(steps))))
-    text = f"the time was made of {names[found[0]].raw!r} over {names[found[1]].raw!r}: the log has no clock"
-    return made, text
+    derived = with_column(part, "time", name, np.concatenate(([0.0], np.cumsum(steps))))
+    text = f"the time was made of {names[columns[0]].raw!r} over {names[columns[1]].raw!r}: the log has no clock"
+    return derived, text
 
 
 # Rotary modules: the speed at the contact is 2 pi rpm / 60 times the radius of the track; and stated speeds.

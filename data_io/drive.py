@@ -67,10 +67,10 @@ def steps_of(time: FloatArray, speed: FloatArray) -> SpeedSteps:
     jumps = np.abs(np.diff(values))  # the largest of them may be steps
     usual = jumps[jumps <= np.quantile(jumps, 0.98)]
     noise = max(float(np.sqrt(np.mean(usual**2) / 2.0)), _SLIGHT * fast)
-    found = _split(values, noise, fast)
-    if found is None:
+    edges = _split(values, noise, fast)
+    if edges is None:
         return SpeedSteps(None, _gradual(values))
-    levels = _without_ramps(values, _joined(found, fast, noise))
+    levels = _without_ramps(values, _joined(edges, fast, noise))
     if levels is None:
         return SpeedSteps(None, _gradual(values))
     levels = _joined(levels, fast, noise)
@@ -154,10 +154,10 @@ def _without_ramps(values: FloatArray, levels: list[_Level]) -> list[_Level] | N
         return None
     borders = [0]
     for a, b in pairwise(lasting):
-        way = values[a.stop : b.start]
-        if way.size > max(_RAMP, _RAMP_SHARE * min(a.rows, b.rows)):
+        ramp = values[a.stop : b.start]
+        if ramp.size > max(_RAMP, _RAMP_SHARE * min(a.rows, b.rows)):
             return None
-        borders.append(a.stop + int(np.count_nonzero(np.abs(way - a.speed) < np.abs(way - b.speed))))
+        borders.append(a.stop + int(np.count_nonzero(np.abs(ramp - a.speed) < np.abs(ramp - b.speed))))
     first, last = lasting[0], lasting[-1]
     for way_rows, level in ((first.start, first), (values.size - last.stop, last)):
         if way_rows > max(_RAMP, _RAMP_SHARE * level.rows):
@@ -279,7 +279,7 @@ def _of_step(time: FloatArray, position: FloatArray, step: Step) -> list[Piece]:
 
 def _corners(t: FloatArray, x: FloatArray, first: int, last: int, tolerance: float) -> list[int]:
     """Return where lines between points leave the motion by no more than the tolerance (Douglas and Peucker 1973)."""
-    found: list[int] = []
+    corners: list[int] = []
     waiting = [(first, last)]
     while waiting:
         a, b = waiting.pop()
@@ -288,9 +288,9 @@ def _corners(t: FloatArray, x: FloatArray, first: int, last: int, tolerance: flo
         off = np.abs(x[a : b + 1] - (x[a] + (x[b] - x[a]) * (t[a : b + 1] - t[a]) / (t[b] - t[a])))
         corner = int(np.clip(a + np.argmax(off), a + _FEWEST, b - _FEWEST))
         if off.max() > tolerance:
-            found.append(corner)
+            corners.append(corner)
             waiting += [(a, corner), (corner, b)]
-    return sorted(found)
+    return sorted(corners)
 
 
 def _refined(time: FloatArray, position: FloatArray, pieces: list[Piece], width: int) -> list[Piece]:

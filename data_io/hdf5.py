@@ -84,8 +84,8 @@ def opened(source: Source) -> Iterator[h5py.File]:
     damaged = "the HDF5 file is damaged ({:.120}); an intact one is needed; copy it again"
     if hasattr(os, "fork") and hasattr(signal, "SIGXCPU"):  # Windows has no way to limit the computing of a process
         if isinstance(target, str):
-            found = Path(target).stat()
-            wrong = _wrong_with(os.path.realpath(target), found.st_ino, found.st_size, found.st_mtime_ns)
+            status = Path(target).stat()
+            wrong = _wrong_with(os.path.realpath(target), status.st_ino, status.st_size, status.st_mtime_ns)
         else:
             wrong = _verdict(_forked(target, source.size))
         if wrong:
@@ -233,8 +233,8 @@ def free_memory() -> int | None:
     nothing tells."""
     free: list[int] = []
     with contextlib.suppress(OSError, ValueError, IndexError):
-        told = re.search(r"MemAvailable:\s*(\d+)", Path("/proc/meminfo").read_text(encoding="ascii"))
-        free += [1024 * int(told[1])] if told else []
+        available = re.search(r"MemAvailable:\s*(\d+)", Path("/proc/meminfo").read_text(encoding="ascii"))
+        free += [1024 * int(available[1])] if available else []
     if sys.platform != "win32":
         import resource
 
@@ -309,8 +309,8 @@ def _columns_within(dataset: h5py.Dataset) -> list[_ColumnWithin]:
 
 def _texts(value: Any) -> Sequence[str]:
     """Return an attribute as texts; of one text the words between its commas, of none nothing."""
-    found = [] if value is None else np.ravel(np.asarray(value, dtype=object)).tolist()
-    listed = [part.decode("utf-8", errors="replace") if isinstance(part, bytes) else str(part) for part in found]
+    texts = [] if value is None else np.ravel(np.asarray(value, dtype=object)).tolist()
+    listed = [part.decode("utf-8", errors="replace") if isinstance(part, bytes) else str(part) for part in texts]
     return listed if len(listed) != 1 else [part.strip() for part in listed[0].split(",")]
 
 
@@ -356,11 +356,11 @@ def read(source: Source, request: Request) -> Contents:
                 except (UnitError, ValueError, TypeError) as error:
                     text = f"the attribute drive_speed: {error}; correct it and drive_speed_units"
                     raise source.error(text) from error
-        asked = [part.run == run and request.step in (None, part.number) for part, _ in tables]
-        request, span = _by_file_clock(request, [table for table, read in zip(tables, asked, strict=True) if read])
+        wanted = [part.run == run and request.step in (None, part.number) for part, _ in tables]
+        request, span = _by_file_clock(request, [table for table, read in zip(tables, wanted, strict=True) if read])
         parts = [
             replace(part, columns=_columns(source, request, part.header, datasets)) if read else part
-            for (part, datasets), read in zip(tables, asked, strict=True)
+            for (part, datasets), read in zip(tables, wanted, strict=True)
         ]
         skipped = _skipped(source, request, parts, span)
         return Contents(parts, account.metadata, account.findings, ours, speed, skipped)
@@ -377,9 +377,9 @@ def _of_layout(
     tables: list[_Table] = []
     for run, run_group in wanted:
         for step, group in _groups(run_group, "step"):
-            found = [(link, item) for link, item in _children(group) if _is_dataset(item)]
-            names = tuple(Name(name, name, unit) for name, unit in map(_named_column, found))
-            header, datasets = Header(names, role_indices(names, request.columns)), [item for _, item in found]
+            members = [(link, item) for link, item in _children(group) if _is_dataset(item)]
+            names = tuple(Name(name, name, unit) for name, unit in map(_named_column, members))
+            header, datasets = Header(names, role_indices(names, request.columns)), [item for _, item in members]
             parameters = {key: _text(value) for key, value in group.attrs.items()}
             tables.append((Part(run, step, header, _unread(datasets), parameters), datasets))
     if not tables:
@@ -391,9 +391,9 @@ def _tests(source: Source, request: Request, file: h5py.File) -> list[_Table]:
     """Return every group that holds what a log needs, each a run of one step."""
     tables: list[_Table] = []
     for group in _all_groups(file):
-        found = [(link, item) for link, item in _children(group) if _is_dataset(item)]
-        found = [column for link, item in found for column in _columns_of(link, item, request)]
-        named = [_named_column(column) for column in found]
+        members = [(link, item) for link, item in _children(group) if _is_dataset(item)]
+        members = [column for link, item in members for column in _columns_of(link, item, request)]
+        named = [_named_column(column) for column in members]
         header = match_header([name for name, _ in named], request.columns)
         units = zip(header.names, named, strict=True)
         header = replace(header, names=tuple(n if unit is None else replace(n, unit=unit) for n, (_, unit) in units))
@@ -401,7 +401,7 @@ def _tests(source: Source, request: Request, file: h5py.File) -> list[_Table]:
         needed |= {"friction_force"} if coefficient_column(header) is None else set()
         needed |= {"normal_force"} if request.normal_force is None else set()
         if needed <= set(header.roles):
-            datasets = [item for _, item in found]
+            datasets = [item for _, item in members]
             items = {"group": str(group.name)}
             tables.append((Part(len(tables) + 1, 1, header, _unread(datasets), run_items=items), datasets))
     if not tables:
@@ -414,9 +414,9 @@ def _tests(source: Source, request: Request, file: h5py.File) -> list[_Table]:
 
 def _dataset_at(source: Source, file: h5py.File, path: str) -> h5py.Dataset | None:
     """Return the dataset at a path, or a column within one (`/data:1`, `/table:Fx`, `/table/Fx`); None for neither."""
-    found = _member(source, file, path)
-    if _is_dataset(found):
-        return found
+    member = _member(source, file, path)
+    if _is_dataset(member):
+        return member
     for mark in (":", "/"):
         outer, _, key = path.rpartition(mark)
         dataset = _member(source, file, outer) if outer else None
@@ -557,9 +557,9 @@ def _number_at(dataset: h5py.Dataset, row: int) -> float:
 
 def _groups(parent: h5py.Group, word: str) -> list[tuple[int, h5py.Group]]:
     """Return number and group of `run_1`, `run_2`, ... in the order of their numbers."""
-    found = [(re.fullmatch(rf"{word}_(\d{{1,9}})", name), item) for name, item in _children(parent)]
+    matches = [(re.fullmatch(rf"{word}_(\d{{1,9}})", name), item) for name, item in _children(parent)]
     return sorted(
-        ((int(match[1]), item) for match, item in found if match and not _is_dataset(item)), key=lambda pair: pair[0]
+        ((int(match[1]), item) for match, item in matches if match and not _is_dataset(item)), key=lambda pair: pair[0]
     )
 
 
@@ -567,13 +567,13 @@ def _all_groups(file: h5py.File) -> list[h5py.Group]:
     """The root and every group below it, in the order of the file, to a sensible depth and number."""
     import h5py
 
-    found, level = [file["/"]], [file["/"]]
+    groups, level = [file["/"]], [file["/"]]
     for _ in range(_DEEPEST):
         level = [item for group in level for _, item in _children(group) if isinstance(item, h5py.Group)]
-        found += level
-        if len(found) > _MOST_GROUPS:
+        groups += level
+        if len(groups) > _MOST_GROUPS:
             break
-    return found[:_MOST_GROUPS]
+    return groups[:_MOST_GROUPS]
 
 
 def _is_dataset(item: h5py.HLObject | None) -> bool:
@@ -613,8 +613,8 @@ def _account(source: Source, place: h5py.Group) -> Account:
 
 
 def _datasets(file: h5py.File) -> str:
-    there = [item for group in _all_groups(file) for _, item in _children(group) if _is_dataset(item)]
-    within = {item.name: [c.name for c in _columns_within(item)] for item in there if not _is_column(item)}
-    found = [name for item in there for name in within.get(item.name, []) or [item.name]]
-    more = ", ..." if len(found) > _SHOWN else ""
-    return f"the datasets are {', '.join(found[:_SHOWN])}{more}" if found else "it holds no datasets"
+    datasets = [item for group in _all_groups(file) for _, item in _children(group) if _is_dataset(item)]
+    within = {item.name: [c.name for c in _columns_within(item)] for item in datasets if not _is_column(item)}
+    names = [name for item in datasets for name in within.get(item.name, []) or [item.name]]
+    more = ", ..." if len(names) > _SHOWN else ""
+    return f"the datasets are {', '.join(names[:_SHOWN])}{more}" if names else "it holds no datasets"

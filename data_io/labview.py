@@ -89,8 +89,8 @@ def _items(lines: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _numbers(fields: Sequence[str]) -> list[float]:
-    found = (to_number(field, "," if "," in field else ".") for field in fields if field)
-    return [number for number in found if number is not None and math.isfinite(number)]
+    numbers = (to_number(field, "," if "," in field else ".") for field in fields if field)
+    return [number for number in numbers if number is not None and math.isfinite(number)]
 
 
 # National Instruments text with a head of pairs for each channel: `Channel name,"Force",Channel name,"Input 1"`.
@@ -112,46 +112,46 @@ def read_ni_channels(source: Source, request: Request) -> Contents:
     [s] before each value, or values alone at the interval. Signals are mostly in volts, which need a scale:
     `--columns friction_force=Force --units "friction_force=2.5 N/V"`.
     """
-    found = _CHANNEL_NAMES.search(source.head)
-    assert found is not None
-    delimiter = found[1].decode()
+    match = _CHANNEL_NAMES.search(source.head)
+    assert match is not None
+    delimiter = match[1].decode()
     data = as_utf8(source.read())
-    told, place, width = _head(source, data, delimiter)
-    channels = told.get("channel name", [])
+    header, place, width = _head(source, data, delimiter)
+    channels = header.get("channel name", [])
     if width not in (len(channels), 2 * len(channels)):
         raise source.error(
             f"rows of {width} fields were found below {len(channels)} channel names; one field for each, or a time "
             "and a value for each, were expected; export again"
         )
-    units = itertools.chain(told.get("unit", []), itertools.repeat(""))
+    units = itertools.chain(header.get("unit", []), itertools.repeat(""))
     names = [Name(channel, channel, unit or None) for channel, unit in zip(channels, units, strict=False)]
     if width == 2 * len(channels):
         names = [name for channel in names for name in (Name("Time", "Time", "s"), channel)]
     head = Head(match_names(tuple(names), request.columns), place, delimiter, width)
     table = read_below(source, request, data, head)
     part = Part(1, 1, head.header, table.columns)
-    starts = seconds_apart(told.get("timestamp", []))
+    starts = seconds_apart(header.get("timestamp", []))
     if width == 2 * len(channels):
         clocks = {2 * i: start for i, start in enumerate(starts) if start and 2 * i in part.columns}
         part = replace(part, columns={**part.columns, **{i: part.columns[i] + start for i, start in clocks.items()}})
     else:
-        intervals = [to_number(field, ".") or 0.0 for field in told.get("interval", [])]
+        intervals = [to_number(field, ".") or 0.0 for field in header.get("interval", [])]
         part = with_clocks_of_channels(part, starts, intervals)
-    about = {key: ", ".join(values) for key, values in told.items()}
+    about = {key: ", ".join(values) for key, values in header.items()}
     return Contents([part], about, table.remarks)
 
 
 def _head(source: Source, data: bytes, delimiter: str) -> tuple[dict[str, list[str]], int, int]:
     """Return what stands for each channel by key, where the rows begin, and their number of fields."""
-    told: dict[str, list[str]] = {}
+    channels: dict[str, list[str]] = {}
     position = 0
     for _ in range(_LONGEST_HEAD):
         line, after = line_at(data, position)
         fields = split(line, delimiter)
-        if "channel name" in told and is_row(fields) and fields[0].lower() not in _KEYS:
-            return told, position, len(fields)
+        if "channel name" in channels and is_row(fields) and fields[0].lower() not in _KEYS:
+            return channels, position, len(fields)
         if fields and fields[0].strip('\ufeff"').lower() in _KEYS:
-            told[fields[0].strip('\ufeff"').lower()] = fields[1::2]
+            channels[fields[0].strip('\ufeff"').lower()] = fields[1::2]
         position = after
     raise source.error(
         f"no rows of numbers were found within {_LONGEST_HEAD} lines of channel names; they were expected; export again"
@@ -220,9 +220,9 @@ def read_tdms(source: Source, request: Request) -> Contents:
         raise source.error(
             f"the TDMS file holds no channel with samples{why}; forces were expected; copy it again, or record it again"
         )
-    told = [part for part in parts if "friction_force" in part.header.roles] or parts
+    complete = [part for part in parts if "friction_force" in part.header.roles] or parts
     findings = [Finding("damaged_parts", "warning", f"parts of the file could not be read: {t:.200}") for t in lost]
-    return Contents([replace(part, run=run) for run, part in enumerate(told, start=1)], about, findings)
+    return Contents([replace(part, run=run) for run, part in enumerate(complete, start=1)], about, findings)
 
 
 def _tdms_part(source: Source, request: Request, group: Any, of_file: dict[str, Any]) -> Part:
@@ -243,12 +243,12 @@ def _tdms_part(source: Source, request: Request, group: Any, of_file: dict[str, 
             )
         values = np.full(longest, np.nan)
         values[: len(channel)] = channel[:]
-        said = parse_name(channel.name)
-        unit = next((str(properties[key]) for key in _UNITS if properties.get(key)), None) or said.unit
+        name = parse_name(channel.name)
+        unit = next((str(properties[key]) for key in _UNITS if properties.get(key)), None) or name.unit
         if channel.dtype.kind in "iu" and not scales:
             unit = None  # counts of a converter: they may be anything
         columns[len(names)] = values
-        names.append(Name(channel.name, said.name, unit))
+        names.append(Name(channel.name, name.name, unit))
         start = properties.get("wf_start_time")
         first = start if first is None else first
         apart = 0.0 if start is None or first is None else (start - first) / np.timedelta64(1, "s")

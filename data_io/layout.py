@@ -53,7 +53,9 @@ def head_at(source: Source, data: Text, position: int, request: Request) -> Head
         if not named and len(fields) < max(numbers, default=0):
             continue  # words of two or three fields above the table whose columns were numbered
         clear = delimiter in ("\t", ";", ",") and "time" in named and len(named) > 1
-        units = next(((u, here) for here, other in between if (u := _units_row(other, delimiter, len(fields)))), None)
+        units = next(
+            ((u, offset) for offset, other in between if (u := _units_row(other, delimiter, len(fields)))), None
+        )
         if row is None:
             if clear:
                 start = after if units is None else line_at(data, units[1])[1]
@@ -69,7 +71,7 @@ def head_at(source: Source, data: Text, position: int, request: Request) -> Head
         words = between[:-1] if between and _are_units(between[-1][1], delimiter, len(fields), header) else between
         if (layout or clear) and any(
             lower and (not named or _named([name.raw for name in lower.header.names], request))
-            for lower in (head_at(source, data, here, request) for here, _ in words)
+            for lower in (head_at(source, data, offset, request) for offset, _ in words)
         ):
             return None  # words above the header row proper
         if layout is not None:
@@ -162,10 +164,10 @@ def _with_names_above(
 def _rows_below(data: Text, position: int) -> tuple[list[tuple[int, str]], int, str | None]:
     """Return the lines before the first row of numbers, where that is, and the row (None: none is near)."""
     between: list[tuple[int, str]] = []
-    for here, line in lines_from(data, position):
+    for offset, line in lines_from(data, position):
         if DIGIT.search(line) and any(is_row(split(line, candidate)) for candidate in DELIMITERS):
-            return between, here, line
-        between.append((here, line))
+            return between, offset, line
+        between.append((offset, line))
         if len(between) > _LOOK_AHEAD:
             break
     return between, position, None
@@ -214,8 +216,8 @@ def _with_units(source: Source, request: Request, header: Header, units: Sequenc
     roles = {index: role for role, index in header.roles.items()}
     for index, name in enumerate(header.names):
         given = units[index] if index < len(units) else ""
-        asked = {roles.get(index, ""), name.name, name.raw} & set(request.units)
-        if given and name.unit and given != name.unit and not asked:
+        requested = {roles.get(index, ""), name.name, name.raw} & set(request.units)
+        if given and name.unit and given != name.unit and not requested:
             raise source.error(
                 f"column {shown([name.raw])} names one unit and the units row below it {given!r}; "
                 f"one unit was expected; correct the header or give the unit with --units"

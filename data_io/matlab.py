@@ -58,14 +58,14 @@ def read(source: Source, request: Request) -> Contents:
     size = columns[next(iter(wanted))].size if wanted else max(sizes, key=sizes.count, default=0)
     kept = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items() if values.size == size}
     if size < 2 or (lost := wanted - set(kept)):
-        found = shown((f"{name} ({columns[name].size})" for name in columns), most=12) or "none"
+        listed = shown((f"{name} ({columns[name].size})" for name in columns), most=12) or "none"
         if size < 2 and objects:
             raise source.error(
                 f"the variable {objects[0]} is a MATLAB object whose numbers only MATLAB unfolds; vectors were "
                 "expected; save them, as in t = log.Time; Fx = log.Data; save('log.mat', 't', 'Fx')"
             )
         what = "differ in length" if size >= 2 and lost else "are no columns of a log"
-        raise source.error(f"the variables {found} {what}; vectors of one length were expected; name them")
+        raise source.error(f"the variables {listed} {what}; vectors of one length were expected; name them")
     last = [name.rpartition(".")[2] for name in kept]
     header = match_header(last if len(set(last)) == len(last) and not wanted else list(kept), request.columns)
     return Contents([Part(1, 1, header, dict(enumerate(kept.values())))])
@@ -80,7 +80,7 @@ def _columns(source: Source, objects: list[str] | None = None) -> Columns:
     data = source.read()
     order = ">" if data[126:128] == b"MI" else "<"
     most = max(LEAST_SUSPECT, MOST_TIMES * source.size)
-    found: Columns = {}
+    out: Columns = {}
     objects = [] if objects is None else objects
     number = 0
     try:
@@ -90,13 +90,13 @@ def _columns(source: Source, objects: list[str] | None = None) -> Columns:
                 unpacked = _unpacked(body, most)
                 most -= len(unpacked)
                 for inner, part in _elements(memoryview(unpacked), order):
-                    _variable(inner, part, order, found, objects)
+                    _variable(inner, part, order, out, objects)
             else:
-                _variable(kind, body, order, found, objects)
+                _variable(kind, body, order, out, objects)
     except _DamageError as damage:
         where = f"in variable {number} " if number else ""
         raise source.error(f"the .mat file is damaged {where}({damage}); copy or save it again") from damage
-    return found
+    return out
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
@@ -165,7 +165,7 @@ def _array(body: memoryview, order: str) -> _Array:
     return _Array(flag & 0xFF, bool(flag & _COMPLEX), shape, words[:_LONGEST_NAME], parts)
 
 
-def _variable(kind: int, body: memoryview, order: str, found: Columns, objects: list[str]) -> None:
+def _variable(kind: int, body: memoryview, order: str, out: Columns, objects: list[str]) -> None:
     """Put the columns of a top element into `found`; what is no array, or has no name, is not the user's."""
     if kind == _MATRIX and len(body):
         if len(body) >= 16 and struct.unpack_from(f"{order}I", body, 8)[0] & 0xFF == _OPAQUE:
@@ -176,10 +176,10 @@ def _variable(kind: int, body: memoryview, order: str, found: Columns, objects: 
             return
         array = _array(body, order)
         if array.name:
-            _collect(array.name, array, order, found, 0)
+            _collect(array.name, array, order, out, 0)
 
 
-def _collect(name: str, array: _Array, order: str, found: Columns, depth: int) -> None:
+def _collect(name: str, array: _Array, order: str, out: Columns, depth: int) -> None:
     """Put every column of an array into `found`: a vector, the columns of a matrix, the fields of a struct."""
     if array.kind in _NUMERIC:
         if array.complex or len(array.shape) != 2:
@@ -191,9 +191,9 @@ def _collect(name: str, array: _Array, order: str, found: Columns, depth: int) -
         values = np.frombuffer(body, numbers).reshape(array.shape, order="F")
         rows, columns = array.shape
         if min(rows, columns) == 1:
-            found[name] = values.reshape(-1)
+            out[name] = values.reshape(-1)
         elif rows > columns > 0:
-            found.update({f"{name}:{i + 1}": values[:, i] for i in range(columns)})
+            out.update({f"{name}:{i + 1}": values[:, i] for i in range(columns)})
     elif array.kind in (_CELL, _STRUCT, _OBJECT):
         if array.kind == _OBJECT:
             array.part((1, 2, *_TEXTS), "the name of its class")
@@ -203,7 +203,7 @@ def _collect(name: str, array: _Array, order: str, found: Columns, depth: int) -
         for field in fields:
             _, body = array.part((_MATRIX,), "the contents")
             if len(body):
-                _collect(field, _array(body, order), order, found, depth + (array.kind != _CELL))
+                _collect(field, _array(body, order), order, out, depth + (array.kind != _CELL))
     elif array.kind not in _OTHERS:
         raise _DamageError(f"{name!r} is of class {array.kind}, which does not exist")
 

@@ -147,10 +147,10 @@ def contents_of(source: Source, request: Request) -> Contents:
     """Return what the first reader that knows a log finds in it. Raises `LogError`."""
     for reader in READERS:
         if reader.can_read(source.head):
-            found = replace(reader.read(source, request), form=reader.name)
-            found = with_sound_clocks(request, with_clock_of_rate(source, request, found))
-            found = on_one_clock(source, request, with_derived_columns(request, found))
-            return with_drive_of_rotation(request, found)
+            contents = replace(reader.read(source, request), form=reader.name)
+            contents = with_sound_clocks(request, with_clock_of_rate(source, request, contents))
+            contents = on_one_clock(source, request, with_derived_columns(request, contents))
+            return with_drive_of_rotation(request, contents)
     _refuse_by_name(source)
     zeros = re.search(rb"\x00+", source.head)
     if zeros is not None and zeros.start() >= _LEAST_TEXT and looks_like_text(source.head[: zeros.start()]):

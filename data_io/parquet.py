@@ -64,8 +64,8 @@ def _name(field: pyarrow.Field) -> Name:
     name = parse_name(field.name)
     if types.is_timestamp(field.type) or types.is_duration(field.type):
         return replace(name, unit="s")
-    told = next((field.metadata[key] for key in _UNITS if key in (field.metadata or {})), None)
-    return name if told is None else replace(name, unit=told.decode("utf-8", errors="replace").strip())
+    unit = next((field.metadata[key] for key in _UNITS if key in (field.metadata or {})), None)
+    return name if unit is None else replace(name, unit=unit.decode("utf-8", errors="replace").strip())
 
 
 def _numbers(column: pyarrow.ChunkedArray) -> FloatArray:

@@ -445,7 +445,7 @@ def _local_interval(change: FloatArray) -> FloatArray:
 
 def _switches(time: FloatArray, level: FloatArray, previous: float | None, factor: float) -> list[RateSwitch]:
     """Return the places where the local interval leaves a factor about the one before, within one step."""
-    found: list[RateSwitch] = []
+    switches: list[RateSwitch] = []
     reference, start = previous if previous is not None else float(level[0]), 0
     while start < level.size:
         outside = np.flatnonzero((level[start:] < reference / factor) | (level[start:] > reference * factor))
@@ -454,10 +454,10 @@ def _switches(time: FloatArray, level: FloatArray, previous: float | None, facto
         place = start + int(outside[0])
         settled = float(level[min(place + _WINDOW // 2, level.size - 1)])
         if max(settled / reference, reference / settled) > factor:
-            found.append(RateSwitch(float(time[place]), 1 / reference, 1 / settled))
+            switches.append(RateSwitch(float(time[place]), 1 / reference, 1 / settled))
             reference = settled
         start = place + _WINDOW // 2 + 1
-    return found
+    return switches
 
 
 # The gate as a whole.

@@ -112,8 +112,8 @@ def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | N
     if not whole:
         return None
     columns = {index: frame[index].to_numpy() for index in map(int, frame.columns) if index < names}
-    told = "." if head.delimiter != "," and b"." in raw else None
-    return Numbers(columns, len(frame), decimal=decimal or told, fields=head.width if len(frame) else None)
+    point = "." if head.delimiter != "," and b"." in raw else None
+    return Numbers(columns, len(frame), decimal=decimal or point, fields=head.width if len(frame) else None)
 
 
 def read_numbers(source: Source, block: str, first_line: int, head: Head, above: Above) -> Numbers:
@@ -251,7 +251,7 @@ def _without_statistics(frame: pd.DataFrame, head: Head, above: Above, remarks: 
 
 def _columns_of_units(source: Source, frame: pd.DataFrame, head: Head) -> dict[int, int]:
     """Return the columns that hold a unit in each row, and the column of numbers before each that it is the unit of."""
-    found: dict[int, int] = {}
+    pairs: dict[int, int] = {}
     names, roles = head.header.names, {index: role for role, index in head.header.roles.items()}
     before: list[int] = []
     for index in range(min(len(names), frame.shape[1])):
@@ -267,7 +267,7 @@ def _columns_of_units(source: Source, frame: pd.DataFrame, head: Head) -> dict[i
         bare = [i for i in bare if i in roles] or bare[-1:]
         of = [i for i in left if names[i].raw == str(i + 1)] or bare
         if len(of) == 1:
-            found[index] = of[0]
+            pairs[index] = of[0]
         elif len(units) > 1 or any(names[i].unit and units != {names[i].unit} for i in left if i in roles):
             which = shown((names[i].raw for i in (bare or left)), most=4)
             raise source.error(
@@ -275,7 +275,7 @@ def _columns_of_units(source: Source, frame: pd.DataFrame, head: Head) -> dict[i
                 "not clear; one column without a unit was expected before it; export with the unit in the header"
             )
         before = []
-    return found
+    return pairs
 
 
 def _in_first_unit(
@@ -293,7 +293,7 @@ def _with_units(tokens: Sequence[str], decimal: str, above: Sequence[str]) -> tu
     filled = [token.strip().lower() not in MISSING for token in tokens]
     if not any(filled) or split_cell(tokens[filled.index(True)]) is None:
         return None
-    cells = [split_cell(token) if there else ("nan", "") for token, there in zip(tokens, filled, strict=True)]
+    cells = [split_cell(token) if present else ("nan", "") for token, present in zip(tokens, filled, strict=True)]
     numbers = [None if cell is None else to_number(cell[0], decimal) for cell in cells]
     units = ["" if cell is None else cell[1] for cell in cells]
     if None in numbers or len({kind_of(unit) for unit in (*above, *units) if unit} - {None}) != 1:

@@ -84,8 +84,8 @@ def _chosen_member(path: Path, member: str | None) -> str | None:
         return names[0]
     listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
     if member is None:
-        found = f"the archive holds {len(names)} files ({listed})" if names else "the archive holds no file"
-        raise LogError(f"{path}: {found}; one log was expected; name one, as in {path.name}/<file>, or unpack it")
+        content = f"the archive holds {len(names)} files ({listed})" if names else "the archive holds no file"
+        raise LogError(f"{path}: {content}; one log was expected; name one, as in {path.name}/<file>, or unpack it")
     if member not in names:
         raise LogError(f"{path}: no {member!r} was found in the archive; it holds {listed}; name one of them")
     return member

@@ -226,9 +226,9 @@ class _Walk:
         """Return the tables and the lines below the last one; known: the first head. Raises the source's `LogError`."""
         tables: list[Table] = []
         above = 0
-        found = (0, known) if known is not None else self._next_head(above, first=True)
-        while found is not None:
-            place, head = found
+        upcoming = (0, known) if known is not None else self._next_head(above, first=True)
+        while upcoming is not None:
+            place, head = upcoming
             if len(tables) >= _MOST_TABLES:
                 raise self.source.error(
                     f"more than {_MOST_TABLES} header rows were found; one per step was expected; drop repeated ones"
@@ -241,7 +241,7 @@ class _Walk:
                 table.remarks.append(Finding("rows_left_out", "warning", text))
             above = self._read(table, head.start) if head.width else head.start
             tables.append(table.close())
-            found = self._next_head(above, first=False)
+            upcoming = self._next_head(above, first=False)
         if not tables:
             raise self.source.error(_why_no_table(self.data, self.request))
         footer = self._lines(above, len(self.data))
@@ -318,18 +318,18 @@ class _Walk:
 
     def _read_among_words(self, table: _OpenTable, begin: int, end: int) -> tuple[int, int | None]:
         """Read rows up to about `end`; return where they end, and where those of this table go on (None: nowhere)."""
-        head, pieces, here, data = table.head, list[bytes](), begin, self.data
+        head, pieces, position, data = table.head, list[bytes](), begin, self.data
         while True:
-            stop = next((p for p in self._words(here, end) if not self._is_row_of(head, p)), end)
-            pieces.append(data[here:stop])
+            stop = next((p for p in self._words(position, end) if not self._is_row_of(head, p)), end)
+            pieces.append(data[position:stop])
             resume = end if stop == end else self._resume(head, stop)
             if stop == end or resume is None:
                 break
             if skipped := self._lines(stop, resume, comments=False):
                 text = f"text between the rows was left out: {skipped[0]!r:.60}"
                 table.remarks.append(Finding("text_in_rows", "warning", text))
-            here = resume
-            if here >= end:
+            position = resume
+            if position >= end:
                 break
         ending = data[max(begin - LOOKED_AT, 0) : begin].decode("utf-8", "replace") if stop >= len(data) else None
         above = replace(table.above, ending=ending)
@@ -431,12 +431,12 @@ def _why_no_table(data: Text, request: Request) -> str:
             f"expected; number them, as in --columns time=1,friction_force=2{more} --units time=s,friction_force=N"
             f"{unit}{load}"
         )
-    there = shown((parse_name(name).name for name in names), most=12)
+    available = shown((parse_name(name).name for name in names), most=12)
     if request.columns:
-        asked = ", ".join(f"{name!r}" for name in request.columns.values())
-        return f"the columns {there} were found, none of {asked}; give the names as the file has them"
+        requested = ", ".join(f"{name!r}" for name in request.columns.values())
+        return f"the columns {available} were found, none of {requested}; give the names as the file has them"
     return (
-        f"no time column and no force column were recognised among {there}; names such as {EXAMPLES['time']} and "
+        f"no time column and no force column were recognised among {available}; names such as {EXAMPLES['time']} and "
         f"{EXAMPLES['friction_force']} were expected; say which is which with --columns time=<name>,"
         "friction_force=<name>,normal_force=<name>, and give the units that no name says, as in --units time=s,"
         "friction_force=N,normal_force=N" + load

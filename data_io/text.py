@@ -236,25 +236,25 @@ def clock_times(tokens: Sequence[str]) -> tuple[FloatArray, FloatArray | None] |
     if not any(days):
         return seconds, None
     known = np.array([day is not None for day in days])
-    ways = [way for way in (_days(days, order) for order in ("ymd", "dmy", "mdy")) if way is not None]
+    ways = [times for times in (_days(days, order) for order in ("ymd", "dmy", "mdy")) if times is not None]
     if not ways or not known[np.isfinite(seconds)].all():
         return None
-    return seconds, min(ways, key=lambda way: float(np.nanmax(way) - np.nanmin(way)))
+    return seconds, min(ways, key=lambda times: float(np.nanmax(times) - np.nanmin(times)))
 
 
 def _days(dates: Sequence[tuple[int, int, int] | None], order: str) -> FloatArray | None:
     """Return the numbers of the days (n,), read in an order of year, month and day; None where it fits none."""
-    told: dict[tuple[int, int, int], int] = {}
-    for found in dates:
-        if found is None or found in told:
+    days: dict[tuple[int, int, int], int] = {}
+    for fields in dates:
+        if fields is None or fields in days:
             continue
-        parts = dict(zip(order, found, strict=True))
+        parts = dict(zip(order, fields, strict=True))
         year = parts["y"] + (2000 if parts["y"] < 100 else 0)
         try:
-            told[found] = date(year, parts["m"], parts["d"]).toordinal()
+            days[fields] = date(year, parts["m"], parts["d"]).toordinal()
         except ValueError:
             return None
-    return np.array([np.nan if found is None else float(told[found]) for found in dates])
+    return np.array([np.nan if fields is None else float(days[fields]) for fields in dates])
 
 
 def over_midnight(seconds: FloatArray, days: FloatArray) -> FloatArray:

@@ -106,10 +106,10 @@ def factor(unit: str, si_unit: str) -> float:
     if measure is not None and measure.is_compatible_with("kg") and wanted.is_compatible_with("N"):
         return float(measure.to("kg").magnitude) * STANDARD_GRAVITY
     if measure is None or not measure.is_compatible_with(wanted):
-        found = f"the unit {unit!r}" if unit else "no unit"
+        given = f"the unit {unit!r}" if unit else "no unit"
         wrong = "is unknown" if measure is None else "was found"
         raise UnitError(
-            f"{found} {wrong} where {'a unit of ' + si_unit if si_unit else 'a number without unit'} was expected; "
+            f"{given} {wrong} where {'a unit of ' + si_unit if si_unit else 'a number without unit'} was expected; "
             f"use one of {_EXAMPLES.get(si_unit, si_unit)}"
         )
     return float(measure.to(wanted.units).magnitude)
@@ -223,8 +223,8 @@ def _parsed(unit: str) -> pint.Quantity | None:
     plain = unit.strip()
     if not _ALLOWED.fullmatch(plain) or re.search("°[CF]|deg[CF]", plain):  # a shifted zero is no factor
         return None
-    for found, spelling in _SPELLING.items():
-        plain = plain.replace(found, spelling)
+    for spelled, spelling in _SPELLING.items():
+        plain = plain.replace(spelled, spelling)
     plain = re.sub(r"[A-Za-z]+|^[-1]$", lambda word: _WORDS.get(word[0].lower(), word[0]), plain)
     plain = re.sub(r"(?<=[A-Za-z)])(-?\d)", r"**\1", plain)
     bare = _POWER.sub("", plain)

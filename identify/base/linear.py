@@ -111,10 +111,10 @@ class _Bordered:
         if not 0 < np.count_nonzero(crowded) <= MOST:
             return None
         try:
-            made = cls(matrix, crowded)
+            bordered = cls(matrix, crowded)
         except (RuntimeError, ValueError):  # a singular inner matrix
             return None
-        return made if np.all(np.isfinite(made._reached)) else None
+        return bordered if np.all(np.isfinite(bordered._reached)) else None
 
     def solve(self, right: Array) -> Array:
         """x (n,) or (n, k) of a right side."""

@@ -494,4 +494,4 @@ class Result:
 
     def places(self, number: int) -> list[int]:
         """Where log `number` (from 0) of the scene stands: one place (from 0), several where it was cut."""
-        return [place for place, found in enumerate(self.numbers) if found == number]
+        return [place for place, own_number in enumerate(self.numbers) if own_number == number]

@@ -26,8 +26,8 @@ def rising_root(
     from scipy.optimize.elementwise import find_root
 
     with np.errstate(all="ignore"):
-        found = find_root(lambda x, *own: equation(x, *own)[0], (low, high), args=parameters, maxiter=300)
-    return np.asarray(found.x)
+        root = find_root(lambda x, *own: equation(x, *own)[0], (low, high), args=parameters, maxiter=300)
+    return np.asarray(root.x)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -314,8 +314,8 @@ class Knowledge:
     def log(self, design: LogDesign, place: int = 0) -> SimulatedLog | None:
         """The log of a design at one of the places."""
         if (design, place) not in self._logs:
-            made = simulated_log(self.unknowns, self.places[place], self.base, design, self.longest)
-            self._logs[design, place] = made
+            simulated = simulated_log(self.unknowns, self.places[place], self.base, design, self.longest)
+            self._logs[design, place] = simulated
         return self._logs[design, place]
 
     def seconds(self, design: LogDesign, cycles: int) -> float:

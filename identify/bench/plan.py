@@ -163,13 +163,13 @@ def _knowledge(
         systematic[[kept.tolist().index(i) for i in at]] = np.diag(published) * (1.0 - share)
     places = drawn_places(unknowns, theta, precision, base)
     precisions = np.array([precision] * len(places))
-    for place, there in enumerate(places):
+    for place, point in enumerate(places):
         for log in logs:  # what it is expected to hold, at every speed it was driven at
             rate, load_sd = 1.0 / log.data.interval, log.data.normal_force_sd
             for speed, seconds in driven(log.data):
-                made = simulated_log(unknowns, there, log.data.base, LogDesign(speed, log.mean_load), seconds)
-                if made is not None:
-                    precisions[place] += made.information(rate, log.data.noise**2, load_sd, made.count(seconds))
+                trial = simulated_log(unknowns, point, log.data.base, LogDesign(speed, log.mean_load), seconds)
+                if trial is not None:
+                    precisions[place] += trial.information(rate, log.data.noise**2, load_sd, trial.count(seconds))
     noise = scene.rig.noise or max((log.data.noise for log in logs), default=NOISE * values["mu_s"] * load)
     return Knowledge(
         unknowns,

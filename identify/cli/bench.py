@@ -197,7 +197,7 @@ def plan(arguments: Namespace, terminal: Terminal) -> Answer:
             raise CommandLineError(
                 f"{arguments.source} has no identified pair ({result.message}); plan from the scene instead"
             )
-        made = planned(scene_of(result, arguments.source), (), choices, result)
+        design = planned(scene_of(result, arguments.source), (), choices, result)
     else:
         scene = Scene.from_toml(arguments.source, arguments.set)
         existing = existing_result(scene)
@@ -209,15 +209,17 @@ def plan(arguments: Namespace, terminal: Terminal) -> Answer:
         if scene.logs:
             prepared = prepare_scene(*with_records(scene, None))
             scene, logs = prepared.scene, [log for log in prepared.logs if log.left_out is None]
-        made = planned(scene, logs, choices)
-    terminal.say(plan_text(made, source))
-    document = plan_document(made) | {"source": source} | ({"existing_result": str(existing)} if existing else {})
-    if out is not None and made.logs:
+        design = planned(scene, logs, choices)
+    terminal.say(plan_text(design, source))
+    document = plan_document(design) | {"source": source} | ({"existing_result": str(existing)} if existing else {})
+    if out is not None and design.logs:
         with atomic_write(out) as handle:
-            handle.write(step_table(made))
-        terminal.say(f"{out}: the step programme, {len(made.logs)} log(s), one [[logs]] each in the scene of their fit")
+            handle.write(step_table(design))
+        terminal.say(
+            f"{out}: the step programme, {len(design.logs)} log(s), one [[logs]] each in the scene of their fit"
+        )
         document["out"] = str(out)
-    enough = bool(made.logs) or all(v == "identified" for v in document["verdicts"].values())
+    enough = bool(design.logs) or all(v == "identified" for v in document["verdicts"].values())
     status = {"status": "done" if enough else "nothing_to_add"}
     return Answer(DONE if enough else NOT_SUCCEEDED, status | document)
 

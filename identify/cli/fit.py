@@ -212,19 +212,19 @@ def verify(arguments: Namespace, terminal: Terminal) -> Answer:
         if path == entry.path and digest_of(path) != sha256:
             raise CommandLineError(f"{path}: the log has changed since that fit (other SHA-256); put the old one back")
         logs.append(replace(entry, path=path))
-    made = stored.provenance
-    seed, starts = made.get("seed"), made.get("starts")
+    provenance = stored.provenance
+    seed, starts = provenance.get("seed"), provenance.get("starts")
     with terminal.bar() as progress:
         again = fit(
             replace(scene, logs=tuple(logs)),
             progress=progress,
             starts=next((known for known in get_args(Sources) if known == starts), None),
             seed=seed if isinstance(seed, int) else 0,
-            asked=FitOptions.again(made.get("asked")),
+            asked=FitOptions.again(provenance.get("asked")),
         ).typed
     before, now = (
         {"stickslip": p.get("version")} | (known if isinstance(known := p.get("packages"), dict) else {})
-        for p in (made, again.provenance)
+        for p in (provenance, again.provenance)
     )
     for name, version in now.items():
         if before.get(name) not in (None, version):

@@ -96,8 +96,8 @@ def inspection(path: str, record: Record, rig: StatedRig = StatedRig()) -> Inspe
         seen = only_of(regime, own)
         if drive.stands:
             level = quantity(float(np.nanmedian(record.friction_force[rows])), "N", 3)
-            says = f"the drive stands: {drive.trouble}; the friction force shows {level} there"
-            seen = replace(seen, regime=None, confidence=SURE, evidence=(says,))
+            text = f"the drive stands: {drive.trouble}; the friction force shows {level} there"
+            seen = replace(seen, regime=None, confidence=SURE, evidence=(text,))
         strokes = [(regime.strokes[i].start - step.start, regime.verdicts[i].found) for i in own]
         phases = joined(strokes, step.stop - step.start)
         steps.append(StepSeen(step, drive, signs, seen, phases))
@@ -203,10 +203,10 @@ def _classical_lines(table: ClassicalTable) -> Iterator[str]:
     if table.directions:
         yield columns(
             [
-                ["all strokes", *("forth" if way.direction > 0 else "back" for way in table.directions)],
-                ["strokes", *(str(way.strokes) for way in table.directions)],
-                ["coefficient", *(_cell(way.coefficient, way.coefficient_sd, "") for way in table.directions)],
-                ["last against first tenth", *(_cell(way.trend_percent, None, "%") for way in table.directions)],
+                ["all strokes", *("forth" if mean.direction > 0 else "back" for mean in table.directions)],
+                ["strokes", *(str(mean.strokes) for mean in table.directions)],
+                ["coefficient", *(_cell(mean.coefficient, mean.coefficient_sd, "") for mean in table.directions)],
+                ["last against first tenth", *(_cell(mean.trend_percent, None, "%") for mean in table.directions)],
             ]
         )
 

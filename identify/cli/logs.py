@@ -40,7 +40,7 @@ def inspect(arguments: Namespace, terminal: Terminal) -> Answer:
     }
     rig = StatedRig(**stated)
 
-    found: list[tuple[str, Inspection | None]] = []
+    inspections: list[tuple[str, Inspection | None]] = []
     logs: list[object] = []
     unread: list[str] = []
     for path in arguments.logs:
@@ -50,24 +50,24 @@ def inspect(arguments: Namespace, terminal: Terminal) -> Answer:
             if len(arguments.logs) == 1:
                 raise
             unread.append(str(error))
-            found.append((Path(path).name, None))
+            inspections.append((Path(path).name, None))
             terminal.say(f"{path}\n  verdict: reject\n    reject: {error}\n")
             finding = {"code": "unreadable", "severity": "reject", "message": str(error)}
             logs.append({"path": path, "quality": {"verdict": "reject", "findings": [finding], "figures": {}}})
             continue
-        found.append((Path(path).name, seen))
+        inspections.append((Path(path).name, seen))
         for line in lines(seen):
             terminal.say(line)
         logs.append(document(seen))
-    if len(found) > 1:
-        terminal.say(overview(found))
-    if plot and (drawn := [seen for _, seen in found if seen is not None]):
+    if len(inspections) > 1:
+        terminal.say(overview(inspections))
+    if plot and (drawn := [seen for _, seen in inspections if seen is not None]):
         draw(drawn, plot)
         terminal.say(f"plot: {plot}")
     if unread:
         from identify.report.stored_result import plain
 
-        message = f"{len(unread)} of {len(found)} logs cannot be read; {unread[0]}"
+        message = f"{len(unread)} of {len(inspections)} logs cannot be read; {unread[0]}"
         return Answer(WRONG_INPUT, plain({"schema": 1, "status": "error", "message": message, "logs": logs}))
     return Answer(DONE, {"status": "done", "logs": logs})
 
@@ -92,17 +92,17 @@ def scene(arguments: Namespace, terminal: Terminal) -> Answer:
         steps = record.steps if len(record.steps) > 1 else ()
         alone = [DraftLog(Path(log), step.number, part) for step in steps if (part := only(record, step)) is not None]
         pieces += alone or [DraftLog(Path(log), None, record)]
-    made = draft(pieces, out.parent, options, rig)
-    missing = list(made.to_fill_in)
+    draft_scene = draft(pieces, out.parent, options, rig)
+    missing = list(draft_scene.to_fill_in)
     with atomic_write(out) as handle:
-        handle.write(made.text)
+        handle.write(draft_scene.text)
     terminal.say(f"{out}: written from {len(arguments.logs)} log(s)")
-    for sentence in made.left_out:
+    for sentence in draft_scene.left_out:
         terminal.say(f"left out: {sentence}")
     if missing:
         terminal.say(f"still to fill in (marked TODO): {', '.join(missing)}")
     terminal.say(f"then: stickslip fit --scene {out}")
-    return Answer(document={"status": "done", "out": str(out), "to_fill_in": missing, "left_out": made.left_out})
+    return Answer(document={"status": "done", "out": str(out), "to_fill_in": missing, "left_out": draft_scene.left_out})
 
 
 def convert(arguments: Namespace, terminal: Terminal) -> Answer:

@@ -355,40 +355,40 @@ def _map(
         at = dict(zip(POINT, (site.drive_speed, site.normal_force), strict=True))
         draws = Draws.of(site.model, dict(site.values) | at, point.names, point.covariance, DRAWS // 2)
     nodes = arguments.points if arguments.points is not None else LINE if len(names) == 1 else GRID
-    made: LineMap | Chart
+    chart_of_map: LineMap | Chart
     if len(names) == 1:
-        made = line_map(site, names[0], ranges[names[0]], nodes, draws)
-        document = _line_document(made)
+        chart_of_map = line_map(site, names[0], ranges[names[0]], nodes, draws)
+        document = _line_document(chart_of_map)
     else:
-        made = chart(site, (names[0], names[1]), list(ranges.values()), (nodes, nodes))
-        document = _chart_document(made)
+        chart_of_map = chart(site, (names[0], names[1]), list(ranges.values()), (nodes, nodes))
+        document = _chart_document(chart_of_map)
     terminal.say(wrapped(str(document["text"]), "", ""))
     if plot:
         from identify.report.draw_map import Marks, draw_line, draw_map
 
-        if isinstance(made, LineMap):
-            draw_line(made, plot, part)
+        if isinstance(chart_of_map, LineMap):
+            draw_line(chart_of_map, plot, part)
         else:
             others = [(axis(p.site, names[0]).value, axis(p.site, names[1]).value) for p in points[1:]]
-            draw_map(made, plot, part, Marks(others, tested, point.title))
+            draw_map(chart_of_map, plot, part, Marks(others, tested, point.title))
         terminal.say(f"plot: {plot}")
-    for file in [] if data is None else write_map(made, data):
+    for file in [] if data is None else write_map(chart_of_map, data):
         terminal.say(f"data: {file}")
     return Answer(document={"status": "done", "map": document})
 
 
-def _chart_document(made: Chart) -> dict[str, Json]:
+def _chart_document(drawn: Chart) -> dict[str, Json]:
     """Two quantities: shares of the map by outcome, and where it was computed."""
-    plane = made.plane
+    plane = drawn.plane
     axes = {"x": (plane.x, plane.x_values), "y": (plane.y, plane.y_values)}
     spans = [f"{q.label} from {said(float(v[0]), q.unit)} to {said(float(v[-1]), q.unit)}" for q, v in axes.values()]
-    shares = ", ".join(f"{100 * share:.0f} % {OUTCOMES.get(word, word)}" for word, share in made.shares.items())
+    shares = ", ".join(f"{100 * share:.0f} % {OUTCOMES.get(word, word)}" for word, share in drawn.shares.items())
     return {
         **{key: {"name": q.name, "unit": q.unit, "values": v.tolist()} for key, (q, v) in axes.items()},
-        "shares": made.shares,
-        "outcomes": made.outcomes.tolist(),
-        "end_of_stick_slip": [points.tolist() for points in made.values_of(made.sticking)],
-        "loss_of_stability": [points.tolist() for points in made.values_of(made.unstable)],
+        "shares": drawn.shares,
+        "outcomes": drawn.outcomes.tolist(),
+        "end_of_stick_slip": [points.tolist() for points in drawn.values_of(drawn.sticking)],
+        "loss_of_stability": [points.tolist() for points in drawn.values_of(drawn.unstable)],
         "text": f"Map of {' and '.join(spans)}, {plane.shape[1]} x {plane.shape[0]} points: {shares}.",
     }
 

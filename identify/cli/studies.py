@@ -152,18 +152,18 @@ def compare_fits(arguments: Namespace, terminal: Terminal) -> Answer:
     terminal.note("writing the tables and the page")
     with result_folder(out, COMPARISON) as folder:
         write_comparison(comparison, answers, folder, home=out)
-    made = document(comparison, comparison_tables(comparison, answers))
+    outcome = document(comparison, comparison_tables(comparison, answers))
     terminal.say(
-        f"{made['compared']} of {made['fits']} fits compared by {visible(comparison.question.by)}: "
+        f"{outcome['compared']} of {outcome['fits']} fits compared by {visible(comparison.question.by)}: "
         + ", ".join(visible(g, 30) for g in comparison.groups[:10])
         + (f" and {len(comparison.groups) - 10} more" if len(comparison.groups) > 10 else "")
     )
-    for names, _, words in together([(name, "", words) for name, words in made["in_words"].items()]):
+    for names, _, words in together([(name, "", words) for name, words in outcome["in_words"].items()]):
         terminal.say(f"  {visible(names, 200)}: {visible(words, 400)}")
     for name, reason in comparison.selected.left_out[:10]:
         terminal.say(f"  left out: {visible(name, 60)} ({visible(reason, 120)})")
     terminal.say(f"page: {out / 'report.html'}")
-    return Answer(document={**made, "out": str(out)})
+    return Answer(document={**outcome, "out": str(out)})
 
 
 BATCH = "one fit per group of a manifest (CSV) or per file of a folder, with a page of all"

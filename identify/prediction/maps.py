@@ -521,7 +521,7 @@ def check_data_path(path: Path) -> None:
         raise SimulationError(f"{path} is no format of data for a map; expected .csv: rename it")
 
 
-def write_map(made: Chart | LineMap, path: Path) -> list[Path]:
+def write_map(chart: Chart | LineMap, path: Path) -> list[Path]:
     """Write a map as CSV, one row per node; the boundaries of two quantities in a second file beside it.
 
     Returns:
@@ -533,18 +533,18 @@ def write_map(made: Chart | LineMap, path: Path) -> list[Path]:
     import pandas as pd
 
     check_data_path(path)
-    drawn = made if isinstance(made, Chart) else made.chart
+    drawn = chart if isinstance(chart, Chart) else chart.chart
     grid = drawn.plane
     heads = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in (grid.x, grid.y)]
     columns: dict[str, ArrayLike] = dict(zip(heads, np.meshgrid(grid.x_values, grid.y_values), strict=True))
     columns |= {"outcome": drawn.outcomes, "growth_rate [1/s]": drawn.growth, "multiplier": drawn.multiplier}
     columns |= {f"{name} [{unit}]": drawn.figures[name] for name, unit in QUANTITIES.items()}
-    columns |= {"sliding_force [N]": made.sliding_force} if isinstance(made, LineMap) else {}
+    columns |= {"sliding_force [N]": chart.sliding_force} if isinstance(chart, LineMap) else {}
     tables = {path: pd.DataFrame({name: np.ravel(values) for name, values in columns.items()})}
     lines = {"end of stick-slip": drawn.sticking, "loss of stability of sliding": drawn.unstable}
     pieces = [(words, i + 1, p) for words, b in lines.items() for i, p in enumerate(drawn.values_of(b))]
     rows = [(words, piece, *point) for words, piece, points in pieces for point in points]
-    if isinstance(made, Chart):
+    if isinstance(chart, Chart):
         beside = path.with_name(f"{path.stem}_boundaries.csv")
         tables[beside] = pd.DataFrame(rows, columns=["boundary", "piece", *heads])
     for place, table in tables.items():

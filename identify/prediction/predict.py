@@ -374,13 +374,13 @@ def _prediction(
     validity = replace(of_model(peak, "", "a_V_max"), validity="the closed forms of a slip need this to be far below 1")
     groups, forms = _closed_forms(model, values, amplitude, windows.end, validity, drawn)
     at = {"drive_speed": number(speed, "m/s", ""), "normal_force": number(load, "N", "")}
-    made = PointPrediction(at, stability, AmplitudeAnswer(amplitude), groups, forms)
-    texts = stability_text(made), amplitude_text(made), closed_form_text(made)
+    prediction = PointPrediction(at, stability, AmplitudeAnswer(amplitude), groups, forms)
+    texts = stability_text(prediction), amplitude_text(prediction), closed_form_text(prediction)
     return replace(
-        made,
-        stability=replace(made.stability, text=texts[0]),
-        amplitude=replace(made.amplitude, text=texts[1]),
-        closed_forms=replace(made.closed_forms, text=texts[2]),
+        prediction,
+        stability=replace(prediction.stability, text=texts[0]),
+        amplitude=replace(prediction.amplitude, text=texts[1]),
+        closed_forms=replace(prediction.closed_forms, text=texts[2]),
         text="\n".join(texts),
     )
 

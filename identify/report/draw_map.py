@@ -236,19 +236,19 @@ def _points(canvas: _Canvas, marks: Marks) -> list[Artist]:
     def inside(point: Array) -> bool:
         return bool(np.all((point >= spans[:, 0] - margin) & (point <= spans[:, 1] + margin)))
 
-    here = np.array([plane.x.value, plane.y.value])
+    marker = np.array([plane.x.value, plane.y.value])
     name = marks.whose if len(marks.whose) <= LONGEST_NAME else f"{marks.whose[: LONGEST_NAME - 1]}…"
     label = f"operating point of\n{name}" if name else "operating point"  # in one line a long name leaves the page
-    if not inside(here):
+    if not inside(marker):
         label += ":\nbeyond this map" if name else ": beyond this map"
     legend = [Line2D([], [], marker="*", ls="", ms=8, mfc="k", mec="w", mew=0.7, label=label)]
-    others = [p for p in map(np.array, dict.fromkeys(marks.points)) if inside(p) and not np.allclose(p, here, 1e-9)]
+    others = [p for p in map(np.array, dict.fromkeys(marks.points)) if inside(p) and not np.allclose(p, marker, 1e-9)]
     for p in others:
         canvas.axes.plot(*(p / canvas.factors), "o", ms=4, mfc="w", mec="k", mew=0.7, zorder=5)
     if others:
         legend.append(Line2D([], [], marker="o", ls="", ms=4, mfc="w", mec="k", mew=0.7, label="other logs"))
-    if inside(here):
-        canvas.axes.plot(*(here / canvas.factors), "*", ms=9, mfc="k", mec="w", mew=0.7, zorder=6)
+    if inside(marker):
+        canvas.axes.plot(*(marker / canvas.factors), "*", ms=9, mfc="k", mec="w", mew=0.7, zorder=6)
     return list(legend)
 
 

@@ -36,15 +36,15 @@ Array = NDArray[np.float64]
 DRAWS = 100  # of the parameters: ends of intervals are good to a tenth of their half width; the calculators take 200
 
 
-def answers_of_logs(prepared: list[Prepared], found: Findings, added: Array | float = 0.0) -> list[dict[str, Json]]:
+def answers_of_logs(prepared: list[Prepared], findings: Findings, added: Array | float = 0.0) -> list[dict[str, Json]]:
     """Stability and amplitude of the fitted pair at every log's speed and load; empty where there is no answer.
 
     Args:
         added: (f, f) to the covariance of the free theta by errors of rig and sensors.
     """
-    if found.status is not Status.CONVERGED or found.attempt is None or found.covariance is None:
+    if findings.status is not Status.CONVERGED or findings.attempt is None or findings.covariance is None:
         return [{} for _ in prepared]
-    unknowns = found.unknowns
+    unknowns = findings.unknowns
     free = np.flatnonzero(unknowns.free)
     names = [unknowns.names[i] for i in free]
     # of tied parameters, as far as their errors go: a factor, or none where they differ by an offset
@@ -54,7 +54,7 @@ def answers_of_logs(prepared: list[Prepared], found: Findings, added: Array | fl
     }
     points: list[OperatingPoint | NoAnswer] = []
     for number, log in enumerate(prepared):
-        own = of_log(number, log, found)
+        own = of_log(number, log, findings)
         if isinstance(own, str):
             points.append(NoAnswer(own))
             continue
@@ -65,26 +65,26 @@ def answers_of_logs(prepared: list[Prepared], found: Findings, added: Array | fl
         points.append(OperatingPoint(values, log.data.drive_speed, log.mean_load, covariance))
     known = [point for point in points if isinstance(point, OperatingPoint)]
     # what points have in common is only shared within a pair
-    apart = found.sure is not None and bool(found.sure.of_groups)
+    apart = findings.sure is not None and bool(findings.sure.of_groups)
     parts = [[point] for point in known] if apart else [known]
     answers = iter([each for part in parts for each in predictions(unknowns.model, part, (*names, *ties), DRAWS)])
     return [to_dict(point if isinstance(point, NoAnswer) else next(answers)) for point in points]
 
 
-def of_log(number: int, log: Prepared, found: Findings) -> tuple[Array, Array] | str:
+def of_log(number: int, log: Prepared, findings: Findings) -> tuple[Array, Array] | str:
     """Theta (n_p,) of one log and the covariance (f, f) of its free parameters, its own group's among them; a sentence
     where the log took no part and its group has no values."""
-    attempt, sure, names = found.attempt, found.sure, found.unknowns.names
-    assert attempt is not None and found.covariance is not None
-    free = np.flatnonzero(found.unknowns.free)
-    theta, covariance = attempt.solved.theta, found.covariance.copy()
-    verdicts = {e.name: e.verdict for e in found.estimates}
+    attempt, sure, names = findings.attempt, findings.sure, findings.unknowns.names
+    assert attempt is not None and findings.covariance is not None
+    free = np.flatnonzero(findings.unknowns.free)
+    theta, covariance = attempt.solved.theta, findings.covariance.copy()
+    verdicts = {e.name: e.verdict for e in findings.estimates}
     if sure is not None and sure.of_groups:
         if number in attempt.log_numbers:
             theta = attempt.solved.trajectories[attempt.log_numbers.index(number)].theta(theta)
         theta, order = theta.copy(), np.arange(free.size)
         for i, index in enumerate(free.tolist()):
-            if not found.unknowns.grouped[index]:
+            if not findings.unknowns.grouped[index]:
                 continue
             group = log.data.groups[index] or f"log {number + 1}"
             share = next((s for s in sure.shares if (s.index, s.group) == (index, group)), None)
@@ -102,7 +102,7 @@ def of_log(number: int, log: Prepared, found: Findings) -> tuple[Array, Array] |
 
 
 def log_result(
-    index: int, log: Prepared, found: Findings, answer: Mapping[str, Json], part_of: int | None
+    index: int, log: Prepared, identified: Findings, answer: Mapping[str, Json], part_of: int | None
 ) -> LogResult:
     """One log in the result.
 
@@ -111,9 +111,9 @@ def log_result(
         part_of: the number (from 1) of the log of the scene that it is a part of; None where it is whole.
     """
     record, verdict, window = log.record, log.regime_verdict, log.entry.window
-    taken = found.attempt is not None and index in found.attempt.log_numbers
-    if found.estimated is not None and found.status is Status.CONVERGED:
-        taken = index not in found.left_out
+    taken = identified.attempt is not None and index in identified.attempt.log_numbers
+    if identified.estimated is not None and identified.status is Status.CONVERGED:
+        taken = index not in identified.left_out
     begin = float(record.metadata.get(WINDOW_START, 0.0))  # of a log that was read in part
     # the classical table is of what the window of the scene leaves
     record = within(record, window and (begin + window[0], begin + window[1]))
@@ -135,7 +135,7 @@ def log_result(
         normal_force_N=log.mean_load,
         drive_speed_m_per_s=speed,
         window_s=(log.data.begin, log.data.end),
-        reason_left_out=None if taken else found.left_out.get(index, "no fit was made"),
+        reason_left_out=None if taken else identified.left_out.get(index, "no fit was made"),
         classical=table_of(record, seen, log.rig.stiffness),
         quality=_quality(log),
         corrections=log.account.changes,
@@ -188,20 +188,20 @@ def load_trembles(log: Prepared) -> str:
 VALIDITY = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
 
 
-def creep_velocities(prepared: list[Prepared], found: Findings) -> dict[str, Number]:
+def creep_velocities(prepared: list[Prepared], findings: Findings) -> dict[str, Number]:
     """ "v_cr" of the first group and "v_cr (V08)" of the others, as numbers of the result; empty without one."""
-    unknowns, names = found.unknowns, found.unknowns.names
-    if found.attempt is None or found.covariance is None or not {"D", "t_cr"} <= set(names):
+    unknowns, names = findings.unknowns, findings.unknowns.names
+    if findings.attempt is None or findings.covariance is None or not {"D", "t_cr"} <= set(names):
         return {}
     free, places = np.flatnonzero(unknowns.free), [names.index("D"), names.index("t_cr")]
     sources = [int(unknowns.source[place]) for place in places]
     slope = (free == sources[0]).astype(float) - (free == sources[1])
     moved = slope != 0.0
     out: dict[str, Number] = {}
-    for number in found.attempt.log_numbers:
+    for number in findings.attempt.log_numbers:
         log = prepared[number]
         own = [log.data.groups[i] or f"log {number + 1}" for i in sources if unknowns.grouped[i]]
-        group, known = ", ".join(dict.fromkeys(own)), of_log(number, log, found)
+        group, known = ", ".join(dict.fromkeys(own)), of_log(number, log, findings)
         if group in {entry.group for entry in out.values()}:
             continue
         assert not isinstance(known, str), "a log that took part has values"

@@ -284,8 +284,8 @@ def answer_table(columns: Sequence[tuple[str, Entry]], title: str = "") -> Outpu
     """A table with one column per (heading, entries) and one row per quantity; entries: {"value", "unit", "interval",
     "validity", "reason"} by key. Below a value stand its interval and how far it may be trusted."""
     keys = list(dict.fromkeys(key for _, entries in columns for key in entries))
-    found = [entry for _, entries in columns for entry in entries.values() if isinstance(entry, Mapping)]
-    validities = {str(entry.get("validity") or "") for entry in found}
+    entries_of_logs = [entry for _, entries in columns for entry in entries.values() if isinstance(entry, Mapping)]
+    validities = {str(entry.get("validity") or "") for entry in entries_of_logs}
     shared = validities.pop() if len(validities) == 1 and len(keys) > 1 else ""  # what all state is not repeated
     rows: list[Row] = []
     for key in keys:
@@ -310,7 +310,7 @@ def _answer(entry: Json, shared: str) -> Cell:
 def derived_answers(derived: Entry) -> Entry:
     """Of what follows from the parameters at one log the three numbers that are asked for first."""
     parts = (("amplitude", "drop"), ("amplitude", "period"), ("stability", "critical_speed"))
-    return {key: found[key] for part, key in parts if isinstance(found := derived.get(part), Mapping) and key in found}
+    return {key: entry[key] for part, key in parts if isinstance(entry := derived.get(part), Mapping) and key in entry}
 
 
 def of_record(figures: Mapping[str, schema.QualityFigure]) -> Entry:

@@ -66,7 +66,7 @@ NOTABLE = 1.05  # by which factor correlated noise must widen an interval to be 
 def result_of(
     scene: Scene,
     prepared: list[Prepared],
-    found: Findings,
+    findings: Findings,
     seconds: Mapping[str, float],
     seed: int,
     choice: Choice | None = None,
@@ -77,35 +77,35 @@ def result_of(
         seconds: of each stage, and in all ("total"). choice: how the effects were chosen, None where the scene lists
             them.
     """
-    converged, estimated = found.status is Status.CONVERGED, found.estimated
+    converged, estimated = findings.status is Status.CONVERGED, findings.estimated
     parts = parts_of(scene, [log.entry for log in prepared])
-    tolerances = _tolerances(scene, found) if converged and found.attempt is not None else {}
+    tolerances = _tolerances(scene, findings) if converged and findings.attempt is not None else {}
     shares = {name: each.relative for name, each in tolerances.items()}
-    errors = _by_errors(found, shares) if shares and found.covariance is not None else {}
-    answers = answers_of_logs(prepared, found, errors.get(ALL, 0.0))
-    gate, figures = (None, None) if found.attempt is None else _gate_and_fit(found.attempt, found.sure)
+    errors = _by_errors(findings, shares) if shares and findings.covariance is not None else {}
+    answers = answers_of_logs(prepared, findings, errors.get(ALL, 0.0))
+    gate, figures = (None, None) if findings.attempt is None else _gate_and_fit(findings.attempt, findings.sure)
     result = Result(
-        status=found.status.value,
-        message=_message(prepared, found),
-        parameters=_parameters(found, converged),
-        effects=_effects(prepared, found, choice),
-        estimator=found.estimator,
-        correlation=_correlation(found, errors.get(ALL, 0.0)) if converged else None,
+        status=findings.status.value,
+        message=_message(prepared, findings),
+        parameters=_parameters(findings, converged),
+        effects=_effects(prepared, findings, choice),
+        estimator=findings.estimator,
+        correlation=_correlation(findings, errors.get(ALL, 0.0)) if converged else None,
         gate=gate,
         fit=figures,
-        derived=creep_velocities(prepared, found) if converged else {},
+        derived=creep_velocities(prepared, findings) if converged else {},
         logs=tuple(
-            log_result(i, log, found, answer, part)
+            log_result(i, log, findings, answer, part)
             for i, (log, answer, part) in enumerate(zip(prepared, answers, parts, strict=True))
         ),
-        notes=tuple(_notes(scene, prepared, found)),
+        notes=tuple(_notes(scene, prepared, findings)),
         search=tuple(
-            schema.SearchTrial(t.strategy, t.logs, t.status, t.cost, round(t.seconds, 4)) for t in found.trace.trials
+            schema.SearchTrial(t.strategy, t.logs, t.status, t.cost, round(t.seconds, 4)) for t in findings.trace.trials
         ),
-        not_tried=tuple(found.trace.not_tried),
+        not_tried=tuple(findings.trace.not_tried),
         more={} if estimated is None else estimated.more,
-        rig_against_data=found.held or None,
-        causes=found.causes,
+        rig_against_data=findings.held or None,
+        causes=findings.causes,
         timing_s={stage: seconds.get(stage, 0.0) for stage in (*STAGES, "total")},
         provenance={
             "version": _version(DISTRIBUTION),
@@ -115,15 +115,15 @@ def result_of(
             "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         },
     )
-    base = found.unknowns.base(stated_rig(scene))  # (n_p,) of the rig the parameters are given for
-    if converged and found.attempt is not None:
-        result = replace(result, rig_sensitivity=_rig_sensitivity(scene, found), tolerances=tolerances)
-        result = replace(result, parameters=_published(result.parameters, found, shares, errors))
-        return _with_depth(result, found.sure, found.unknowns, base) if found.sure else result
+    base = findings.unknowns.base(stated_rig(scene))  # (n_p,) of the rig the parameters are given for
+    if converged and findings.attempt is not None:
+        result = replace(result, rig_sensitivity=_rig_sensitivity(scene, findings), tolerances=tolerances)
+        result = replace(result, parameters=_published(result.parameters, findings, shares, errors))
+        return _with_depth(result, findings.sure, findings.unknowns, base) if findings.sure else result
     if converged:
         return result
-    ends = _profile_ends(found.sure, found.unknowns, base)  # of a parameter at its bound, one end is that bound
-    iterate = {e.name: schema.LastValue(e.value, e.unit, ends.get(e.name)) for e in found.estimates}
+    ends = _profile_ends(findings.sure, findings.unknowns, base)  # of a parameter at its bound, one end is that bound
+    iterate = {e.name: schema.LastValue(e.value, e.unit, ends.get(e.name)) for e in findings.estimates}
     nothing = {name: schema.LastValue(None, entry.unit) for name, entry in result.parameters.items()}
     return replace(result, last_iterate=iterate or nothing)
 
@@ -133,29 +133,29 @@ def _version(name: str) -> str:
     return importlib.metadata.version(name)
 
 
-def _message(prepared: list[Prepared], found: Findings) -> str:
+def _message(prepared: list[Prepared], findings: Findings) -> str:
     """The sentence of the result; an answer says first which part of each record it rests on."""
-    if found.status is not Status.CONVERGED:
-        return found.message
-    taken = [log for i, log in enumerate(prepared) if i not in found.left_out]
-    logs = found.attempt.fitted_logs if found.attempt else taken
+    if findings.status is not Status.CONVERGED:
+        return findings.message
+    taken = [log for i, log in enumerate(prepared) if i not in findings.left_out]
+    logs = findings.attempt.fitted_logs if findings.attempt else taken
     parts = [log.rests_on for log in logs if log.rests_on]
     whole = [log.name for log in logs if not log.rests_on]
     if len(whole) > MOST_NAMED:
         whole = [f"all {'other ' if parts else ''}{len(whole)} records"]
     elif whole:
         whole = [f"all of {listed(whole)}"]
-    return f"from {listed([*parts, *whole])}: {found.message}"
+    return f"from {listed([*parts, *whole])}: {findings.message}"
 
 
-def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -> schema.EffectsResult:
+def _effects(prepared: list[Prepared], findings: Findings, choice: Choice | None) -> schema.EffectsResult:
     """Which effects and why; of those that are listed, what they amount to at the first log, if there is an answer."""
     if choice is not None:
         return effects_result(choice, auto=True)
-    log, model, values = prepared[0].data, found.unknowns.model, None
-    if found.status is Status.CONVERGED and found.attempt is not None:
+    log, model, values = prepared[0].data, findings.unknowns.model, None
+    if findings.status is Status.CONVERGED and findings.attempt is not None:
         with np.errstate(all="ignore"):
-            p = found.unknowns.values(found.attempt.solved.theta, log.base)
+            p = findings.unknowns.values(findings.attempt.solved.theta, log.base)
         values = dict(zip(model.parameter_names, np.where(np.isfinite(p), p, 0.0).tolist(), strict=True))
     return effects_result(as_listed(model.effects, values, log.mean_normal_force, log.drive_speed), auto=False)
 
@@ -165,12 +165,12 @@ def _effects(prepared: list[Prepared], found: Findings, choice: Choice | None) -
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> Iterator[str]:
+def _notes(scene: Scene, prepared: list[Prepared], findings: Findings) -> Iterator[str]:
     """All notes on how the result came about, in the order a reader needs them."""
-    sure = found.sure
+    sure = findings.sure
     if any(log.noise_estimated for log in prepared):
         yield "The noise was estimated from straight lines through the stick phases, not given."
-    if found.status is Status.CONVERGED:
+    if findings.status is Status.CONVERGED:
         widest = float(np.sqrt(np.max(sure.allowed.inflation, initial=1.0))) if sure is not None else 1.0
         noise = sure.allowed.noise if sure is not None else []
         if not all(c.white for c in noise) and widest >= NOTABLE:
@@ -178,10 +178,10 @@ def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> Iterator[
                 f"Neighbouring residuals are alike (one sample in {max(c.inflation for c in noise):.2g} is new): the "
                 f"standard errors allow for it, and are up to {widest:.2g} times those of white noise."
             )
-        given = {e.name for e in found.estimates} if found.estimated is not None else set()
+        given = {e.name for e in findings.estimates} if findings.estimated is not None else set()
         exact = [name for name in RIG if name not in {*scene.parameters, *scene.rig.tolerances, *given}]
         if exact:
-            shown = "; the table of rig errors shows what 1 % would do" if found.estimated is None else ""
+            shown = "; the table of rig errors shows what 1 % would do" if findings.estimated is None else ""
             yield f"Taken as exact: {', '.join(name.replace('_', ' ') for name in exact)}{shown}."
         if "force_sensor" not in scene.effects:
             held = "" if sure is None else "; the intervals include both"
@@ -191,7 +191,7 @@ def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> Iterator[
                 "known weight, or let the effect force_sensor estimate zero and gain of the friction force within "
                 "priors."
             )
-        if each_speed_alone(found):
+        if each_speed_alone(findings):
             yield (
                 "Each drive speed stands in one log: a difference between specimens, days or loads would count as one "
                 "of speed, and the intervals include a usual one. Repeat one speed, or state specimen = 0 under "
@@ -200,15 +200,16 @@ def _notes(scene: Scene, prepared: list[Prepared], found: Findings) -> Iterator[
     doubts = [(log.entry.path.name, f.message) for log in prepared for f in log.record.findings if f.code == DISAGREES]
     yield from (f"{name}: {message}." for name, message in dict.fromkeys(doubts))
     yield from (f"{log.name}: {load_varies(log)}." for log in prepared if log.hidden_swing)
-    yield from _events(prepared, found)
-    yield from () if found.estimated is None else found.estimated.notes
-    for index, reason in sorted(found.left_out.items()):
+    yield from _events(prepared, findings)
+    yield from () if findings.estimated is None else findings.estimated.notes
+    for index, reason in sorted(findings.left_out.items()):
         yield f"Log {index + 1} was left out of the fit: {reason}."
 
 
-def _events(prepared: list[Prepared], found: Findings) -> Iterator[str]:
+def _events(prepared: list[Prepared], findings: Findings) -> Iterator[str]:
     """Slips that the search put in or took out, and records it could not follow to their end."""
-    for number, log in zip(found.attempt.log_numbers, found.attempt.fitted_logs, strict=True) if found.attempt else ():
+    attempt = findings.attempt
+    for number, log in zip(attempt.log_numbers, attempt.fitted_logs, strict=True) if attempt else ():
         before, after, mode = prepared[number].falls, log.falls, log.fit_mode.name
         put = [f"{t:.4g} s" for t in after.tolist() if t not in before]
         out = [f"{t:.4g} s" for t in before.tolist() if t not in after]
@@ -233,16 +234,20 @@ def _events(prepared: list[Prepared], found: Findings) -> Iterator[str]:
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def _parameters(found: Findings, converged: bool) -> dict[str, ParameterResult]:
+def _parameters(findings: Findings, converged: bool) -> dict[str, ParameterResult]:
     """Every parameter by name; of those that differ between groups the first group's stands under the bare name."""
-    names, per, sure = found.unknowns.names, found.unknowns.per, found.sure
-    free = set(np.array(names)[found.unknowns.free])
-    kept = [e for e in found.estimates if found.estimated is not None or e.name not in RIG_PARAMETERS or e.name in free]
+    names, per, sure = findings.unknowns.names, findings.unknowns.per, findings.sure
+    free = set(np.array(names)[findings.unknowns.free])
+    kept = [
+        e
+        for e in findings.estimates
+        if findings.estimated is not None or e.name not in RIG_PARAMETERS or e.name in free
+    ]
     if not kept:
         why = "nothing was fitted; see the message"
         return {
             q.name: ParameterResult(None, q.unit, None, (None, None), LEVEL, "not identifiable", why)
-            for q in found.unknowns.model.parameters
+            for q in findings.unknowns.model.parameters
             if q.name not in RIG_PARAMETERS
         }
     out = {e.name: _parameter(e, converged) for e in kept}
@@ -269,30 +274,30 @@ def _parameter(estimate: Estimate, converged: bool) -> ParameterResult:
     )
 
 
-def _correlation(found: Findings, added: Array | float) -> schema.Correlation | None:
+def _correlation(findings: Findings, added: Array | float) -> schema.Correlation | None:
     """Correlation of all estimates and the standard errors [SI] that go with it, also of those that have none because
     the data do not determine them.
 
     Args:
         added: (f, f) to the covariance of the free theta by errors of rig and sensors.
     """
-    if found.estimated is not None and len(found.estimated.names):
-        names, covariance, size = list(found.estimated.names), found.estimated.covariance, np.ones(1)
-    elif found.covariance is None:
+    if findings.estimated is not None and len(findings.estimated.names):
+        names, covariance, size = list(findings.estimated.names), findings.estimated.covariance, np.ones(1)
+    elif findings.covariance is None:
         return None
     else:
-        index = np.flatnonzero(found.unknowns.free).tolist()
-        by_name, covariance, free = {e.name: e for e in found.estimates}, found.covariance, len(index)
-        estimates = [by_name[found.unknowns.names[i]] for i in index]
-        if found.sure is not None and found.sure.of_groups:
-            beyond = [(share, e) for share, e in found.sure.of_groups if not share.tied]
+        index = np.flatnonzero(findings.unknowns.free).tolist()
+        by_name, covariance, free = {e.name: e for e in findings.estimates}, findings.covariance, len(index)
+        estimates = [by_name[findings.unknowns.names[i]] for i in index]
+        if findings.sure is not None and findings.sure.of_groups:
+            beyond = [(share, e) for share, e in findings.sure.of_groups if not share.tied]
             order = [*range(free), *(free + share.place for share, _ in beyond)]
             estimates, index = estimates + [e for _, e in beyond], index + [share.index for share, _ in beyond]
-            covariance = found.sure.joint[np.ix_(order, order)]
+            covariance = findings.sure.joint[np.ix_(order, order)]
         covariance = covariance.copy()
         covariance[:free, :free] += added
         names = [e.name for e in estimates]
-        size = np.where(found.unknowns.logarithmic[index], np.array([e.value for e in estimates], dtype=float), 1.0)
+        size = np.where(findings.unknowns.logarithmic[index], np.array([e.value for e in estimates], dtype=float), 1.0)
     sd = np.sqrt(np.diag(covariance))
     matrix = tuple(map(tuple, (covariance / np.outer(sd, sd)).tolist()))
     return schema.Correlation(tuple(names), matrix, tuple(map(finite, (size * sd).tolist())))
@@ -327,19 +332,19 @@ def _gate_and_fit(attempt: Attempt, sure: Certainty | None) -> tuple[schema.Gate
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, dict[str, schema.Shift]]:
+def _rig_sensitivity(scene: Scene, findings: Findings) -> dict[str, dict[str, schema.Shift]]:
     """What an error of 1 % in a rig quantity taken as exact would do to every parameter."""
-    assert found.information is not None and found.attempt is not None and found.covariance is not None
-    unknowns, estimates = found.unknowns, {e.name: e for e in found.estimates}
+    assert findings.information is not None and findings.attempt is not None and findings.covariance is not None
+    unknowns, estimates = findings.unknowns, {e.name: e for e in findings.estimates}
     out: dict[str, dict[str, schema.Shift]] = {}
     for quantity in RIG:
         if quantity in scene.parameters or quantity in scene.rig.tolerances:
             continue
         if quantity == "drive_speed":
-            values = unknowns.values(found.attempt.solved.theta, found.attempt.fitted_logs[0].data.base)
-            move = found.information.drive_speed_shift(values)
+            values = unknowns.values(findings.attempt.solved.theta, findings.attempt.fitted_logs[0].data.base)
+            move = findings.information.drive_speed_shift(values)
         elif quantity in unknowns.names and getattr(scene.rig, quantity) > 0.0:
-            move = found.information.shift(unknowns.names.index(quantity))
+            move = findings.information.shift(unknowns.names.index(quantity))
         else:
             continue
         out[quantity] = {}
@@ -350,35 +355,35 @@ def _rig_sensitivity(scene: Scene, found: Findings) -> dict[str, dict[str, schem
     return out
 
 
-def _tolerances(scene: Scene, found: Findings) -> dict[str, ToleranceResult]:
+def _tolerances(scene: Scene, findings: Findings) -> dict[str, ToleranceResult]:
     """What the published intervals allow for beyond the fit, one standard deviation each."""
     settled = {*scene.parameters, *scene.rig.tolerances}  # the intervals of the fit hold these
     settled |= {"friction_force"} if "force_sensor" in scene.effects else set()
-    settled |= {"damping"} if "damping" not in found.unknowns.names else set()
-    settled |= {"specimen"} if not each_speed_alone(found) else set()
+    settled |= {"damping"} if "damping" not in findings.unknowns.names else set()
+    settled |= {"specimen"} if not each_speed_alone(findings) else set()
     out = {
         name: ToleranceResult(share, "scene" if name in scene.tolerances else "usual")
         for name, share in {**USUAL_TOLERANCES, **scene.tolerances}.items()
         if name not in settled
     }
-    return out | ({"specimen": ToleranceResult(found.scatter, "estimated")} if found.scatter else {})
+    return out | ({"specimen": ToleranceResult(findings.scatter, "estimated")} if findings.scatter else {})
 
 
-def each_speed_alone(found: Findings) -> bool:
+def each_speed_alone(findings: Findings) -> bool:
     """Whether several logs took part and no two of them share a drive speed."""
-    logs = [] if found.attempt is None else [log.data for log in found.attempt.fitted_logs]
+    logs = [] if findings.attempt is None else [log.data for log in findings.attempt.fitted_logs]
     speeds = sorted(log.drive_speed for log in logs)
     several = len(logs) > 1 and not any(log.programme is not None for log in logs)
     return several and all(fast > SAME_SPEED * slow for slow, fast in pairwise(speeds))
 
 
-def _by_errors(found: Findings, tolerances: Mapping[str, float]) -> dict[str, Array]:
+def _by_errors(findings: Findings, tolerances: Mapping[str, float]) -> dict[str, Array]:
     """Covariances (f, f) of the free theta that each error of rig and sensors and the scatter of specimens (of all
     friction of a log, and of its static part by itself) add by themselves, and under `ALL` together."""
-    assert found.information is not None and found.attempt is not None
-    information, unknowns, solved = found.information, found.unknowns, found.attempt.solved
-    values = unknowns.values(solved.theta, found.attempt.fitted_logs[0].data.base)
-    inflation = largest_inflation(found.attempt, found.sure.allowed.noise) if found.sure is not None else 1.0
+    assert findings.information is not None and findings.attempt is not None
+    information, unknowns, solved = findings.information, findings.unknowns, findings.attempt.solved
+    values = unknowns.values(solved.theta, findings.attempt.fitted_logs[0].data.base)
+    inflation = largest_inflation(findings.attempt, findings.sure.allowed.noise) if findings.sure is not None else 1.0
     of_rig = {name: share for name, share in tolerances.items() if name != "specimen"}
     out = {name: added_by_tolerances(information, values, {name: of_rig[name]}, inflation) for name in of_rig}
     out[ALL] = added_by_tolerances(information, values, of_rig, inflation)
@@ -396,15 +401,15 @@ def _by_errors(found: Findings, tolerances: Mapping[str, float]) -> dict[str, Ar
 
 def _published(
     parameters: Mapping[str, ParameterResult],
-    found: Findings,
+    findings: Findings,
     tolerances: Mapping[str, float],
     errors: Mapping[str, Array],
 ) -> dict[str, ParameterResult]:
     """The parameters with the interval, standard error and verdict to publish: errors of rig and sensors widen those of
     the fit, which stand beside as `interval_rig_exact`."""
-    assert found.attempt is not None
-    unknowns = found.unknowns
-    values = unknowns.values(found.attempt.solved.theta, found.attempt.fitted_logs[0].data.base)
+    assert findings.attempt is not None
+    unknowns = findings.unknowns
+    values = unknowns.values(findings.attempt.solved.theta, findings.attempt.fitted_logs[0].data.base)
     size_of = dict(zip(unknowns.names, sizes(unknowns, values).tolist(), strict=True))
     free = np.flatnonzero(unknowns.free).tolist()
     added = {}  # standard deviation of theta by error and parameter; a tied parameter follows another one
@@ -518,27 +523,29 @@ def _profile_ends(sure: Certainty | None, unknowns: Unknowns, base: Array) -> di
     return out
 
 
-def accuracy_result(found: Findings, taken: Accuracy, processor: float, share: float) -> schema.AccuracyResult | None:
+def accuracy_result(
+    findings: Findings, taken: Accuracy, processor: float, share: float
+) -> schema.AccuracyResult | None:
     """What the accuracy of a fit cost and gives, what the other levels would, and what each effect took of the seconds
     (processor time, which no other program lengthens); None without an answer.
 
     Args:
         taken: the level of the fit; processor: seconds that it took; share: of them in functions of the model.
     """
-    if found.attempt is None or found.sure is None or not np.any(found.unknowns.free):
+    if findings.attempt is None or findings.sure is None or not np.any(findings.unknowns.free):
         return None
-    size, tabled = np.sqrt(np.diag(found.sure.covariance)), found.sure.accuracy_table
+    size, tabled = np.sqrt(np.diag(findings.sure.covariance)), findings.sure.accuracy_table
     own = processor - max((row.seconds for row in tabled or ()), default=0.0)  # of the fit alone
-    halvings = sum(trial.strategy == FINER_STEPS for trial in found.trace.trials)
-    steps = found.attempt.solved.grid.steps
+    halvings = sum(trial.strategy == FINER_STEPS for trial in findings.trace.trials)
+    steps = findings.attempt.solved.grid.steps
     first = FEWEST_STEPS if steps < FEWEST_STEPS else max(steps // 2**halvings, FEWEST_STEPS)
     equations = share * own
     return schema.AccuracyResult(
         taken.name,
         equations,
-        {name: share * equations for name, share in effect_shares(found.unknowns.model).items()},
+        {name: share * equations for name, share in effect_shares(findings.unknowns.model).items()},
         tuple(
             schema.LevelCost(c.level, c.steps, max(own + c.seconds, 0.0), finite(c.error), c.level != taken.name)
-            for c in accuracy_costs(found.attempt.solved, size, taken, first)
+            for c in accuracy_costs(findings.attempt.solved, size, taken, first)
         ),
     )

@@ -239,8 +239,8 @@ class Scene:
             name = declared.name
             spec = self.parameters.get(name)
             fallback = getattr(rig, name) if name in RIG_PARAMETERS else declared.default
-            said = (spec.fixed, spec.start) if spec else ()
-            values[name] = next((value for value in said if value is not None), fallback)
+            stated = (spec.fixed, spec.start) if spec else ()
+            values[name] = next((value for value in stated if value is not None), fallback)
         for name, spec in self.parameters.items():
             if spec.tie is not None and name in values:
                 values[name] = spec.tie.factor * values[spec.tie.to] + spec.tie.offset
@@ -249,8 +249,8 @@ class Scene:
     def rig_for(self, log: LogEntry) -> Rig:
         """The rig with what this log says otherwise."""
         names = ("mass", "stiffness", "damping", "drive_speed", "normal_force", "noise")
-        said = {name: getattr(log, name) for name in names if getattr(log, name) is not None}
-        return replace(self.rig, **said)
+        stated = {name: getattr(log, name) for name in names if getattr(log, name) is not None}
+        return replace(self.rig, **stated)
 
     def choose(self, paths: Sequence[str | Path], added: LogEntry | None = None) -> Scene:
         """The scene with exactly these logs: chosen by path, then by unique file name, else added.

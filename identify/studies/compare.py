@@ -106,14 +106,14 @@ def read_fits(folders: Iterable[str | Path]) -> tuple[FitEntry, ...]:
     for folder in map(Path, folders):
         groups = _document(folder / BATCH).get("groups")
         if (folder / RESULT).is_file():
-            found = [_read(folder, folder.name or str(folder), {})]
+            fits = [_read(folder, folder.name or str(folder), {})]
         elif isinstance(groups, list) and groups:
-            found = [_group(folder, group) for group in groups if isinstance(group, Mapping)]
+            fits = [_group(folder, group) for group in groups if isinstance(group, Mapping)]
         else:
             below = [p.parent for p in sorted(folder.rglob(RESULT)) if len(p.parts) - len(folder.parts) <= MANY]
             outer = [place for place in below if set(below).isdisjoint(place.parents)]
-            found = [_read(place, place.relative_to(folder).as_posix(), {}) for place in outer]
-        for entry in found:
+            fits = [_read(place, place.relative_to(folder).as_posix(), {}) for place in outer]
+        for entry in fits:
             entries.setdefault(os.path.realpath(entry.folder), entry)
     return tuple(sorted(entries.values(), key=lambda entry: natural(entry.name)))
 
@@ -249,10 +249,10 @@ def values(entries: Sequence[FitEntry]) -> Values:
     names = dict.fromkeys(name for table in tables for name, p in table.items() if p.verdict in WITH_VALUE)
     quantities = []
     for name in names:
-        found = [table[name] for table in tables if name in table]
-        positive = all((p.value or 0.0) > 0.0 for p in found if p.verdict in WITH_VALUE)
+        column = [table[name] for table in tables if name in table]
+        positive = all((p.value or 0.0) > 0.0 for p in column if p.verdict in WITH_VALUE)
         logarithmic = name in SCALES or (name in DECLARED and DECLARED[name].scale == "log")
-        quantities.append(Quantity(name, next((p.unit for p in found if p.unit), ""), logarithmic and positive))
+        quantities.append(Quantity(name, next((p.unit for p in column if p.unit), ""), logarithmic and positive))
     y, sd = np.full((2, len(entries), len(quantities)), np.nan)
     missing: dict[str, list[tuple[int, str]]] = {name: [] for name in names}
     for i, entry in enumerate(entries):
@@ -375,11 +375,11 @@ def usual(entries: Sequence[FitEntry]) -> str | None:
 
 def _levels(entries: Sequence[FitEntry]) -> dict[str, set[str]]:
     """Every label and its values among the fits that converged."""
-    found: dict[str, set[str]] = {}
+    levels: dict[str, set[str]] = {}
     for entry in entries:
         for name, value in entry.labels.items() if entry.converged else ():
-            found.setdefault(name, set()).add(value)
-    return found
+            levels.setdefault(name, set()).add(value)
+    return levels
 
 
 def select(entries: Sequence[FitEntry], question: ComparisonQuestion) -> Selection:

@@ -189,9 +189,9 @@ def _link(entry: FitEntry, home: Path) -> str:
 def _page_fits(entries: Sequence[FitEntry], links: Sequence[str], comparison: Comparison | None) -> OutputTable:
     """The table of fits with the labels worth a column: those of the question, then those that differ."""
     labels = list(dict.fromkeys(name for e in entries for name in e.labels))
-    asked = [comparison.question.by, comparison.selected.subject] if comparison else []
+    columns = [comparison.question.by, comparison.selected.subject] if comparison else []
     differing = [n for n in labels if len({e.labels.get(n) for e in entries}) > 1]
-    first = list(dict.fromkeys(str(n) for n in [*asked, *differing] if n in labels))[:MOST_LABELS]
+    first = list(dict.fromkeys(str(n) for n in [*columns, *differing] if n in labels))[:MOST_LABELS]
     whole = fits_table(entries, links, first)
     names = list(dict.fromkeys(n for e in entries for n in e.result.parameters))[:MOST_PARAMETERS]
     values = [c for c in whole.columns if c.split(" [")[0] in names]

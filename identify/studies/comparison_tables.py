@@ -164,9 +164,9 @@ def fits_table(entries: Sequence[FitEntry], links: Sequence[str] = (), first: Se
     heads = ["fit", "status", "message", *labels, "logs", "misfit"]
     scales = []
     for name in names:
-        found = [p for e in entries if (p := e.result.parameters.get(name)) is not None]
-        values = sorted(abs(p.value) for p in found if p.value is not None)
-        unit = next((p.unit for p in found if p.unit), "")
+        estimates = [p for e in entries if (p := e.result.parameters.get(name)) is not None]
+        values = sorted(abs(p.value) for p in estimates if p.value is not None)
+        unit = next((p.unit for p in estimates if p.unit), "")
         scales.append(scale_for(values[len(values) // 2] if values else None, unit))
         tail = f" [{unit}]" if unit else ""
         heads += [f"{name}{tail}", f"{name} standard error{tail}", f"{name} verdict"]
@@ -211,14 +211,14 @@ def together(parts: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]
 def _sentence(entry: PooledQuantity) -> str:
     if entry.pooled is None:
         return f"not compared: {entry.reason}."
-    found, count = entry.pooled.differences, len(entry.pooled.means)
-    if not found:
+    differences, count = entry.pooled.differences, len(entry.pooled.means)
+    if not differences:
         return "there is only one group." if count < 2 else f"{count} groups are too many to compare in pairs."
-    if all(d.verdict == NOT_TESTED for d in found):
-        return f"not tested: {found[0].reason}."
-    apart = [(d.first, d.second) if d.value > 0 else (d.second, d.first) for d in found if d.verdict == DIFFERENT]
+    if all(d.verdict == NOT_TESTED for d in differences):
+        return f"not tested: {differences[0].reason}."
+    apart = [(d.first, d.second) if d.value > 0 else (d.second, d.first) for d in differences if d.verdict == DIFFERENT]
     named = [f"{visible(higher, 40)} above {visible(lower, 40)}" for higher, lower in apart]
-    rest, untested = (sum(d.verdict == verdict for d in found) for verdict in (NOT_DISTINGUISHED, NOT_TESTED))
+    rest, untested = (sum(d.verdict == verdict for d in differences) for verdict in (NOT_DISTINGUISHED, NOT_TESTED))
     more = f" and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else ""
     pieces = [("; ".join(named[:MOST_NAMED]) or "no difference found") + more]
     pieces += [f"{rest} pair{'s' * (rest != 1)} not distinguished"] if named and rest else []

@@ -77,10 +77,10 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), progress: Pro
     groups: dict[str, list[ManifestRow]] = {}
     for row in rows:
         groups.setdefault(row.group, []).append(row)
-        found = False
+        exists = False
         with suppress(OSError, ValueError):  # a name that no file can have
-            found = row.path.is_file()
-        complaints += [] if found else [f"{row.where}: there is no log {row.path}; check its path"]
+            exists = row.path.is_file()
+        complaints += [] if exists else [f"{row.where}: there is no log {row.path}; check its path"]
     folders = folder_names(list(groups))
     scenes: dict[str, Document] = {}
     refused: dict[str, list[str]] = {}  # places by the sentence that refuses them
@@ -167,8 +167,8 @@ def _manifest(source: Path) -> tuple[tuple[ManifestRow, ...], tuple[str, ...], t
         # the same part of the same log, twice in one group, would count its samples twice
         first = seen.setdefault((row.group, str(row.path), *(row.overrides.get(name) for name in PARTS)), row)
         if first is not row:
-            there = f"stands in group {row.group!r} already ({first.where})"
-            complaints.append(f"{row.where}: {row.path.name} {there}; drop one")
+            duplicate = f"stands in group {row.group!r} already ({first.where})"
+            complaints.append(f"{row.where}: {row.path.name} {duplicate}; drop one")
     if not rows and not complaints:
         complaints.append(f"{source}: the manifest lists no log; expected one row per log under its heading")
     if complaints:

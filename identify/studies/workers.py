@@ -65,8 +65,8 @@ def make(job: Job, part: Path) -> End:
     The folder is complete (job.json is there) only where the end carries the status of a fit.
     """
     if job.numerics != numerics():
-        here = f"this process has other numerics ({numerics()}) than the batch was planned with ({job.numerics})"
-        return End(store.OUTDATED, f"{here}; install the same versions everywhere")
+        mismatch = f"this process has other numerics ({numerics()}) than the batch was planned with ({job.numerics})"
+        return End(store.OUTDATED, f"{mismatch}; install the same versions everywhere")
     return guarded(_fitted, job, part)
 
 
@@ -386,9 +386,9 @@ class ClusterWorkers:
             BatchError: one complaint per worker that cannot take part.
         """
         with self._closing_on_error():
-            found = self._client.run(look_around, str(folder))
+            workers = self._client.run(look_around, str(folder))
         complaints = []
-        for at, (has_folder, other) in found.items():
+        for at, (has_folder, other) in workers.items():
             if not has_folder:
                 complaints.append(f"the Dask worker {at} cannot read {folder}; share that folder")
             if other != numerics():
