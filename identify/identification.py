@@ -25,7 +25,7 @@ from identify.base.errors import FitError
 from identify.base.linear import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
-from identify.base.wording import told_apart
+from identify.base.wording import distinct
 from identify.bench.next_log import advised, next_logs
 from identify.diagnosis.explain import MISFITS, explain, leading_score
 from identify.diagnosis.findings import Findings, against_data
@@ -239,11 +239,11 @@ def _prepared(
         scene, read = with_records(scene, records)
     progress("detecting cycles", 0.05)
     with stage("detect"):
-        made = prepare_scene(scene, read)
-        for sentence in prefit_warnings(made.logs):
+        ready = prepare_scene(scene, read)
+        for sentence in prefit_warnings(ready.logs):
             progress(Notice(sentence), 0.08)
     starts = starts or ("both" if user_start(scene) else "data")
-    return Task(made.scene, made.records, made.logs, made.unknowns, options, starts, seed, progress)
+    return Task(ready.scene, ready.records, ready.logs, ready.unknowns, options, starts, seed, progress)
 
 
 def plain_or_uneven(task: Task) -> tuple[list[Prepared], Findings]:
@@ -265,8 +265,8 @@ def plain_or_uneven(task: Task) -> tuple[list[Prepared], Findings]:
 
 def estimated_by(estimator: Estimator, task: Task) -> Findings:
     """What another estimator finds, as the result document takes it."""
-    found = estimator.estimate(EstimationTask(task.scene, task.prepared, task.unknowns, task.seed, task.progress))
-    findings = Findings(found.status, found.message, task.unknowns, left_out=found.left_out, estimated=found)
+    answer = estimator.estimate(EstimationTask(task.scene, task.prepared, task.unknowns, task.seed, task.progress))
+    findings = Findings(answer.status, answer.message, task.unknowns, left_out=answer.left_out, estimated=answer)
     return replace(findings, estimator=estimator.name)
 
 
@@ -317,21 +317,21 @@ def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings
     shares = {n: float(np.linalg.norm([usual[n], *scales])) for n in bare if usual[n] * stated[n] > 0.0}
     eased = replace(scene, rig=replace(scene.rig, tolerances={**scene.rig.tolerances, **shares}))
     ended_at = Fitted(scene, findings.unknowns, tuple(prepared), findings.attempt)
-    found = fit_beside(ended_at, eased, task.records)
-    if found.attempt is None or not found.fits or set(found.logs) < set(ended_at.logs):
+    refitted = fit_beside(ended_at, eased, task.records)
+    if refitted.attempt is None or not refitted.fits or set(refitted.logs) < set(ended_at.logs):
         return prepared, findings
-    values = found.unknowns.values(found.attempt.solved.theta, found.unknowns.base(stated))
-    rig = {name: float(values[found.unknowns.names.index(name)]) for name in shares}
+    values = refitted.unknowns.values(refitted.attempt.solved.theta, refitted.unknowns.base(stated))
+    rig = {name: float(values[refitted.unknowns.names.index(name)]) for name in shares}
     if any(abs(np.log(rig[name] / stated[name])) > LIKELY * share for name, share in shares.items()):
         return prepared, findings
-    at = replace(task, scene=eased, prepared=list(found.prepared), unknowns=found.unknowns)
-    again = _quantified(at, at.prepared, found.attempt, dict(findings.left_out))
+    at = replace(task, scene=eased, prepared=list(refitted.prepared), unknowns=refitted.unknowns)
+    again = _quantified(at, at.prepared, refitted.attempt, dict(findings.left_out))
     if again.status is not Status.CONVERGED:
         return prepared, findings
-    said = "{} {} {unit} instead of {} {unit} (usual error {:.2g} %)"
-    units = {parameter.name: parameter.unit for parameter in found.unknowns.model.parameters}
+    template = "{} {} {unit} instead of {} {unit} (usual error {:.2g} %)"
+    units = {parameter.name: parameter.unit for parameter in refitted.unknowns.model.parameters}
     words = ", ".join(
-        said.format(name, *told_apart(rig[name], stated[name]), 100.0 * share, unit=units[name])
+        template.format(name, *distinct(rig[name], stated[name]), 100.0 * share, unit=units[name])
         for name, share in shares.items()
     )
     message = f"the rig is not exactly as stated; estimated within its usual errors it is: {words}; {again.message}"
@@ -363,19 +363,19 @@ def _with_logs_apart(task: Task, prepared: list[Prepared], findings: Findings) -
     does not describe the data, or the data contradict the rig with it."""
     assert findings.attempt is not None
     least = {**USUAL_TOLERANCES, **task.scene.tolerances}["specimen"]
-    found = with_scatter(findings.attempt, prepared, findings.unknowns, least)
-    if found is None or found.sd > max(MOST_SCATTER, 2.0 * least):  # few logs hardly tell it
+    random = with_scatter(findings.attempt, prepared, findings.unknowns, least)
+    if random is None or random.sd > max(MOST_SCATTER, 2.0 * least):  # few logs hardly tell it
         return prepared, findings
-    again = _quantified(task, found.prepared, found.attempt, dict(findings.left_out))
+    again = _quantified(task, random.prepared, random.attempt, dict(findings.left_out))
     if again.status is not Status.CONVERGED or again.contradicted:
         return prepared, findings
-    each = zip(found.attempt.names, (100.0 * found.off).tolist(), strict=True)
+    each = zip(random.attempt.names, (100.0 * random.off).tolist(), strict=True)
     shares = ", ".join(f"{name} {level:+.2g} % and {static:+.2g} %" for name, (level, static) in each)
     message = (
-        f"friction, and mu_s beside it, differs from log to log by {100.0 * found.sd:.2g} % (one standard deviation; "
+        f"friction, and mu_s beside it, differs from log to log by {100.0 * random.sd:.2g} % (one standard deviation; "
         f"{shares}), which the intervals include; {again.message}"
     )
-    return found.prepared, replace(again, message=message, causes=findings.causes, scatter=found.sd)
+    return random.prepared, replace(again, message=message, causes=findings.causes, scatter=random.sd)
 
 
 def _quantified(task: Task, prepared: list[Prepared], attempt: Attempt | None, left_out: dict[int, str]) -> Findings:

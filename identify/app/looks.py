@@ -139,7 +139,7 @@ def row_of(name: str, size: int, log: Document | None) -> Document:
 
 def seen_by_a_fit(log: Segmented) -> Document:
     """Cycles, classical table and account of a log with the cuts of its entry, as a fit will take it."""
-    entry, cycles, slope = log.entry, log.found.cycles, log.found.stick_slope
+    entry, cycles, slope = log.entry, log.phases.cycles, log.phases.stick_slope
     columns = {name: getattr(cycles, name) for name in ("onset", "arrest", "onset_force", "arrest_force", "drop")}
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     shown = within(log.record, entry.window)  # on a clock of its own, so that its phases are looked for again

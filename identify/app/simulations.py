@@ -39,7 +39,7 @@ def tried(scene: Scene, log: Segmented, values: Mapping[str, float], chosen: ran
     The simulation starts at an arrest, at rest, with the measured force in the spring and a fresh contact: what comes
     after is the model's.
     """
-    cycles, model = log.found.cycles, scene.model
+    cycles, model = log.phases.cycles, scene.model
     if not cycles.count:
         raise PageError("this log shows no slip to start from; choose another log or other cuts")
     if unknown := [name for name in values if name not in model.parameter_names]:

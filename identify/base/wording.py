@@ -16,7 +16,7 @@ def three_figures(value: float) -> str:
     return f"{float(short):.0f}" if LONG[0] <= abs(float(short)) < LONG[1] else short
 
 
-def told_apart(value: float, other: float) -> tuple[str, str]:
+def distinct(value: float, other: float) -> tuple[str, str]:
     """Two numbers with three figures, or with as many as it takes to tell them apart (eight at most)."""
     if three_figures(value) != three_figures(other):
         return three_figures(value), three_figures(other)

@@ -100,7 +100,7 @@ def sticks(record: Record, path: Path, speed: float | None, on_skin: bool = Fals
             f'of a stick into a stiffness; for a pull give --drive-speed "{path.name}=0.1 mm/s"; a tap needs '
             f"{FEWEST_SWINGS:.0f} swings above the noise with {FEWEST_SAMPLES:.0f} samples each: sample faster"
         )
-    slopes = np.abs(np.concatenate([verdict.found.stick_slopes for verdict in seen.verdicts] or [np.empty(0)]))
+    slopes = np.abs(np.concatenate([verdict.phases.stick_slopes for verdict in seen.verdicts] or [np.empty(0)]))
     if slopes.size >= 2:
         slope = float(np.median(slopes))
         spread = 1.4826 * float(np.median(np.abs(slopes - slope))) / slope

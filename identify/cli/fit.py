@@ -166,7 +166,7 @@ def _preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
         progress("drawing", 0.8)
         with drawing_style(), atomic_path(file) as temporary:
             draw_preview(start).savefig(temporary, format="png", dpi=130)
-    for sentence in (*start.notices, *drives, *(f"{log.name}: {log.told}" for log in start.logs)):
+    for sentence in (*start.notices, *drives, *(f"{log.name}: {log.text}" for log in start.logs)):
         terminal.say(wrapped(sentence))
     terminal.say(f"the start: {start.source}")
     rows = [["", "value"], *([name, quantity(value, start.units[name])] for name, value in start.parameters.items())]
@@ -179,7 +179,7 @@ def _preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
             "picture": str(file),
             "source": start.source,
             "start": {name: {"value": v, "unit": start.units[name]} for name, v in start.parameters.items()},
-            "logs": [{"name": log.name, "cycles": int(log.onset.size), "text": log.told} for log in start.logs],
+            "logs": [{"name": log.name, "cycles": int(log.onset.size), "text": log.text} for log in start.logs],
         }
     )
 

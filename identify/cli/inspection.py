@@ -98,7 +98,7 @@ def inspection(path: str, record: Record, rig: StatedRig = StatedRig()) -> Inspe
             level = quantity(float(np.nanmedian(record.friction_force[rows])), "N", 3)
             text = f"the drive stands: {drive.trouble}; the friction force shows {level} there"
             seen = replace(seen, regime=None, confidence=SURE, evidence=(text,))
-        strokes = [(regime.strokes[i].start - step.start, regime.verdicts[i].found) for i in own]
+        strokes = [(regime.strokes[i].start - step.start, regime.verdicts[i].phases) for i in own]
         phases = joined(strokes, step.stop - step.start)
         steps.append(StepSeen(step, drive, signs, seen, phases))
         force, load = signs * record.friction_force[rows], record.normal_force[rows]

@@ -45,7 +45,7 @@ from identify.prediction.sources import (
     ties_of,
     with_tied,
 )
-from identify.prediction.wording import ranges_text, said
+from identify.prediction.wording import ranges_text, shown
 from identify.report.report_wording import OUTCOMES
 from identify.report.stored_result import read_result, scene_of
 from identify.scene import LogEntry, Scene
@@ -381,7 +381,7 @@ def _chart_document(drawn: Chart) -> dict[str, Json]:
     """Two quantities: shares of the map by outcome, and where it was computed."""
     plane = drawn.plane
     axes = {"x": (plane.x, plane.x_values), "y": (plane.y, plane.y_values)}
-    spans = [f"{q.label} from {said(float(v[0]), q.unit)} to {said(float(v[-1]), q.unit)}" for q, v in axes.values()]
+    spans = [f"{q.label} from {shown(float(v[0]), q.unit)} to {shown(float(v[-1]), q.unit)}" for q, v in axes.values()]
     shares = ", ".join(f"{100 * share:.0f} % {OUTCOMES.get(word, word)}" for word, share in drawn.shares.items())
     return {
         **{key: {"name": q.name, "unit": q.unit, "values": v.tolist()} for key, (q, v) in axes.items()},
@@ -396,7 +396,7 @@ def _chart_document(drawn: Chart) -> dict[str, Json]:
 def _line_document(answer: LineMap) -> dict[str, Json]:
     """One quantity alone: where answers change, with intervals."""
     q, figures = answer.quantity, answer.chart.figures
-    low, high = (said(float(v), q.unit) for v in answer.values[[0, -1]])
+    low, high = (shown(float(v), q.unit) for v in answer.values[[0, -1]])
     document: dict[str, Json] = {
         "x": {"name": q.name, "unit": q.unit, "values": answer.values.tolist()},
         "outcomes": answer.chart.outcomes[0].tolist(),
@@ -411,12 +411,12 @@ def _line_document(answer: LineMap) -> dict[str, Json]:
         texts = []
         for change in changes:
             side, span = "below" if change.below else "above", change.interval
-            text, ends = f"{side} {said(change.value, q.unit)}", None if span is None else [span.low, span.high]
+            text, ends = f"{side} {shown(change.value, q.unit)}", None if span is None else [span.low, span.high]
             entry: dict[str, Json] = {"value": change.value, "unit": q.unit, "interval": ends, "holds": side}
             if span is not None and span.reason:
                 entry["reason"] = f"interval open: {span.reason}"
             if span is not None and span.low is not None and span.high is not None:
-                text += f" (95 %: {said(span.low, q.unit)} to {said(span.high, q.unit)})"
+                text += f" (95 %: {shown(span.low, q.unit)} to {shown(span.high, q.unit)})"
             entries.append(entry)
             texts.append(text)
         document[key] = entries

@@ -61,19 +61,19 @@ class Fitted:
 
 def fit_model(scene: Scene, records: Sequence[Record]) -> Fitted:
     """Fit one scene to its records, from the first start of the data."""
-    made = prepare_scene(scene, records)
-    attempt, _ = search(SearchProblem(made.logs, made.unknowns, thorough=False))
-    return Fitted(scene, made.unknowns, tuple(made.logs), attempt)
+    preparation = prepare_scene(scene, records)
+    attempt, _ = search(SearchProblem(preparation.logs, preparation.unknowns, thorough=False))
+    return Fitted(scene, preparation.unknowns, tuple(preparation.logs), attempt)
 
 
 def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted:
     """Fit a model from where another one ended; where that misfits, from the data as well."""
-    made, known = prepare_scene(scene, records), other.attempt
+    preparation, known = prepare_scene(scene, records), other.attempt
     if known is None:
         return fit_model(scene, records)
-    at = replace(made.unknowns, start=values_of(other, made.unknowns))
-    attempt = solve_from(made.logs, usable(made.logs), at, known.solved.solution.cost + COST_CUTOFF)
-    best = Fitted(scene, made.unknowns, tuple(made.logs), attempt)
+    at = replace(preparation.unknowns, start=values_of(other, preparation.unknowns))
+    attempt = solve_from(preparation.logs, usable(preparation.logs), at, known.solved.solution.cost + COST_CUTOFF)
+    best = Fitted(scene, preparation.unknowns, tuple(preparation.logs), attempt)
     if best.logs == other.logs and (best.fits or (other.fits and np.isfinite(best.excess))):
         return best
     searched = fit_model(scene, records)

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.wording import speed_scale, three_figures, told_apart
+from identify.base.wording import distinct, speed_scale, three_figures
 from identify.diagnosis.score_test import Change, Column, Score
 from identify.estimation.attempt import Attempt
 from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
-from identify.prediction.wording import said
+from identify.prediction.wording import shown
 from identify.scene import Scene
 
 Array = NDArray[np.float64]
@@ -280,22 +280,22 @@ def _of_parameter(
         unit, remedy = RIG_REMEDIES[name]
         remedy += f', or let it be estimated: [parameters] {name} = {{ start = "{three_figures(value)} {unit}" }}'
         if not prior:
-            better, before = told_apart(value, stated)
+            better, before = distinct(value, stated)
             words = f"a {name} of {better} {unit} instead of {before} {unit}"
             return Suggestion(name, None, stated, value, error, words, remedy)
     else:
         remedy = "add skin_compliance to effects" if name == "skin_stiffness" else f"correct {name} under [parameters]"
     if spec is not None and spec.fixed is not None:
-        by = f"the value it is fixed at ({said(spec.fixed, declared.unit)})"
+        by = f"the value it is fixed at ({shown(spec.fixed, declared.unit)})"
     elif prior:
         tolerance = float(unknowns.prior_sd[i]) * (stated if declared.scale == "log" else 1.0)
-        by = f"its prior ({said(stated, declared.unit)} ± {said(tolerance, declared.unit, stated)})"
+        by = f"its prior ({shown(stated, declared.unit)} ± {shown(tolerance, declared.unit, stated)})"
     elif spec is not None and spec.tie is not None:
         by = f"its tie to {spec.tie.to}"
     else:
-        ends = "" if spec is None else f" ({said(spec.lower, declared.unit)} to {said(spec.upper, declared.unit)})"
+        ends = "" if spec is None else f" ({shown(spec.lower, declared.unit)} to {shown(spec.upper, declared.unit)})"
         by = f"its bounds{ends}"
-    words = f"{name} = {said(value, declared.unit)} (ruled out by {by})"
+    words = f"{name} = {shown(value, declared.unit)} (ruled out by {by})"
     return Suggestion(name, None, stated, value, error, words, remedy)
 
 

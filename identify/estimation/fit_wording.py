@@ -225,16 +225,16 @@ def onsets(trajectories: Sequence[ShootingTrajectory]) -> int:
 
 
 def not_determined(
-    found: list[Estimate], trajectories: Sequence[ShootingTrajectory], reasons: Mapping[str, str]
+    estimates: list[Estimate], trajectories: Sequence[ShootingTrajectory], reasons: Mapping[str, str]
 ) -> list[Estimate]:
     """The estimates without numbers for what no single peak determines: how strong a contact gets, and how soon."""
     if onsets(trajectories) > 1:
-        return found
+        return estimates
     return [
         Estimate(e.name, e.unit, e.value, None, None, None, "not identifiable", reasons.get(e.name, e.reason))
         if e.name in ("mu_s", "t_cr") and e.verdict in ("identified", "weak")
         else e
-        for e in found
+        for e in estimates
     ]
 
 

@@ -23,7 +23,7 @@ from identify.estimation.covariance import Information, sizes
 from identify.estimation.residual_autocorrelation import WHITE, ArModel, autocorrelated_covariance, autoregression
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import rhythmic
-from identify.prediction.wording import said
+from identify.prediction.wording import shown
 from identify.shooting.layout import kept_parameters
 from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.shooting import Problem, samples_of
@@ -235,7 +235,7 @@ def contradiction(attempt: Attempt, unknowns: Unknowns, base: Array, noise: Sequ
             return (
                 f"{attempt.names[score.log]} contradicts the other logs (squared distance {score.squared:.0f} with "
                 f"{score.freedom} degrees of freedom): without it {unknowns.names[worst]} is "
-                f"{said(others[worst], unit)} instead of {said(values[worst], unit)}; check its load, its drive "
+                f"{shown(others[worst], unit)} instead of {shown(values[worst], unit)}; check its load, its drive "
                 "speed and what else differs in it, look at its slips in the report, or fit it apart"
             )
     return ""

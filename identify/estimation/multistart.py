@@ -90,12 +90,12 @@ def multistart(attempt: Attempt, unknowns: Unknowns, seed: int, covariance: Arra
             theta[free] = first.x[: free.size]
             number = nearest([each.x[: free.size] for each in coarse], theta[free])
         if number is None or not 2.0 * abs(first.cost - coarse[number].cost) < chi_square(LEVEL, free.size):
-            found = _solved(attempt, replace(unknowns, start=theta), np.sqrt(np.diag(covariance)))
-            if found is None:
+            solutions = _solved(attempt, replace(unknowns, start=theta), np.sqrt(np.diag(covariance)))
+            if solutions is None:
                 continue
-            number = nearest([optimum.attempt.solved.theta[free] for optimum in known], found.solved.theta[free])
+            number = nearest([optimum.attempt.solved.theta[free] for optimum in known], solutions.solved.theta[free])
             if number is None:
-                known, coarse = [*known, Optimum(found, 1)], [*coarse, first]
+                known, coarse = [*known, Optimum(solutions, 1)], [*coarse, first]
                 continue
         known[number] = replace(known[number], starts=known[number].starts + 1)
         if min(known, key=lambda optimum: optimum.cost).starts > AGAIN:

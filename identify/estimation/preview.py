@@ -38,7 +38,7 @@ class PreviewLog:
     trajectory: Array
     onset: Array
     arrest: Array
-    told: str
+    text: str
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,13 @@ def preview(scene: Scene, records: Sequence[Record]) -> Preview:
     Raises:
         FitError, SceneError: as the fit itself; and where no fit can succeed.
     """
-    made = prepare_scene(scene, records)
-    prepared, unknowns = made.logs, made.unknowns
+    preparation = prepare_scene(scene, records)
+    prepared, unknowns = preparation.logs, preparation.unknowns
     if refused := wrong_unit(prepared):
         raise FitError(refused)
     able = [log for log in prepared if log.left_out is None]
     theta, source = unknowns.start, "the defaults: no log shows enough cycles to start from"
-    if user_start(made.scene):
+    if user_start(preparation.scene):
         source = "the start values of the scene"
     elif features_of(able)[0]:
         theta, source = next(starts_of(able, unknowns)), "the mean cycle of each log"

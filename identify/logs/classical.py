@@ -60,14 +60,14 @@ class _Part:
     force: Array
     load: Array
     good: NDArray[np.bool_]
-    found: Segmentation
+    phases: Segmentation
 
     @classmethod
     def of(cls, record: Record, stroke: Stroke, verdict: Verdict) -> _Part:
         rows = slice(stroke.start, stroke.stop)
         force, load = stroke.direction * record.friction_force[rows], record.normal_force[rows]
-        good = np.isfinite(force) & np.isfinite(load) & ~verdict.found.spikes & presses(load)
-        return cls(record.time[rows], force, load, good, verdict.found)
+        good = np.isfinite(force) & np.isfinite(load) & ~verdict.phases.spikes & presses(load)
+        return cls(record.time[rows], force, load, good, verdict.phases)
 
 
 def table_of(record: Record, seen: LogRegime, stiffness: float | None = None) -> ClassicalTable:
@@ -99,7 +99,7 @@ def _directions(parts: Sequence[_Part], strokes: Sequence[Stroke]) -> list[Class
     for direction in (1, -1):
         levels = []
         for part in (part for part, stroke in zip(parts, strokes, strict=True) if stroke.direction == direction):
-            slides = part.good & (part.found.phase == SLIDING)
+            slides = part.good & (part.phases.phase == SLIDING)
             good = slides if slides.any() else part.good
             levels.append(float(np.mean(part.force[good] / part.load[good])) if good.any() else np.nan)
         known = np.array(levels)[np.isfinite(levels)]
@@ -112,7 +112,7 @@ def _directions(parts: Sequence[_Part], strokes: Sequence[Stroke]) -> list[Class
 
 def _row(part: _Part, stroke: Stroke, verdict: Verdict, stiffness: float | None) -> Figures:
     """The figures of a stroke."""
-    time, phases, speed, rhythm, trend = part.time, part.found, stroke.speed, verdict.rhythm, None
+    time, phases, speed, rhythm, trend = part.time, part.phases, stroke.speed, verdict.rhythm, None
     mean, drift = mean_and_drift(part.load)
     drop, period, slope = phases.drop_mean_and_sd, phases.period_mean_and_sd, phases.stick_slope
     measured = slope[0] / speed if slope and speed else None
@@ -164,13 +164,13 @@ def _row(part: _Part, stroke: Stroke, verdict: Verdict, stiffness: float | None)
 
 
 def _coefficients(part: _Part) -> Figures:
-    cycles, phase, good = part.found.cycles, part.found.phase, part.good
+    cycles, phase, good = part.phases.cycles, part.phases.phase, part.good
     few = "one slip has no standard deviation" if cycles.count else "no slip"
     peaks_missing = "the only slip is the first breakaway" if cycles.count else "no slip"
     pressed = np.count_nonzero(good) >= FEWEST_ROWS and float(np.median(thinned(kept(part.load, good)))) > 0.0
     none = "" if pressed else "the normal force is not positive: no coefficient of friction"
     coefficient = middles = peaks = np.full(part.time.size if not cycles.count else cycles.count, np.nan)
-    breakaway, moving, loaded = None, slice(0, None), part.found.loading_slope is not None
+    breakaway, moving, loaded = None, slice(0, None), part.phases.loading_slope is not None
     if pressed:
         # A load that is averaged is none beside a row that lifts off.
         load = bridged(part.load, ~np.isfinite(part.load))

@@ -114,14 +114,14 @@ def _seen(piece: DraftLog) -> _Seen:
     seen = look(record, drive_of(record, drive))
     pairs = list(zip(seen.strokes, seen.verdicts, strict=True))
     moving = [(v, s.speed) for s, v in pairs if s.stop - s.start >= FEWEST_ROWS]
-    cycles = sum(verdict.found.count for verdict, _ in moving if verdict.regime is not None and verdict.regime.slips)
+    cycles = sum(verdict.phases.count for verdict, _ in moving if verdict.regime is not None and verdict.regime.slips)
     slides = cycles < FEWEST_CYCLES and any(verdict.regime is Regime.SLIDING for verdict, _ in moving)
-    slopes = [(slope, speed) for verdict, speed in moving for slope in verdict.found.stick_slopes.tolist()]
+    slopes = [(slope, speed) for verdict, speed in moving for slope in verdict.phases.stick_slopes.tolist()]
     # first rises where there is no stick; but one into sliding bends
-    slopes = slopes or [(v.found.loading_slope, speed) for v, speed in moving if v.found.loading_slope is not None]
+    slopes = slopes or [(v.phases.loading_slope, speed) for v, speed in moving if v.phases.loading_slope is not None]
     slopes = [] if slides else slopes
     stiffnesses = [slope / speed for slope, speed in slopes if speed]
-    whole = joined([(stroke.start, verdict.found) for stroke, verdict in pairs], len(record))
+    whole = joined([(stroke.start, verdict.phases) for stroke, verdict in pairs], len(record))
     signs = np.ones(len(record))
     for stroke in seen.strokes:
         signs[stroke.start :] = stroke.direction

@@ -38,19 +38,19 @@ class RecordPart:
 
     time: Array
     force: Array
-    found: Segmentation
+    phases: Segmentation
     expected_slope: float | None = None
     load: Array | None = None
 
     @property
     def spikes(self) -> NDArray[np.bool_]:
         """Samples that are left out, those without a force apart, (n,)."""
-        return np.asarray(self.found.spikes & np.isfinite(self.force))
+        return np.asarray(self.phases.spikes & np.isfinite(self.force))
 
     @property
     def slope_error(self) -> float | None:
         """Slope of the sticks over what is expected, less 1; None where either is unknown."""
-        slope = self.found.stick_slope if self.found.count else None
+        slope = self.phases.stick_slope if self.phases.count else None
         return slope[0] / self.expected_slope - 1.0 if slope and self.expected_slope else None
 
 
@@ -108,7 +108,7 @@ def judge(
     drifts = [_drift(part) for part in parts]
     for part, slope, drift in zip(parts, slopes, drifts, strict=True):
         notes += _of_slips(part, slope, drift, thresholds)
-    notes += _suspicions(record, [part.found for part in parts], thresholds)
+    notes += _suspicions(record, [part.phases for part in parts], thresholds)
     figures = {name: QualityFigure(value, unit) for name, (value, unit) in quality.figures.items()}
     figures["spikes"] = QualityFigure(int(sum(np.count_nonzero(part.spikes) for part in parts)))
     for name, values in (("stick_slope_error", slopes), ("friction_drift", drifts)):
@@ -127,25 +127,25 @@ def judge(
 
 def _of_slips(part: RecordPart, slope: float | None, drift: float | None, limits: Thresholds) -> Iterator[Finding]:
     """What spikes, slips, sticks and their drift have to say."""
-    found, where = part.found, np.flatnonzero(part.spikes)
+    phases, where = part.phases, np.flatnonzero(part.spikes)
     if where.size:
         word = "1 sample jumps" if where.size == 1 else f"{where.size} samples jump"
         times = ", ".join(f"{t:.5g}" for t in part.time[where[:4]]) + (", …" if where.size > 4 else "")
         severity = limits.severity("spikes", where.size / part.time.size)
         text = f"{word} far from the neighbours (spikes, at {times} s); left out"
         yield Finding("spikes", severity or "info", text + ("; look for electric disturbance" if severity else ""))
-    if found.count and (severity := limits.severity("samples_per_slip", found.samples_per_slip)):
-        faster = max(limits["samples_per_slip"] / max(found.samples_per_slip, 0.1), 1.1)
+    if phases.count and (severity := limits.severity("samples_per_slip", phases.samples_per_slip)):
+        faster = max(limits["samples_per_slip"] / max(phases.samples_per_slip, 0.1), 1.1)
         text = (
-            f"a slip holds {found.samples_per_slip:.2g} samples: what depends on fast sliding, a and delta_mu_k, is "
+            f"a slip holds {phases.samples_per_slip:.2g} samples: what depends on fast sliding, a and delta_mu_k, is "
             f"poorly determined; sample {faster:.2g} times as fast"
         )
-        if found.sample_interval > 1.0:  # s: of stick-slip, so slow a one may be that of a wrong unit
-            text += f", or check the unit of the time: rows are {found.sample_interval:.3g} s apart"
+        if phases.sample_interval > 1.0:  # s: of stick-slip, so slow a one may be that of a wrong unit
+            text += f", or check the unit of the time: rows are {phases.sample_interval:.3g} s apart"
         yield Finding("samples_per_slip", severity, text)
-    if found.count and (severity := limits.severity("cycles", found.count)):
-        word = "one slip was" if found.count == 1 else f"{found.count} slips were"
-        remedy = "it slides on: drive more slowly" if found.ends_sliding else "record longer"
+    if phases.count and (severity := limits.severity("cycles", phases.count)):
+        word = "one slip was" if phases.count == 1 else f"{phases.count} slips were"
+        remedy = "it slides on: drive more slowly" if phases.ends_sliding else "record longer"
         text = f"only {word} found; {limits['cycles']:g} or more are needed to compare cycles: {remedy}"
         yield Finding("few_cycles", severity, text)
     if still_loading(part):
@@ -169,20 +169,20 @@ def still_loading(part: RecordPart) -> bool:
 
     Near its first slip a contact creeps already, and a soft skin takes its share: half the slope of a stick counts.
     """
-    found = part.found
-    slope = part.expected_slope or found.loading_slope
-    if found.count or found.begins_in_slip or slope is None or not found.phase.size or found.phase[-1] != STICK:
+    phases = part.phases
+    slope = part.expected_slope or phases.loading_slope
+    if phases.count or phases.begins_in_slip or slope is None or not phases.phase.size or phases.phase[-1] != STICK:
         return False
-    good = np.isfinite(part.force) & ~found.spikes
+    good = np.isfinite(part.force) & ~phases.spikes
     last = max(round(0.1 * np.count_nonzero(good)), 8)
     t, f = part.time[good][-last:], part.force[good][-last:]
-    return t.size >= 8 and line_slope(t, f, found.noise) > 0.5 * slope + 3.0 * slope_error(t, found.noise)
+    return t.size >= 8 and line_slope(t, f, phases.noise) > 0.5 * slope + 3.0 * slope_error(t, phases.noise)
 
 
 def _drift(part: RecordPart) -> float | None:
     """Middles of slips over the load, or all of what slides, last third against first; None where nothing tells."""
-    cycles, found, time = part.found.cycles, part.found, part.found.cycles.fall
-    slides = (found.phase == SLIDING) & np.isfinite(part.force) & ~found.spikes
+    cycles, phases, time = part.phases.cycles, part.phases, part.phases.cycles.fall
+    slides = (phases.phase == SLIDING) & np.isfinite(part.force) & ~phases.spikes
     if not cycles.count:
         time = part.time[slides]
     load = np.ones(time.size)
@@ -201,7 +201,7 @@ def _drift(part: RecordPart) -> float | None:
     third = max(middle.size // 3, 1)
     # about zero force the middles say nothing of how large the force is
     drop = float(np.median(cycles.drop)) if cycles.count else 0.0
-    level = max(abs(float(np.median(middle))), 0.5 * abs(drop), 5.0 * found.noise)
+    level = max(abs(float(np.median(middle))), 0.5 * abs(drop), 5.0 * phases.noise)
     return float(np.median(middle[-third:]) - np.median(middle[:third])) / level if level else None
 
 
@@ -263,9 +263,9 @@ def _of_sliding(time: Array, force: Array, limits: Thresholds) -> Iterator[Findi
     """A saw-tooth upside down, else an oscillation of what slides, or one that is sampled too slowly."""
     mirrored = classify(time, -np.copysign(1.0, np.nanmedian(force)) * force)
     slips = mirrored.regime is not None and mirrored.regime.slips and mirrored.confidence > 0.95
-    if slips and mirrored.found.count >= FEW:
+    if slips and mirrored.phases.count >= FEW:
         text = (
-            f"the force rises at once and falls slowly, {mirrored.found.count} times, as stick-slip upside down: is "
+            f"the force rises at once and falls slowly, {mirrored.phases.count} times, as stick-slip upside down: is "
             "the sensor wired the other way? Turn it with flip_sign = true and give its zero with tare"
         )
         yield Finding("upside_down", "warning", text)

@@ -162,10 +162,10 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
     rhythms = _harmonics_of(t, rest)
     if rhythms is None:
         return LoadSpline(_checked(best, name), float(np.sqrt(one * max(count, cycles))), float(np.sqrt(jitter)))
-    made, off = rhythms
-    length, fastest = float(t[-1] - t[0]), int(made.line[-1])
+    removed, off = rhythms
+    length, fastest = float(t[-1] - t[0]), int(removed.line[-1])
     finer = int(np.clip(np.ceil(0.5 * PER_PERIOD * fastest / t.size), 1, max(MOST_DRAWN // t.size, 1)))
-    at, wave = made.course(finer)
+    at, wave = removed.course(finer)
     coarser = max(1, int(2.0 * wave.size / (PER_PERIOD * fastest)))
     at, wave = t[0] + at[::coarser], wave[::coarser]
     places = np.unique(np.clip(np.concatenate([at, t[[0, -1]]]), t[0], t[-1]))
@@ -174,8 +174,8 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
     end = min(3.0, 0.25 * length)
     times = np.concatenate([np.linspace(0.0, end, 64), np.linspace(end, length - end, 66)[1:-1]])
     times = np.concatenate([times, np.linspace(length - end, length, 64)])
-    variance = np.maximum(one * count + made.variance(times) + off, one * cycles)
-    jitter += float(np.median(made.variance(times, int(2.0 * length / JITTER)))) + off
+    variance = np.maximum(one * count + removed.variance(times) + off, one * cycles)
+    jitter += float(np.median(removed.variance(times, int(2.0 * length / JITTER)))) + off
     over_time = NormalForce.of((t[0] + times, np.sqrt(variance)))
     return LoadSpline(_checked(force, name), float(np.sqrt(np.median(variance))), float(np.sqrt(jitter)), over_time)
 
@@ -261,13 +261,13 @@ def _harmonics_of(t: Array, rest: Array) -> tuple[Harmonics, float] | None:
     share[np.argsort(share * power)[: max(share.size - MOST_HARMONICS, 0)]] = 0.0
     if not np.any(share):
         return None
-    made = harmonics(rest, step, share, noise)
-    left = scipy.fft.dct(rest - made.course(1)[1], norm="ortho") ** 2
+    fitted = harmonics(rest, step, share, noise)
+    left = scipy.fft.dct(rest - fitted.course(1)[1], norm="ortho") ** 2
     third = 2 * power.size // 3  # from where on lines show the white noise alone
     white = float(np.mean(power[third:], where=share[third:] == 0.0)) if np.any(share[third:] == 0.0) else noise
     # Stein's unbiased estimate of the error of a smoother (1981), less what is stated of it; harmonics lie no higher.
-    beyond = float(np.sum(left[: 2 * int(made.line[-1])] - white)) / t.size
-    return made, max(beyond + float(np.mean(made.variance(np.linspace(0.0, step * (t.size - 1), 64)))), 0.0)
+    beyond = float(np.sum(left[: 2 * int(fitted.line[-1])] - white)) / t.size
+    return fitted, max(beyond + float(np.mean(fitted.variance(np.linspace(0.0, step * (t.size - 1), 64)))), 0.0)
 
 
 @dataclass(frozen=True)

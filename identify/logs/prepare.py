@@ -84,7 +84,7 @@ class Segmented:
     counted: Bools
     time: Array
     measured: Array
-    found: Segmentation
+    phases: Segmentation
     noise: float
     verdict: Verdict
 
@@ -137,7 +137,7 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
         verdict = _verdict_on_programme(time, measured, rig, drive, known)
     else:
         verdict = of_strokes(time, measured, turns_of_sign(measured), known, rig.noise)
-    phases = verdict.found
+    phases = verdict.phases
     if phases.low_snr:  # half lost in the noise: those that the period of the rig shows; the model fills in the others
         phases = segment(time, measured, half_period=rig.half_period or None, noise=rig.noise)
     counted = used.copy()
@@ -201,14 +201,14 @@ def _verdict_on_programme(time: Array, force: Array, rig: Rig, drive: Drive, kno
         times = {name: moved[row] + getattr(cycles, name) - run[row] for name, row in before.items()}
         phases = replace(phases, cycles=replace(cycles, **times))
     if not changes_speed(tuple(zip(drive.starts, drive.speeds, strict=True))):
-        return replace(classify(time[moves], force[moves], known, noise=rig.noise), found=phases)
+        return replace(classify(time[moves], force[moves], known, noise=rig.noise), phases=phases)
     if phases.count and known.loading_rate:
         steps = np.diff(time) * np.where(moves[:-1], [drive.at(t) for t in time[:-1]], 0.0) / known.drive_speed
-        way, rows = np.concatenate([[0.0], np.cumsum(steps)]), np.append(steps > 0.0, True)
-        times = {name: np.interp(getattr(phases.cycles, name), time, way) for name in names}
+        travel, rows = np.concatenate([[0.0], np.cumsum(steps)]), np.append(steps > 0.0, True)
+        times = {name: np.interp(getattr(phases.cycles, name), time, travel) for name in names}
         cycles = replace(phases.cycles, **times)
         along = replace(phases, cycles=cycles, spikes=phases.spikes[rows], phase=phases.phase[rows])
-        if not classify(way[rows], force[rows], known, given=along).found.count:
+        if not classify(travel[rows], force[rows], known, given=along).phases.count:
             phases = segment(time, force, half_period=half_period, noise=rig.noise, slips=False)
     return Verdict(Regime.PROGRAMME, SURE, ("the drive changes its speed",), phases)
 
@@ -244,22 +244,22 @@ class ForceRecord:
     stiffness: float
 
 
-def fit_mode_of(record: ForceRecord, found: Segmentation, falls: Array) -> FitMode:
+def fit_mode_of(record: ForceRecord, phases: Segmentation, falls: Array) -> FitMode:
     """How a log is followed; found: its phases; falls: of its cycles [s]."""
     time, force, noise, drive = record.time, record.force, record.noise, record.drive
-    if drive.constant and not found.slides_on(falls.size):
-        return FitMode("cycles", low_snr=found.low_snr and falls.size > 0)
+    if drive.constant and not phases.slides_on(falls.size):
+        return FitMode("cycles", low_snr=phases.low_snr and falls.size > 0)
     settled = steady_since(time, force, noise, record.half_period)
-    if settled is not None and drive.constant and found.stick_slope is not None:
+    if settled is not None and drive.constant and phases.stick_slope is not None:
         # A slip near the end of a slow log leaves a stick too short to be seen to rise.
         late = np.isfinite(force) & (time >= settled)
         rises = line_slope(time[late], force[late], noise)
-        if rises >= found.stick_slope[0] - LEVEL * slope_error(time[late], noise):
+        if rises >= phases.stick_slope[0] - LEVEL * slope_error(time[late], noise):
             settled = None
-    begins = bool(found.phase.size and found.phase[0] == SLIDING) and _starts_loaded(record)
+    begins = bool(phases.phase.size and phases.phase[0] == SLIDING) and _starts_loaded(record)
     fit_mode = FitMode("continuous", settled, begins)
     if drive.constant and falls.size == 0:
-        rise = int(np.argmax(found.phase != STICK)) if found.phase.size and found.phase[0] == STICK else 0
+        rise = int(np.argmax(phases.phase != STICK)) if phases.phase.size and phases.phase[0] == STICK else 0
         fit_mode = FitMode("sliding", settled, begins) if begins or rise < 5 else fit_mode
     if settled is None:
         return fit_mode
@@ -308,24 +308,24 @@ def _starts_loaded(record: ForceRecord) -> bool:
     return bool(np.median(f[: max(f.size // 100, 3)]) > loaded and np.min(f[:5]) > loaded - LEVEL * record.noise)
 
 
-def fitted_window(record: ForceRecord, found: Segmentation, fit_mode: FitMode, skip: int = 0) -> tuple[float, float]:
+def fitted_window(record: ForceRecord, phases: Segmentation, fit_mode: FitMode, skip: int = 0) -> tuple[float, float]:
     """The part of a record that a fit takes: begin and end [s].
 
     A record may start before the drive does, or in the middle of a slip; both are cut off. After `skip` cycles
     (running-in) it starts in the stick that follows them; what slides is taken from where it is steady on.
     """
-    cycles, begin, end = found.cycles, float(record.time[0]), float(record.time[-1])
+    cycles, begin, end = phases.cycles, float(record.time[0]), float(record.time[-1])
     if fit_mode.name == "sliding" and fit_mode.steady_since is not None:
         return fit_mode.steady_since, end
     if fit_mode.name == "sliding" or fit_mode.begins_sliding or (fit_mode.name == "cycles" and not cycles.count):
         return begin, end
-    resting = found.phase == STICK
+    resting = phases.phase == STICK
     if fit_mode.name == "cycles":
         if 0 < skip < cycles.count:
             arrest, onset = float(cycles.arrest[skip - 1]), float(cycles.onset[skip])
             return arrest + 0.3 * (onset - arrest), end
         first = float(cycles.onset[0])
-        if found.begins_in_slip:
+        if phases.begins_in_slip:
             begin = float(record.time[np.flatnonzero(resting & (record.time < first))[:1]].sum()) or begin
             begin += 0.3 * (first - begin)
     else:
@@ -501,14 +501,14 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     soft = "stiffness" in scene.parameters or "skin_compliance" in model.effects  # what loads the sticks is not known
     log = segmented(entry, record, scene.rig_for(entry), elastic=not (soft or model.vibrates))
     expected = None if soft or not log.drive.constant else log.speed * log.rig.stiffness
-    part = RecordPart(log.time, log.measured, log.found, expected, log.load)
+    part = RecordPart(log.time, log.measured, log.phases, expected, log.load)
     judgement = judge(log.record, [part], scene.thresholds, log.used)
     stiffness = 0.0 if model.vibrates else log.rig.stiffness  # else the mass swings with something else
     half_period, skip = log.rig.half_period or 0.0, entry.skip_cycles
     moving = ForceRecord(log.time, log.measured, log.load, log.noise, half_period, log.drive, stiffness)
-    falls = log.found.cycles.fall[skip:]
-    fit_mode = fit_mode_of(moving, log.found, falls)
-    window = fitted_window(moving, log.found, fit_mode, skip)
+    falls = log.phases.cycles.fall[skip:]
+    fit_mode = fit_mode_of(moving, log.phases, falls)
+    window = fitted_window(moving, log.phases, fit_mode, skip)
     load, hidden = _load(log, window, judgement, scene, follows=model.follows_load)
     prepared = Prepared(
         record=log.record,
@@ -517,7 +517,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         sign=log.sign,
         force=log.force,
         used=log.counted,
-        segmentation=log.found,
+        segmentation=log.phases,
         data=_data(log, load, window, unknowns),
         falls=falls,
         left_out=_left_out(fit_mode, log, judgement),
@@ -554,7 +554,7 @@ def _load(
     log: Segmented, window: tuple[float, float], judgement: Judgement, scene: Scene, *, follows: bool
 ) -> tuple[LoadSpline, float]:
     """The normal force as the model takes it: over time, else its mean, and the swing that this hides."""
-    time, force, cycles, hidden = log.record.time, log.record.normal_force, log.found.count, 0.0
+    time, force, cycles, hidden = log.record.time, log.record.normal_force, log.phases.count, 0.0
     try:
         load = smooth(kept(time, log.used), kept(force, log.used), name_of(log.entry), cycles)
         if not follows:
@@ -573,7 +573,7 @@ def _load(
 
 def _data(log: Segmented, load: LoadSpline, window: tuple[float, float], unknowns: Unknowns) -> LogData:
     """The log as the estimator sees it."""
-    rig, phases, over_time, mean = log.rig, log.found, load.sd_over_time, float(np.mean(load.force.values))
+    rig, phases, over_time, mean = log.rig, log.phases, load.sd_over_time, float(np.mean(load.force.values))
     size = float(np.max(np.abs(kept(log.force, log.used))))
     # a log without noise, as a simulation leaves it, is weighted by what the computation is surely good for
     noise = log.noise if log.noise > NOISELESS * size else ASSUMED * size
@@ -606,7 +606,7 @@ def _pieces(log: Prepared, moving: ForceRecord) -> tuple[Prepared, ...]:
         rows = slice(*np.searchsorted(data.time, [start, stop]))
         time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
         verdict = classify(time, force, Known(moving.stiffness, speed, moving.half_period), noise=moving.noise)
-        phases, load = verdict.found, log.record.normal_force[rows]
+        phases, load = verdict.phases, log.record.normal_force[rows]
         if phases.low_snr:
             phases = segment(time, force, half_period=moving.half_period or None, noise=moving.noise)
         part = replace(moving, time=time, force=force, load=load, drive=Drive.of(speed))
@@ -626,7 +626,7 @@ def _pieces(log: Prepared, moving: ForceRecord) -> tuple[Prepared, ...]:
 
 def _left_out(fit_mode: FitMode, log: Segmented, judgement: Judgement) -> str | None:
     """Why a log is left out, in a sentence; None where it is not."""
-    name, cycles, skipped, settled = name_of(log.entry), log.found.count, log.entry.skip_cycles, fit_mode.steady_since
+    name, cycles, skipped, settled = name_of(log.entry), log.phases.count, log.entry.skip_cycles, fit_mode.steady_since
     if judgement.verdict == "reject" and not judgement.swapped:
         return f"{name} is rejected by the quality gate: {judgement.reason}; a threshold can be moved under [quality]"
     reason = None

@@ -387,8 +387,8 @@ def turns_of_sign(force: Array) -> list[tuple[int, int, int]]:
         return whole
     starts = [0]
     for i in changes.tolist():
-        last, way = int(decided[i]), sign[i]
-        own = way * slow[(starts[-1] + last) // 2 : last + 1]
+        last, direction = int(decided[i]), sign[i]
+        own = direction * slow[(starts[-1] + last) // 2 : last + 1]
         held = np.flatnonzero(own >= HELD * float(np.median(own)))
         starts.append(last + 1 - own.size + int(held[-1]) + 1 if held.size else last + 1)
     edges = list(pairwise([*starts, force.size]))
@@ -396,7 +396,7 @@ def turns_of_sign(force: Array) -> list[tuple[int, int, int]]:
     if sum(np.count_nonzero(size > 0.5 * np.quantile(size, 0.9)) for size in sizes) < LEVEL_SHARE * force.size:
         return whole  # a force that crosses zero on its way up and down rubs at no level to either side
     ways = [int(sign[0]), *(int(sign[i + 1]) for i in changes)]
-    return [(a, b, way) for (a, b), way in zip(edges, ways, strict=True) if b > a]
+    return [(a, b, direction) for (a, b), direction in zip(edges, ways, strict=True) if b > a]
 
 
 def one_speed(speeds: Sequence[float] | Array) -> bool:

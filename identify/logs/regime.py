@@ -98,7 +98,7 @@ class Verdict:
     regime: Regime | None
     confidence: float
     evidence: tuple[str, ...]
-    found: Segmentation
+    phases: Segmentation
     rhythm: ForceOscillation | None = None
     strokes: int = 1
 
@@ -122,30 +122,30 @@ def classify(
     half_periods = [known.half_period, None] if known.half_period and given is None else [None]
     brief = sliding = None
     for half_period in half_periods:
-        found = given or segment(time, force, half_period=half_period, noise=noise)
-        if found.count == 0 and found.phase.size and not found.share(SLIDING):
-            return Verdict(None, SURE, ("the force only rises: no slip has come yet",), found)
-        shape = _Shape.of(time, force, found)
-        slips, confidence, evidence = _discriminate(shape, found, known)
-        if slips and not found.slides_on(found.count):
-            return _named(time, force, Verdict(Regime.STICK_SLIP, confidence, evidence, found), shape)
+        phases = given or segment(time, force, half_period=half_period, noise=noise)
+        if phases.count == 0 and phases.phase.size and not phases.share(SLIDING):
+            return Verdict(None, SURE, ("the force only rises: no slip has come yet",), phases)
+        shape = _Shape.of(time, force, phases)
+        slips, confidence, evidence = _discriminate(shape, phases, known)
+        if slips and not phases.slides_on(phases.count):
+            return _named(time, force, Verdict(Regime.STICK_SLIP, confidence, evidence, phases), shape)
         if slips:
-            word = "one slip" if found.count == 1 else f"{found.count} slips"
+            word = "one slip" if phases.count == 1 else f"{phases.count} slips"
             evidence = (*evidence, f"{word} at first, then it slides")
-            brief = brief or Verdict(Regime.SLIDING, confidence, evidence, found)
-        sliding = sliding or Verdict(Regime.SLIDING, confidence, evidence, found)
+            brief = brief or Verdict(Regime.SLIDING, confidence, evidence, phases)
+        sliding = sliding or Verdict(Regime.SLIDING, confidence, evidence, phases)
     if brief is not None:
         return brief
     assert sliding is not None
-    if abs(float(np.nanmedian(force))) < 2.0 * found.noise:
-        return Verdict(None, 0.9, ("no friction above its noise: the drive stands, or nothing presses",), found)
-    found = segment(time, force, half_period=known.half_period or None, noise=noise, slips=False)
-    seen = Spectrum.of(time, np.where((found.phase == SLIDING) & ~found.spikes, force, np.nan))
+    if abs(float(np.nanmedian(force))) < 2.0 * phases.noise:
+        return Verdict(None, 0.9, ("no friction above its noise: the drive stands, or nothing presses",), phases)
+    phases = segment(time, force, half_period=known.half_period or None, noise=noise, slips=False)
+    seen = Spectrum.of(time, np.where((phases.phase == SLIDING) & ~phases.spikes, force, np.nan))
     if seen is None or not seen.stands_out():
-        return replace(sliding, found=found)
+        return replace(sliding, phases=phases)
     rhythm = seen.oscillation
-    says = f"it oscillates by {rhythm.range:.3g} N at {rhythm.frequency:.3g} Hz"
-    return replace(sliding, found=found, rhythm=rhythm, evidence=(*sliding.evidence, says))
+    text = f"it oscillates by {rhythm.range:.3g} N at {rhythm.frequency:.3g} Hz"
+    return replace(sliding, phases=phases, rhythm=rhythm, evidence=(*sliding.evidence, text))
 
 
 # The shape of rises and falls, and the test of it.
@@ -174,36 +174,36 @@ class _Shape:
         return self.rises >= FEW and self.sine >= SINE
 
     @classmethod
-    def of(cls, time: Array, force: Array, found: Segmentation) -> _Shape:
-        cycles = found.cycles
+    def of(cls, time: Array, force: Array, phases: Segmentation) -> _Shape:
+        cycles = phases.cycles
         if not cycles.count:
             return cls()
         rise, level = cycles.onset[1:] - cycles.arrest[:-1], abs(float(np.nanmedian(force)))
         swing = float(np.median(cycles.drop))
         share = swing / level if level > 0.0 else np.inf
         if not rise.size:
-            return cls(rate=found.loading_slope or 0.0, share=share)
+            return cls(rate=phases.loading_slope or 0.0, share=share)
         pieces = []
         for first, last in np.searchsorted(time, np.stack([cycles.arrest[:-1], cycles.onset[1:]], axis=1)).tolist():
             # A sample of the slip may reach into either end.
             corner = max(round(0.1 * (last - first)), 1) if last - first >= 5 else 0
             rows = slice(first + corner, last + 1 - corner)
-            good = np.isfinite(force[rows]) & ~found.spikes[rows]
+            good = np.isfinite(force[rows]) & ~phases.spikes[rows]
             if np.count_nonzero(good) >= 3:
                 t, f = time[rows][good], force[rows][good]
                 pieces.append((t - t.mean(), f - f.mean()))
         # Medians: a rise with a slip in it that was missed is none that counts.
-        per_rise = cycles.drop[1:] / np.maximum(rise, found.sample_interval)
+        per_rise = cycles.drop[1:] / np.maximum(rise, phases.sample_interval)
         slopes = np.array([t @ f / (t @ t) for t, f in pieces] if pieces else per_rise)
         rate, scatter, straight = float(np.median(slopes)), 0.0, []
         if pieces:
-            error = found.noise * float(np.median([1.0 / np.sqrt(t @ t) for t, _ in pieces]))
+            error = phases.noise * float(np.median([1.0 / np.sqrt(t @ t) for t, _ in pieces]))
             scatter = 1.4826 * float(np.median(np.abs(slopes - rate))) - 2.0 * error
         for t, f in pieces:  # the noise taken off
-            whole, left, own = float(f @ f), float(np.sum((f - rate * t) ** 2)), t.size * found.noise**2
+            whole, left, own = float(f @ f), float(np.sum((f - rate * t) ** 2)), t.size * phases.noise**2
             straight.append(1.0 - max(left - own, 0.0) / max(whole - own, 1e-3 * whole) if whole > 0.0 else 0.0)
         period = float(np.median(cycles.period))
-        asymmetry, sine = _mean_cycle(time, force, found, period)
+        asymmetry, sine = _mean_cycle(time, force, phases, period)
         return cls(
             rises=len(rise),
             straight=float(np.median(straight)) if straight else np.nan,
@@ -217,11 +217,11 @@ class _Shape:
         )
 
 
-def _mean_cycle(time: Array, force: Array, found: Segmentation, period: float) -> tuple[float, float]:
+def _mean_cycle(time: Array, force: Array, phases: Segmentation, period: float) -> tuple[float, float]:
     """Of the mean cycle: how many times as long as its fall its rise lasts, and the share of its first harmonic."""
-    good, points = np.isfinite(force) & ~found.spikes, 128
+    good, points = np.isfinite(force) & ~phases.spikes, 128
     t, f = time[good], force[good]
-    falls = found.cycles.fall
+    falls = phases.cycles.fall
     falls = falls[(falls - 0.5 * period >= t[0]) & (falls + 0.5 * period <= t[-1])]
     if not falls.size:
         return np.nan, np.nan
@@ -231,13 +231,13 @@ def _mean_cycle(time: Array, force: Array, found: Segmentation, period: float) -
     return points / (valley - peak) - 1.0, float(power[0] / np.sum(power)) if np.any(power) else np.nan
 
 
-def _discriminate(shape: _Shape, found: Segmentation, known: Known) -> tuple[bool, float, tuple[str, ...]]:
+def _discriminate(shape: _Shape, phases: Segmentation, known: Known) -> tuple[bool, float, tuple[str, ...]]:
     """Whether the falls of a force are slips, with what confidence, and what was tested."""
-    if found.count == 0:
-        says = "no drop of the force exceeds its noise"
-        if found.other_falls:
-            says = f"{found.other_falls} drops exceed the noise, none of them faster than the rise before it"
-        return False, 0.95, (says,)
+    if phases.count == 0:
+        text = "no drop of the force exceeds its noise"
+        if phases.other_falls:
+            text = f"{phases.other_falls} drops exceed the noise, none of them faster than the rise before it"
+        return False, 0.95, (text,)
     loads = shape.rate / known.loading_rate if known.loading_rate else np.nan
     evidence = []
     if np.isfinite(shape.straight):
@@ -261,10 +261,10 @@ def _discriminate(shape: _Shape, found: Segmentation, known: Known) -> tuple[boo
     if not shape.rises:
         return False, 0.6, (*evidence, "one drop alone; give stiffness and drive speed of the rig")
     odds += float(np.log(shape.frequency / SLOW)) - (0.0 if shape.rises >= FEW else 2.0)  # few cannot be compared
-    says = f"it oscillates by {three_figures(100 * shape.share)} % of the force at {shape.frequency:.3g} Hz"
+    text = f"it oscillates by {three_figures(100 * shape.share)} % of the force at {shape.frequency:.3g} Hz"
     if odds <= 0.0:
-        says += ", as a turning disc or an uneven track makes it; give stiffness and drive speed of the rig"
-    return odds > 0.0, _probability(odds), (*evidence, says)
+        text += ", as a turning disc or an uneven track makes it; give stiffness and drive speed of the rig"
+    return odds > 0.0, _probability(odds), (*evidence, text)
 
 
 def _probability(odds: float) -> float:
@@ -274,26 +274,26 @@ def _probability(odds: float) -> float:
 
 def _named(time: Array, force: Array, verdict: Verdict, shape: _Shape) -> Verdict:
     """Which stick-slip it is; an even sine at a frequency of the mains is none."""
-    found = verdict.found
+    phases = verdict.phases
     if shape.one_sine:
-        near = max(0.004 * shape.frequency, 0.2 / float(np.ptp(found.cycles.fall)))  # the mains drift, and clocks
+        near = max(0.004 * shape.frequency, 0.2 / float(np.ptp(phases.cycles.fall)))  # the mains drift, and clocks
         if any(abs(shape.frequency - n * mains) < n * near for mains in (50.0, 60.0) for n in (1, 2, 3)):
-            says = f"it oscillates at {shape.frequency:.4g} Hz as one sine, a multiple of the mains frequency"
-            hum = ForceOscillation(shape.frequency, float(np.median(found.cycles.drop)), found.samples_per_cycle)
-            return Verdict(Regime.SLIDING, verdict.confidence, (says,), segment(time, force, slips=False), hum)
-        says = f"the mean cycle is a sine to {100 * shape.sine:.1f} %, {shape.frequency:.3g} times a second"
-        says += ": its rests are short, and mu_s, t_cr and D are poorly determined; record slower as well"
+            text = f"it oscillates at {shape.frequency:.4g} Hz as one sine, a multiple of the mains frequency"
+            hum = ForceOscillation(shape.frequency, float(np.median(phases.cycles.drop)), phases.samples_per_cycle)
+            return Verdict(Regime.SLIDING, verdict.confidence, (text,), segment(time, force, slips=False), hum)
+        text = f"the mean cycle is a sine to {100 * shape.sine:.1f} %, {shape.frequency:.3g} times a second"
+        text += ": its rests are short, and mu_s, t_cr and D are poorly determined; record slower as well"
         cycles = segment(time, force, half_period=0.5 / shape.frequency)
-        return Verdict(Regime.NEAR_HARMONIC, verdict.confidence, (*verdict.evidence, says), cycles)
-    drop, scatter = found.cycles.drop[1:], 0.0
-    if drop.size >= 6 and found.stick_slope is not None:
+        return Verdict(Regime.NEAR_HARMONIC, verdict.confidence, (*verdict.evidence, text), cycles)
+    drop, scatter = phases.cycles.drop[1:], 0.0
+    if drop.size >= 6 and phases.stick_slope is not None:
         # A peak falls anywhere between two samples of a stick, a valley between two about the end of a slip.
-        rise, lasts = found.stick_slope[0] * found.sample_interval, max(found.samples_per_slip, 2.0)
+        rise, lasts = phases.stick_slope[0] * phases.sample_interval, max(phases.samples_per_slip, 2.0)
         missed = rise**2 / 6.0 + (0.2 * float(np.mean(drop)) / lasts**2) ** 2
-        scatter = drop_scatter(drop, (2.0 * found.noise) ** 2 + missed)
+        scatter = drop_scatter(drop, (2.0 * phases.noise) ** 2 + missed)
     if scatter > UNEVEN:
-        says = f"the drop scatters by {100 * scatter:.0f} % from one slip to the next"
-        return replace(verdict, regime=Regime.UNEVEN_STICK_SLIP, evidence=(*verdict.evidence, says))
+        text = f"the drop scatters by {100 * scatter:.0f} % from one slip to the next"
+        return replace(verdict, regime=Regime.UNEVEN_STICK_SLIP, evidence=(*verdict.evidence, text))
     return verdict
 
 
@@ -407,7 +407,9 @@ class LogRegime:
     verdicts: tuple[Verdict, ...]
 
 
-def look(record: Record, drive: DriveCourse, known: Known = Known(), *, found: Segmentation | None = None) -> LogRegime:
+def look(
+    record: Record, drive: DriveCourse, known: Known = Known(), *, phases: Segmentation | None = None
+) -> LogRegime:
     """The regime of every stroke of a record, and of all of it.
 
     Args:
@@ -421,11 +423,11 @@ def look(record: Record, drive: DriveCourse, known: Known = Known(), *, found: S
         time, load = record.time[rows], record.normal_force[rows]
         force = stroke.direction * record.friction_force[rows]
         own = replace(known, drive_speed=stroke.speed or 0.0)
-        given = found if len(parts) == 1 and found is not None and found.phase.size == force.size else None
+        given = phases if len(parts) == 1 and phases is not None and phases.phase.size == force.size else None
         verdict = classify(time, force, own, given=given)
         pressed = presses(load) & np.isfinite(force)
         low, level, high = np.quantile(thinned(load[pressed]), [0.05, 0.5, 0.95]) if pressed.any() else (1.0, 1.0, 1.0)
-        if not verdict.found.count and high - low >= LOAD_CHANGES * level:
+        if not verdict.phases.count and high - low >= LOAD_CHANGES * level:
             # Where the load changes much, the force at the typical load tells.
             verdict = classify(time, np.where(pressed, force * level / np.where(pressed, load, 1.0), np.nan), own)
         verdicts.append(verdict)
@@ -438,19 +440,19 @@ def of_strokes(
     """The verdict on a force (n,), where it changes its sign from those on its strokes (first row, end, sign)."""
     if len(edges) < 2:
         return classify(time, force, known, noise=noise)
-    verdicts = [classify(time[a:b], way * force[a:b], known) for a, b, way in edges]
-    parts = [Stroke(1, 1, i, a, b, way, known.drive_speed) for i, (a, b, way) in enumerate(edges, start=1)]
-    found = joined([(a, v.found) for (a, _, _), v in zip(edges, verdicts, strict=True)], force.size)
+    verdicts = [classify(time[a:b], direction * force[a:b], known) for a, b, direction in edges]
+    parts = [Stroke(1, 1, i, a, b, direction, known.drive_speed) for i, (a, b, direction) in enumerate(edges, start=1)]
+    phases = joined([(a, v.phases) for (a, _, _), v in zip(edges, verdicts, strict=True)], force.size)
     whole = _of_all(False, parts, verdicts)
-    return Verdict(whole.regime, whole.confidence, whole.evidence, found, strokes=len(parts))
+    return Verdict(whole.regime, whole.confidence, whole.evidence, phases, strokes=len(parts))
 
 
 def _of_all(changes: bool, parts: Sequence[Stroke], verdicts: Sequence[Verdict]) -> LogRegime:
     """The regime of a log from those of its strokes: what holds for most of the time."""
     all_parts, all_verdicts = tuple(parts), tuple(verdicts)
     if changes:
-        says = "the drive changes its speed or stands in between; strokes are judged one by one"
-        return LogRegime(Regime.PROGRAMME, SURE, (says,), all_parts, all_verdicts)
+        text = "the drive changes its speed or stands in between; strokes are judged one by one"
+        return LogRegime(Regime.PROGRAMME, SURE, (text,), all_parts, all_verdicts)
     if not verdicts:
         return LogRegime(None, 0.5, ("no rows",), all_parts, all_verdicts)
     lasts = np.array([stroke.stop - stroke.start for stroke in parts], float)
@@ -463,8 +465,8 @@ def _of_all(changes: bool, parts: Sequence[Stroke], verdicts: Sequence[Verdict])
     confidence = float(np.average([verdicts[i].confidence for i in like], weights=lasts[like]))
     evidence = verdicts[max(like, key=lambda i: lasts[i])].evidence
     if len({stroke.direction for stroke in parts}) > 1:
-        says = f"the force changes its sign: {len(parts)} strokes to and fro, of which {len(like)} are of this regime"
-        evidence = (says, *evidence)
+        text = f"the force changes its sign: {len(parts)} strokes to and fro, of which {len(like)} are of this regime"
+        evidence = (text, *evidence)
     return LogRegime(regime, confidence, evidence, all_parts, all_verdicts)
 
 

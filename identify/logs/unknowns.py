@@ -33,7 +33,7 @@ class Unknowns:
     """The search space, all arrays (n_p,) in the order of the model's parameters.
 
     `start` is theta at the first guess and the value of what is not free; `lower`, `upper` bound theta;
-    `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `told`: the scene says something of it;
+    `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `stated`: the scene has a value of it;
     `walls` (2, n_p): the lower and upper bounds that the scene itself gives, the others are the model's own;
     `prior_about` (n_p,): the parameter about which a prior is, beyond its mean, -1 where about none;
     `per`: by what each parameter differs from log to log (None: by nothing; "log"; a label; empty: none differs);
@@ -47,7 +47,7 @@ class Unknowns:
     upper: Array
     prior_mean: Array
     prior_sd: Array
-    told: NDArray[np.bool_]
+    stated: NDArray[np.bool_]
     walls: NDArray[np.bool_]
     prior_about: NDArray[np.int64]
     per: tuple[str | None, ...] = ()
@@ -191,7 +191,7 @@ def from_scene(scene: Scene) -> Unknowns:
     names, n = model.parameter_names, len(model.parameters)
     free, start = np.zeros(n, bool), np.zeros(n)
     lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
-    mean, sd, told = np.zeros(n), np.full(n, np.inf), np.zeros(n, bool)
+    mean, sd, stated = np.zeros(n), np.full(n, np.inf), np.zeros(n, bool)
     nulls = {name: value for effect in ALL if effect.name in model.effects for name, value in effect.null.items()}
     walls, about = np.zeros((2, n), bool), np.full(n, -1)
     ties, per = [], []
@@ -215,7 +215,7 @@ def from_scene(scene: Scene) -> Unknowns:
             return float(np.log(value / base)) if value > 0.0 else -np.inf
 
         value = next((v for v in (spec.fixed, spec.start, spec.prior_mean) if v is not None), None)
-        told[i] = value is not None
+        stated[i] = value is not None
         start[i] = search(value if value is not None else base if of_rig else declared.default)
         free[i] = spec.fixed is None and spec.tie is None
         lower[i], upper[i] = search(spec.lower), search(spec.upper)
@@ -235,7 +235,7 @@ def from_scene(scene: Scene) -> Unknowns:
         if known and name in names and free[names.index(name)] and (spec is None or spec.prior_sd is None):
             about[names.index(name)], sd[names.index(name)] = names.index("stiffness"), share * known
     start = np.clip(start, lower, upper)
-    return Unknowns(model, free, start, lower, upper, mean, sd, told, walls, about, tuple(per), tuple(ties))
+    return Unknowns(model, free, start, lower, upper, mean, sd, stated, walls, about, tuple(per), tuple(ties))
 
 
 def user_start(scene: Scene) -> bool:

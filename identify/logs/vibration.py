@@ -170,12 +170,12 @@ def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepar
     lower, upper = unknowns.lower.copy(), unknowns.upper.copy()
     for i, name in enumerate(unknowns.names):
         quiet = dict(unknowns.model.quiet).get(name, np.nan)
-        if not np.isnan(quiet) and not unknowns.told[i] and free[i]:
+        if not np.isnan(quiet) and not unknowns.stated[i] and free[i]:
             start[i] = quiet
-    searched = [w for w in _waves(unknowns) if free[w.amplitude] and not unknowns.told[w.amplitude]]
+    searched = [w for w in _waves(unknowns) if free[w.amplitude] and not unknowns.stated[w.amplitude]]
     if searched:
-        found, left = rhythms(logs, most=len(searched))
-        lines, lobe = list(found), LOBE / max(float(np.ptp(log.data.time)) for log in logs)
+        waves, left = rhythms(logs, most=len(searched))
+        lines, lobe = list(waves), LOBE / max(float(np.ptp(log.data.time)) for log in logs)
         own, rigs = np.full((len(logs), len(unknowns.names)), np.nan), [log.rig for log in logs]
 
         def band(wave: _Wave) -> tuple[float, float]:
@@ -205,7 +205,7 @@ def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepar
                 start[at] = np.log(line.frequency)
                 lower[at] = max(low, np.log(line.frequency - lobe))
                 upper[at] = min(high, np.log(line.frequency + lobe))
-        if len(lines) < len(found):
+        if len(lines) < len(waves):
             logs = [_corrected(log, row, share) for log, row, share in zip(logs, own, left, strict=True)]
     return logs, replace(unknowns, start=start, free=free, lower=lower, upper=upper)
 

@@ -68,10 +68,10 @@ class Composition:
             self.gain = self.gain * q.gain
 
     @staticmethod
-    def _one(what: str, found: list[Series]) -> Series | None:
-        if len(found) > 1:
+    def _one(what: str, series: list[Series]) -> Series | None:
+        if len(series) > 1:
             raise SceneError(f"two effects put a {what} element between rig and contact; drop one of them")
-        return found[0] if found else None
+        return series[0] if series else None
 
     def clock(self) -> Expression:
         """Ageing time gained by the time of the inputs [s]."""

@@ -22,7 +22,7 @@ from identify.prediction.orbit import QUANTITIES, check_calculable
 from identify.prediction.predict import number, site_at
 from identify.prediction.sources import Tested
 from identify.prediction.windows import COARSE, FINE, Border, Survey, outcome_of
-from identify.prediction.wording import said, with_interval
+from identify.prediction.wording import shown, with_interval
 from identify.scene import Scene
 from identify.simulation.sliding import slidings
 
@@ -388,9 +388,9 @@ class ChangeAdvice:
         if (high or 0.0) > advised if self.at == "least" else (low or np.inf) < advised:
             notes.append("the interval of the limit reaches beyond the margin")
         if advised == self.now.value:
-            return f"- {self.label}: as it is ({said(advised, unit)}); {'; '.join(notes)}."
-        now = said(self.now.value, unit)
-        return f"- {self.label} at {self.at} {said(advised, unit)}, now {now} ({'; '.join(notes)})."
+            return f"- {self.label}: as it is ({shown(advised, unit)}); {'; '.join(notes)}."
+        now = shown(self.now.value, unit)
+        return f"- {self.label} at {self.at} {shown(advised, unit)}, now {now} ({'; '.join(notes)})."
 
 
 @dataclass(frozen=True)
@@ -438,7 +438,7 @@ def stabilising_changes(
     changes = tuple(_change(site, q, drawn, tested, margin) for q in quantities if q.value > 0.0)
     steady = _steady(model, site.setting)
     goal = "To keep sliding steady" if steady else "To make sliding steady, one of these"
-    where = f"{said(site.drive_speed, 'm/s')} and {said(site.normal_force, 'N')}"
+    where = f"{shown(site.drive_speed, 'm/s')} and {shown(site.normal_force, 'N')}"
     head = f"{goal} at {where} with a margin of {100 * margin:.3g} %, all else held:"
     return StabilisingAdvice(steady, margin, changes, "\n".join([head, *(row.text for row in changes)]))
 
@@ -468,7 +468,7 @@ def _change(site: Site, q: Axis, drawn: Draws | None, tested: Tested | None, mar
     steady = (survey.batch.growth < 0.0) & ~survey.motions.sticks
     other, now = np.flatnonzero(steady != steady[mine]), number(q.value, unit, "")
     if not other.size:
-        reach = f"from {said(low, unit)} to {said(high, unit)}"
+        reach = f"from {shown(low, unit)} to {shown(high, unit)}"
         reason = f"{'any, it is steady' if steady[mine] else 'cannot be reached, it is not steady'} {reach}"
         none = number(None, unit, ""), number(None, unit, reason)
         return ChangeAdvice(q.name, q.label, now, *none, None, None, outside(q.value), reason)

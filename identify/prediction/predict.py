@@ -20,7 +20,7 @@ from identify.prediction.closed_forms import CYCLE, MEANING, beyond, closed_form
 from identify.prediction.draws import DRAWS, POINT, AnswerInterval, Draws, OperatingPoint
 from identify.prediction.orbit import QUANTITIES, CycleMap, Orbit, check_calculable, close
 from identify.prediction.windows import Outcome, SpeedRange, Window, Windows, outcome_of, speed_windows
-from identify.prediction.wording import OPEN, amplitude_text, closed_form_text, said, stability_text
+from identify.prediction.wording import OPEN, amplitude_text, closed_form_text, shown, stability_text
 from identify.simulation.sliding import Sliding, slidings
 
 Array = NDArray[np.float64]
@@ -341,7 +341,7 @@ def _prediction(
 
     steady, windows, orbit = answer.steady, answer.windows, answer.orbit
     between = tuple(StickSlipRange(limit(part, False), limit(part, True)) for part in windows.sticking)
-    slowest, fastest = (said(end, "m/s") for end in windows.searched)
+    slowest, fastest = (shown(end, "m/s") for end in windows.searched)
     if between:
         no_end = f"stick-slip still exists at {fastest}, the highest speed tried"
     else:

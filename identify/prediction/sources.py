@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from identify.base.document import finite
 from identify.base.result import Correlation, Result
-from identify.prediction.wording import listed, said
+from identify.prediction.wording import listed, shown
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, Tie
 
@@ -225,9 +225,9 @@ class Tested:
         out = []
         for name in UNITS:
             if name in values and name in self.ranges and self.extrapolated(name, values[name]):
-                low, high = (said(end, UNITS[name]) for end in self.ranges[name])
+                low, high = (shown(end, UNITS[name]) for end in self.ranges[name])
                 span = low if low == high else f"{low} to {high}"
-                out.append(f"a {name.replace('_', ' ')} of {said(abs(values[name]), UNITS[name])} ({span} tested)")
+                out.append(f"a {name.replace('_', ' ')} of {shown(abs(values[name]), UNITS[name])} ({span} tested)")
         return f"Extrapolated: the logs did not test {listed(out)}." if out else ""
 
     def reach(self, name: str) -> tuple[float, float] | None:

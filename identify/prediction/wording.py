@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 OPEN = "interval open: "  # how a reason begins
 
 
-def said(value: float | None, unit: str, beside: float | None = None) -> str:
+def shown(value: float | None, unit: str, beside: float | None = None) -> str:
     """A number with three digits and a unit of handy size ("0.56 N", "22 mm/s"); in that of the number beside it, where
     there is one."""
     if value is None:
@@ -32,13 +32,13 @@ def with_interval(entry: Number) -> str:
     """The number and its interval in one unit, with as many decimals as separate the ends."""
     value, (low, high) = entry.value, entry.ends
     if entry.reason:
-        return f"{said(value, entry.unit)} (interval open)"
+        return f"{shown(value, entry.unit)} (interval open)"
     if value is None or low is None or high is None or not high > low:
-        return said(value, entry.unit)
+        return shown(value, entry.unit)
     scale = scale_for(value, entry.unit)
     places = places_of_positive((high - low) / 4 / scale.factor, value / scale.factor)
-    shown = f"{decimals(value / scale.factor, places)} {scale.unit}".rstrip()
-    return f"{shown} (95 %: {interval_text((low, high), scale, places)})"
+    text = f"{decimals(value / scale.factor, places)} {scale.unit}".rstrip()
+    return f"{text} (95 %: {interval_text((low, high), scale, places)})"
 
 
 def _why_open(entries: Iterable[Number]) -> str:
@@ -49,7 +49,7 @@ def _why_open(entries: Iterable[Number]) -> str:
 
 def _where(prediction: PointPrediction) -> str:
     point = prediction.operating_point
-    return f"{said(point['drive_speed'].value, 'm/s')} and {said(point['normal_force'].value, 'N')}"
+    return f"{shown(point['drive_speed'].value, 'm/s')} and {shown(point['normal_force'].value, 'N')}"
 
 
 OUTCOMES = {
@@ -69,7 +69,7 @@ WINDOWS = {
 
 def stability_text(prediction: PointPrediction) -> str:
     """What the pair does here, and over which drive speeds."""
-    answer, fastest = prediction.stability, said(prediction.stability.searched_between[1], "m/s")
+    answer, fastest = prediction.stability, shown(prediction.stability.searched_between[1], "m/s")
     lines = [f"At {_where(prediction)} {OUTCOMES[answer.outcome]}."]
     if not answer.stick_slip_between:
         validity = answer.critical_speed.validity
@@ -83,7 +83,7 @@ def stability_text(prediction: PointPrediction) -> str:
         else:
             lines.append(f"Stick-slip exists from {with_interval(part.low)} to {with_interval(part.high)}.")
     ends = [limit for part in answer.stick_slip_between for limit in (part.low, part.high) if limit]
-    windows = [(WINDOWS[w.outcome], said(w.low, "m/s"), said(w.high, "m/s")) for w in answer.windows]
+    windows = [(WINDOWS[w.outcome], shown(w.low, "m/s"), shown(w.high, "m/s")) for w in answer.windows]
     if len(windows) == 1:
         lines.append(f"At every drive speed searched: {windows[0][0].rstrip(',')}.")
     else:
@@ -102,7 +102,7 @@ def amplitude_text(prediction: PointPrediction) -> str:
     part = prediction.amplitude.numbers
     if part["drop"].value is None:
         return f"Amplitude at {_where(prediction)}: none; {part['drop'].validity}."
-    plain = {name: said(entry.value, entry.unit) for name, entry in part.items()}
+    plain = {name: shown(entry.value, entry.unit) for name, entry in part.items()}
     ends = {name: with_interval(part[name]) for name in SHOWN}
     return (
         f"At {_where(prediction)} the force falls by {ends['peak_to_valley']} from peak to valley, every "
@@ -118,7 +118,7 @@ def ranges_text(prediction: PointPrediction, part: str) -> str:
 
     def ranged(entry: Number) -> str:
         low, high = entry.ends
-        return "not known" if low is None or high is None else f"{said(low, entry.unit)} to {said(high, entry.unit)}"
+        return "not known" if low is None or high is None else f"{shown(low, entry.unit)} to {shown(high, entry.unit)}"
 
     if part == "stability":
         end = prediction.stability.critical_speed
@@ -127,8 +127,8 @@ def ranges_text(prediction: PointPrediction, part: str) -> str:
         return " ".join(filter(None, [text, _probability_text(prediction, ())]))
     numbers = prediction.amplitude.numbers
     names = {"peak_to_valley": "the force falls by", "period": "period", "peak_speed": "highest speed"}
-    shown = ", ".join(f"{words} {ranged(numbers[name])}" for name, words in names.items())
-    return f"Over the ranges of what is assumed, at {_where(prediction)}: {shown}."
+    ranges = ", ".join(f"{words} {ranged(numbers[name])}" for name, words in names.items())
+    return f"Over the ranges of what is assumed, at {_where(prediction)}: {ranges}."
 
 
 def closed_form_text(prediction: PointPrediction) -> str:
@@ -144,7 +144,7 @@ def closed_form_text(prediction: PointPrediction) -> str:
     for name in ("drop", "period", "critical_speed"):
         entry, label = part.numbers[name], name.replace("critical_speed", "end of stick-slip, of a saturated contact")
         off = entry.validity.startswith("not valid")  # a number that is off by a factor of a hundred helps nobody
-        words.append(f"{label}{':' if off else f' {said(entry.value, entry.unit)},'} {entry.validity}")
+        words.append(f"{label}{':' if off else f' {shown(entry.value, entry.unit)},'} {entry.validity}")
     return f"{head} They give: {'; '.join(words)}."
 
 

@@ -234,7 +234,7 @@ def draw_preview(preview: Preview) -> Figure:
                 foot = np.full(inside.size, axes.get_ylim()[0])
                 axes.plot(inside, foot, "|", color=colour, markersize=9, label=name)
             axes.set_xlim(time[0], time[-1])
-        row[0].set_title(f"{printable(log.name)} · {quantity(log.drive_speed, 'm/s')} · {log.told}")
+        row[0].set_title(f"{printable(log.name)} · {quantity(log.drive_speed, 'm/s')} · {log.text}")
         row[0].set_ylabel("force (N)")
     for axes in grid[-1]:
         axes.set_xlabel("time (s)")

@@ -20,7 +20,7 @@ def seen(time, force, load):
     """Regime, the first row of the classical table, and the codes of the findings, of a log without a known rig."""
     record = Record(time - time[0], np.broadcast_to(load, time.shape).astype(float), force)
     whole = look(record, None)
-    found = joined([(s.start, v.found) for s, v in zip(whole.strokes, whole.verdicts, strict=True)], len(record))
+    found = joined([(s.start, v.phases) for s, v in zip(whole.strokes, whole.verdicts, strict=True)], len(record))
     judgement = judge(record, [RecordPart(record.time, force, found, load=record.normal_force)])
     return whole.regime, table_of(record, whole).rows[0], {finding.code: finding for finding in judgement.findings}
 

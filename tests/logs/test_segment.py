@@ -155,7 +155,7 @@ def test_wandering_sliding_is_no_stick_slip():
     t = np.arange(100_000) / 1000
     level = 0.5 + 0.0005 * np.cumsum(rng.standard_normal(t.size))
     seen = classify(t, level + NOISE * rng.standard_normal(t.size), Known(half_period=HALF_PERIOD))
-    assert seen.regime is Regime.SLIDING and seen.found.count == 0 and seen.found.ends_sliding
+    assert seen.regime is Regime.SLIDING and seen.phases.count == 0 and seen.phases.ends_sliding
 
 
 def test_rest_before_the_drive_hold_after_it_drift_and_programme(fast):
