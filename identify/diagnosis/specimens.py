@@ -31,6 +31,7 @@ ROUNDS = 6  # solves, each from the step of the one before
 SETTLED = 0.1  # fall of chi^2 that is worth no further step
 CHANCE = 1e-4  # by which noise alone makes logs differ
 FARTHEST = 0.3  # of friction, that a log may be off
+FEWEST = 0.5  # of the least standard deviation: logs that differ by less are no specimens, the fit is at another optimum
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ def with_scatter(attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unkno
         if best is attempt and effects.fall < chi_square_exceeded(CHANCE, len(table.scores)):
             return None
         if (best is not attempt and effects.fall < SETTLED) or not in_time("scatter between logs"):
-            return Scattered(best, logs, off, effects.sd) if best.fits else None
+            break
         off[of] = np.clip(off[of] + effects.step, -FARTHEST, FARTHEST)
         theta = best.solved.theta.copy()
         theta[np.flatnonzero(unknowns.free)] += effects.step @ effects.moves
@@ -140,4 +141,5 @@ def with_scatter(attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unkno
                 best = min(best, other, key=lambda each: each.excess)
         if not np.isfinite(best.excess):
             return None
-    return Scattered(best, logs, off, effects.sd) if best.fits else None
+    differ = float(np.sqrt(np.mean(off**2))) > FEWEST * least
+    return Scattered(best, logs, off, effects.sd) if best.fits and differ else None
