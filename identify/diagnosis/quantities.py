@@ -122,7 +122,8 @@ def held_quantities(attempt: Attempt, unknowns: Unknowns) -> list[Column]:
     logs, layout, theta = [log.data for log in attempt.fitted_logs], attempt.solved.problem.layout, attempt.solved.theta
     loads = np.concatenate([log.normal_force.values for log in logs])
     load, near = float(np.mean([log.mean_normal_force for log in logs])), 1e-6 * unknowns.spread
-    low, high = theta - unknowns.lower < near, unknowns.upper - theta < near
+    with np.errstate(invalid="ignore"):  # the logarithm of nothing stands at the bound of none
+        low, high = theta - unknowns.lower < near, unknowns.upper - theta < near
     at_wall = low & unknowns.walls[0] | high & unknowns.walls[1]
     names, out = unknowns.names, list[Column]()
     for i, declared in enumerate(unknowns.model.parameters):
