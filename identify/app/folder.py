@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -172,3 +172,8 @@ def read_json(path: Path) -> Document | None:
     except (OSError, ValueError, RecursionError):
         return None
     return document if isinstance(document, dict) else None
+
+
+def mapping(value: object) -> Mapping[str, object]:
+    """A JSON object that anybody may have written; an empty one for anything else."""
+    return value if isinstance(value, Mapping) else {}

@@ -128,6 +128,7 @@ def row_of(name: str, size: int, log: Document | None) -> Document:
         "speed": ", ".join(speed_text(s) for s in moving[:3]) + (" …" if len(moving) > 3 else ""),
         "load": quantity(quality["load_N"], "N", 3) if quality.get("load_N") is not None else "",
         "rate": quantity(rate, "Hz", 3) if rate else "",
+        "curve": log.get("force_overview_N"),
         "slips": sum(step["cycles"] for step in log["steps"]),
         "regime": (log["regime"] or "unknown").replace("_", " "),
         "verdict": quality["verdict"],

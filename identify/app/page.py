@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from starlette.responses import Response
 
 from data_io.atomic import atomic_write
 from identify import examples
@@ -19,7 +20,7 @@ from identify.app.curves import OpenLogs
 from identify.app.folder import Document, Folder, PageError, PageQuery
 from identify.app.jobs import Jobs
 from identify.app.looks import Looks, row_of, seen_by_a_fit
-from identify.app.results import batch_seen, fit_row, fit_seen, residuals
+from identify.app.results import batch_seen, fit_picture, fit_row, fit_seen, residuals
 from identify.app.scenes import Scenes, edited, with_log
 from identify.app.simulations import answer_at, axes_of, site_of, start_from_data, tried
 from identify.logs.prepare import Segmented, segmented
@@ -28,7 +29,7 @@ from identify.report.stored_result import scene_of as scene_of_result
 from identify.scene import Scene
 from identify.scene.values import LogEntry
 
-Answer = Document | NDArray[np.float64]
+Answer = Document | NDArray[np.float64] | Response
 
 
 class Page:
@@ -46,6 +47,7 @@ class Page:
             "cancel": ("POST", lambda q: self.jobs.cancel(q.text("id"))),
             "fit": ("GET", lambda q: fit_seen(folder, q.text("path"))),
             "batch": ("GET", lambda q: batch_seen(folder, q.text("path"))),
+            "picture": ("GET", lambda q: fit_picture(folder, q.text("path"), q.text("kind"), q.text("form"))),
             "residuals": ("GET", lambda q: residuals(folder, q.text("path"), q.whole("number", 1), *self._span(q))),
             "examples": ("POST", lambda _: self._put_examples()),
             "manifest": ("POST", self._write_manifest),
@@ -102,13 +104,8 @@ class Page:
     @staticmethod
     def _rows(path: Path) -> list[dict[str, str]]:
         """Rows of a manifest that the page has written; none of any other file."""
-        if not path.is_file():
-            return []
-        with path.open(encoding="utf-8", errors="replace") as handle:
-            if not handle.readline(10_000).startswith("path,group"):
-                return []
-            handle.seek(0)
-            return list(csv.DictReader(handle))
+        text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+        return list(csv.DictReader(io.StringIO(text))) if text.startswith("path,group") else []
 
     # ---- one log -----------------------------------------------------------------------------------------------------
 
@@ -120,16 +117,15 @@ class Page:
         about: Document = {"path": name, "share": opened.share, "error": opened.error, "ready": ready}
         if opened.record is None:
             return about
-        cut: Document | None = None
+        cut: Document = {key: getattr(entry, key) for key in ("window", "exclude", "skip_cycles") if entry}
         if entry is not None:
-            tare = entry.tare if isinstance(entry.tare, tuple) else None
-            cut = {"window": entry.window, "exclude": entry.exclude, "skip_cycles": entry.skip_cycles, "tare": tare}
+            cut["tare"] = entry.tare if isinstance(entry.tare, tuple) else None
         return about | {
             "rows": len(opened.record),
             "duration": float(opened.record.time[-1]),
             "has_speed": bool(opened.programme),
             "inspection": seen if entry is None else None,
-            "cut": cut,
+            "cut": cut or None,
         }
 
     # ---- scenes, simulations and maps --------------------------------------------------------------------------------

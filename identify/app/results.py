@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import io
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
+from starlette.responses import Response
 
 from identify.app.curves import MOST_POINTS
-from identify.app.folder import Document, Folder, PageError, read_json
+from identify.app.folder import Document, Folder, PageError, mapping, read_json
+from identify.app.simulations import ONE_AT_A_TIME
 from identify.base.result import Result
+from identify.report.finished import Fit
 from identify.report.report_wording import (
     NOT_FOR,
     accuracy_text,
@@ -22,9 +26,12 @@ from identify.report.report_wording import (
     tolerances_text,
 )
 from identify.report.stored_result import plain
-from identify.report.style import extremes
+from identify.report.style import drawing_style, extremes
 
 Array = NDArray[np.float64]
+PICTURES = {"residual_histogram": ("residuals", ""), "friction": ("friction over sliding speed", "velocity_weakening"),
+            "ageing": ("strength over rest", "contact_ageing")}  # words, and the effect whose law it is  # fmt: skip
+FORMS = {"svg": "image/svg+xml", "pdf": "application/pdf", "png": "image/png"}
 SHOWN = ("status", "message", "parameters", "search", "not_tried", "next_logs", "accuracy", "timing_s")
 
 
@@ -56,6 +63,8 @@ def fit_seen(folder: Folder, name: str) -> Document:
         for log, cycles in zip(document["logs"], cycles_of, strict=True)
         for path in [Path(str(log.get("path")))]
     ]
+    whole = result.status == "converged" and uneven is None and all(e.value for e in result.parameters.values())
+    laws = ("", *result.effects.names) if whole else ()
     return {key: document.get(key) for key in SHOWN} | {
         "tolerances": tolerances_text(result.tolerances or {}),
         "accuracy_line": accuracy_text(result.accuracy),
@@ -64,27 +73,34 @@ def fit_seen(folder: Folder, name: str) -> Document:
         "logs": logs,
         "symbols": {key: plain_symbol(key) for key in document.get("parameters") or {}},
         "figures": sorted(item.name for item in (place / "figures").glob("*.svg")),
+        "drawn": [(kind, words) for kind, (words, effect) in PICTURES.items() if effect in laws],
         "files": sorted(item.name for item in place.iterdir() if item.is_file()),
     }
 
 
+def fit_picture(folder: Folder, name: str, kind: str, form: str) -> Response:
+    """One of PICTURES of the fit in a folder, at the width of a column of a paper (a PNG at 300 dpi)."""
+    if kind not in PICTURES or form not in FORMS:
+        raise PageError(f"a fit has no picture {kind}.{form}; load the page again")
+    out = io.BytesIO()
+    with ONE_AT_A_TIME, drawing_style():
+        getattr(Fit.load(folder.path(name)), f"plot_{kind}")().figure.savefig(out, format=form, dpi=300)
+    return Response(out.getvalue(), media_type=FORMS[form])
+
+
 def fit_row(folder: Folder, fit: str) -> Document:
     """One line of the list of fits; of a document that anybody may have written."""
-    document = _table(read_json(folder.path(fit) / "result.json"))
+    document = mapping(read_json(folder.path(fit) / "result.json"))
     return {
         "path": fit,
         "status": str(document.get("status", "not whole")).replace("_", " "),
         "message": document.get("message", ""),
-        "finished": _table(document.get("provenance")).get("finished", ""),
+        "finished": mapping(document.get("provenance")).get("finished", ""),
         "parameters": {
-            key: {k: _table(entry).get(k) for k in ("value", "unit", "interval", "verdict")}
-            for key, entry in _table(document.get("parameters")).items()
+            key: {k: mapping(entry).get(k) for k in ("value", "unit", "interval", "verdict")}
+            for key, entry in mapping(document.get("parameters")).items()
         },
     }
-
-
-def _table(value: object) -> Mapping[str, object]:
-    return value if isinstance(value, Mapping) else {}
 
 
 def residuals(folder: Folder, name: str, number: int, begin: float, end: float) -> Array:
@@ -124,14 +140,10 @@ def batch_seen(folder: Folder, name: str) -> Document:
 def _cycles(path: Path, logs: int) -> list[list[Document]]:
     """Onset, arrest [s] and misfit z of the cycles of every log that a fit keeps curves of."""
     out: list[list[Document]] = [[] for _ in range(logs)]
-    try:
-        with h5py.File(path, "r") as file:
-            for number in range(logs):
-                group = file.get(f"curves/log_{number + 1}/cycles")
-                if group is not None and "onset" in group:
-                    names = [key for key in ("onset", "arrest", "misfit_z") if key in group]
-                    columns = zip(*(group[key][:].tolist() for key in names), strict=True)
-                    out[number] = plain([dict(zip(names, row, strict=True)) for row in columns])
-    except OSError:
-        pass
+    with suppress(OSError), h5py.File(path, "r") as file:
+        for number in range(logs):
+            group = file.get(f"curves/log_{number + 1}/cycles", {})
+            names = [key for key in ("onset", "arrest", "misfit_z") if key in group and "onset" in group]
+            columns = zip(*(group[key][:].tolist() for key in names), strict=True)
+            out[number] = plain([dict(zip(names, row, strict=True)) for row in columns])
     return out

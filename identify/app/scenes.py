@@ -13,7 +13,7 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, Table
 
 from data_io.atomic import atomic_write
-from identify.app.folder import Document, Folder, PageError
+from identify.app.folder import Document, Folder, PageError, mapping
 from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN
 from identify.effects.quantities import Effect
@@ -213,7 +213,7 @@ def form_of(document: Document, scene: Scene | None) -> Document:
     """The fields of the form with what the text has in each, as text; of effects and parameters what they are."""
     listed = document.get("effects")
     on = [name for name in listed if isinstance(name, str)] if isinstance(listed, list) else []
-    rig, stated = _table(document.get("rig")), _table(document.get("parameters"))
+    rig, stated = mapping(document.get("rig")), mapping(document.get("parameters"))
     damping = next((key for key in DAMPINGS if key in rig), "damping")
     fields = []
     for name, (label, unit, how) in RIG_FIELDS.items():
@@ -226,15 +226,11 @@ def form_of(document: Document, scene: Scene | None) -> Document:
         "auto": listed == "auto",
         "rig": fields,
         "rig_file": document["rig"] if isinstance(document.get("rig"), str) else "",
-        "time_limit": _shown(_table(document.get("fit")).get("time_limit")),
+        "time_limit": _shown(mapping(document.get("fit")).get("time_limit")),
         "effects": [_effect(effect, effect.name in on, scene) for effect in ALL],
         "parameters": _parameters(on if listed != "auto" else MAIN, stated, scene),
-        "logs": [{key: _shown(_table(log).get(key)) for key in LOG_FIELDS} for log in document.get("logs") or []],
+        "logs": [{key: _shown(mapping(log).get(key)) for key in LOG_FIELDS} for log in document.get("logs") or []],
     }
-
-
-def _table(value: object) -> Mapping[str, object]:
-    return value if isinstance(value, Mapping) else {}
 
 
 def _shown(value: object) -> str:

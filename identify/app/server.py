@@ -109,6 +109,8 @@ def _endpoint(work: Callable[[PageQuery], Answer]) -> Callable[[Request], Awaita
         except (ValueError, TypeError, RecursionError):
             return _refused("the question is no JSON; load the page again")
         found = await run_in_threadpool(work, PageQuery(asked))
+        if isinstance(found, Response):
+            return found
         if isinstance(found, np.ndarray):
             data = np.ascontiguousarray(found, "<f8").tobytes()
             return Response(data, media_type="application/octet-stream", headers={"x-rows": str(len(found))})

@@ -25,6 +25,7 @@ HEADINGS = ("run", "step", "stroke", "regime")
 MOST_STROKES = 2  # fit beside each other in 80 columns
 LONGEST_NAME = 24  # of a log in the table of all, which is to fit in 80 columns
 STRETCHES = 1200  # of the overview: the lowest and highest of each, so that no spike is lost
+THUMBNAIL = 60  # stretches of the thumbnail of a log
 CLOSE_CYCLES = 4
 MOST_SHADED = 400  # phases of an overview; more of them would be one grey
 KINDS = {"stick": STICK, "slip": SLIP, "sliding": SLIDING}
@@ -252,6 +253,7 @@ def document(seen: Inspection) -> dict[str, object]:
         "sha256": record.metadata.get("sha256"),
         "rows": len(record),
         "duration_s": float(record.time[-1]),
+        "force_overview_N": _overview(record.friction_force),
         "window_start_s": float(record.metadata.get(WINDOW_START, 0.0)),
         "columns": dict(record.units()),
         "drive_speed_m_per_s": seen.drive.speed,
@@ -290,6 +292,12 @@ def document(seen: Inspection) -> dict[str, object]:
         ],
         "classical": to_document(seen.classical),
     }
+
+
+def _overview(force: NDArray[np.float64]) -> list[list[float]]:
+    """Lowest and highest force [N] of each of at most THUMBNAIL stretches, for a thumbnail."""
+    parts = (part[np.isfinite(part)] for part in np.array_split(force, min(THUMBNAIL, force.size)))
+    return [[float(part.min()), float(part.max())] for part in parts if part.size]
 
 
 def _regime(seen: LogRegime) -> Mapping[str, object]:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 POINTS = 200  # of the curve of a law
+HISTOGRAM = 5  # standard deviations; residuals beyond are counted at its ends
 CYCLE_COLUMNS = ("onset_s", "arrest_s", "onset_force_N", "arrest_force_N", "misfit_z")
 Quantity = float | str  # SI, or text with a unit
 
@@ -179,6 +180,21 @@ class Fit:
             on.plot(curves.time, self.residuals(log) / curves.noise, ".", markersize=1.5, color=RESIDUAL)
             on.axhline(0.0, color=QUIET, linewidth=0.7)
             on.set(xlabel="time (s)", ylabel="residual (noise sd)")
+        return on
+
+    def plot_residual_histogram(self, axes: Axes | None = None) -> Axes:
+        """Residuals of all logs in standard deviations of their noise as a density, beside the normal one."""
+        parts = [self.residuals(number) / curves.noise for number, curves in enumerate(self.logs, 1)]
+        values = np.concatenate(parts) if parts else np.empty(0)
+        values = values[np.isfinite(values)]
+        if not values.size:
+            raise FitError("this fit has no residuals: no curve was fitted, or only its document is here")
+        x = np.linspace(-HISTOGRAM, HISTOGRAM, POINTS)
+        with axes_of(axes) as on:
+            on.hist(np.clip(values, -HISTOGRAM, HISTOGRAM), bins=8 * HISTOGRAM, density=True, color=RESIDUAL)
+            on.plot(x, np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi), color=FITTED, label="normal")
+            on.set(xlabel="residual (noise sd)", ylabel="density (1)")
+            on.legend(loc="upper right")
         return on
 
     def plot_parameters(self, axes: Axes | None = None) -> Axes:

@@ -60,7 +60,7 @@ export function benchView(host, part, session) {
       listed = key;
       const on = Object.fromEntries([...boxes].map(([path, box]) => [path, box.checked]));
       boxes.clear();
-      refill(rows, table(["record", "drive speed of a pull", "mass fixed to the holder"], session.folder.logs.map(({ path }) => {
+      refill(rows, !session.folder.logs.length ? element("p", {}, "There is no record in this folder yet: add some in ", link("the table of logs", "logs"), ".") : table(["record", "drive speed of a pull", "mass fixed to the holder"], session.folder.logs.map(({ path }) => {
         const box = element("input", { type: "checkbox", checked: on[path] ?? false, "aria-label": `a record of the rig: ${path}` });
         boxes.set(path, box);
         return [element("label", {}, box, " ", path), field(path, "speed", "0.1 mm/s"), field(path, "mass", "50 g")];

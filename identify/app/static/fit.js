@@ -116,8 +116,11 @@ async function result(host, path, second, session) {
   if (seen.search?.length) put(host, element("details", {}, element("summary", {}, `Attempts of the search (${seen.search.length})`), table(["strategy", "status", { number: "misfit" }, { number: "seconds" }],
     seen.search.map((step) => [step.strategy, (step.status ?? "").replaceAll("_", " "), { number: plain(step.cost) }, { number: plain(step.seconds, 2) }])), seen.not_tried?.length ? element("p", {}, `No time for: ${seen.not_tried.map((name) => name.strategy ?? name).join(", ")}`) : null));
   if (seen.effects.length) put(host, element("details", {}, element("summary", {}, "Tests of the effects"), element("ul", {}, seen.effects.map((reason) => element("li", {}, `${reason.effect}: ${reason.sentence}`)))));
-  if (seen.figures.length) put(host, element("h3", {}, "Pictures"), element("div", { class: "pictures" }, seen.figures.map((name) => element("figure", {},
-    element("img", { src: fileAddress(`${path}/figures/${name}`), alt: name.replace(/\.svg$/, "").replaceAll("_", " "), loading: "lazy" }), element("figcaption", {}, element("a", { href: fileAddress(`${path}/figures/${name}`, true) }, `download ${name}`))))));
+  const figure = (from, words, files) => element("figure", {}, element("img", { src: from, alt: words, loading: "lazy" }), element("figcaption", {}, words, ": ", files.map(([kind, to]) => [element("a", { href: to, download: true }, kind), " "])));
+  const shots = seen.drawn.map(([kind, words]) => { const as = (form) => `api/picture?${new URLSearchParams({ path, kind, form })}`; return figure(as("svg"), words, ["svg", "pdf", "png"].map((form) => [form, as(form)])); });
+  const files = seen.figures.map((name) => figure(fileAddress(`${path}/figures/${name}`), name.replace(/\.svg$/, "").replaceAll("_", " "), [["svg", fileAddress(`${path}/figures/${name}`, true)]]));
+  if (shots.length) put(host, element("h3", {}, "Residuals and laws"), element("div", { class: "pictures three" }, shots));
+  if (files.length) put(host, element("h3", {}, "Pictures of the report"), element("div", { class: "pictures" }, files));
   put(host, element("details", {}, element("summary", {}, "The whole report, here"), element("iframe", { src: fileAddress(`${path}/report.html`), title: `report of ${path}`, sandbox: "allow-scripts allow-popups", loading: "lazy" })));
   return { close, seen };
 }

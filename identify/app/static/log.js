@@ -108,17 +108,21 @@ export async function logView(host, asked, session) {
       await change([["exclude", spans]]);
     } else if (!click) await change([[name, text(begin, end)]]);
   });
+  const past = []; // texts of the scene before each change
   const change = async (fields, numbers = [which.number]) => {
+    past.push((await get("scene", { path: which.scene })).text);
     const changes = numbers.flatMap((number) => fields.map(([key, value]) => ({ keys: ["logs", String(number + 1), key], value })));
     const scene = await post("edit", { path: which.scene, changes });
     say(scene.error);
     await seen();
   };
 
+  const skip = element("input", { type: "number", min: 0, max: 999, size: 3, "aria-label": "cycles to skip", onchange: guarded(() => change([["skip_cycles", skip.value === "0" ? "" : skip.value]])) });
   const seen = newestWins(async () => {
     if (which.scene) {
       const [found, opened] = await Promise.all([get("cut", which), get("log", which)]);
       cut = opened.cut;
+      skip.value = cut.skip_cycles;
       cycles = found.cycles;
       refill(beside, element("div", {}, element("p", {}, element("strong", {}, `${cycles.length} cycles, ${found.regime || "regime unknown"}. `), `${found.evidence.join("; ")}. Noise ${quantity(found.noise, "N", 3)}.`,
         found.stick_slope ? ` Stick slope ${quantity(found.stick_slope, "N/s")}, over the drive speed ${quantity(found.stiffness_of_sticks, "N/m")}.` : "",
@@ -150,8 +154,13 @@ export async function logView(host, asked, session) {
   if (which.scene) {
     const buttons = Object.entries(MODES).map(([name, words]) => button(words, () => setMode(name), { "aria-pressed": name === mode, "data-mode": name }));
     const setMode = (name) => { mode = name; hint.textContent = HINTS[name]; buttons.forEach((one) => one.setAttribute("aria-pressed", one.dataset.mode === name)); };
-    const skip = element("input", { type: "number", min: 0, max: 999, value: cut.skip_cycles, size: 3, "aria-label": "cycles to skip", onchange: guarded(() => change([["skip_cycles", skip.value === "0" ? "" : skip.value]])) });
     tools.append(...buttons, labelled("skip cycles", skip),
+      button("undo", async () => {
+        if (!past.length) { say("there is no cut to undo"); return; }
+        await post("edit", { path: which.scene, text: past.pop() });
+        say("");
+        await seen();
+      }),
       button("remove all cuts", () => change([["window", null], ["exclude", null], ["tare", null], ["skip_cycles", null]])),
       button("the same cut for all logs", async () => {
         const text = (pair) => pair.map((t) => `${plain(t, 7).replace("−", "-")} s`);

@@ -1,5 +1,5 @@
 // The folder as a table, filled as files are read; a file dropped in is added; from chosen logs to a scene or a study.
-import { add, button, element, labelled, link, post, put, refill, say, table } from "./base.js";
+import { add, button, element, labelled, link, post, put, refill, say, style, table } from "./base.js";
 import { start, whenEnded } from "./jobs.js";
 
 const SIGNS = { accept: "✓ accept", "accept with warnings": "! accept with warnings", reject: "✗ reject" };
@@ -16,6 +16,15 @@ export const meant = (session) => {
   const logs = session.folder.logs, some = logs.filter((log) => chosen.has(log.path));
   return (some.length ? some : logs.filter((log) => !log.ready || log.format)).map((log) => log.path);
 };
+
+/** The friction force of a whole log, small: a bar from lowest to highest for each stretch of time. */
+function thumbnail({ curve, path }) {
+  const canvas = element("canvas", { width: 2 * curve.length, height: 30, class: "thumbnail", role: "img", "aria-label": `friction force of ${path} over time` });
+  const ends = curve.flat(), low = Math.min(...ends), size = 28 / (Math.max(...ends) - low || 1), context = canvas.getContext("2d");
+  context.fillStyle = style("--force");
+  curve.forEach(([from, to], i) => context.fillRect(2 * i, 29 - (to - low) * size, 2, Math.max((to - from) * size, 1)));
+  return canvas;
+}
 
 export function logsView(host, asked, session) {
   const rows = element("div", {}), foot = element("div", {});
@@ -50,7 +59,7 @@ export function logsView(host, asked, session) {
       [whole, "log", "format", "drive speed", "load", "rate", { number: "slips" }, "regime", "verdict, and why"],
       logs.map((log) => [
         element("input", { type: "checkbox", "aria-label": `choose ${log.path}`, checked: chosen.has(log.path), onchange: (event) => { choose(log.path, event.target.checked); count(); } }),
-        link(log.path, "log", { path: log.path }),
+        element("span", {}, link(log.path, "log", { path: log.path }), log.curve?.length ? [" ", thumbnail(log)] : null),
         ...(log.ready ? [log.format, log.speed || "unknown", log.load, log.rate, { number: log.slips ?? "" }, log.regime,
           element("span", {}, element("span", { class: CLASSES[log.verdict] ?? "" }, SIGNS[log.verdict] ?? log.verdict), log.reason ? `: ${log.reason}` : "", log.more ? [" ", link(`and ${log.more} more`, "log", { path: log.path })] : "")]
           : [log === logs.find((one) => !one.ready) ? "inspecting …" : "waiting", "", "", "", "", "", ""]),

@@ -40,7 +40,7 @@ export async function mapView(host, asked, session) {
   const fits = session.folder.fits.filter((fit) => fit.status === "converged").map((fit) => fit.path);
   let source = asked.fit && fits.includes(asked.fit) ? asked.fit : asked.fit === "" || !fits.length ? "" : fits[0];
   let jobs = session.folder.jobs.filter((job) => job.kind === "stability" && job.state === "done"), made = null, view = null, advice = [], stop = () => {}, here = {};
-  if (!source && !session.scene) { put(host, element("p", {}, "A map needs a fit or a scene; there is none yet.")); return undefined; }
+  if (!source && !session.scene) { put(host, element("h2", {}, "Map"), element("p", {}, "A map needs a fit or a scene; there is none yet. Choose logs in ", link("the table", "logs"), " and make a scene of them.")); return undefined; }
   const base = () => source ? { fit: source } : { scene: session.scene };
   const logs = async () => source ? (await get("fit", { path: source })).logs.map((log) => log.path) : ((await get("scene", { path: session.scene })).form?.logs ?? []).map((log) => log.path);
   const controls = element("div", { class: "bar" }), place = element("div", { id: "map" }), answer = element("div", { id: "answer", "aria-live": "polite" }), legend = element("p", { class: "quiet" });

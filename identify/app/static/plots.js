@@ -1,8 +1,20 @@
 // Curves over time (uPlot) and pictures of points and lines (a canvas of our own), readable without colour.
-import { element, newestWins, plain, refill, style } from "./base.js";
+import { button, element, newestWins, plain, refill, style } from "./base.js";
 
 const CLICK = 4; // pixels that a click may move
 const HAIR = 1 / (devicePixelRatio || 1); // thicker lines of thousands of points take browsers five times as long
+
+/** A button that keeps what is drawn on these canvases, one below the other, as a PNG. */
+function keep(name, canvases) {
+  return button("keep as PNG", (event) => {
+    event.stopPropagation();
+    const all = canvases(), sheet = element("canvas", { width: Math.max(...all.map((one) => one.width)), height: all.reduce((sum, one) => sum + one.height, 0) }), context = sheet.getContext("2d");
+    context.fillStyle = style("--paper");
+    context.fillRect(0, 0, sheet.width, sheet.height);
+    all.reduce((top, one) => { context.drawImage(one, 0, top); return top + one.height; }, 0);
+    element("a", { href: sheet.toDataURL("image/png"), download: `${name.replace(/[^\w.-]+/g, "_")}.png` }).click();
+  }, { class: "keep", onpointerdown: (event) => event.stopPropagation() });
+}
 
 /** Curves over time in panels one below the other, of which only the visible window is asked for.
 
@@ -19,6 +31,7 @@ export class TimeView {
       host.dataset.drawn = String(Number(host.dataset.drawn ?? 0) + 1);
     });
     this.plots = panels.map((panel, number) => this.plot(panel, number));
+    host.append(keep(`${panels[0].label} over time`, () => this.plots.map((plot) => plot.ctx.canvas)));
     this.observer = new ResizeObserver(() => this.plots.forEach((plot, number) => plot.setSize({ width: this.width(), height: panels[number].height })));
     this.observer.observe(host);
     this.again = () => this.redraw();
@@ -145,7 +158,7 @@ export function shade(plot, begin, end, color, { hatch = 0, label = "" } = {}) {
 export function picture(host, options) {
   if (!host.picture || !host.contains(host.picture.canvas)) {
     const canvas = element("canvas", { role: "img" });
-    refill(host, element("div", { class: "plot" }, canvas));
+    refill(host, element("div", { class: "plot" }, canvas), keep(`${options.y.label || host.id} over ${options.x.label}`, () => [canvas]));
     host.picture = { canvas };
     const again = () => { if (host.isConnected) drawn(host.picture, host); else document.removeEventListener("redraw", again); };
     document.addEventListener("redraw", again);

@@ -77,6 +77,7 @@ export async function sceneView(host, asked, session) {
       element("span", {}, `${cuts(log)} `, link("edit", "log", { path: log.path, number: String(number) })), button("remove", () => change(["logs", String(number + 1)], null))]), { class: "cards" });
   }
 
+  const refused = new Map(); // what was refused in a field: red until something else stands there
   function show(seen, fromText = false) {
     if (!fromText && text.value !== seen.text) text.value = seen.text;
     const active = form.contains(document.activeElement) ? document.activeElement : null, focus = active?.dataset?.place, typing = active?.value;
@@ -99,8 +100,9 @@ export async function sceneView(host, asked, session) {
         folded("parameters", "Parameters: start values, bounds, fixed values", parameters(seen.form)));
     }
     for (const field of form.querySelectorAll("[data-place]")) {
-      const wrong = "open" in field.dataset || Boolean(seen.place) && (field.dataset.place === seen.place || field.dataset.place.startsWith(`${seen.place}.`) || seen.place.startsWith(`${field.dataset.place}.`));
-      field.setAttribute("aria-invalid", String(wrong));
+      const { place } = field.dataset, here = Boolean(seen.place) && (place === seen.place || place.startsWith(`${seen.place}.`) || seen.place.startsWith(`${place}.`));
+      if (here) refused.set(place, field.value); else if (!seen.error || refused.get(place) !== field.value) refused.delete(place);
+      field.setAttribute("aria-invalid", String("open" in field.dataset || refused.has(place)));
       if (field.dataset.place === focus) { field.focus(); field.value = typing; }
     }
     host.dataset.shown = String(Number(host.dataset.shown ?? 0) + 1);
