@@ -45,11 +45,6 @@ class OpenLog:
     programme: tuple[tuple[float, float], ...] = ()
     done: threading.Event = field(default_factory=threading.Event)
 
-    @property
-    def size(self) -> int:
-        """Bytes, about."""
-        return 0 if self.record is None else 8 * len(self.record) * (3 + len(self.record.channels))
-
     def window(self, begin: float, end: float) -> Array:
         """Time [s], friction force [N], normal force [N], drive speed [m/s] (NaN: unknown) of a window, (4, m) with
         m <= MOST_POINTS.
@@ -117,5 +112,7 @@ class OpenLogs:
             opened.error = f"a defect of ours ({type(error).__name__}: {error}); report it"
         opened.done.set()
         with self._lock:
-            while sum(log.size for log in self._logs.values()) > HELD and len(self._logs) > 1:
-                self._logs.popitem(last=False)
+            records = [log.record for log in self._logs.values()]
+            sizes = [0 if record is None else 8 * len(record) * (3 + len(record.channels)) for record in records]
+            while sum(sizes) > HELD and len(sizes) > 1:
+                del self._logs[next(iter(self._logs))], sizes[0]

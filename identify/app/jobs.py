@@ -26,7 +26,7 @@ from identify.app.folder import Document, Folder, PageError, read_json
 PACKAGE = str(Path(__file__).resolve().parents[2])
 GRACE = 1.6  # seconds in which a cancelled job may end by itself; the command line takes one
 KEPT = 60  # finished jobs that are remembered
-KILLED = "ended from outside (killed, out of memory, or the machine stopped); nothing half-written is left: start again"
+KILLED = "ended from outside (killed, out of memory, machine stopped); nothing half-written is left: start it again"
 AT_ONCE = max(os.cpu_count() or 1, 2)  # jobs
 LAST = 20_000  # bytes of the progress that are looked at
 

@@ -519,7 +519,8 @@ def correlation_cells(axes: Axes, names: Sequence[str], matrix: Array) -> QuadMe
     axes.spines[:].set_visible(False)
     for (row, column), value in np.ndenumerate(matrix):
         text = decimals(float(value), 2) if np.isfinite(value) else DASH
-        colour = "white" if np.isfinite(value) and abs(value) > 0.7 else MEASURED
+        luminance = np.dot(np.power(image.to_rgba(np.array([value]))[0, :3], 2.2), (0.2126, 0.7152, 0.0722))
+        colour = "white" if np.isfinite(value) and luminance < 0.18 else "black"
         axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", fontsize=8, color=colour)
     return image
 

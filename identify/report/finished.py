@@ -295,6 +295,7 @@ class Fit:
                 on.fill_between(x, *band, color=FITTED, alpha=0.25, linewidth=0)
             on.plot(x, law({name: np.asarray(value) for name, value in values.items()}, x), color=FITTED)
             on.set_xscale("log")
+            on.xaxis.set_major_formatter("{x:g}")  # the style of the report takes no formulas
         return on
 
     def predict(

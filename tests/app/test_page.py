@@ -24,6 +24,8 @@ def test_the_table_of_logs_fills_itself_and_takes_what_is_dropped(root, page):
     page.wait(f"{rows}.length === 2 && [...{rows}].every((row) => row.textContent.includes('accept'))")
     told = page.ask(f"[...{rows}[0].cells].map((cell) => cell.textContent)")
     assert told[1:8] == ["1_mm_per_s.csv", "stickslip-csv", "1 mm/s", "1\u00a0N", "1000\u00a0Hz", "6", "stick slip"]
+    drawn_of = "document.querySelector('#logs canvas.thumbnail').getContext('2d').getImageData(0, 0, 60, 30).data"
+    assert page.ask(f"{drawn_of}.some((value) => value > 0)"), "the force of a log is drawn beside its name"
     page.ask(
         "(() => { const files = new DataTransfer(), rows = Array.from({length: 50}, (_, i) => `${i / 10},1,${i % 9}`);"
         "files.items.add(new File(['time,normal force,friction force\\ns,N,N\\n' + rows.join('\\n')], '<b>new.csv'));"
@@ -62,6 +64,8 @@ def test_a_log_is_cut_by_dragging_and_the_table_follows(root, page):
     page.wait(f"{cycles} === {kept - 1}")
     page.press("remove all cuts")
     page.wait(f"{cycles} === 6")
+    page.press("undo")
+    page.wait(f"{cycles} === {kept - 1}")
     page.visit(f"{page.ask('location.href').partition('#')[0]}#log?scene=pair.toml&number=1")
     assert page.ask("document.querySelector('#view select').value") == "5_mm_per_s.csv"
 
@@ -73,10 +77,13 @@ def test_the_form_and_the_text_of_a_scene_say_the_same(root, page):
     page.type("[data-place='rig.mass']", "180 g")
     page.wait(f"{text}.includes('mass = \"180 g\"')")
     assert "# h of eq. 1" in page.ask(text), "comments stay"
+    page.type("[data-place='rig.stiffness']", "12 bananas")
+    page.wait("document.querySelector('[data-place=\"rig.stiffness\"]').getAttribute('aria-invalid') === 'true'")
     page.type("[data-place='rig.mass']", "180 parsecs")
     page.wait("document.querySelector('[data-place=\"rig.mass\"]').getAttribute('aria-invalid') === 'true'")
     assert "parsecs" in page.ask("document.querySelector('[role=alert]').textContent")
-    page.type("textarea", page.ask(text).replace("180 parsecs", "190 g").replace("1470", "1500"))
+    assert page.ask("document.querySelectorAll('input[aria-invalid=true]').length") == 2, "both stay red"
+    page.type("textarea", page.ask(text).replace("180 parsecs", "190 g").replace("12 bananas", "1500 N/m"))
     page.wait("document.querySelector('[data-place=\"rig.stiffness\"]').value === '1500 N/m'")
     page.wait("document.querySelector('[role=alert]').textContent === ''")
     page.ask("document.querySelector('[data-effect=power_law] input').click()")
@@ -155,6 +162,9 @@ def result_is_seen(page):
     price = page.ask("document.querySelector('#price').textContent")
     assert "accuracy default: " in price and "tight: about " in price and "contact_ageing " in price
     drawn(page, "#residuals")
+    shots = "[...document.querySelectorAll('.pictures.three img')]"
+    page.ask(f"{shots}.forEach((one) => {{ one.loading = 'eager'; }})")
+    page.wait(f"{shots}.length === 3 && {shots}.every((one) => one.complete && one.naturalWidth > 100)")
     span = "document.querySelector('#residuals').timeView.end - document.querySelector('#residuals').timeView.begin"
     whole = page.ask(span)
     page.press("[data-cycle]")

@@ -11,6 +11,8 @@ import pytest
 from identify.effects import ALL
 from tests.support.command import stickslip
 
+pytestmark = pytest.mark.usefixtures("no_further_logs")
+
 DAMPING = ("", "hysteresis_damping", "driven_damping")
 AGEING = ("", "contact_ageing")
 LAW = ("", "linear_weakening", "velocity_weakening")
@@ -20,7 +22,7 @@ WITH_ONE_MORE = tuple(
     for effect in ALL
     if effect.name not in {name for names in USUAL for name in names} | {"power_law"}  # it strengthens: no slips
 )
-FAST = {("inertia",), ("inertia", "contact_ageing", "velocity_weakening")}
+FAST = {("inertia", "contact_ageing", "velocity_weakening")}
 VALUES = {"D": 20e-6, "t_cr": 0.3, "delta_mu_k": -0.05, "slope": -0.5}
 
 
@@ -67,6 +69,7 @@ def test_a_scene_with_any_effects_is_simulated_fitted_reported_and_calculated(fo
     assert names not in FAST or result["status"] == "converged"
 
 
+@pytest.mark.slow  # recovery without it: tests/estimation/test_fit.py
 def test_two_speeds_without_damping_give_the_values_they_were_made_with(folder, capsys):
     """The simplest scene with ageing: every true value lies within its interval."""
     truth = {"mu_s": 0.5, "mu_k0": 0.35, "D": 20e-6, "t_cr": 0.3}

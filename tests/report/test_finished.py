@@ -48,7 +48,8 @@ def test_tables_hold_the_numbers_of_the_document(fit):
     assert np.allclose(cycles["drop_N"], cycles["onset_force_N"] - cycles["arrest_force_N"])
 
 
-def test_a_folder_of_a_fit_is_loaded_with_its_curves_and_drawn(fit, tmp_path):
+def test_a_folder_of_a_fit_is_loaded_with_its_curves_and_drawn(fit, tmp_path, monkeypatch):
+    monkeypatch.setattr("identify.report.figures.pictures", lambda _: ())  # of no matter here
     fit.save(tmp_path)
     again = Fit.load(tmp_path)
     assert again.cycles.equals(fit.cycles) and np.array_equal(again.residuals(2), fit.residuals(2), equal_nan=True)
@@ -56,6 +57,8 @@ def test_a_folder_of_a_fit_is_loaded_with_its_curves_and_drawn(fit, tmp_path):
     assert np.nanstd(left) == pytest.approx(np.nanstd(fit.residuals(2)) / fit.logs[1].noise)
     forces = again.plot_forces(2)
     assert np.array_equal(forces.lines[1].get_ydata(), fit.logs[1].fitted_force, equal_nan=True)
+    bars = again.plot_residual_histogram()
+    assert sum(bar.get_height() * bar.get_width() for bar in bars.patches) == pytest.approx(1.0), "a density"
     assert again.plot_correlation(forces) is forces
     assert next(label.get_text() for label in again.plot_parameters().get_yticklabels()) == "μₛ"
 

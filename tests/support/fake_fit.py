@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ RIG = {"mass": "0.2 kg", "stiffness": "1.47 N/mm", "zeta": 0.05, "normal_force":
 Array = NDArray[np.float64]
 
 
+@cache
 def one_slip(speed: float, step: float = 4e-5) -> dict[str, Array]:
     """One slip from rest at the onset force, by small Heun steps: time from onset and the states, each shape (m,)."""
     damper = DAMPING / np.sqrt(STIFFNESS / MASS)

@@ -81,7 +81,7 @@ function relative(host, parameters, symbols) {
   const off = (p, end) => 100 * (end / p.value - 1), reach = Math.min(100, Math.max(5, ...rows.flatMap(([, p]) => p.interval.filter((end) => end !== null).map((end) => Math.abs(off(p, end))))));
   const place = element("div", { id: "intervals" });
   put(host, place, element("p", { class: "quiet" }, "Intervals of 95 % as deviations from the value; thick: with the rig taken as exact; an arrow: it goes on, or is open."));
-  picture(place, { height: 60 + 26 * rows.length, x: { label: "deviation from the value (%)", range: [-1.1 * reach, 1.1 * reach] }, y: { label: "", range: [rows.length - 0.5, -0.9], names: true },
+  picture(place, { height: 60 + 26 * rows.length, x: { label: "deviation from the value (%)", range: [-1.4 * reach, 1.1 * reach] }, y: { label: "", range: [rows.length - 0.5, -0.9], names: true },
     draw: (context, x, y) => rows.forEach(([name, p], i) => {
       for (const [ends, width] of [[p.interval, 1.5], [p.interval_rig_exact, 5]]) {
         if (!ends) continue;
@@ -90,7 +90,7 @@ function relative(host, parameters, symbols) {
       }
       mark(context, x(0), y(i), style("--ink"), "circle", 4);
       if (off(p, p.interval[1] ?? Infinity) > 1.1 * reach) context.fillText("→", x(1.05 * reach), y(i) - 5);
-      context.fillStyle = style("--ink"); context.font = "13px system-ui"; context.textAlign = "left"; context.fillText(symbols[name] ?? name, x(-1.09 * reach) + 4, y(i) - 6);
+      context.fillStyle = style("--ink"); context.font = "13px system-ui"; context.textAlign = "left"; context.fillText(symbols[name] ?? name, x(-1.39 * reach) + 4, y(i) - 6);
     }) });
 }
 
@@ -120,7 +120,7 @@ async function result(host, path, second, session) {
   const shots = seen.drawn.map(([kind, words]) => { const as = (form) => `api/picture?${new URLSearchParams({ path, kind, form })}`; return figure(as("svg"), words, ["svg", "pdf", "png"].map((form) => [form, as(form)])); });
   const files = seen.figures.map((name) => figure(fileAddress(`${path}/figures/${name}`), name.replace(/\.svg$/, "").replaceAll("_", " "), [["svg", fileAddress(`${path}/figures/${name}`, true)]]));
   if (shots.length) put(host, element("h3", {}, "Residuals and laws"), element("div", { class: "pictures three" }, shots));
-  if (files.length) put(host, element("h3", {}, "Pictures of the report"), element("div", { class: "pictures" }, files));
+  if (files.length) put(host, element("details", {}, element("summary", {}, `Pictures of the report (${files.length})`), element("div", { class: "pictures" }, files)));
   put(host, element("details", {}, element("summary", {}, "The whole report, here"), element("iframe", { src: fileAddress(`${path}/report.html`), title: `report of ${path}`, sandbox: "allow-scripts allow-popups", loading: "lazy" })));
   return { close, seen };
 }
