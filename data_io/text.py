@@ -194,13 +194,25 @@ _DATE: Final = r"(?P<a>\d{1,4})(?P<mark>[-/.])(?P<b>\d{1,2})(?P=mark)(?P<c>\d{1,
 _ZONE: Final = r"(?: ?(?:Z|UTC|GMT|(?P<zone>[+-])(?P<zh>\d{2}):?(?P<zm>\d{2})))?"
 _STAMP: Final = re.compile(rf"(?:{_DATE}[T ,]{{1,2}})?{_TIME}{_ZONE}", re.IGNORECASE)
 _DAY_ALONE: Final = re.compile(_DATE)
+_MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_MONTH: Final = re.compile(rf"(\d{{1,2}})([-. /])({'|'.join(_MONTHS)})[a-z]{{0,6}}\2(\d{{4}})(?=[T ,])", re.IGNORECASE)
+_COMPACT: Final = re.compile(r"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)(?!\d)")
 _HOUR: Final = 3600.0
 _DAY: Final = 86400.0
 
 
 def is_clock_time(token: str) -> bool:
     """Tell a time of the day, with or without a date; a cheap look comes first."""
-    return ":" in token and _STAMP.fullmatch(token) is not None
+    return (":" in token or "T" in token) and _stamp(token) is not None
+
+
+def _stamp(token: str) -> re.Match[str] | None:
+    """Match a time, its date also with a month's name (05-Mar-2024 9:59:58) or without marks (20240305T095958)."""
+    if match := _STAMP.fullmatch(token):
+        return match
+    plain = _COMPACT.sub(r"\1-\2-\3T\4:\5:\6", token, count=1)
+    plain = _MONTH.sub(lambda m: f"{m[4]}-{_MONTHS.index(m[3].lower()) + 1}-{m[1]}", plain, count=1)
+    return _STAMP.fullmatch(plain)
 
 
 def is_date(token: str) -> bool:
@@ -218,7 +230,7 @@ def clock_times(tokens: Sequence[str]) -> tuple[FloatArray, FloatArray | None] |
     days: list[tuple[int, int, int] | None] = [None] * len(tokens)
     for i, token in enumerate(tokens):
         text = token.strip().strip('"').strip()
-        match = _STAMP.fullmatch(text)
+        match = _stamp(text)
         if match is None:
             if text.lower() in MISSING:
                 continue

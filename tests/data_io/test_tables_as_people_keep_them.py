@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -168,6 +169,14 @@ def test_marks_between_thousands_are_no_delimiters(tmp_path: Path, mark: str) ->
         rows += ";".join(f"{value:,.1f}".replace(",", mark).replace(".", ",") for value in row) + "\n"
     (tmp_path / "log.csv").write_text(f"Time [ms];Fx [mN];Fz [mN]\n{rows}", encoding="utf-8")
     check(tmp_path / "log.csv", time, force, load, 1e-3)
+
+
+@pytest.mark.parametrize("form", ["%d-%b-%Y %H:%M:%S.%f", "%d %B %Y %H:%M:%S.%f", "%Y%m%dT%H%M%S.%f"])
+def test_a_date_may_name_its_month_or_have_no_marks(tmp_path: Path, form: str) -> None:
+    time, force, load, _ = drawn(1)
+    begin = datetime(2024, 2, 29, 23, 59, 58)
+    written(tmp_path / "log.csv", ((begin + timedelta(seconds=t)).strftime(form) for t in time.tolist()), force, load)
+    check(tmp_path / "log.csv", time, force, load)
 
 
 @pytest.mark.parametrize("said", [{}, {"time": "10 ms"}, {"time": "0.01 s/0.01 s"}])
