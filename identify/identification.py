@@ -30,6 +30,7 @@ from identify.bench.next_log import advised, next_logs
 from identify.diagnosis.explain import MISFITS, explain, leading_score
 from identify.diagnosis.findings import Findings, against_data
 from identify.diagnosis.fitted import Fitted, fit_beside
+from identify.diagnosis.quantities import smoothed
 from identify.diagnosis.score_test import Score
 from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.specimens import with_scatter
@@ -348,7 +349,8 @@ def _logs_may_differ(scene: Scene, findings: Findings, leading: Score | None = N
     attempt, usual = findings.attempt, {**USUAL_TOLERANCES, **scene.tolerances}["specimen"]
     if attempt is None or len(attempt.log_numbers) < 2 or not usual or not np.isfinite(attempt.excess):
         return False
-    if not alike(attempt.fitted_logs):  # sticks that differ so are no misfit of logs
+    # Sticks that differ so are no misfit of logs, and what a filter did to each log is none of its specimen.
+    if not alike(attempt.fitted_logs) or smoothed(attempt.fitted_logs, attempt.solved.fitted):
         return False
     if findings.status is Status.CONVERGED:
         return stick_scatter(attempt.solved) is not None

@@ -31,7 +31,7 @@ ROUNDS = 6  # solves, each from the step of the one before
 SETTLED = 0.1  # fall of chi^2 that is worth no further step
 CHANCE = 1e-4  # by which noise alone makes logs differ
 FARTHEST = 0.3  # of friction, that a log may be off
-FEWEST = 0.5  # of the least standard deviation: logs that differ by less are no specimens, the optimum is wrong
+FEWEST = 0.25  # of the least standard deviation: logs that differ by less are no specimens, the optimum is wrong
 
 
 @dataclass(frozen=True)
