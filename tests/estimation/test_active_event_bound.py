@@ -40,6 +40,6 @@ def test_an_event_kept_from_its_place_is_noticed_by_what_it_does_to_the_answer()
     free, held = held_at(None), held_at(1e-3)
     said = active_event_bound(held, ["log"])
     assert said is not None and said.startswith("log: ")
-    stated = float(said.split("back by ")[1].split(" standard")[0])
+    stated = float(said.split("answer by ")[1].split(" standard")[0])
     gain = 2.0 * (held.solution.cost - free.solution.cost)
     assert 0.1 * gain < stated**2 < 1.1 * gain

@@ -148,4 +148,4 @@ def test_a_slip_that_runs_backwards_is_named(right, phase) -> None:
     nodes[trajectory.first[phase] + 3, SPEED] = -1e-4
     wrong = replace(trajectory, nodes=nodes)
     said = [inconsistency([log], [each], unknowns, right.theta, ["log"]) for each in (trajectory, wrong)]
-    assert said[0] is None and "cycle 2: at this answer the slip runs backwards" in said[1]
+    assert said[0] is None and "cycle 2: at this answer the slip reverses before it ends" in said[1]
