@@ -50,7 +50,7 @@ def demo(arguments: Namespace, terminal: Terminal) -> Answer:
         entry = fit.typed.parameters[name]
         if entry.value is not None and entry.standard_error:
             off = entry.value - true
-            errors = f"{off / entry.standard_error:+.1f} standard errors"
+            errors = f"{off / entry.standard_error:+z.1f} standard errors"
             rows.append([name, quantity(true, entry.unit), f"{100 * off / abs(true):+.2f} %", errors])
     if len(rows) > 1:
         terminal.say(columns(rows))
