@@ -27,11 +27,9 @@ from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
 from identify.base.wording import distinct
 from identify.bench.next_log import advised, next_logs
-from identify.diagnosis.explain import MISFITS, explain, leading_score
+from identify.diagnosis.explain import MISFITS, explain
 from identify.diagnosis.findings import Findings, against_data
 from identify.diagnosis.fitted import Fitted, fit_beside
-from identify.diagnosis.quantities import smoothed
-from identify.diagnosis.score_test import Score
 from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.specimens import with_scatter
 from identify.effects import ALL
@@ -283,14 +281,10 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
     with stage("intervals"):
         task.progress("intervals", 0.9)
         findings = _quantified(task, prepared, attempt, left_out)
-        if apart := _logs_may_differ(task.scene, findings, leading_score(findings)):
-            prepared, findings = _with_logs_apart(task, prepared, findings)
-            if findings.scatter:
-                return prepared, findings
         findings = explain(findings, task.scene, task.records, prepared, task.progress)
         if _within_usual_errors(task.scene, findings):
             prepared, findings = _with_rig_estimated(task, prepared, findings)
-        if not apart and _logs_may_differ(task.scene, findings):
+        if _logs_may_differ(task.scene, findings):
             return _with_logs_apart(task, prepared, findings)
     return prepared, findings
 
@@ -343,21 +337,19 @@ MOST_SCATTER = 0.06  # of friction from log to log, one standard deviation: spec
 GAINS = ("load_gain", "force_gain")
 
 
-def _logs_may_differ(scene: Scene, findings: Findings, leading: Score | None = None) -> bool:
-    """Whether a misfit, or a scatter of sticks, may be one of logs: a gain of one log leads the scores, or no cause in
-    common to all was found; and the scene does not say that all are of one specimen."""
+def _logs_may_differ(scene: Scene, findings: Findings) -> bool:
+    """Whether a misfit, or a scatter of sticks, may be one of logs: a gain of one log explains it, or nothing does; and
+    the scene does not say that all are of one specimen."""
     attempt, usual = findings.attempt, {**USUAL_TOLERANCES, **scene.tolerances}["specimen"]
     if attempt is None or len(attempt.log_numbers) < 2 or not usual or not np.isfinite(attempt.excess):
         return False
-    # Sticks that differ so are no misfit of logs, and what a filter did to each log is none of its specimen.
-    if not alike(attempt.fitted_logs) or smoothed(attempt.fitted_logs, attempt.solved.fitted):
+    if not alike(attempt.fitted_logs):  # sticks that differ so are no misfit of logs
         return False
     if findings.status is Status.CONVERGED:
         return stick_scatter(attempt.solved) is not None
-    of_logs = all(c.log is not None and c.quantity in GAINS for c in findings.causes if c.number == 1)
-    if leading is not None:
-        of_logs = leading.log is not None and leading.column.name in GAINS
-    return findings.status in MISFITS and (of_logs or (leading is None and not findings.explained))
+    named = [cause for cause in findings.causes if cause.number == 1]
+    of_logs = bool(named) and all(cause.log is not None and cause.quantity in GAINS for cause in named)
+    return findings.status in MISFITS and (of_logs or not findings.explained)
 
 
 def _with_logs_apart(task: Task, prepared: list[Prepared], findings: Findings) -> tuple[list[Prepared], Findings]:

@@ -88,7 +88,7 @@ def explain(
     elif attempt is not None and findings.status is not Status.AT_BOUND:
         refused = smoothed(attempt.fitted_logs, attempt.solved.fitted)
     if refused:
-        return replace(findings, status=Status.MODEL_MISFIT, message=refused)
+        return replace(findings, status=Status.MODEL_MISFIT, message=refused, explained=True)
     if misfits and (attempt is None or any(log.unlike for log in prepared)):
         return _unexplained(findings, prepared)
     answered = attempt is not None and findings.status in (Status.CONVERGED, Status.AT_BOUND)
@@ -96,15 +96,6 @@ def explain(
         return findings
     progress("looking for what is wrong", 0.95)
     return _with_cause(findings, scene, read, Fitted(scene, findings.unknowns, tuple(prepared), attempt))
-
-
-def leading_score(findings: Findings) -> Score | None:
-    """The highest score at a misfit; None where there is none."""
-    attempt = findings.attempt
-    if findings.status not in MISFITS or attempt is None or not np.isfinite(attempt.excess):
-        return None
-    table = _scores(attempt, held_quantities(attempt, findings.unknowns))
-    return None if table is None or not table.scores else table.scores[0]
 
 
 def _doubtful(findings: Findings) -> bool:

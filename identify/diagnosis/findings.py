@@ -58,8 +58,8 @@ class Findings:
     took no part, what is known of its parameters (None where nothing is); held: the rig as it was stated, against the
     data; causes: the scores of what a misfit may come of; trace: what was tried; estimator: its name; estimated: what
     an estimator found that is not the plain one; scene: that of the answer where it is not the one that was given;
-    explained: whether a cause was confirmed; scatter: relative standard deviation of friction from log to log where the
-    answer is one of logs that differ, else 0."""
+    explained: whether a cause was confirmed, or the data are refused; scatter: relative standard deviation of friction
+    from log to log where the answer is one of logs that differ, else 0."""
 
     status: Status
     message: str

@@ -31,7 +31,6 @@ ROUNDS = 6  # solves, each from the step of the one before
 SETTLED = 0.1  # fall of chi^2 that is worth no further step
 CHANCE = 1e-4  # by which noise alone makes logs differ
 FARTHEST = 0.3  # of friction, that a log may be off
-FEWEST = 0.25  # of the least standard deviation: logs that differ by less are no specimens, the optimum is wrong
 
 
 @dataclass(frozen=True)
@@ -141,5 +140,4 @@ def with_scatter(attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unkno
                 best = min(best, other, key=lambda each: each.excess)
         if not np.isfinite(best.excess):
             return None
-    differ = float(np.sqrt(np.mean(off**2))) > FEWEST * least
-    return Scattered(best, logs, off, effects.sd) if best.fits and differ else None
+    return Scattered(best, logs, off, effects.sd) if best.fits else None

@@ -118,7 +118,7 @@ def sticks_of(log: Prepared, in_series: bool = False) -> Sticks:
     rig = RigConstants(rate / speed, rate, mean, stated, error, _pace(time, force, cycles))
     rows, noise = list[_Row](), data.noise / mean
     if log.segmentation.samples_per_slip >= LEAST_SAMPLES:
-        trace = _Trace(time, force, noise, rig)
+        trace = _Normalised(time, force, noise, rig)
         for j in range(log.entry.skip_cycles, cycles.count):
             before = cycles.arrest[j - 1] if j else None
             after = cycles.onset[j + 1] if j + 1 < cycles.count else data.time[-1]
@@ -172,7 +172,7 @@ class _Row(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Trace:
+class _Normalised:
     """Force over load of a record, of the samples that count, and their noise."""
 
     time: Array
