@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,7 +28,7 @@ from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
 from identify.base.wording import distinct
 from identify.bench.next_log import advised, next_logs
-from identify.diagnosis.explain import MISFITS, explain
+from identify.diagnosis.explain import MISFITS, explain, takes_misfit
 from identify.diagnosis.findings import Findings, against_data
 from identify.diagnosis.fitted import Fitted, fit_beside
 from identify.diagnosis.selection import choose_from_data
@@ -275,37 +276,35 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
     if refused := wrong_unit(prepared):
         return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns)
     with within(SEARCH_SHARE * seconds_left()):
-        attempt, left_out = search(SearchProblem(prepared, unknowns, task.starts, task.seed, progress=task.progress))
+        explained, progress = partial(takes_misfit, unknowns=unknowns), task.progress
+        attempt, left_out = search(
+            SearchProblem(prepared, unknowns, task.starts, task.seed, explained=explained, progress=progress)
+        )
     if attempt is not None:
         prepared = with_strengths(prepared, attempt.fitted_logs[0].data.strength_sd)
     with stage("intervals"):
         task.progress("intervals", 0.9)
         findings = _quantified(task, prepared, attempt, left_out)
         findings = explain(findings, task.scene, task.records, prepared, task.progress)
-        if _within_usual_errors(task.scene, findings):
-            prepared, findings = _with_rig_estimated(task, prepared, findings)
+        prepared, findings = _with_rig_estimated(task, prepared, findings)
         if _logs_may_differ(task.scene, findings):
             return _with_logs_apart(task, prepared, findings)
     return prepared, findings
 
 
-def _within_usual_errors(scene: Scene, findings: Findings) -> bool:
-    """Whether the cause that the data name is an error of rig or sensor which the tolerances of the scene allow, and
-    nothing else looks like it."""
-    shares = {**USUAL_TOLERANCES, **scene.tolerances}
+def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings) -> tuple[list[Prepared], Findings]:
+    """The answer with what [rig] states without a tolerance known to its usual error, and estimated, where the cause
+    that the data name is such an error of rig or sensor; else, or where it describes the data no better, as they were.
+    """
+    scene, usual = task.scene, {**USUAL_TOLERANCES, **task.scene.tolerances}
     named = [cause for cause in findings.causes if cause.number == 1]
     if not all(cause.quantity in ERRORS for cause in named):
-        return False
+        return prepared, findings
     # Errors that the data do not tell apart add up, and all that scales the force by the way looks alike.
     together = {*SCALES, "stiffness", *(ERRORS[cause.quantity] for cause in named)}
-    share = float(np.linalg.norm([shares[name] for name in together]))
-    return any(cause.stated and abs(cause.suggested / cause.stated - 1.0) < LIKELY * share for cause in named)
-
-
-def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings) -> tuple[list[Prepared], Findings]:
-    """The answer with what [rig] states without a tolerance known to its usual error, and estimated; the findings as
-    they were where that describes the data no better."""
-    scene, usual = task.scene, {**USUAL_TOLERANCES, **task.scene.tolerances}
+    most = LIKELY * float(np.linalg.norm([usual[name] for name in together]))
+    if not any(cause.stated and abs(cause.suggested / cause.stated - 1.0) < most for cause in named):
+        return prepared, findings
     stated = stated_rig(scene)
     bare = [n for n in RIG_PARAMETERS if n not in scene.parameters and n not in scene.rig.tolerances]
     scales = [usual[name] for name in SCALES]

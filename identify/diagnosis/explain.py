@@ -8,6 +8,7 @@ from it. Where it does not, or the next one is as likely, that is fitted again t
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 
@@ -96,6 +97,16 @@ def explain(
         return findings
     progress("looking for what is wrong", 0.95)
     return _with_cause(findings, scene, read, Fitted(scene, findings.unknowns, tuple(prepared), attempt))
+
+
+def takes_misfit(attempt: Attempt, unknowns: Unknowns) -> bool:
+    """Whether one quantity that was stated takes all but REMAINS of a misfit away, to first order."""
+    if not np.isfinite(attempt.excess):
+        return False
+    with suppress(np.linalg.LinAlgError):  # the optimality conditions are singular there
+        scores = score_table(attempt.solved, held_quantities(attempt, unknowns)).scores
+        return bool(scores) and attempt.excess - scores[0].score < REMAINS * attempt.excess
+    return False
 
 
 def _doubtful(findings: Findings) -> bool:

@@ -135,7 +135,12 @@ def score_table(solved: Solved, columns: Sequence[Column], inflation: float = 1.
         raise np.linalg.LinAlgError(str(reason)) from None
     if not np.all(np.isfinite(answer)):
         raise np.linalg.LinAlgError("the optimality conditions are singular")
-    mix, of = _chosen(columns, logs)
+    # What is scored: every column of all logs, and those of single logs; mixed from the columns of each (s, l k).
+    of: list[tuple[int, int | None]] = [(c, None) for c in range(k) if columns[c].of != "single"]
+    of += [(c, log) for c in range(k) if columns[c].of != "all" and logs > 1 for log in range(logs)]
+    mix = np.zeros((len(of), logs * k))
+    for i, (c, log) in enumerate(of):
+        mix[i, [c + k * one for one in (range(logs) if log is None else (log,))]] = 1.0
     slope_of = mix @ (gradient - border.T @ answer[:, -1])
     left = mix @ (own - border.T @ answer[:, :-1]) @ mix.T
     moves = np.zeros((layout.size, len(of)))
@@ -143,7 +148,7 @@ def score_table(solved: Solved, columns: Sequence[Column], inflation: float = 1.
     moves = (moves * layout.scale[:, None])[: layout.free.size]
     best: dict[tuple[str, int | None], tuple[int, Score]] = {}
     for i in np.flatnonzero(np.diag(left) > LEFT * np.einsum("ij,jk,ik->i", mix, own, mix)).tolist():
-        column, log_number = of[i]
+        column, log_number = columns[of[i][0]], of[i][1]
         step, error = -float(slope_of[i] / left[i, i]), float(np.sqrt(inflation / left[i, i]))
         value = 0.0 if column.positive and column.at + step < 0.0 else (step / error) ** 2
         score = Score(column, log_number, value, step, error, moves[:, i] * step)
@@ -152,18 +157,6 @@ def score_table(solved: Solved, columns: Sequence[Column], inflation: float = 1.
     ranked = sorted(best.values(), key=lambda pair: -pair[1].score)
     places = [i for i, _ in ranked]
     return ScoreTable(tuple(score for _, score in ranked), left[np.ix_(places, places)])
-
-
-def _chosen(columns: Sequence[Column], logs: int) -> tuple[Array, list[tuple[Column, int | None]]]:
-    """What is scored: every column of all logs, and those of single logs; and how it is mixed from the columns of each
-    log (s, l k)."""
-    k = len(columns)
-    of: list[tuple[int, int | None]] = [(c, None) for c in range(k) if columns[c].of != "single"]
-    of += [(c, log) for c in range(k) if columns[c].of != "all" and logs > 1 for log in range(logs)]
-    mix = np.zeros((len(of), logs * k))
-    for i, (c, log) in enumerate(of):
-        mix[i, [c + k * one for one in (range(logs) if log is None else (log,))]] = 1.0
-    return mix, [(columns[c], log) for c, log in of]
 
 
 def _differences(solved: Solved, columns: Sequence[Column]) -> tuple[list[Array], Array]:

@@ -22,7 +22,7 @@ from identify.base.result import EffectReason
 from identify.base.wording import three_figures
 from identify.diagnosis.effect_choice import Choice
 from identify.diagnosis.findings import against_data
-from identify.diagnosis.fitted import Fitted, fit_beside, fit_model
+from identify.diagnosis.fitted import fit_beside, fit_model
 from identify.diagnosis.quantities import EFFECTS, held_quantities
 from identify.diagnosis.score_test import score_table
 from identify.effects import ALL
@@ -250,7 +250,9 @@ class _Comparison:
         self._report(f"{'with' if add else 'without'} {effect}", 0.5)
         other = fit_beside(self.best, self._with(effects), self._records)
         larger, smaller = (other, self.best) if add else (self.best, other)
-        fall, each = _fall(larger, smaller), float(np.log(max(larger.samples, 2)))
+        fall, each = -np.inf if np.isfinite(smaller.excess) else 0.0, float(np.log(max(larger.samples, 2)))
+        if np.isfinite(larger.excess):  # of chi^2, at the level of the noise that the larger model leaves
+            fall = float((smaller.excess - larger.excess) / max(1.0, 1.0 + larger.excess / larger.samples))
         more = larger.searched - smaller.searched
         self.gains[effect] = fall, max(more, 1) * each
         if not np.isfinite(other.excess) or not (fall > more * each if add else fall < more * each):
@@ -272,13 +274,6 @@ class _Comparison:
                     absent = replace(parameters[q.name], start=None, prior_mean=None, prior_sd=None)
                     parameters[q.name] = replace(absent, fixed=effect.null.get(q.name, q.default))
         return replace(made, parameters=parameters)
-
-
-def _fall(larger: Fitted, smaller: Fitted) -> float:
-    """Fall of chi^2 from a smaller to a larger model; the level of the noise is that which the larger one leaves."""
-    if not np.isfinite(larger.excess):
-        return 0.0 if not np.isfinite(smaller.excess) else -np.inf
-    return float((smaller.excess - larger.excess) / max(1.0, 1.0 + larger.excess / larger.samples))
 
 
 def _choice(

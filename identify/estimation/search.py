@@ -9,7 +9,7 @@ is solved by itself first, since a start that fits the mean of two materials fit
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeGuard
 
@@ -44,6 +44,7 @@ class SearchProblem:
     sources: starts from the data, from the user's values (unknowns.start), or both.
     seed: of the random starts.
     thorough: False solves the first feature start alone, and none that does not fit one cycle.
+    explained: whether something that was stated is clearly why an attempt misfits: no further start is tried then.
     """
 
     prepared: list[Prepared]
@@ -51,6 +52,7 @@ class SearchProblem:
     sources: Sources = "data"
     seed: int = 0
     thorough: bool = True
+    explained: Callable[[Attempt], bool] = lambda _attempt: False
     progress: Progress = to_nobody
 
 
@@ -73,7 +75,14 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
     expected = {i for i in able if i in starting or prepared[i].falls.size > 1}
     best: Attempt | None = None
     for number, (strategy, theta) in enumerate(_starts(problem, starting) if able else ()):
-        best = _better(best, _solved(problem, strategy, theta, starting, first=number == 0))
+        at = replace(problem.unknowns, start=theta)
+        attempt = tried(strategy, lambda at=at: solve_from(prepared, starting, at), logs=starting)  # type: ignore[misc]
+        if attempt is None:
+            continue
+        if number == 0 and not attempt.fits and problem.explained(attempt):
+            best = attempt
+            break
+        best = _better(best, _completed(problem, attempt, theta, starting, first=number == 0))
         # What passes as autocorrelated noise may yet be a misfit that another start has not.
         if _fits(best) and best.gate.level == 1.0 and expected <= set(best.log_numbers):
             break
@@ -114,13 +123,10 @@ def _starts(problem: SearchProblem, starting: list[int]) -> Iterator[tuple[str, 
         yield strategy, theta
 
 
-def _solved(problem: SearchProblem, strategy: str, theta: Array, starting: list[int], *, first: bool) -> Attempt | None:
-    """What one start leads to, joined by the other logs; None where it can be placed on no log. With a strength of each
-    stick where loads stand in for that, or the first start does not fit: no later one is tried so."""
-    prepared, at = problem.prepared, replace(problem.unknowns, start=theta)
-    attempt = alike_sticks = tried(strategy, lambda: solve_from(prepared, starting, at), logs=starting)
-    if attempt is None or alike_sticks is None:
-        return None
+def _completed(problem: SearchProblem, attempt: Attempt, theta: Array, starting: list[int], *, first: bool) -> Attempt:
+    """What one start leads to, joined by the other logs; with a strength of each stick where loads stand in for that,
+    or the first start does not fit: no later one is tried so."""
+    prepared, at, alike_sticks = problem.prepared, replace(problem.unknowns, start=theta), attempt
     if problem.thorough and (loads_stand_in(attempt.solved) if attempt.fits else first):
         problem.progress("solving with a strength of each stick", 0.55)
         scattered = tried(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import Literal
 
 import numpy as np
@@ -63,7 +64,7 @@ def starts_of(
             if seed is not None and starts[0].cost >= (GOOD if np.isinf(worst) else worst):
                 half = random_starts(unknowns, starts[0].theta, DRAWN // 2, seed)
                 more = np.concatenate([half, random_starts(unknowns, tried[0], DRAWN // 2, seed + 1)])
-                starts = sorted(starts + fit_features(settled, features, bases, more), key=_cost)
+                starts = sorted(starts + fit_features(settled, features, bases, more), key=attrgetter("cost"))
             # What is explicit in time was held still: it starts where the sticks say, and keeps what the scene fixes.
             return [
                 replace(s, theta=np.where(settled.free, s.theta, unknowns.start)) for s in starts if s.cost <= worst
@@ -72,10 +73,6 @@ def starts_of(
         groups = {"data": [made], "user": [own, made], "both": [np.concatenate([own, made])]}[sources]
         starts = [start for group in groups for start in ordered(group)]
     yield from apart((start.theta for start in starts), np.where(unknowns.free, SAME * unknowns.spread, np.inf))
-
-
-def _cost(start: Start) -> float:
-    return start.cost
 
 
 def _by_motion(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Array]) -> list[Start]:
@@ -91,7 +88,7 @@ def _by_motion(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Arr
             problem = shooting_problem(data, motion, at, COARSE_GRID)
             cost = problem.evaluate(problem.start, derivatives=False).cost / max(problem.samples, 1)
             out.append(Start(theta, float(cost) + MISSING * (len(logs) - len(placed))))
-    return sorted(out, key=_cost)
+    return sorted(out, key=attrgetter("cost"))
 
 
 def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Array]]:
