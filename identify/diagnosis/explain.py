@@ -101,11 +101,9 @@ def explain(
 
 def takes_misfit(attempt: Attempt, unknowns: Unknowns) -> bool:
     """Whether one quantity that was stated takes all but REMAINS of a misfit away, to first order."""
-    if not np.isfinite(attempt.excess):
-        return False
     with suppress(np.linalg.LinAlgError):  # the optimality conditions are singular there
         scores = score_table(attempt.solved, held_quantities(attempt, unknowns)).scores
-        return bool(scores) and attempt.excess - scores[0].score < REMAINS * attempt.excess
+        return np.isfinite(attempt.excess) and bool(scores) and scores[0].score > (1.0 - REMAINS) * attempt.excess
     return False
 
 

@@ -137,10 +137,10 @@ def score_table(solved: Solved, columns: Sequence[Column], inflation: float = 1.
         raise np.linalg.LinAlgError("the optimality conditions are singular")
     # What is scored: every column of all logs, and those of single logs; mixed from the columns of each (s, l k).
     of: list[tuple[int, int | None]] = [(c, None) for c in range(k) if columns[c].of != "single"]
-    of += [(c, log) for c in range(k) if columns[c].of != "all" and logs > 1 for log in range(logs)]
+    of += [(c, single) for c in range(k) if columns[c].of != "all" and logs > 1 for single in range(logs)]
     mix = np.zeros((len(of), logs * k))
-    for i, (c, log) in enumerate(of):
-        mix[i, [c + k * one for one in (range(logs) if log is None else (log,))]] = 1.0
+    for i, (c, single) in enumerate(of):
+        mix[i, [c + k * one for one in (range(logs) if single is None else (single,))]] = 1.0
     slope_of = mix @ (gradient - border.T @ answer[:, -1])
     left = mix @ (own - border.T @ answer[:, :-1]) @ mix.T
     moves = np.zeros((layout.size, len(of)))

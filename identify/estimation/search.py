@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeGuard
 
 import numpy as np
@@ -76,7 +77,7 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
     best: Attempt | None = None
     for number, (strategy, theta) in enumerate(_starts(problem, starting) if able else ()):
         at = replace(problem.unknowns, start=theta)
-        attempt = tried(strategy, lambda at=at: solve_from(prepared, starting, at), logs=starting)  # type: ignore[misc]
+        attempt = tried(strategy, partial(solve_from, prepared, starting, at), logs=starting)
         if attempt is None:
             continue
         if number == 0 and not attempt.fits and problem.explained(attempt):

@@ -8,7 +8,7 @@ import pytest
 from experiments.study_problem import DEMO, SPEEDS
 from identify.base.outcome import Status
 from identify.base.progress import to_nobody
-from identify.diagnosis.explain import explain
+from identify.diagnosis.explain import explain, takes_misfit
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN
 from identify.estimation.attempt import solve_from
@@ -39,7 +39,10 @@ def told(message, pattern):
 
 
 def test_a_wrong_speed_of_one_log_is_named_with_the_log():
-    found = explained(scene(times=(1.0, 1.05)))
+    stated = scene(times=(1.0, 1.05))
+    end = ended(stated)
+    assert takes_misfit(end.attempt, end.unknowns), "a fit solves no further start"
+    found = explain(end, stated, records(), prepared(stated, records())[0], to_nobody)
     value = told(
         found.message, r"^a drive speed of log_3.csv (\S+) times the stated one \(5 mm/s instead of 5.25 mm/s\)"
     )
