@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from importlib.util import find_spec
 
-from identify.cli.common import Answer, Command, CommandLineError, Options, Terminal
+from identify.cli.common import Answer, CommandLineError, Terminal
 from identify.cli.interrupt import ends_by_itself
 
 NEEDS = ("starlette", "uvicorn", "tomlkit")
@@ -26,9 +26,8 @@ def serve(arguments: Namespace, terminal: Terminal) -> Answer:
     from identify.app.server import Serving
 
     ends_by_itself()
-    folder = Folder.at(arguments.folder or ".")
     try:
-        serving = Serving(folder, port)
+        serving = Serving(Folder.at(arguments.folder or "."), port)
     except OSError as error:
         raise CommandLineError(f"--port {port}: {error.strerror}; choose another or leave it out") from None
     serving.start()
@@ -44,12 +43,3 @@ def serve(arguments: Namespace, terminal: Terminal) -> Answer:
     finally:
         serving.stop()
     return Answer(document={"status": "done"})
-
-
-OPTIONS: Options = {
-    "folder FOLDER?": "of the logs (default: this one)",
-    "--port N": "of 127.0.0.1 (default: a free one)",
-    "--no-browser": "print the address, open nothing",
-}
-HELP = "work in a local web page: see logs, place cuts, try values, fit, map, compare"
-COMMANDS = (Command("app", HELP, OPTIONS, serve),)

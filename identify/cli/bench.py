@@ -6,53 +6,29 @@ from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from identify.cli.common import (
-    DONE,
-    NOT_SUCCEEDED,
-    READING,
-    SET,
-    Answer,
-    Command,
-    CommandLineError,
-    Options,
-    Terminal,
-    file_to_write,
-    listed,
-    log_options,
-    new_file,
-    positives,
-    quantity,
-)
-
-if TYPE_CHECKING:
-    from data_io import Record
-    from identify.bench.rig import Measured
+from data_io import LogError, Record, read_log
+from data_io.atomic import atomic_write
+from identify.base.wording import wrapped
+from identify.bench.plan import Choices, plan_document, plan_text, step_table
+from identify.bench.plan import plan as planned
+from identify.bench.rig import NAMED, REMEDIES, Measured, calibrated, disagreement, rig_toml, rings, shown, sticks
+from identify.cli.arguments import file_to_write, listed, log_options, new_file, positive, positives
+from identify.cli.common import Answer, CommandLineError, Terminal
+from identify.logs.scene_records import prepare_scene, with_records
+from identify.prediction.sources import existing_result
+from identify.report.stored_result import read_result, scene_of
+from identify.scene import Scene
+from identify.scene.tables import quantity
 
 KNOWN = {"mass": "kg", "stiffness": "N/m"}
 SPEED_TOLERANCE, MASS_TOLERANCE = 0.01, 0.005  # of drive speeds and of added masses, relative
-
-
-RIG_OPTIONS: Options = {
-    "logs LOG*": "taps that ring down, pulls or stick-slip on a block",
-    "--out RIG.toml!": "the file to write; never overwritten",
-    "--drive-speed [LOG=]SPEED+": 'where a log has none: "1 mm/s"',
-    "--added-mass LOG=MASS+": 'fixed to the holder: "tap2.csv=50 g"',
-    "--skin LOG+": "one more log: a stick on skin, not on the block",
-    "--known NAME=VALUE±ERROR+": 'such as mass="180 g ± 2 g"',
-    **READING,
-}
+BUDGET = 900.0  # seconds of all planned logs together
 
 
 def rig(arguments: Namespace, terminal: Terminal) -> Answer:
     """Measure, combine and write."""
-    out = new_file(arguments.out, "--out", "your edits")
-
-    from data_io.atomic import atomic_write
-    from identify.base.wording import wrapped
-    from identify.bench.rig import NAMED, REMEDIES, calibrated, disagreement, rig_toml, shown
-
+    out = new_file(arguments.out, "your edits")
     measured = [*_measured(arguments), *(_known(text) for text in arguments.known)]
     result = calibrated(measured, SPEED_TOLERANCE, MASS_TOLERANCE)
     for words in dict.fromkeys(m.source for m in measured):
@@ -82,13 +58,11 @@ def rig(arguments: Namespace, terminal: Terminal) -> Answer:
         ],
         **({"status": "done", "out": str(out)} if values else {"status": "nothing_told"}),
     }
-    return Answer(DONE if values else NOT_SUCCEEDED, document)
+    return Answer.of(bool(values), document)
 
 
 def _measured(arguments: Namespace) -> list[Measured]:
     """What each log tells, by its kind: it rings down, or it rises at stiffness times drive speed."""
-    from identify.bench.rig import rings, sticks
-
     logs = [Path(log) for log in arguments.logs]
     logs += [Path(skin) for skin in arguments.skin if Path(skin).name not in {log.name for log in logs}]
     speeds = _by_log([text if "=" in text else f"*={text}" for text in arguments.drive_speed], "--drive-speed", logs)
@@ -110,8 +84,6 @@ def _measured(arguments: Namespace) -> list[Measured]:
 
 def _read(log: Path, arguments: Namespace) -> Record:
     """The log; a record without a normal force does as well, the rig is known without it."""
-    from data_io import LogError, read_log
-
     options = log_options(arguments)
     try:
         return read_log(log, **options)
@@ -140,8 +112,6 @@ def _by_log(items: Sequence[str], option: str, logs: Sequence[Path]) -> Mapping[
 
 def _known(text: str) -> Measured:
     """A quantity that was measured otherwise, "mass=180 g ± 2 g"."""
-    from identify.bench.rig import Measured
-
     name, _, stated = text.partition("=")
     value, sign, error = stated.replace("+-", "±").replace("+/-", "±").partition("±")
     kind = name.strip()
@@ -155,40 +125,16 @@ def _known(text: str) -> Measured:
     return Measured(kind, known, relative, f"{kind} known as {stated.strip()}")
 
 
-PLAN_OPTIONS: Options = {
-    "source SCENE.toml|result.json": "a scene, or a fit",
-    "--budget T": 'for all logs together (default: "15 min")',
-    "--for NAME,…": "parameters to be identified (default: all of friction)",
-    "--out STEPS.csv": "the step programme as a table, to type into a script",
-    **SET,
-    "what can be set at the rig; lists with commas": {
-        "--speed SPEEDS": '"0.1 mm/s,1 mm/s" (default: dials around that of the scene)',
-        "--load FORCES": '"1 N,2 N" (default: that of the scene)',
-        "--stiffness SPRINGS": '"500 N/m,1.5 N/mm" (default: that of the scene)',
-        "--fastest HZ": 'highest sampling rate there is, "100 Hz" (default: any)',
-    },
-}
-
-
 def plan(arguments: Namespace, terminal: Terminal) -> Answer:
     """Simulate designs for a fit, or for a scene with what its logs are expected to tell; choose and say."""
     out = None if arguments.out is None else file_to_write(arguments.out, "--out")
-
-    from data_io.atomic import atomic_write
-    from identify.bench.plan import Choices, plan_document, plan_text, step_table
-    from identify.bench.plan import plan as planned
-    from identify.logs.scene_records import prepare_scene, with_records
-    from identify.prediction.sources import existing_result
-    from identify.report.stored_result import read_result, scene_of
-    from identify.scene import Scene
-
     choices = Choices(
         speeds=positives(arguments.speed, "m/s", "--speed"),
         loads=positives(arguments.load, "N", "--load"),
         stiffnesses=positives(arguments.stiffness, "N/m", "--stiffness"),
-        fastest=next(iter(positives(arguments.fastest, "Hz", "--fastest")), float("inf")),
+        fastest=positive(arguments.fastest, "Hz", "--fastest") or float("inf"),
         targets=listed(getattr(arguments, "for")),
-        budget=next(iter(positives(arguments.budget or "15 min", "s", "--budget")), 0.0),
+        budget=positive(arguments.budget, "s", "--budget") or BUDGET,
     )
     source, existing = "", None
     if arguments.source.lower().endswith(".json"):
@@ -221,9 +167,4 @@ def plan(arguments: Namespace, terminal: Terminal) -> Answer:
         document["out"] = str(out)
     enough = bool(design.logs) or all(v == "identified" for v in document["verdicts"].values())
     status = {"status": "done" if enough else "nothing_to_add"}
-    return Answer(DONE if enough else NOT_SUCCEEDED, status | document)
-
-
-RIG = "mass, stiffness and damping of a rig, from taps and slow pulls (docs/measuring.md)"
-PLAN = "which few logs to record next, and what they are expected to identify (docs/planning.md)"
-COMMANDS = (Command("rig", RIG, RIG_OPTIONS, rig), Command("plan", PLAN, PLAN_OPTIONS, plan))
+    return Answer.of(enough, status | document)

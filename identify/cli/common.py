@@ -1,35 +1,44 @@
-"""What all commands share: the answer, the terminal they write to, options and how they are read."""
+"""What all commands share: the answer, the terminal they write to, the options they declare; nothing heavy."""
 
 from __future__ import annotations
 
-import os
-from argparse import ArgumentParser, Namespace, _ArgumentGroup
-from collections.abc import Callable, Mapping, Sequence
+from argparse import ArgumentParser, _ArgumentGroup
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from enum import IntEnum
+from typing import Any, TextIO
 
 from identify.base.progress import ProgressBar, Style, write_line
 from identify.cli.interrupt import check_interrupted
 
-if TYPE_CHECKING:
-    from data_io import Record
-
-DONE, DEFECT, WRONG_INPUT, NOT_SUCCEEDED, INTERRUPTED = 0, 1, 2, 3, 130
-LONG = 30_000_000  # bytes of a log from which on reading shows its progress
 Options = Mapping[str, "str | Options"]
 
 
+class Exit(IntEnum):
+    """The exit codes."""
+
+    DONE, DEFECT, WRONG_INPUT, NOT_SUCCEEDED, INTERRUPTED = 0, 1, 2, 3, 130
+
+
 class CommandLineError(Exception):
-    """The command line asks for something that cannot be; the text is the whole sentence."""
+    """The command line asks for something that cannot be; the text is the whole sentence, `details` lines before it."""
+
+    def __init__(self, sentence: str, details: Sequence[str] = ()) -> None:
+        super().__init__(sentence)
+        self.details = tuple(details)
 
 
 @dataclass(frozen=True)
 class Answer:
     """What a command gives back: the exit code, and the document that --json prints."""
 
-    code: int = DONE
+    code: Exit = Exit.DONE
     document: Mapping[str, object] = field(default_factory=dict)
+
+    @staticmethod
+    def of(succeeded: bool, document: Mapping[str, object]) -> Answer:
+        """The answer of work that ran."""
+        return Answer(Exit.DONE if succeeded else Exit.NOT_SUCCEEDED, document)
 
 
 @dataclass(frozen=True)
@@ -65,19 +74,12 @@ class Progress(ProgressBar):
         super().__call__(stage, share)
 
 
-@dataclass(frozen=True)
-class Command:
-    """A command: its name, a line of help, its options as `add_options` takes them, and what it does."""
-
-    name: str
-    help: str
-    options: Options
-    run: Callable[[Namespace, Terminal], Answer]
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Declaring options.
-# ----------------------------------------------------------------------------------------------------------------------
+MARKS: Mapping[str, Mapping[str, Any]] = {
+    "!": {"required": True},
+    "+": {"action": "append", "default": []},
+    "*": {"action": "extend", "default": [], "nargs": "+"},
+    "?": {"nargs": "?", "const": ""},
+}
 
 
 def add_options(parser: ArgumentParser | _ArgumentGroup, options: Options) -> None:
@@ -92,7 +94,7 @@ def add_options(parser: ArgumentParser | _ArgumentGroup, options: Options) -> No
             add_options(parser.add_argument_group(words), text)
             continue
         name, _, metavar = words.partition(" ")
-        mark = metavar[-1] if metavar.endswith(("!", "+", "*", "?")) else ""
+        mark = metavar[-1] if metavar.endswith(tuple(MARKS)) else ""
         metavar = metavar.removesuffix(mark)
         more: dict[str, Any] = {"help": text.replace("%", "%%")}
         if not metavar:
@@ -103,141 +105,6 @@ def add_options(parser: ArgumentParser | _ArgumentGroup, options: Options) -> No
             more["metavar"] = metavar
         if metavar == "N":
             more["type"] = int
-        if mark and not name.startswith("-"):
-            more["nargs"] = mark
-        elif mark:
-            marked: dict[str, dict[str, Any]] = {
-                "!": {"required": True},
-                "+": {"action": "append", "default": []},
-                "*": {"action": "extend", "default": [], "nargs": "+"},
-                "?": {"nargs": "?", "const": ""},
-            }
-            more |= marked[mark]
+        if mark:
+            more |= MARKS[mark] if name.startswith("-") else {"nargs": mark}
         parser.add_argument(name, **more)
-
-
-SET: Options = {"--set KEY=VALUE+": 'such as rig.mass="0.3 kg"'}
-READING: Options = {
-    "how to read the logs": {
-        "--step N": "use this step of the run (default: all, on one clock)",
-        "--run N": "use this run, where a log has several",
-        "--columns NAME=COLUMN,…": "such as time=T,friction_force=Fx,normal_force=Fz",
-        "--units NAME=UNIT,…": "such as friction_force=N,time=s",
-        "--normal-force FORCE": 'constant, where the log has none: "3 N"',
-        "--rate HZ": 'sampling rate, where the log has no clock: "4 Hz"',
-    }
-}
-PART: Options = {
-    "how much of the logs to read": {
-        "--window START,STOP": 'from the first row on, such as "100 s,2 min"',
-        "--channels NAME,…": "which of the other columns to keep; none keeps none",
-    }
-}
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Reading what was given; whatever cannot be is a CommandLineError, a SceneError or a LogError of one sentence.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-def pairs(items: str | Sequence[str] | None, option: str, example: str) -> dict[str, str]:
-    """ "time=T,friction_force=Fx", or several words of that form, as a table."""
-    out = {}
-    for item in items.split(",") if isinstance(items, str) else items or ():
-        name, equals, value = (part.strip() for part in item.partition("="))
-        if item.strip() and not (equals and name and value):
-            raise CommandLineError(f"{option} has {item!r}; expected KEY=VALUE: write {option} {example}")
-        if name:
-            out[name] = value
-    return out
-
-
-def listed(text: str | None) -> tuple[str, ...]:
-    """The words of a list with commas; none of None."""
-    return tuple(item.strip() for item in (text or "").split(",") if item.strip())
-
-
-def log_options(arguments: Namespace) -> dict[str, Any]:
-    """Those options of a log that are given, as `data_io.read_log` takes them."""
-    options = {
-        "step": arguments.step,
-        "run": arguments.run,
-        "columns": pairs(arguments.columns, "--columns", "time=T,friction_force=Fx"),
-        "units": pairs(arguments.units, "--units", "friction_force=N,time=s"),
-        "normal_force": arguments.normal_force,
-        "rate": arguments.rate,
-    }
-    return {name: value for name, value in options.items() if value not in (None, {})}
-
-
-def read(path: str, arguments: Namespace, terminal: Terminal) -> Record:
-    """Read one log with the options of READING and PART."""
-    from data_io import read_log
-
-    options = log_options(arguments)
-    if arguments.window is not None:
-        times = listed(arguments.window)
-        if len(times) != 2:
-            raise CommandLineError(f"--window has {arguments.window!r}; expected two times: write --window 100,200")
-        options["window"] = tuple(quantity(time, "s", "--window") for time in times)
-    if arguments.channels is not None:
-        options["channels"] = [name for name in listed(arguments.channels) if name != "none"]
-    if not Path(path).is_file() or Path(path).stat().st_size < LONG:
-        return read_log(path, **options)
-    with terminal.bar() as progress:
-        return read_log(path, **options, progress=lambda share: progress(f"reading {Path(path).name}", share))
-
-
-def quantity(text: str, unit: str, option: str) -> float:
-    """A quantity of the command line in SI: a number, or text with a unit."""
-    from identify.scene.tables import quantity as read_quantity
-
-    return read_quantity(text, unit, option)
-
-
-def positive(text: str, unit: str, option: str) -> float:
-    """As `quantity`, above zero."""
-    from identify.scene.tables import POSITIVE, Key, check
-
-    value = quantity(text, unit, option)
-    check(option, Key(unit, sign=POSITIVE), value)
-    return value
-
-
-def positives(text: str | None, unit: str, option: str) -> tuple[float, ...]:
-    """Positive quantities in SI of a list with commas, "0.1 mm/s,1 mm/s"; none of None."""
-    return tuple(positive(item, unit, option) for item in listed(text))
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Files to write; whether they can be is checked before the work, not after it.
-# ----------------------------------------------------------------------------------------------------------------------
-
-MEASURED = "a measured log"
-
-
-def file_to_write(path: str, option: str, endings: Sequence[str] = ()) -> Path:
-    """The file an option names, in a folder that can be written to, with one of these endings."""
-    out = Path(path)
-    if endings and out.suffix.lower() not in endings:
-        raise CommandLineError(f"{option} {path} ends in {out.suffix!r}; expected {' or '.join(endings)}: rename it")
-    if out.is_dir():
-        raise CommandLineError(f"{option} {path} is a folder; expected the name of a file: add one")
-    if not out.parent.is_dir():
-        raise CommandLineError(f"{option} {path}: its folder does not exist; create it or choose another one")
-    if not os.access(out.parent, os.W_OK | os.X_OK):
-        raise CommandLineError(f"{option} {path}: nothing may be written in its folder; choose another one")
-    return out
-
-
-def picture(path: str | None) -> Path | None:
-    """The file of --plot."""
-    return None if path is None else file_to_write(path, "--plot", (".png", ".svg", ".pdf"))
-
-
-def new_file(path: str, option: str, holding: str, endings: Sequence[str] = ()) -> Path:
-    """As `file_to_write`, of a file that must not be there; holding: what such a file may hold, in words."""
-    out = file_to_write(path, option, endings)
-    if out.exists():
-        raise CommandLineError(f"{option} {out} exists and may hold {holding}; choose another name")
-    return out

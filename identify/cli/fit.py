@@ -7,83 +7,58 @@ import math
 from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
-from identify.cli.common import (
-    DONE,
-    NOT_SUCCEEDED,
-    READING,
-    SET,
-    Answer,
-    Command,
-    CommandLineError,
-    Options,
-    Terminal,
-    file_to_write,
-    log_options,
-    quantity,
-)
+from data_io.atomic import atomic_path
+from data_io.contents import digest_of, log_is_at
+from identify import examples
+from identify.base.compiled import keep
+from identify.base.result import Result
+from identify.base.wording import columns, wrapped
+from identify.base.wording import quantity as shown
+from identify.cli.arguments import file_to_write, log_options, positive
+from identify.cli.common import Answer, CommandLineError, Terminal
+from identify.cli.folder import result_folder
+from identify.diagnosis.selection import LOOKED_AT
+from identify.estimation.bootstrap import FEWEST
+from identify.estimation.preview import preview
+from identify.estimation.starts import Sources
+from identify.identification import fit
+from identify.logs.scene_records import with_drives, with_records
+from identify.report import write_report
+from identify.report.figures import draw_preview
+from identify.report.finished import Fit
+from identify.report.report_tables import summary
+from identify.report.stored_result import read_result, scene_of
+from identify.report.style import drawing_style
+from identify.scene import LogEntry, Scene
+from identify.scene.tables import quantity
+from identify.shooting.accuracy import DEFAULT, DEFAULT_OPTIONS, FitOptions, accuracy_of
 
-if TYPE_CHECKING:
-    from identify.base.result import Result
-    from identify.estimation.starts import Sources
-    from identify.report.finished import Fit
-    from identify.scene import Scene
-    from identify.shooting.accuracy import FitOptions
+ALLOWED = 0.01  # difference in standard errors that other library versions may make
+FIXED = 1e-9  # relative difference of what was not estimated
 
 
 def demo(arguments: Namespace, terminal: Terminal) -> Answer:
     """Fit the four example logs together, and say how far the estimates are from what was simulated."""
-    from identify import examples
-    from identify.base.wording import columns, quantity
-    from identify.cli.folder import check_replaceable
-    from identify.scene import Scene
-
-    scene = Scene.from_toml(examples.SCENE)
-    out = Path(arguments.out or f"stickslip-{scene.name}")
-    check_replaceable(out)
     terminal.say("Four simulated example logs, 0.1 mm/min to 5 mm/s, fitted together")
-    fit = _fit_and_report(scene, out, terminal)
+    found = _fit_and_report(Scene.from_toml(examples.SCENE), arguments.out, terminal)
     truth = json.loads(examples.TRUTH.read_text(encoding="utf-8"))["parameters"]
     rows = [["", "truth", "estimate off by", ""]]
-    for name, true in truth.items() if fit.converged else ():
-        entry = fit.typed.parameters[name]
+    for name, true in truth.items() if found.converged else ():
+        entry = found.typed.parameters[name]
         if entry.value is not None and entry.standard_error:
             off = entry.value - true
             errors = f"{off / entry.standard_error:+z.1f} standard errors"
-            rows.append([name, quantity(true, entry.unit), f"{100 * off / abs(true):+.2f} %", errors])
+            rows.append([name, shown(true, entry.unit), f"{100 * off / abs(true):+.2f} %", errors])
     if len(rows) > 1:
         terminal.say(columns(rows))
-    return Answer(DONE if fit.converged else NOT_SUCCEEDED, fit.result)
-
-
-FIT_OPTIONS: Options = {
-    "logs LOG*": "choose among the scene's logs, or add one to them",
-    "--scene SCENE.toml!": "rig, parameters and logs",
-    "--out DIR": "folder of the result (default: stickslip-<scene name>)",
-    **SET,
-    "how finely, and how sure": {
-        "--preview": "draw the cycles and the start over the data, and stop",
-        "--accuracy X": "coarse, default, tight, or the error of the steps in standard errors",
-        "--time-limit T": "of the search and its examination (default: [fit] time_limit, or 60 s)",
-        "--profile": "profile likelihood of every parameter",
-        "--bootstrap N": "parametric bootstrap with N replicates",
-        "--accuracy-table": "what each level of accuracy costs and changes",
-        "--starts {data,user,both}": "where the search starts: from the data, from the scene's start values, or both "
-        "(default: both where the scene gives a start, else data)",
-    },
-    **READING,
-}
+    return Answer.of(found.converged, found.result)
 
 
 def fit_logs(arguments: Namespace, terminal: Terminal) -> Answer:
     """Fit and write the report; exit code 3 unless the fit converged."""
-    from identify.cli.folder import check_replaceable
-    from identify.estimation.bootstrap import FEWEST
-    from identify.shooting.accuracy import DEFAULT, FitOptions, accuracy_of
-
     scene = _scene_of(arguments)
-    out = Path(arguments.out or f"stickslip-{scene.name}")
     if arguments.bootstrap is not None and arguments.bootstrap < FEWEST:
         raise CommandLineError(
             f"--bootstrap {arguments.bootstrap} is too few for an interval; expected {FEWEST} replicates or more: "
@@ -96,23 +71,20 @@ def fit_logs(arguments: Namespace, terminal: Terminal) -> Answer:
         accuracy_table=arguments.accuracy_table,
     )
     if arguments.preview:
-        return _preview(scene, out, terminal)
-    check_replaceable(out)
-    fit = _fit_and_report(scene, out, terminal, options, arguments.starts)
-    return Answer(DONE if fit.converged else NOT_SUCCEEDED, fit.result)
+        return _preview(scene, Path(arguments.out or f"stickslip-{scene.name}"), terminal)
+    costs = arguments.verbose or arguments.accuracy_table
+    found = _fit_and_report(scene, arguments.out, terminal, options, arguments.starts, costs)
+    return Answer.of(found.converged, found.result)
 
 
 def _scene_of(arguments: Namespace) -> Scene:
     """The scene with the logs and the reading options of the command line; every log is there."""
-    from data_io.contents import log_is_at
-    from identify.scene import LogEntry, Scene
-
     options = log_options(arguments)
     for name, unit in (("normal_force", "N"), ("rate", "Hz")):
         if name in options:
             options[name] = quantity(options[name], unit, f"--{name.replace('_', '-')}")
-    limit = [f"fit.time_limit={arguments.time_limit!r}"] if arguments.time_limit else []
-    scene = Scene.from_toml(arguments.scene, [*arguments.set, *limit])
+    limit = positive(arguments.time_limit, "s", "--time-limit")
+    scene = Scene.from_toml(arguments.scene, [*arguments.set, *([f"fit.time_limit={limit}"] if limit else [])])
     logs = tuple(replace(entry, **options) for entry in scene.choose(arguments.logs, LogEntry(Path())).logs)
     if not logs:
         raise CommandLineError(f"{scene.source} lists no log and none was given; name a LOG, or add [[logs]] to it")
@@ -124,36 +96,27 @@ def _scene_of(arguments: Namespace) -> Scene:
 
 
 def _fit_and_report(
-    scene: Scene, out: Path, terminal: Terminal, options: FitOptions | None = None, starts: Sources | None = None
+    scene: Scene,
+    out: str | None,
+    terminal: Terminal,
+    options: FitOptions = DEFAULT_OPTIONS,
+    starts: Sources | None = None,
+    costs: bool = False,
 ) -> Fit:
-    """Fit a scene with progress, write its folder whole, say the summary."""
-    from identify.base.compiled import keep
-    from identify.cli.folder import result_folder
-    from identify.identification import fit
-    from identify.report import write_report
-    from identify.report.report_tables import summary
-    from identify.shooting.accuracy import DEFAULT_OPTIONS
-
-    with terminal.bar() as progress, result_folder(out) as folder:
-        outcome = fit(scene, progress=progress, starts=starts, asked=options or DEFAULT_OPTIONS)
+    """Fit a scene with progress, write its folder whole, say the summary, with what accuracy costs where wanted."""
+    place = Path(out or f"stickslip-{scene.name}")
+    with result_folder(place) as folder, terminal.bar() as progress:
+        outcome = fit(scene, progress=progress, starts=starts, asked=options)
         progress("writing the report")
         write_report(outcome, folder)
     keep()  # the next fit of this kind finds its functions compiled
-    terminal.say(summary(outcome.typed))
-    terminal.say(f"report: {out / 'report.html'}")
+    terminal.say(summary(outcome.typed, costs))
+    terminal.say(f"report: {place / 'report.html'}")
     return outcome
 
 
 def _preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     """Draw and say what a fit would start from; the picture stands beside the folder of the result."""
-    from data_io.atomic import atomic_path
-    from identify.base.wording import columns, quantity, wrapped
-    from identify.diagnosis.selection import LOOKED_AT
-    from identify.estimation.preview import preview
-    from identify.logs.scene_records import with_drives, with_records
-    from identify.report.figures import draw_preview
-    from identify.report.style import drawing_style
-
     file = file_to_write(str(out.parent / f"{out.name}-preview.png"), "--preview")
     with terminal.bar() as progress:
         progress("reading the logs", 0.0)
@@ -169,7 +132,7 @@ def _preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     for sentence in (*start.notices, *drives, *(f"{log.name}: {log.text}" for log in start.logs)):
         terminal.say(wrapped(sentence))
     terminal.say(f"the start: {start.source}")
-    rows = [["", "value"], *([name, quantity(value, start.units[name])] for name, value in start.parameters.items())]
+    rows = [["", "value"], *([name, shown(value, start.units[name])] for name, value in start.parameters.items())]
     terminal.say(columns(rows))
     terminal.say(f"picture: {file}")
     return Answer(
@@ -184,21 +147,10 @@ def _preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     )
 
 
-ALLOWED = 0.01  # difference in standard errors that other library versions may make
-FIXED = 1e-9  # relative difference of what was not estimated
-
-
 def verify(arguments: Namespace, terminal: Terminal) -> Answer:
     """Fit again and compare status and values; exit code 3 where they differ."""
-    from data_io.contents import digest_of, log_is_at
-    from identify.estimation.starts import Sources
-    from identify.identification import fit
-    from identify.report.stored_result import read_result, scene_of
-    from identify.shooting.accuracy import FitOptions
-
-    path = Path(arguments.result)
-    stored = read_result(path)
-    scene = scene_of(stored, path)
+    stored = read_result(Path(arguments.result))
+    scene = scene_of(stored, Path(arguments.result))
     for log in arguments.logs:
         if not log_is_at(Path(log)):
             raise CommandLineError(f"{log}: there is no log; give a file, a folder of them, or a pattern in quotes")
@@ -222,22 +174,12 @@ def verify(arguments: Namespace, terminal: Terminal) -> Answer:
             seed=seed if isinstance(seed, int) else 0,
             asked=FitOptions.again(provenance.get("asked")),
         ).typed
-    before, now = (
-        {"stickslip": p.get("version")} | (known if isinstance(known := p.get("packages"), dict) else {})
-        for p in (provenance, again.provenance)
-    )
-    for name, version in now.items():
-        if before.get(name) not in (None, version):
-            terminal.note(f"made with {name} {before[name]}, compared with {version}")
     differences = compare(stored, again)
-    same = (
-        f"reproduced: {stored.status}; every value that has a standard error within {ALLOWED} of it, and the "
-        "same verdicts"
-    )
-    for words in differences or [same]:
+    within = f"every value that has a standard error within {ALLOWED} of it, and the same verdicts"
+    for words in differences or [f"reproduced: {stored.status}; {within}"]:
         terminal.say(words)
     status = "differs" if differences else "reproduced"
-    return Answer(NOT_SUCCEEDED if differences else DONE, {"status": status, "differences": differences})
+    return Answer.of(not differences, {"status": status, "differences": differences})
 
 
 def compare(stored: Result, again: Result) -> list[str]:
@@ -254,16 +196,3 @@ def compare(stored: Result, again: Result) -> list[str]:
             if now.value is None or abs(now.value - before.value) > allowed:
                 sentences.append(f"{name} was {before.value:.9g} and is {now.value or math.nan:.9g} now")
     return sentences
-
-
-FIT = "identify the friction parameters from all the logs together, and write a report"
-DEMO: Options = {"--out DIR": "folder of the result (default: stickslip-example-pair)"}
-VERIFY: Options = {
-    "result RESULT.json": "the result.json of an earlier fit",
-    "logs LOG*": "where logs of that fit lie now, if they were moved",
-}
-COMMANDS = (
-    Command("demo", "the main job on example logs: fit, summary, report", DEMO, demo),
-    Command("fit", FIT, FIT_OPTIONS, fit_logs),
-    Command("verify", "run a stored fit again from its recorded inputs and compare", VERIFY, verify),
-)

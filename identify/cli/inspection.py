@@ -24,13 +24,8 @@ from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 HEADINGS = ("run", "step", "stroke", "regime")
 MOST_STROKES = 2  # fit beside each other in 80 columns
 LONGEST_NAME = 24  # of a log in the table of all, which is to fit in 80 columns
-STRETCHES = 1200  # of the overview: the lowest and highest of each, so that no spike is lost
 THUMBNAIL = 60  # stretches of the thumbnail of a log
-CLOSE_CYCLES = 4
-MOST_SHADED = 400  # phases of an overview; more of them would be one grey
 KINDS = {"stick": STICK, "slip": SLIP, "sliding": SLIDING}
-COLOURS = {"accept": "tab:green", "accept with warnings": "darkorange", "reject": "tab:red"}
-SHADES = ((SLIP, "C1", "slip"), (SLIDING, "C0", "sliding"))
 
 
 @dataclass(frozen=True)
@@ -112,9 +107,7 @@ def inspection(path: str, record: Record, rig: StatedRig = StatedRig()) -> Inspe
     return Inspection(path, record, judge(record, parts), tuple(steps), table, recorded, regime)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# In words.
-# ----------------------------------------------------------------------------------------------------------------------
+# ---- In words. ----
 
 
 def lines(seen: Inspection) -> Iterator[str]:
@@ -133,14 +126,10 @@ def lines(seen: Inspection) -> Iterator[str]:
             yield f"  {role.replace('_', ' ')}: {source}"
     yield wrapped(f"other columns: {', '.join(record.channels) or 'none'}", "  ")
     yield f"  normal force: {quantity(quality.load.mean, 'N')}, drift {percent(quality.load.drift, 1, signed=True)}"
-    if seen.drive.speed is None and several:
-        each = [f"step {s.step.number}: {_drive(s.drive)}, {s.drive.source}" for s in seen.steps if s.drive.programme]
-        driven = "; ".join(each) or "not in the log"
-    elif seen.drive.programme is None:
-        driven = "not in the log" + (f" ({seen.drive.trouble})" if seen.drive.trouble != NOT_STATED else "")
-    else:
-        driven = _drive(seen.drive) + ("" if record.drive_speed is not None else f", {seen.drive.source}")
-    yield wrapped(f"drive speed: {driven}", "  ")
+    driven = [(f"step {s.step.number}: ", s.drive) for s in seen.steps] if several and not seen.drive.speed else []
+    texts = [name + text for name, drive in driven or [("", seen.drive)] if (text := _drive(drive, record))]
+    hint = "" if seen.drive.trouble == NOT_STATED else f" ({seen.drive.trouble})"
+    yield wrapped(f"drive speed: {'; '.join(texts) or f'not in the log{hint}'}", "  ")
     if not several:
         yield _regime_line(seen.regime)
     yield f"  verdict: {seen.judgement.verdict}"
@@ -152,8 +141,12 @@ def lines(seen: Inspection) -> Iterator[str]:
     yield ""
 
 
-def _drive(drive: RecordedDrive) -> str:
-    return quantity(drive.speed, "m/s") if drive.speed is not None else programme_text(drive.programme or ())
+def _drive(drive: RecordedDrive, record: Record) -> str:
+    """The speed of a drive with where it stands; "" where it stands nowhere."""
+    if drive.programme is None:
+        return ""
+    text = quantity(drive.speed, "m/s") if drive.speed is not None else programme_text(drive.programme)
+    return text if record.drive_speed is not None else f"{text}, {drive.source}"
 
 
 def _regime_line(seen: LogRegime) -> str:
@@ -172,12 +165,10 @@ def _step_lines(seen: StepSeen, several: bool) -> Iterator[str]:
     stands = 0.0  # the share in which the drive of a programme stands: what no stroke holds
     if seen.seen.regime is Regime.PROGRAMME:
         stands = 1.0 - sum(s.stop - s.start for s in seen.seen.strokes) / (step.stop - step.start)
-    shares = {
-        "rising as in stick": phases.share(STICK),
-        "falling as in slip": phases.share(SLIP),
-        "sliding": max(phases.share(SLIDING) - stands, 0.0),
-        **({"while the drive stands": stands} if stands else {}),
-    }
+    sliding = max(phases.share(SLIDING) - stands, 0.0)
+    shares = {"rising as in stick": phases.share(STICK), "falling as in slip": phases.share(SLIP), "sliding": sliding}
+    if stands:
+        shares["while the drive stands"] = stands
     text = ", ".join(f"{100 * share:.1f} % {word}" for word, share in shares.items())
     # The force rises on after the onset of slip, and again before the mass rests: a slip lasts longer than its fall.
     yield wrapped(f"{phases.count} stick-slip cycles; force {text}; noise {quantity(phases.noise, 'N', 3)}", "  ")
@@ -202,14 +193,11 @@ def _classical_lines(table: ClassicalTable) -> Iterator[str]:
     if len(table.rows) > len(shown):
         yield f"  … and {len(table.rows) - len(shown)} strokes more: see --json"
     if table.directions:
-        yield columns(
-            [
-                ["all strokes", *("forth" if mean.direction > 0 else "back" for mean in table.directions)],
-                ["strokes", *(str(mean.strokes) for mean in table.directions)],
-                ["coefficient", *(_cell(mean.coefficient, mean.coefficient_sd, "") for mean in table.directions)],
-                ["last against first tenth", *(_cell(mean.trend_percent, None, "%") for mean in table.directions)],
-            ]
-        )
+        heads = ("all strokes", "strokes", "coefficient", "last against first tenth")
+        each = [("forth" if mean.direction > 0 else "back", str(mean.strokes),
+                 _cell(mean.coefficient, mean.coefficient_sd, ""), _cell(mean.trend_percent, None, "%"))
+                for mean in table.directions]  # fmt: skip
+        yield columns(list(map(list, zip(heads, *each, strict=True))))
 
 
 def _cell(value: Json, sd: Json, unit: str) -> str:
@@ -239,9 +227,7 @@ def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:
     return columns(rows)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# As a document.
-# ----------------------------------------------------------------------------------------------------------------------
+# ---- As a document. ----
 
 
 def document(seen: Inspection) -> dict[str, object]:
@@ -305,59 +291,30 @@ def _regime(seen: LogRegime) -> Mapping[str, object]:
     return {"regime": value, "confidence": seen.confidence, "evidence": list(seen.evidence)}
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# As a picture: forces over time with their phases, whole and a few cycles.
-# ----------------------------------------------------------------------------------------------------------------------
+# ---- As a picture, drawn as a report draws a log. ----
 
 
-def draw(logs: Sequence[Inspection], path: Path) -> None:
-    """Per log: friction and normal force over time with every spike and phases behind them, and a few cycles closer."""
-    from matplotlib.figure import Figure
-
-    from data_io.arrays import true_runs
+def draw(logs: Sequence[Inspection], path: Path) -> list[Path]:
+    """Force with its slips and load over time, whole and a few cycles closer; of several logs each in a file of its own
+    with its number behind the name."""
     from data_io.atomic import atomic_path
-    from identify.report.style import extremes
+    from identify.base.outcome import LogCurves
+    from identify.report.figures import draw_force
+    from identify.report.style import drawing_style, printable
 
-    figure = Figure(figsize=(11.0, 3.7 * len(logs)), layout="constrained")
-    for part, item in zip(figure.subfigures(len(logs), 1, squeeze=False)[:, 0], logs, strict=True):
-        record, verdict, end = item.record, item.judgement.verdict, float(item.record.time[-1])
-        ratios = {"height_ratios": (3, 1), "width_ratios": (2.2, 1)}
-        grid = part.subplots(2, 2, sharex="col", squeeze=False, gridspec_kw=ratios)
-        codes = dict.fromkeys(f.code.replace("_", " ") for f in item.judgement.findings if f.severity != "info")
-        title = f"{Path(item.path).name} · {verdict}{': ' if codes else ''}{', '.join(codes)}"
-        part.suptitle(title.replace("$", r"\$"), fontsize=9, color=COLOURS[verdict])
-        onsets = np.concatenate([seen.phases.cycles.onset for seen in item.steps])
-        close = (0.45 * end, 0.55 * end)  # a few cycles in the middle, its middle tenth without them
-        if onsets.size > CLOSE_CYCLES:
-            first = (onsets.size - CLOSE_CYCLES) // 2
-            margin = 0.5 * float(onsets[first + 1] - onsets[first])
-            close = (float(onsets[first]) - margin, float(onsets[first + CLOSE_CYCLES - 1]) + margin)
-        for (friction, normal), (begin, stop) in zip(grid.T, ((0.0, end), close), strict=True):
-            inside = slice(*np.searchsorted(record.time, [begin, stop + 1e-12]).tolist())
-            for axes, values in ((friction, record.friction_force), (normal, record.normal_force)):
-                kept = extremes(values[inside], STRETCHES)
-                axes.plot(record.time[inside][kept], values[inside][kept], color="0.2", lw=0.7, zorder=2)
-                axes.tick_params(labelsize=8)
-            for step in item.steps:
-                time = record.time[step.step.start : step.step.stop]
-                for phase, colour, label in SHADES:
-                    spans = [(float(time[a]), float(time[b - 1])) for a, b in true_runs(step.phases.phase == phase)]
-                    spans = [(a, b) for a, b in spans if b >= begin and a <= stop]
-                    shade = {"facecolor": colour, "edgecolor": colour, "alpha": 0.3, "lw": 0.4, "label": label}
-                    for low, high in spans[:: max(len(spans) // MOST_SHADED, 1)]:
-                        friction.axvspan(low, high, **shade)  # its edge shows a slip narrower than a dot
-                rows = np.flatnonzero(step.phases.spikes) + step.step.start
-                if rows.size:
-                    friction.plot(
-                        record.time[rows], record.friction_force[rows], "x", ms=3, color="crimson", label="spike"
-                    )
-            normal.set_xlim(begin, stop)
-            normal.set_xlabel("time [s]")
-        grid[0, 0].set_ylabel("friction force [N]", fontsize=8)
-        grid[1, 0].set_ylabel("normal [N]", fontsize=8)
-        named = dict(zip(*reversed(grid[0, 0].get_legend_handles_labels()), strict=True))  # one entry of a kind
-        if named:
-            grid[0, 0].legend(named.values(), named.keys(), fontsize=8, loc="upper right", ncols=4)
-        grid[0, 1].set_title(f"{close[0]:.4g} to {close[1]:.4g} s", fontsize=8)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=130)
+    files = [path if len(logs) == 1 else path.with_stem(f"{path.stem}_{i}") for i in range(1, len(logs) + 1)]
+    for place, (item, file) in enumerate(zip(logs, files, strict=True), 1):
+        record, names = item.record, ("onset", "arrest", "onset_force", "arrest_force")
+        cycles = [np.concatenate([getattr(step.phases.cycles, name) for step in item.steps]) for name in names]
+        marks, force, n = np.column_stack(cycles), record.friction_force.copy(), len(record)
+        for step in item.steps:
+            force[step.step.start : step.step.stop] *= step.signs
+        curves = LogCurves(item.path, record.time, record.normal_force, force, np.full(n, np.nan), np.ones(n, bool),
+                           np.nan, np.nan, marks, marks, None)  # fmt: skip
+        with drawing_style(), atomic_path(file) as temporary:
+            figure = draw_force(curves, place, True).figure
+            assert figure is not None
+            name = printable(Path(item.path).name).replace("$", r"\$")
+            figure.suptitle(f"{name} · {item.judgement.verdict}", x=0.98, ha="right", fontsize=8)
+            figure.savefig(temporary, format=file.suffix[1:], dpi=130)
+    return files

@@ -7,39 +7,29 @@ from argparse import Namespace
 from contextlib import nullcontext
 from pathlib import Path
 
+from data_io import LogError, read_log, write_hdf5
+from data_io.anonymise import anonymous
+from data_io.atomic import atomic_path, atomic_write
 from identify.base.progress import to_nobody
-from identify.cli.common import (
-    DONE,
-    MEASURED,
-    PART,
-    READING,
-    WRONG_INPUT,
-    Answer,
-    Command,
-    CommandLineError,
-    Options,
-    Terminal,
-    log_options,
-    new_file,
-    picture,
-    quantity,
-    read,
-)
+from identify.cli.arguments import MEASURED, log_options, new_file, picture, read
+from identify.cli.common import Answer, CommandLineError, Exit, Terminal
+from identify.cli.inspection import Inspection, StatedRig, document, draw, inspection, lines, only, overview
+from identify.logs.draft import DraftLog, draft
+from identify.report.stored_result import plain
+from identify.scene.tables import quantity
+from identify.scene.toml import is_rig, with_rig_file
 
 
 def inspect(arguments: Namespace, terminal: Terminal) -> Answer:
     """Say it for each log. Among several logs one that cannot be read is rejected and the others are still seen."""
     plot = picture(arguments.plot)
-    from data_io import LogError
-    from identify.cli.inspection import Inspection, StatedRig, document, draw, inspection, lines, overview
-
-    stated = {
-        name: quantity(text, unit, f"--{name.replace('_', '-')}")
-        for name, unit in (("stiffness", "N/m"), ("drive_speed", "m/s"), ("mass", "kg"))
-        if (text := getattr(arguments, name)) is not None
-    }
-    rig = StatedRig(**stated)
-
+    rig = StatedRig(
+        **{
+            name: quantity(text, unit, f"--{name.replace('_', '-')}")
+            for name, unit in (("stiffness", "N/m"), ("drive_speed", "m/s"), ("mass", "kg"))
+            if (text := getattr(arguments, name)) is not None
+        }
+    )
     inspections: list[tuple[str, Inspection | None]] = []
     logs: list[object] = []
     unread: list[str] = []
@@ -62,26 +52,16 @@ def inspect(arguments: Namespace, terminal: Terminal) -> Answer:
     if len(inspections) > 1:
         terminal.say(overview(inspections))
     if plot and (drawn := [seen for _, seen in inspections if seen is not None]):
-        draw(drawn, plot)
-        terminal.say(f"plot: {plot}")
+        terminal.say(f"plot: {', '.join(map(str, draw(drawn, plot)))}")
     if unread:
-        from identify.report.stored_result import plain
-
         message = f"{len(unread)} of {len(inspections)} logs cannot be read; {unread[0]}"
-        return Answer(WRONG_INPUT, plain({"schema": 1, "status": "error", "message": message, "logs": logs}))
-    return Answer(DONE, {"status": "done", "logs": logs})
+        return Answer(Exit.WRONG_INPUT, plain({"schema": 1, "status": "error", "message": message, "logs": logs}))
+    return Answer(document={"status": "done", "logs": logs})
 
 
 def scene(arguments: Namespace, terminal: Terminal) -> Answer:
     """Read the logs and write the draft."""
-    out = new_file(arguments.out, "--out", "your edits")
-
-    from data_io import read_log
-    from data_io.atomic import atomic_write
-    from identify.cli.inspection import only
-    from identify.logs.draft import DraftLog, draft
-    from identify.scene.toml import is_rig, with_rig_file
-
+    out = new_file(arguments.out, "your edits")
     rig = None if arguments.rig is None else Path(arguments.rig)
     if rig is not None and not is_rig(with_rig_file({"rig": str(rig)}, Path())["rig"]):
         raise CommandLineError(f"--rig: {rig} is no file of a rig; give one that stickslip rig wrote, such as rig.toml")
@@ -107,12 +87,8 @@ def scene(arguments: Namespace, terminal: Terminal) -> Answer:
 
 def convert(arguments: Namespace, terminal: Terminal) -> Answer:
     """Read and write; the key of an anonymous log is readable by its owner only."""
-    out = new_file(arguments.out, "--out", MEASURED, (".h5", ".hdf5"))
-    from data_io import write_hdf5
-    from data_io.anonymise import anonymous
-    from data_io.atomic import atomic_path
-
-    key = new_file(str(out.with_suffix(".key.json")), "--out", "the key of other logs") if arguments.anonymise else None
+    out = new_file(arguments.out, MEASURED, (".h5", ".hdf5"))
+    key = new_file(str(out.with_suffix(".key.json")), "the key of other logs") if arguments.anonymise else None
     record = read(arguments.log, arguments, terminal)
     safe = anonymous(record) if key else None
     record = safe.record if safe else record
@@ -134,33 +110,3 @@ def convert(arguments: Namespace, terminal: Terminal) -> Answer:
     if key:
         terminal.say(f"{key}: the key; keep it apart from {out.name}")
     return Answer(document=document)
-
-
-INSPECT: Options = {
-    "logs LOG+": "one or more logs",
-    "--plot FILE": "draw force and phases over time (png, svg or pdf)",
-    "--stiffness K": 'of the rig, to compare the sticks with: "1470 N/m"',
-    "--drive-speed V": 'where the log has none: "0.1 mm/s"',
-    "--mass M": 'moving mass of the rig, for how fast it slips: "0.2 kg"',
-    **READING,
-    **PART,
-}
-SCENE: Options = {
-    "logs LOG+": "the logs of one pair",
-    "--out SCENE.toml!": "the file to write; never overwritten",
-    "--rig RIG.toml": "a file that stickslip rig wrote, which the scene takes",
-    **READING,
-}
-CONVERT: Options = {
-    "log LOG": "a log in any readable format",
-    "--out LOG.h5!": "the file to write; never overwritten",
-    "--anonymise": "leave out names, dates, paths and free text; they go into a key beside it, OUT.key.json",
-    **READING,
-    **PART,
-}
-SEEN = "what is in a log: steps, units, sampling, quality, stick and slip, the classical table"
-COMMANDS = (
-    Command("inspect", SEEN, INSPECT, inspect),
-    Command("scene", "write a first, commented scene file from your logs", SCENE, scene),
-    Command("convert", "write any readable log in the HDF5 layout of this project", CONVERT, convert),
-)

@@ -16,20 +16,13 @@ from typing import NoReturn
 import identify
 from identify.base.errors import IdentifyError
 from identify.base.progress import silence
-from identify.cli.common import (
-    DEFECT,
-    INTERRUPTED,
-    WRONG_INPUT,
-    Answer,
-    Command,
-    CommandLineError,
-    Terminal,
-    add_options,
-)
+from identify.cli.commands import COMMANDS, OPTIONS
+from identify.cli.common import Answer, CommandLineError, Exit, Terminal, add_options
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
 
 STOPPED = "interrupted; no half-written result is left behind"
 LONGEST = 400  # characters of a sentence that ends a command
+MOST_DETAILS = 50  # lines shown before it
 DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude and a report."
 EPILOG = """\
 first steps:
@@ -40,7 +33,6 @@ first steps:
 
 exit codes: 0 done, 2 wrong input, 3 ran without success, 130 interrupted, 1 a defect of ours
 """
-GROUPS = "fit logs bench studies calculators app".split()
 
 
 class _Parser(ArgumentParser):
@@ -50,31 +42,21 @@ class _Parser(ArgumentParser):
         raise CommandLineError(f"{message}; see: {self.prog} --help")
 
 
-def commands() -> list[Command]:
-    """Every command, in the order of the help."""
-    return [command for name in GROUPS for command in import_module(f"identify.cli.{name}").COMMANDS]
-
-
 def build_parser() -> ArgumentParser:
     """The parser of all commands."""
-    parser = _Parser(
-        prog="stickslip",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
+    shape = RawDescriptionHelpFormatter
+    parser = _Parser("stickslip", None, DESCRIPTION, EPILOG, formatter_class=shape, allow_abbrev=False)
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     known = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
-    for command in commands():
-        sub = known.add_parser(command.name, help=command.help, description=command.help, allow_abbrev=False)
-        add_options(sub, command.options)
-        sub.set_defaults(work=command.run)
+    for name, (work, text) in COMMANDS.items():
+        sub = known.add_parser(name, help=text, description=text, allow_abbrev=False)
+        add_options(sub, OPTIONS[name])
+        sub.set_defaults(work=work)
     for place in (parser, *known.choices.values()):
         place.add_argument("--json", action="store_true", help="one JSON document on standard output, words on stderr")
         place.add_argument("--debug", action="store_true", help="show the traceback of an error")
         place.add_argument("--quiet", action="store_true", help="no progress and no notes: the answer alone")
-        place.add_argument("--verbose", action="store_true", help="every stage of the work with its seconds")
+        place.add_argument("--verbose", action="store_true", help="every stage of the work with its seconds, and costs")
         place.add_argument("--progress", choices=("shown", "json"), default=SUPPRESS, help="json: one document a line")
     return parser
 
@@ -105,7 +87,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def last_words() -> None:
         with contextlib.redirect_stdout(out):
-            _print_document(_failed(INTERRUPTED, STOPPED, False), json_mode)
+            _print_document(_failed(Exit.INTERRUPTED, STOPPED), json_mode)
 
     with interruptible(last_words if argv is None else None):
         answer = _answer(given, json_mode, debug)
@@ -115,32 +97,32 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader has left; the exit code is that of the work
         silence(sys.stdout)
     except OSError as error:
-        answer = _failed(WRONG_INPUT, _sentence(error), debug)
+        answer = _failed(Exit.WRONG_INPUT, _sentence(error))
     return answer.code
 
 
 def _answer(given: list[str], json_mode: bool, debug: bool) -> Answer:
     """Run, and turn every kind of end into an answer."""
     try:
-        answer = _run(given, json_mode)
+        # whatever a library prints must not spoil the document
+        with contextlib.redirect_stdout(sys.stderr) if json_mode else contextlib.nullcontext():
+            answer = _run(given, json_mode)
         check_interrupted()
         return answer
-    except KeyboardInterrupt:
-        taken_as_handled()
-        return _failed(INTERRUPTED, STOPPED, debug)
-    except Exception as error:  # noqa: BLE001 - the last resort: a defect is a sentence, never a traceback
-        if interrupted():  # a library made an error of its own out of the KeyboardInterrupt
+    except BaseException as error:  # noqa: BLE001 - a defect is a sentence, never a traceback
+        if debug:
+            traceback.print_exc()
+        if interrupted() or isinstance(error, KeyboardInterrupt):  # a library may make an error of its own out of one
             taken_as_handled()
-            return _failed(INTERRUPTED, STOPPED, debug)
-        mendable: tuple[type[Exception], ...] = (CommandLineError, IdentifyError, OSError)
-        if not isinstance(error, CommandLineError):
-            from data_io.values import LogError, UnitError
+            return _failed(Exit.INTERRUPTED, STOPPED)
+        if isinstance(error, CommandLineError):
+            return _failed(Exit.WRONG_INPUT, _sentence(error), error.details)
+        from data_io.values import LogError, UnitError
 
-            mendable = (*mendable, LogError, UnitError)
-        if isinstance(error, mendable):
-            return _failed(WRONG_INPUT, _sentence(error), debug)
+        if isinstance(error, IdentifyError | OSError | LogError | UnitError):
+            return _failed(Exit.WRONG_INPUT, _sentence(error))
         words = f"{type(error).__name__}: {error}".strip()
-        return _failed(DEFECT, f"a defect of ours ({words}); run again with --debug and report what it prints", debug)
+        return _failed(Exit.DEFECT, f"a defect of ours ({words}); run again with --debug and report what it prints")
 
 
 def _run(given: list[str], json_mode: bool) -> Answer:
@@ -149,29 +131,27 @@ def _run(given: list[str], json_mode: bool) -> Answer:
         identify.check_data_io()
     except ImportError as hidden:
         raise CommandLineError(str(hidden)) from None
-    # whatever a library prints must not spoil the document
-    with contextlib.redirect_stdout(sys.stderr) if json_mode else contextlib.nullcontext():
-        try:
-            arguments = build_parser().parse_args(given)
-        except SystemExit:  # help was wanted and printed
-            return Answer(document={"status": "done"})
-        terminal = Terminal(
-            words=sys.stderr if json_mode else sys.stdout,
-            notes=open(os.devnull, "w", encoding="utf-8") if arguments.quiet else sys.stderr,  # noqa: PTH123, SIM115
-            progress="verbose" if arguments.verbose else getattr(arguments, "progress", "shown"),
-        )
-        if arguments.version:
-            from importlib.metadata import version
+    try:
+        arguments = build_parser().parse_args(given)
+    except SystemExit:  # help was wanted and printed
+        return Answer(document={"status": "done"})
+    terminal = Terminal(
+        words=sys.stderr if json_mode else sys.stdout,
+        notes=open(os.devnull, "w", encoding="utf-8") if arguments.quiet else sys.stderr,  # noqa: PTH123, SIM115
+        progress="verbose" if arguments.verbose else getattr(arguments, "progress", "shown"),
+    )
+    if arguments.version:
+        from importlib.metadata import version
 
-            installed = version("stick-slip-workbench")
-            terminal.say(f"stickslip {installed}")
-            return Answer(document={"status": "done", "version": installed})
-        if arguments.command is None:
-            raise CommandLineError(f"no command was given; expected one of {', '.join(c.name for c in commands())}")
-        with warnings.catch_warnings():
-            if not arguments.debug:
-                warnings.simplefilter("ignore")  # of libraries, for developers; what users must know is in the answer
-            answer: Answer = arguments.work(arguments, terminal)
+        terminal.say(f"stickslip {version('stick-slip-workbench')}")
+        return Answer(document={"status": "done", "version": version("stick-slip-workbench")})
+    if arguments.command is None:
+        raise CommandLineError(f"no command was given; expected one of {', '.join(COMMANDS)}")
+    with warnings.catch_warnings():
+        if not arguments.debug:
+            warnings.simplefilter("ignore")  # of libraries, for developers; what users must know is in the answer
+        module, name = arguments.work.split(".")
+        answer: Answer = getattr(import_module(f"identify.cli.{module}"), name)(arguments, terminal)
     return answer
 
 
@@ -182,19 +162,22 @@ def _sentence(error: BaseException) -> str:
     return " ".join(str(error).split())
 
 
-def _failed(code: int, message: str, debug: bool) -> Answer:
-    if debug:
-        traceback.print_exc()
+def _failed(code: Exit, message: str, details: Sequence[str] = ()) -> Answer:
     if len(message) > LONGEST:  # it echoes a long argument
         message = f"{message[: LONGEST // 2]}…{message[-LONGEST // 2 :]}"
     with contextlib.suppress(OSError):  # where errors cannot be written, nobody reads them
+        for line in details[:MOST_DETAILS]:
+            print(f"  {line}", file=sys.stderr)
+        if len(details) > MOST_DETAILS:
+            print(f"  and {len(details) - MOST_DETAILS} more", file=sys.stderr)
         print(f"stickslip: {message}", file=sys.stderr, flush=True)
-    return Answer(code, {"schema": 1, "status": "error", "message": message})
+    errors = {"errors": list(details)} if details else {}
+    return Answer(code, {"schema": 1, "status": "error", "message": message, **errors})
 
 
 def _print_document(answer: Answer, json_mode: bool) -> None:
     document = dict(answer.document)
-    if json_mode and answer.code not in (DEFECT, WRONG_INPUT, INTERRUPTED):
+    if json_mode and answer.code in (Exit.DONE, Exit.NOT_SUCCEEDED):
         from identify.report.stored_result import plain
 
         document = {"schema": 1, **plain(document)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -14,42 +14,20 @@ from data_io import read_log
 from identify.base.document import Json, to_dict
 from identify.base.result import LogResult, Result
 from identify.base.wording import wrapped
-from identify.cli.common import Answer, CommandLineError, Terminal, file_to_write, pairs, picture, quantity
+from identify.cli.arguments import file_to_write, pairs, picture
+from identify.cli.common import Answer, CommandLineError, Terminal
 from identify.diagnosis.effect_choice import choose_from_numbers
 from identify.logs.scene_records import unused
+from identify.prediction import maps, sources
 from identify.prediction.axes import Site, axis, known_axes
-from identify.prediction.draws import DRAWS, Draws, OperatingPoint
-from identify.prediction.maps import (
-    Chart,
-    LineMap,
-    around,
-    chart,
-    check_data_path,
-    line_map,
-    stabilising_changes,
-    write_map,
-)
+from identify.prediction.draws import DRAWS, AnswerInterval, Draws, OperatingPoint
 from identify.prediction.orbit import check_calculable
 from identify.prediction.predict import NoAnswer, PointPrediction, predict, predictions
-from identify.prediction.sources import (
-    Groups,
-    Origins,
-    Pair,
-    Tested,
-    assumed,
-    existing_result,
-    groups_of,
-    named,
-    pair_of,
-    stated,
-    ties_of,
-    with_tied,
-)
 from identify.prediction.wording import ranges_text, shown
 from identify.report.report_wording import OUTCOMES
 from identify.report.stored_result import read_result, scene_of
 from identify.scene import LogEntry, Scene
-from identify.scene.tables import NOT_NEGATIVE, POSITIVE, Key, check, nearest
+from identify.scene.tables import NOT_NEGATIVE, POSITIVE, Key, check, nearest, quantity
 from identify.scene.values import EACH_LOG
 
 Array = NDArray[np.float64]
@@ -71,14 +49,14 @@ class PairAtPoint:
     site: Site
     covariance: Array | None
     names: tuple[str, ...]
-    groups: Groups = ()
+    groups: sources.Groups = ()
     untold: str = ""
-    origins: Origins = field(default_factory=Origins)
+    origins: sources.Origins = field(default_factory=sources.Origins)
 
     @property
     def title(self) -> str:
         """Its name, with its group where there are several."""
-        return f"{self.name} ({named(self.groups)})" if self.groups else self.name
+        return f"{self.name} ({sources.named(self.groups)})" if self.groups else self.name
 
     @property
     def at(self) -> OperatingPoint:
@@ -92,7 +70,7 @@ class PairAtPoint:
         return at | {"stiffness": self.site.values["stiffness"]}
 
 
-def operating_points(arguments: Namespace) -> tuple[list[PairAtPoint], Tested | None, Scene]:
+def operating_points(arguments: Namespace) -> tuple[list[PairAtPoint], sources.Tested | None, Scene]:
     """One point per log, changed by --at; a drive speed given there makes it one point, of every group where parameters
     differ between groups. With the range of what the logs tested, None where there are none, and the scene.
 
@@ -110,20 +88,18 @@ def operating_points(arguments: Namespace) -> tuple[list[PairAtPoint], Tested | 
         whole = source.with_effects((result and result.effects.names) or choose_from_numbers(source).effects)
     effects = whole.model.effects
     for name in arguments.without:
-        if name not in effects:
-            raise CommandLineError(_unknown("--without", name, effects))
+        _check_known("--without", name, effects)
     scene = whole.with_effects([n for n in effects if n not in arguments.without]) if arguments.without else whole
     check_calculable(scene.model)
     changes = _changes(arguments.at, scene)
     points = points_of(scene, result, changes)
-    known = _groups(points)
+    known = _groups(points) or "one pair"
     for item in arguments.group:
         points = [p for p in points if item in [t for per, value in p.groups for t in (value, f"{per}={value}")]]
-    if not points:
-        raise CommandLineError(
-            f"--group names {arguments.group[0]!r}; the logs are of {known or 'one pair'}: name one of these, or "
-            "leave it out"
-        )
+        if not points:
+            raise CommandLineError(
+                f"--group names {item!r}; the logs are of {known}: name one of these, or leave it out"
+            )
     for values in (point.site.values for point in points if changes):
         static, slow, change = values["mu_s"], values["mu_k0"], values.get("delta_mu_k", 0.0)
         if not slow + change > 0.0 or not slow < static:
@@ -135,17 +111,16 @@ def operating_points(arguments: Namespace) -> tuple[list[PairAtPoint], Tested | 
     if len(points) > 1 and ("drive_speed" in changes or same):
         first = {point.groups: point for point in reversed(points) if not point.untold}
         points = [replace(point, name="the operating point") for point in reversed(first.values())] or points[:1]
-    tested = None if result is None else Tested.of_result(result)
+    tested = None if result is None else sources.Tested.of_result(result)
     if result is None and source.logs:
-        tested = Tested.of(point.setting for point in points_of(whole, None))
+        tested = sources.Tested.of(point.setting for point in points_of(whole, None))
     return points, tested, source
 
 
-def _unknown(option: str, name: str, known: Sequence[str]) -> str:
-    return (
-        f"{option} names {name!r}, which is not among {', '.join(known)}; did you mean {nearest(name, known)!r}? "
-        "Correct it"
-    )
+def _check_known(option: str, name: str, known: Collection[str]) -> None:
+    if name not in known:
+        guess = f"did you mean {nearest(name, known)!r}? Correct it"
+        raise CommandLineError(f"{option} names {name!r}, which is not among {', '.join(known)}; {guess}")
 
 
 def _changes(items: Sequence[str], scene: Scene) -> dict[str, float]:
@@ -154,33 +129,29 @@ def _changes(items: Sequence[str], scene: Scene) -> dict[str, float]:
     keys = POINT | {p.name: Key(p.unit) for p in declared.values()}
     values = {}
     for name, text in pairs(items, "--at", 'drive_speed="1 mm/s"').items():
-        if name not in keys:
-            raise CommandLineError(_unknown("--at", name, list(keys)))
+        _check_known("--at", name, keys)
         values[name] = quantity(text, keys[name].unit, f"--at {name}")
-        if name in POINT:
-            check(f"--at {name}", keys[name], values[name])
-        elif not (p := declared[name]).lower <= values[name] <= p.upper:
-            raise CommandLineError(
-                f"--at {name} is {values[name]:g}; the model admits {p.lower:g} to {p.upper:g} {p.unit}".rstrip()
-                + ": move it there"
-            )
+        check(f"--at {name}", keys[name], values[name])
+        p = declared.get(name)
+        if p and not p.lower <= values[name] <= p.upper:
+            admitted = f"{p.lower:g} to {p.upper:g} {p.unit}".rstrip()
+            raise CommandLineError(f"--at {name} is {values[name]:g}; the model admits {admitted}: move it there")
     return values
 
 
 def points_of(scene: Scene, result: Result | None, changes: Mapping[str, float] = {}) -> list[PairAtPoint]:
     """The operating point of every log of a scene (or of its rig alone) or of a finished fit, with these changes [SI];
     several where a log has a programme of speeds, or parts of several groups."""
-    places: list[tuple[LogEntry | None, int]] = [(entry, 0) for entry in scene.logs or (None,)]
-    if result is not None and scene.logs:
-        places = []
-        for number, log_entry in enumerate(scene.logs):
-            first = {groups_of(result, place): place for place in reversed(result.places(number))}
-            places += [(log_entry, place) for place in sorted(first.values())]
+    places: list[tuple[LogEntry | None, int]] = [] if scene.logs else [(None, 0)]
+    for number, log_entry in enumerate(scene.logs):
+        of_entry = result.places(number) if result is not None else (0,)
+        first = {result and sources.groups_of(result, place): place for place in reversed(of_entry)}
+        places += [(log_entry, place) for place in sorted(first.values())]
     declared, points = scene.model.parameter_names, []
     for entry, place in places:
         rig = scene.rig_for(entry) if entry else scene.rig
         log = result.logs[place] if result and entry else LogResult()
-        pair = pair_of(result, scene, place) if result else Pair()
+        pair = sources.pair_of(result, scene, place) if result else sources.Pair()
         names, covariance = pair.names, pair.covariance
         values = scene.values(entry) | {n: v for n, v in (*pair.values.items(), *changes.items()) if n in declared}
         drive = changes.get("drive_speed", rig.drive_speed)
@@ -189,17 +160,16 @@ def points_of(scene: Scene, result: Result | None, changes: Mapping[str, float] 
         if not moving:
             raise CommandLineError('the scene gives no drive speed that moves; give one: --at drive_speed="1 mm/s"')
         loads = (changes.get("normal_force"), log.normal_force_N, rig.normal_force)
-        load = next((float(force) for force in loads if force is not None), None)
-        load = _median_load(entry) if load is None else load
+        load = next((float(force) for force in loads if force is not None), None) or _median_load(entry)
         for speed in moving:
             scene.check_ranges(None, speed, [load], values)
-            guessed = assumed(scene, values, (*changes, *pair.values))
+            guessed = sources.assumed(scene, values, (*changes, *pair.values))
             if result is None:
-                known = stated(scene, values, speed) or ((), np.zeros((0, 0)))
+                known = sources.stated(scene, values, speed) or ((), np.zeros((0, 0)))
                 variances = np.append(np.diag(known[1]), np.square(list(guessed.values())))
                 names, covariance = (*known[0], *guessed), np.diag(variances) if variances.size else None
                 if covariance is not None:
-                    names, covariance = with_tied(names, covariance, ties_of(scene))
+                    names, covariance = sources.with_tied(names, covariance, sources.ties_of(scene))
             measured = tuple(n for n in declared if n in names and result is not None and n not in changes)
             kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT)]
             elsewhere = tuple(n for n in declared if n not in measured and n not in guessed)
@@ -212,7 +182,7 @@ def points_of(scene: Scene, result: Result | None, changes: Mapping[str, float] 
                     names=tuple(names[i] for i in kept),
                     groups=pair.groups,
                     untold=pair.untold,
-                    origins=Origins(measured, elsewhere, tuple(guessed)),
+                    origins=sources.Origins(measured, elsewhere, tuple(guessed)),
                 )
             )
     return points
@@ -229,7 +199,7 @@ def _median_load(entry: LogEntry | None) -> float:
 
 def _groups(points: Sequence[PairAtPoint]) -> str:
     """The groups of these points in words, each once."""
-    return "; ".join(dict.fromkeys(named(p.groups) for p in points if p.groups))
+    return "; ".join(dict.fromkeys(sources.named(p.groups) for p in points if p.groups))
 
 
 def _one_pair(points: Sequence[PairAtPoint], option: str) -> list[PairAtPoint]:
@@ -243,36 +213,34 @@ def _one_pair(points: Sequence[PairAtPoint], option: str) -> list[PairAtPoint]:
         raise CommandLineError(f"{option} has nothing to show: {points[0].untold}")
     if len({p.groups for p in kept}) > 1:
         per, value = kept[0].groups[0]
-        choice = f'--group "{value}"' if per == EACH_LOG else f'--group "{per}={value}"'
-        raise CommandLineError(
-            f"{option} shows one pair, and the parameters differ between {_groups(kept)}: choose one, as by {choice}"
-        )
+        choice = value if per == EACH_LOG else f"{per}={value}"
+        differ = f"{option} shows one pair, and the parameters differ between {_groups(kept)}"
+        raise CommandLineError(f'{differ}: choose one, as by --group "{choice}"')
     return kept
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# What is answered there.
-# ----------------------------------------------------------------------------------------------------------------------
+# ---- What is answered there. ----
 
 
-def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
-    """Say one part ("stability" or "amplitude") of the prediction at every operating point; plot it where wanted.
+def answers(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Say one part (the command: "stability" or "amplitude") of the prediction at every operating point; plot it where
+    wanted.
 
     Raises:
         CommandLineError, SceneError, SimulationError, LogError: one sentence each.
     """
-    plot = picture(arguments.plot)
+    part, plot = arguments.command, picture(arguments.plot)
     margin = None if arguments.advice is None else quantity(arguments.advice or "20 %", "", "--advice")
     if margin is not None and not 0.0 < margin < 10.0:
         raise CommandLineError(f'--advice is {arguments.advice!r}; expected a share above zero: write --advice "20 %"')
     points, tested, scene = operating_points(arguments)
     origins = points[0].origins
     terminal.say(wrapped(origins.text, "", ""))
-    offered = None if arguments.result else existing_result(scene)
+    offered = None if arguments.result else sources.existing_result(scene)
     if offered is not None:
         terminal.say(wrapped(f"A fit of this scene stands beside it: --result {offered} takes its parameters.", "", ""))
     if arguments.map:
-        return _map(arguments, terminal, part, _one_pair(points, "--map"), tested)
+        return _map(arguments, terminal, _one_pair(points, "--map"), tested)
     if arguments.data or arguments.range or arguments.points is not None:
         raise CommandLineError("--data, --range and --points belong to a map; name its quantities: --map drive_speed")
     shown = _one_pair(points, "--plot") if plot else points
@@ -287,19 +255,19 @@ def answers(arguments: Namespace, terminal: Terminal, part: str) -> Answer:
             # values that nobody measured make ranges, not one number
             texts = [ranges_text(prediction, part)] if origins.assumed else [own, prediction.closed_forms.text]
             if margin is not None:
-                advice = stabilising_changes(point.site.model, point.at, point.names, tested, margin)
+                advice = maps.stabilising_changes(point.site.model, point.at, point.names, tested, margin)
                 document["advice"] = to_dict(advice)
                 texts.append(advice.text)
             if tested is not None and (beyond := tested.beyond(point.setting)):
                 document["extrapolated"] = beyond
                 texts.insert(0, beyond)
-        for line in (line for text in texts for line in text.splitlines()):
+        for line in "\n".join(texts).splitlines():
             terminal.say(wrapped(line, "  ", ""))
         documents.append(document)
     if plot:
         from identify.report.draw_map import draw_line
 
-        draw_line(line_map(shown[0].site, "drive_speed", _around("drive_speed", shown), LINE, None), plot, part)
+        draw_line(maps.line_map(shown[0].site, "drive_speed", _around("drive_speed", shown), LINE, None), plot, part)
         terminal.say(f"plot: {plot}")
     whole: dict[str, Json] = {"status": "done", "assumed": list(origins.assumed), "points": documents}
     return Answer(document=whole if offered is None else whole | {"existing_result": str(offered)})
@@ -312,33 +280,31 @@ def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnsw
         return [predict(site.model, site.values, site.drive_speed, site.normal_force, p.covariance, p.names)]
     answered: dict[int, PointPrediction | NoAnswer] = {}
     for groups in {p.groups for p in points}:
-        mine = [i for i, p in enumerate(points) if p.groups == groups]
-        first = points[mine[0]]
+        mine = {i: p for i, p in enumerate(points) if p.groups == groups}
+        first = next(iter(mine.values()))
         if first.untold:
             answered |= dict.fromkeys(mine, NoAnswer(f"no answer: {first.untold}"))
         else:
-            answered |= zip(mine, predictions(first.site.model, [points[i].at for i in mine], first.names), strict=True)
+            found = predictions(first.site.model, [p.at for p in mine.values()], first.names)
+            answered |= zip(mine, found, strict=True)
     return [answered[i] for i in range(len(points))]
 
 
 def _around(name: str, points: Sequence[PairAtPoint]) -> tuple[float, float]:
-    spans = [around(axis(p.site, name)) for p in points]
+    spans = [maps.around(axis(p.site, name)) for p in points]
     return min(low for low, _ in spans), max(high for _, high in spans)
 
 
 def _map(
-    arguments: Namespace, terminal: Terminal, part: str, points: Sequence[PairAtPoint], tested: Tested | None
+    arguments: Namespace, terminal: Terminal, points: Sequence[PairAtPoint], tested: sources.Tested | None
 ) -> Answer:
     """Map one or two quantities around the first operating point; say it, draw it, store it."""
-    plot = picture(arguments.plot)
-    data = None if arguments.data is None else file_to_write(arguments.data, "--data")
-    if data is not None:
-        check_data_path(data)
-    point, site, names = points[0], points[0].site, tuple(arguments.map)
-    known = known_axes(site.model)
+    plot, data = picture(arguments.plot), arguments.data and file_to_write(arguments.data, "--data")
+    if data:
+        maps.check_data_path(data)
+    point, site, names, part = points[0], points[0].site, tuple(arguments.map), arguments.command
     for name in names:
-        if name not in known:
-            raise CommandLineError(_unknown("--map", name, list(known)))
+        _check_known("--map", name, known_axes(site.model))
     if len(names) > 2:
         raise CommandLineError(f"--map names {len(names)} quantities; expected one or two: leave some out")
     ranges, example = {name: _around(name, points) for name in names}, 'drive_speed="0.1 mm/s:10 mm/s"'
@@ -350,34 +316,32 @@ def _map(
             )
         unit = axis(site, name).unit
         ranges[name] = quantity(low, unit, f"--range {name}"), quantity(high, unit, f"--range {name}")
-    draws = None
-    if point.covariance is not None:
-        at = dict(zip(POINT, (site.drive_speed, site.normal_force), strict=True))
-        draws = Draws.of(site.model, dict(site.values) | at, point.names, point.covariance, DRAWS // 2)
-    nodes = arguments.points if arguments.points is not None else LINE if len(names) == 1 else GRID
-    chart_of_map: LineMap | Chart
     if len(names) == 1:
-        chart_of_map = line_map(site, names[0], ranges[names[0]], nodes, draws)
-        document = _line_document(chart_of_map)
+        draws, nodes = None, LINE if arguments.points is None else arguments.points
+        if point.covariance is not None:
+            at = dict(zip(POINT, (site.drive_speed, site.normal_force), strict=True))
+            draws = Draws.of(site.model, dict(site.values) | at, point.names, point.covariance, DRAWS // 2)
+        drawn: maps.LineMap | maps.Chart = maps.line_map(site, names[0], ranges[names[0]], nodes, draws)
     else:
-        chart_of_map = chart(site, (names[0], names[1]), list(ranges.values()), (nodes, nodes))
-        document = _chart_document(chart_of_map)
+        nodes = GRID if arguments.points is None else arguments.points
+        drawn = maps.chart(site, (names[0], names[1]), list(ranges.values()), (nodes, nodes))
+    document = _line_document(drawn) if isinstance(drawn, maps.LineMap) else _chart_document(drawn)
     terminal.say(wrapped(str(document["text"]), "", ""))
     if plot:
         from identify.report.draw_map import Marks, draw_line, draw_map
 
-        if isinstance(chart_of_map, LineMap):
-            draw_line(chart_of_map, plot, part)
+        if isinstance(drawn, maps.LineMap):
+            draw_line(drawn, plot, part)
         else:
             others = [(axis(p.site, names[0]).value, axis(p.site, names[1]).value) for p in points[1:]]
-            draw_map(chart_of_map, plot, part, Marks(others, tested, point.title))
+            draw_map(drawn, plot, part, Marks(others, tested, point.title))
         terminal.say(f"plot: {plot}")
-    for file in [] if data is None else write_map(chart_of_map, data):
+    for file in maps.write_map(drawn, data) if data else ():
         terminal.say(f"data: {file}")
     return Answer(document={"status": "done", "map": document})
 
 
-def _chart_document(drawn: Chart) -> dict[str, Json]:
+def _chart_document(drawn: maps.Chart) -> dict[str, Json]:
     """Two quantities: shares of the map by outcome, and where it was computed."""
     plane = drawn.plane
     axes = {"x": (plane.x, plane.x_values), "y": (plane.y, plane.y_values)}
@@ -393,33 +357,30 @@ def _chart_document(drawn: Chart) -> dict[str, Json]:
     }
 
 
-def _line_document(answer: LineMap) -> dict[str, Json]:
+def _line_document(drawn: maps.LineMap) -> dict[str, Json]:
     """One quantity alone: where answers change, with intervals."""
-    q, figures = answer.quantity, answer.chart.figures
-    low, high = (shown(float(v), q.unit) for v in answer.values[[0, -1]])
+    q, figures = drawn.quantity, drawn.chart.figures
     document: dict[str, Json] = {
-        "x": {"name": q.name, "unit": q.unit, "values": answer.values.tolist()},
-        "outcomes": answer.chart.outcomes[0].tolist(),
+        "x": {"name": q.name, "unit": q.unit, "values": drawn.values.tolist()},
+        "outcomes": drawn.chart.outcomes[0].tolist(),
         "figures": {name: values.tolist() for name, (values,) in figures.items()},
     }
     sentences = []
     for key, words, changes, holds in (
-        ("end_of_stick_slip", "stick-slip exists", answer.ends, np.isfinite(figures["drop"])),
-        ("loss_of_stability", "steady sliding is unstable", answer.losses, answer.chart.growth >= 0.0),
+        ("end_of_stick_slip", "stick-slip exists", drawn.ends, np.isfinite(figures["drop"])),
+        ("loss_of_stability", "steady sliding is unstable", drawn.losses, drawn.chart.growth >= 0.0),
     ):
         entries: list[Mapping[str, Json]] = []
-        texts = []
+        texts = ["everywhere" if np.all(holds) else "in places" if np.any(holds) else "nowhere"] if not changes else []
         for change in changes:
-            side, span = "below" if change.below else "above", change.interval
-            text, ends = f"{side} {shown(change.value, q.unit)}", None if span is None else [span.low, span.high]
+            side, span = "below" if change.below else "above", change.interval or AnswerInterval(None, None)
+            ends = None if change.interval is None else [span.low, span.high]
             entry: dict[str, Json] = {"value": change.value, "unit": q.unit, "interval": ends, "holds": side}
-            if span is not None and span.reason:
-                entry["reason"] = f"interval open: {span.reason}"
-            if span is not None and span.low is not None and span.high is not None:
-                text += f" (95 %: {shown(span.low, q.unit)} to {shown(span.high, q.unit)})"
-            entries.append(entry)
-            texts.append(text)
+            entries.append(entry | ({"reason": f"interval open: {span.reason}"} if span.reason else {}))
+            texts.append(f"{side} {shown(change.value, q.unit)}")
+            if span.low is not None and span.high is not None:
+                texts[-1] += f" (95 %: {shown(span.low, q.unit)} to {shown(span.high, q.unit)})"
         document[key] = entries
-        none = "everywhere" if np.all(holds) else "nowhere" if not np.any(holds) else "in places"
-        sentences.append(f"{words} {' and '.join(texts) or none}")
+        sentences.append(f"{words} {' and '.join(texts)}")
+    low, high = (shown(float(v), q.unit) for v in drawn.values[[0, -1]])
     return document | {"text": f"Over {q.label} from {low} to {high}: {'; '.join(sentences)}."}

@@ -115,9 +115,9 @@ def method_table(result: Result) -> OutputTable:
     return OutputTable("Intervals by each method", tuple(heads), tuple(rows))
 
 
-def summary(result: Result) -> str:
+def summary(result: Result, costs: bool = False) -> str:
     """A fit in plain text of 79 columns: status, parameters with intervals and verdicts, the reasons of what is not
-    identified."""
+    identified; costs: also those of the accuracy."""
     lines = [wording.wrapped(f"{result.status.replace('_', ' ')}: {result.message}")]
     if not result.converged:
         return lines[0]
@@ -137,7 +137,7 @@ def summary(result: Result) -> str:
         gone = ", ".join(reason.effect for reason in result.effects.reasons if not reason.kept)
         lines.append(wording.wrapped(f"effects chosen: {', '.join(result.effects.names)}", "  "))
         lines += [wording.wrapped(f"left out: {gone or 'none'}; why: see the report", "  "), ""]
-    last = [report_wording.accuracy_text(result.accuracy)]
+    last = [report_wording.accuracy_text(result.accuracy)] if costs else []
     last += ["what accuracy costs: see the report"] if result.accuracy_table else []
     for name, *_, verdict in table.cells:
         if verdict.value not in ("identified", "fixed") and verdict.note:

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-import identify.report
 from identify import examples, identification
 from identify.base.result import Result
 from identify.cli import main as cli
@@ -84,7 +83,7 @@ def test_a_log_without_cycles_is_reported_with_exit_code_3(folder, capsys):
 def test_the_exit_code_of_the_demo_is_that_of_its_fit(monkeypatch, tmp_path, capsys, good):
     fit = fake_fit()
     found = fit if good else failed(fit, "model_misfit", "the model does not fit")
-    monkeypatch.setattr(identification, "fit", lambda *_, **__: found)
-    monkeypatch.setattr(identify.report, "write_report", lambda *_: None)
+    monkeypatch.setattr("identify.cli.fit.fit", lambda *_, **__: found)
+    monkeypatch.setattr("identify.cli.fit.write_report", lambda *_: None)
     assert cli.main(["demo", "--out", str(tmp_path / "demo"), "--json"]) == (0 if good else 3)
     assert json.loads(capsys.readouterr().out)["status"] == found.status.value

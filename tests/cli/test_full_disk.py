@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from data_io import Record, write_csv
-from identify import identification
 from identify.cli import main as cli
 from tests.support.fake_fit import fake_fit
 
@@ -93,7 +92,7 @@ def test_what_a_command_writes_is_whole_or_not_there(case, capsys, name):
 
 
 def test_a_fit_leaves_no_half_report(case, capsys, monkeypatch):
-    monkeypatch.setattr(identification, "fit", lambda *_, **__: fake_fit())
+    monkeypatch.setattr("identify.cli.fit.fit", lambda *_, **__: fake_fit())
     Path("fit.toml").write_text(SCENE + '[[logs]]\npath = "log.csv"\n')
     before = files(case)
     capsys.readouterr()

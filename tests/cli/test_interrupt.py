@@ -23,7 +23,6 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 DEAF = """
 import sys, time
 from pathlib import Path
-from dataclasses import replace
 from identify.cli import main as cli, fit
 from identify.cli import interrupt
 from identify.cli.folder import result_folder
@@ -40,7 +39,7 @@ def run(arguments, terminal):
             except KeyboardInterrupt:
                 pass
 
-fit.COMMANDS = (replace(fit.COMMANDS[1], run=run),)
+fit.fit_logs = run
 sys.argv = ["stickslip", "fit", "--scene", "x", *sys.argv[1:]]
 raise SystemExit(cli.main())
 """

@@ -59,6 +59,7 @@ def _log(entry, record, number):
 def fitted(tmp_path, monkeypatch):
     """The folder of one group of a batch: a log of two strokes and one that goes one way; and how the group ended."""
     monkeypatch.setattr(identification, "fit", answer)
+    monkeypatch.setattr("identify.cli.fit.fit", answer)
     monkeypatch.setattr(report, "write_report", lambda fit, part: write_document(part / RESULT, fit.result))
     time = np.arange(400) / 200
     for name in ("back_and_forth.csv", "one_way.csv"):
