@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from scipy.signal import lfilter
 
 import identify
 from data_io import LogError, Record
+from experiments.case_variants import WRONG, scene_of_both, two_materials, with_scatter, wrong
 from experiments.designs import allowed, design
 from experiments.designs import scene_of as design_scene
 from experiments.in_vivo import RATES, twin
@@ -30,7 +32,8 @@ from experiments.judgement import FRICTION, judged
 from experiments.measured_records import FILES, RECORDS, TOGETHER
 from experiments.measured_records import scene_of as measured_scene
 from experiments.record_kinds import KINDS
-from experiments.scattered_records import with_scatter
+from experiments.regime_records import KINDS as REGIMES
+from experiments.regime_records import drawn
 from experiments.strangers import stranger
 from experiments.study_problem import (
     DEMO,
@@ -44,19 +47,20 @@ from experiments.study_problem import (
     scene_of,
 )
 from experiments.treated_logs import copied, oscillating, specimens, toleranced, treated
-from experiments.two_materials import scene_of_both, two_materials
 from experiments.uneven_records import CASES as UNEVEN
 from experiments.uneven_records import scene_of as uneven_scene
 from experiments.uneven_records import simulated
-from experiments.wrong_rigs import KINDS as WRONG
-from experiments.wrong_rigs import wrong
 from identify import Scene, fit
-from identify.base.errors import IdentifyError
+from identify.base.errors import FitError, IdentifyError
+from identify.cli.inspection import StatedRig, inspection
 from identify.effects import MAIN
+from identify.logs.prepare import prepare
+from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.simulation.simulate import run
 
 SECOND = 20_000  # a profile was mended on pair 10,011 of the strangers: those from 10,000 on are no longer held out
+SLIPLESS = (None, "none", "sliding", "programme")
 SCATTERS = (0.0, 0.003, 0.01, 0.03, 0.05, 0.15)
 SCATTER_SEED, COVERAGE_SEED = 53, 97
 COVERAGE_SPEEDS = ((1e-4, 14.0, 250.0), (1e-3, 2.2, 1000.0), (5e-3, 0.7, 2000.0))
@@ -275,13 +279,28 @@ def copied_log(number: int) -> Line:
 
 
 def regime(number: int) -> Line:
-    """The regime of a record as `inspect` has it without and with the rig, and as the fit sees it."""
-    from experiments.regimes import looked_at
-
-    seen = looked_at(number)
-    told = ", ".join(str(word) for word in (seen.alone, seen.with_rig, seen.by_fit))
-    return _refused(f"{seen.truth} told as {told}: {seen.evidence}") | {
-        "status": seen.truth, "answered": True, "right": seen.right, "false": seen.claimed, "kind": seen.kind,
+    """The regime of a record, the kinds in turn, as `inspect` has it without and with the rig, and as the fit sees it
+    (None where it refuses it before); right: both looks of `inspect`; false: stick-slip is claimed where there is
+    none."""
+    made = drawn(tuple(REGIMES)[number % len(REGIMES)], 1 + number // len(REGIMES))
+    parted = made.regime == "programme" or made.strokes > 1  # a column tells the speed; each part is a log of its own
+    stated, speed = made.rig, made.rig["drive_speed"]
+    rig = StatedRig(stated["stiffness"], None if parted else speed, stated["mass"])
+    looks = [inspection("log", made.record, known).regime for known in (StatedRig(), rig)]
+    seen = ["none" if look.regime is None else look.regime.value for look in looks]
+    told: list[str | None] = [*seen, None]
+    if not parted:
+        logs = [{"path": "a.csv", "drive_speed": speed}]
+        own = {name: stated[name] for name in ("mass", "stiffness", "damping")}
+        scene = Scene.from_document({"effects": list(MAIN), "rig": own, "logs": logs}, Path())
+        with suppress(FitError):
+            by_fit = prepare(scene, scene.logs[0], made.record, from_scene(scene)).regime
+            told[2] = "none" if by_fit is None else by_fit.value
+    claimed = not made.slips and any(word not in SLIPLESS for word in told)
+    words = f"{made.regime} told as {', '.join(map(str, told))}: {'; '.join(looks[0].evidence)}"
+    return _refused(words) | {
+        "status": made.regime, "answered": True, "right": set(seen) == {made.regime}, "false": claimed,
+        "kind": made.kind,
     }  # fmt: skip
 
 
@@ -340,7 +359,7 @@ class Commands:
         here, product = (str(Path(file).parents[1]) for file in (__file__, identify.__file__))
         lines = ["import sys", f"sys.path[:0] = {[product]!r}", f"sys.path.append({here!r})"]
         if self.cpu_clock:
-            lines.append("from experiments.in_parts import by_processor_time; by_processor_time()")
+            lines.append("from experiments.machine import by_processor_time; by_processor_time()")
         lines.append("from identify.cli.main import main; sys.exit(main(sys.argv[1:]))")
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(

@@ -8,8 +8,20 @@ from __future__ import annotations
 import mpmath as mp
 import numpy as np
 
-from experiments.hard_scenes import OMEGA, PAIR, V_CR, HardCase, Scene
-from experiments.hard_truths import NONE, Answer, by_integration, continued, first_onset, forces_of, linear_slip
+from experiments.hard_scenes import (
+    NONE,
+    OMEGA,
+    PAIR,
+    V_CR,
+    Answer,
+    HardCase,
+    Scene,
+    by_integration,
+    continued,
+    first_onset,
+    forces_of,
+    linear_slip,
+)
 
 INTEGRATOR = "independent integrator, DOP853 at 1e-12"
 RADAU = "independent integrator, Radau at 1e-9"

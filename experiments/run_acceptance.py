@@ -33,8 +33,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.acceptance_samples import COMMANDS, SAMPLES, SECOND, Sample
-from experiments.in_parts import by_processor_time, read
-from experiments.machine import describe
+from experiments.machine import by_processor_time, describe
 
 HEAD = (
     "sample", "cases", "right", "false", "answered", "intervals that hold", "verdict errors", "invented",
@@ -52,9 +51,14 @@ def case(sample: str, number: int) -> dict[str, Any]:
     return {"sample": sample, "case": number} | line | spent
 
 
+def read(path: str | Path) -> list[dict[str, Any]]:
+    """The cases of a file."""
+    return [json.loads(line) for line in Path(path).read_text(encoding="utf-8").splitlines()]
+
+
 def run(sample: str, numbers: Sequence[int], file: Path | None) -> list[dict[str, Any]]:
     """The cases of a sample that the file does not hold yet."""
-    done = {(line["sample"], line["case"]) for line in read([file])} if file is not None and file.exists() else set()
+    done = {(line["sample"], line["case"]) for line in read(file)} if file is not None and file.exists() else set()
     lines = []
     for number in numbers:
         if (sample, number) in done:
@@ -151,7 +155,7 @@ def _command() -> None:
     shown.add_argument("after", type=Path, nargs="?")
     said = parser.parse_args()
     if said.command == "table":
-        table(read([said.before]), None if said.after is None else read([said.after]))
+        table(read(said.before), None if said.after is None else read(said.after))
         return
     if said.cpu_clock:
         by_processor_time()

@@ -14,25 +14,12 @@ from numpy.typing import NDArray
 from data_io import LogError, Record, read_log
 from identify.app.folder import Document, Folder, PageError
 from identify.logs.recorded_drive import recorded_drive
+from identify.report.style import extremes
 
 Array = NDArray[np.float64]
 
 MOST_POINTS = 4_000  # of a curve that is sent
 HELD = 2_000_000_000  # bytes of all logs in memory; the one that was asked for last stays
-
-
-def extremes(values: Array, first: int, last: int, points: int) -> tuple[Array, Array]:
-    """Time-ordered sample numbers and values, both of at most so many points, that draw samples first to last
-    (exclusive): lowest and highest of each of equal stretches, NaN passed over; the samples themselves where they are
-    no more than that."""
-    shown = values[first:last]
-    if shown.size <= points:
-        return np.arange(first, last, dtype=float), shown
-    size = -(-shown.size // (points // 2))
-    starts = np.arange(0, shown.size, size)
-    places = first + np.repeat(starts, 2) + np.tile([0.0, size / 2], starts.size)
-    pairs = np.stack([np.fmin.reduceat(shown, starts), np.fmax.reduceat(shown, starts)], axis=1)
-    return np.clip(places, first, last - 1), pairs.ravel()
 
 
 @dataclass
@@ -47,22 +34,21 @@ class OpenLog:
 
     def window(self, begin: float, end: float) -> Array:
         """Time [s], friction force [N], normal force [N], drive speed [m/s] (NaN: unknown) of a window, (4, m) with
-        m <= MOST_POINTS.
+        m <= MOST_POINTS: of a longer one the samples with the lowest and highest forces of equal stretches.
         """
-        if self.record is None:
+        record = self.record
+        if record is None:
             raise PageError(self.error or "this log is still being read; wait a moment")
-        time = self.record.time
-        first = max(int(np.searchsorted(time, begin)) - 1, 0)
-        last = min(int(np.searchsorted(time, end, side="right")) + 1, time.size)
-        first = min(first, max(last - 2, 0))
-        places, force = extremes(self.record.friction_force, first, last, MOST_POINTS)
-        _, load = extremes(self.record.normal_force, first, last, MOST_POINTS)
-        at = np.interp(places, np.arange(first, last), time[first:last])
-        speed = np.full(at.size, np.nan)
+        first = max(int(np.searchsorted(record.time, begin)) - 1, 0)
+        last = max(int(np.searchsorted(record.time, end, side="right")) + 1, first + 2)
+        first = min(first, record.time.size - 2)
+        forces = record.friction_force[first:last], record.normal_force[first:last]
+        kept = first + np.union1d(*(extremes(force, MOST_POINTS // 4) for force in forces)).astype(int)
+        time, speed = record.time[kept], np.full(kept.size, np.nan)
         if self.programme:
             starts, speeds = np.array(self.programme).T
-            speed = speeds[np.maximum(np.searchsorted(starts, at, side="right") - 1, 0)]
-        return np.stack([at, force, load, speed])
+            speed = speeds[np.maximum(np.searchsorted(starts, time, side="right") - 1, 0)]
+        return np.stack([time, record.friction_force[kept], record.normal_force[kept], speed])
 
 
 class OpenLogs:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, TypeVar
 
 from identify.base.errors import IdentifyError
 from identify.scene.toml import is_rig, parsed
@@ -24,11 +24,18 @@ NO_LOGS = (*NOT_LOGS, ".tex", ".zip", ".log", *OWN_TABLES)
 
 
 Document = dict[str, Any]  # a JSON object
+Answered = TypeVar("Answered")
 
 
 class PageError(IdentifyError):
     """What was asked of the page cannot be; the text is the whole sentence. Everything in this room raises it, and lets
     the errors of other rooms pass: the server turns each into an answer."""
+
+
+def _filled(value: object) -> str:
+    if not value or not isinstance(value, str):
+        raise ValueError
+    return value
 
 
 @dataclass(frozen=True)
@@ -37,39 +44,28 @@ class PageQuery:
 
     values: Document
 
+    def read(self, key: str, reader: Callable[[Any], Answered], otherwise: object = None) -> Answered:
+        """A value as a reader makes it, which raises ValueError and the like where it cannot."""
+        try:
+            return reader(self.values.get(key, otherwise))
+        except (AttributeError, TypeError, ValueError, OverflowError):
+            raise PageError(f"the page sent no valid {key}; load it again") from None
+
     def text(self, key: str) -> str:
         """A text that must be there."""
-        value = self.values.get(key)
-        return value if isinstance(value, str) and value else self._refuse(key)
-
-    def number(self, key: str, otherwise: float) -> float:
-        """A number."""
-        try:
-            return float(self.values.get(key, otherwise))
-        except (TypeError, ValueError):
-            self._refuse(key)
+        return self.read(key, _filled)
 
     def whole(self, key: str, otherwise: int) -> int:
         """A whole number of anything."""
-        number = self.number(key, otherwise)
-        return int(number) if abs(number) < 1e9 else self._refuse(key)
+        return self.read(key, lambda value: int(float(value)), otherwise)
 
     def numbers(self, key: str) -> dict[str, float]:
         """Numbers by name."""
-        values = self.values.get(key) or {}
-        try:
-            return {str(name): float(value) for name, value in values.items()}
-        except (AttributeError, TypeError, ValueError):
-            self._refuse(key)
+        return self.read(key, lambda values: {str(name): float(v) for name, v in (values or {}).items()})
 
     def listed(self, key: str) -> list[Any]:
         """A list; empty where nothing was sent."""
-        value = self.values.get(key) or []
-        return value if isinstance(value, list) else self._refuse(key)
-
-    @staticmethod
-    def _refuse(key: str) -> NoReturn:
-        raise PageError(f"the page sent no valid {key}; load it again")
+        return self.read(key, lambda values: [*(values or ())])
 
 
 @dataclass(frozen=True)

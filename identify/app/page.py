@@ -74,7 +74,7 @@ class Page:
 
     @staticmethod
     def _span(asked: PageQuery) -> tuple[float, float]:
-        return asked.number("begin", -np.inf), asked.number("end", np.inf)
+        return asked.read("begin", float, -np.inf), asked.read("end", float, np.inf)
 
     def _put_examples(self) -> Document:
         """Copy the example logs and their scene into the folder; what is there already stays."""

@@ -19,7 +19,8 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
-from starlette.routing import Route
+from starlette.routing import BaseRoute, Mount, Route
+from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from data_io import LogError
@@ -86,11 +87,13 @@ SAFE = {
 
 def application(page: Page, token: str, uploads: Path) -> ASGIApp:
     """The application for one folder; uploads: where files that are dropped in lie until they are whole."""
-    routes = [Route(f"/api/{name}", _endpoint(work), methods=[method]) for name, (method, work) in page.answers.items()]
+    routes: list[BaseRoute] = [
+        Route(f"/api/{name}", _endpoint(work), methods=[method]) for name, (method, work) in page.answers.items()
+    ]
     routes += [
         Route("/api/add", _adding(page.folder, uploads), methods=["POST"]),
         Route("/files/{path:path}", _file(page.folder), methods=["GET"]),
-        Route("/{name:path}", _own_file, methods=["GET"]),
+        Mount("/", StaticFiles(directory=FILES, html=True)),
     ]
     return Guard(Starlette(routes=routes, exception_handlers=dict.fromkeys(REFUSALS, _failed)), token)
 
@@ -179,15 +182,6 @@ def _file(folder: Folder) -> Callable[[Request], Awaitable[Response]]:
         return FileResponse(path, media_type=kind, headers={"content-security-policy": OTHERS_PAGES})
 
     return answer
-
-
-async def _own_file(request: Request) -> Response:
-    """A file of the page itself."""
-    name = request.path_params["name"] or "index.html"
-    if name not in {item.name for item in FILES.iterdir() if item.is_file()}:
-        return _refused("there is no such page; load the address that stickslip app printed", 404)
-    kinds = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
-    return FileResponse(FILES / name, media_type=kinds.get(Path(name).suffix, "text/plain"))
 
 
 class Serving:

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from data_io import Record
 from identify.app.commands import words_of
-from identify.app.curves import extremes
+from identify.app.curves import MOST_POINTS, OpenLog
 from identify.app.folder import Folder, PageError
 from identify.app.jobs import same_code
 from identify.app.scenes import edited
@@ -114,12 +115,16 @@ def test_only_commands_of_the_page_are_run(tmp_path):
 
 
 def test_a_curve_of_any_length_keeps_its_extremes():
-    values = np.random.default_rng(3).normal(size=700_001)
-    values[[5, 350_000, 700_000]] = 50.0, -60.0, np.nan
-    for first, last in ((0, values.size), (300_000, 420_000), (349_990, 350_010), (1, 66)):
-        places, drawn = extremes(values, first, last, 1000)
-        assert len(places) == len(drawn) <= 1000 and np.all(np.diff(places) >= 0)
-        assert (np.nanmin(drawn), np.nanmax(drawn)) == (np.nanmin(values[first:last]), np.nanmax(values[first:last]))
+    rng, n = np.random.default_rng(3), 70_001
+    force, load = rng.normal(size=(2, n))
+    force[[5, 35_000, n - 1]], load[7] = (50.0, -60.0, np.nan), 9.0
+    opened = OpenLog(record=Record(np.arange(float(n)), load, force))
+    for begin, end in ((-np.inf, np.inf), (30_000, 42_000), (34_990, 35_010), (1, 66)):
+        time, *drawn, speed = opened.window(begin, end)
+        rows = slice(max(int(max(begin, 0)) - 1, 0), min(int(min(end, n - 1)) + 2, n))
+        assert time.size <= MOST_POINTS and np.all(np.diff(time) > 0) and np.isnan(speed).all()
+        for shown, whole in zip(drawn, (force[rows], load[rows]), strict=True):
+            assert (np.nanmin(shown), np.nanmax(shown)) == (np.nanmin(whole), np.nanmax(whole))
 
 
 def test_a_field_is_written_and_the_rest_of_the_text_stays():

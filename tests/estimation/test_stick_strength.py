@@ -10,7 +10,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from experiments.scattered_records import with_scatter
+from experiments.case_variants import with_scatter
 from experiments.study_problem import RIG, Case, scene_of
 from identify import fit
 
