@@ -22,7 +22,6 @@ import pytest
 from identify import identification
 from identify.base import budget, compiled, native
 from identify.report import result
-from identify.simulation.cost import SimulationCost
 from identify.uneven.slip_functions import slip_functions
 
 
@@ -106,12 +105,6 @@ def no_further_logs(monkeypatch: pytest.MonkeyPatch) -> None:
 def no_predictions(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fits do not say where their pair sticks and slips, which takes longer than a quick fit: tests/prediction asks."""
     monkeypatch.setattr(result, "answers_of_logs", lambda prepared, *_: [{} for _ in prepared])
-
-
-@pytest.fixture
-def no_cost(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`simulate` does not tell what each effect costs, by simulations without it: tests/simulation/test_cost.py."""
-    monkeypatch.setattr("identify.simulation.cost.cost", lambda *_: SimulationCost(1e-5, {1e-5: 0.0}, {}))
 
 
 @pytest.fixture

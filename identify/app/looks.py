@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import queue
+import re
 import subprocess
 import sys
 import threading
@@ -27,6 +28,10 @@ from identify.report.stored_result import plain
 
 LONGEST = 1800.0  # seconds that the inspection of one log may take
 NICE = 10  # of its process: what a person waits for goes first
+# A speed in a file name or a comment: 0.1_mm_per_s, 5mm-s, 42 um/s. Metres are left out: 5ms is a time.
+SPEED = re.compile(
+    r"(?<![\d.])(\d+(?:\.\d+)?)[ _-]*(mm|cm|[uµμ]m|nm)[ _-]*(?:/|per|p)?[ _-]*(s|min)(?![a-z])", re.IGNORECASE
+)
 
 
 class Looks:
@@ -112,6 +117,15 @@ class Looks:
         return {"error": str(document.get("message", "it cannot be read")).replace("./", "", 1)}
 
 
+def hinted_speed(name: str, comments: str) -> Document:
+    """A drive speed that a file name, else what its head says, mentions, and where; nothing where there are several."""
+    for text, place in ((Path(name).name, "file name"), (comments, "comment")):
+        found = {(number, f"{unit.lower()}/{per.lower()}") for number, unit, per in SPEED.findall(text)}
+        if len(found) == 1:
+            return {"hint": " ".join(found.pop()), "hinted_by": place}
+    return {}
+
+
 def row_of(name: str, size: int, log: Document | None) -> Document:
     """One line of the table of logs, in words; `ready` is False until the log was inspected."""
     row: Document = {"path": name, "bytes": size, "ready": log is not None}
@@ -123,19 +137,24 @@ def row_of(name: str, size: int, log: Document | None) -> Document:
     findings = sorted(quality["findings"], key=lambda f: f["severity"] != "reject")
     worst = [f["message"] for f in findings if f["severity"] in ("reject", "warning")]
     moving = sorted({abs(speed) for _, speed in log["drive_speed_programme"] or () if speed})
-    return row | {
-        "format": log["format"],
-        "speed": ", ".join(speed_text(s) for s in moving[:3]) + (" …" if len(moving) > 3 else ""),
-        "load": quantity(quality["load_N"], "N", 3) if quality.get("load_N") is not None else "",
-        "rate": quantity(rate, "Hz", 3) if rate else "",
-        "curve": log.get("force_overview_N"),
-        "slips": sum(step["cycles"] for step in log["steps"]),
-        "regime": (log["regime"] or "unknown").replace("_", " "),
-        "verdict": quality["verdict"],
-        "reason": worst[0] if worst else "",
-        "more": max(len(worst) - 1, 0),
-        "slope": next((row["stick_slope_N_per_s"] for row in log["classical"]["rows"]), None),
-    }
+    comments = "; ".join(str(value) for step in log["steps"] for value in step["parameters"].values())
+    return (
+        row
+        | ({} if moving else hinted_speed(name, comments))
+        | {
+            "format": log["format"],
+            "speed": ", ".join(speed_text(s) for s in moving[:3]) + (" …" if len(moving) > 3 else ""),
+            "load": quantity(quality["load_N"], "N", 3) if quality.get("load_N") is not None else "",
+            "rate": quantity(rate, "Hz", 3) if rate else "",
+            "curve": log.get("force_overview_N"),
+            "slips": sum(step["cycles"] for step in log["steps"]),
+            "regime": (log["regime"] or "unknown").replace("_", " "),
+            "verdict": quality["verdict"],
+            "reason": worst[0] if worst else "",
+            "more": max(len(worst) - 1, 0),
+            "slope": next((row["stick_slope_N_per_s"] for row in log["classical"]["rows"]), None),
+        }
+    )
 
 
 def seen_by_a_fit(log: Segmented) -> Document:

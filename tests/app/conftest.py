@@ -20,8 +20,7 @@ from identify.cli.inspection import document, inspection
 from identify.report.stored_result import plain
 from identify.scene import Scene
 from identify.simulation.simulate import simulate
-from tests.app.browser import PageBrowser
-from tests.support.browser import CHROMIUM
+from tests.support.browser import CHROMIUM, Browser
 
 
 class Client:
@@ -133,7 +132,7 @@ def unchanged(tmp_path_factory, looked_at):
 def chromium():
     if CHROMIUM is None:
         pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
-    with PageBrowser() as made:
+    with Browser() as made:
         yield made
 
 
@@ -142,7 +141,7 @@ def page(chromium, serving):
     """The browser on the first view; afterwards nothing but this server may have been asked, and nothing complained."""
     chromium.errors.clear()
     chromium.requests.clear()
-    chromium.size(1280, 900)
+    chromium.size(1280)
     chromium.visit(serving.address)
     yield chromium
     chromium.call("Page.navigate", url="about:blank")

@@ -107,7 +107,12 @@ def test_a_slider_moves_the_simulated_force(root, page):
     page.wait(f"{off} !== {json.dumps(before)}")
     page.press("start from the data")
     page.wait("document.getElementById('said').textContent.includes('started from')")
-    assert page.ask("document.querySelector('.slider output').textContent") != "0.6", "the sliders went along"
+    box = "document.querySelector('[data-box=mu_s]').value"
+    assert page.ask(box) != "0.6", "the sliders went along"
+    page.type("[data-box=mu_s]", "0.55")
+    page.wait("location.hash.includes('p.mu_s=0.55')")
+    page.press("[aria-label='reset mu_s']")
+    page.wait(f"{box} === '0.6'")
     page.press("use as start values of the scene")
     page.wait("document.getElementById('said').textContent.includes('start values')")
     go(page, "scene")

@@ -5,11 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from identify import examples
 from identify.effects import MAIN
 from tests.support.command import refused, stickslip
-
-pytestmark = pytest.mark.usefixtures("no_cost")
 
 RIG = """
 [rig]
@@ -38,32 +35,14 @@ D = { start = "37.4 um" }
 """
 
 
-@pytest.fixture
-def scene_file(folder):
-    def write(effects, more="", top=""):
-        said = json.dumps(effects) if effects != "auto" else '"auto"'
-        Path("s.toml").write_text(f"effects = {said}\n{top}\n{RIG}\n{more}", encoding="utf-8")
-        return "s.toml"
-
-    return write
-
-
-def test_calculators_refuse_what_never_repeats(scene_file, capsys):
-    path = scene_file([*MAIN, "excitation", "friction_heterogeneity", "skin_compliance"])
+def test_calculators_refuse_what_never_repeats(folder, capsys):
+    path, effects = "s.toml", [*MAIN, "excitation", "friction_heterogeneity", "skin_compliance"]
+    Path(path).write_text(f"effects = {json.dumps(effects)}\n{RIG}", encoding="utf-8")
     sentence = refused(capsys, "stability", "--scene", path)
     assert "the effect excitation changes with time" in sentence and "--without excitation" in sentence
     sentence = refused(capsys, "amplitude", "--scene", path, "--without", "excitation")
     assert "friction_heterogeneity deals every stick its own friction" in sentence
     assert "did you mean" in refused(capsys, "amplitude", "--scene", path, "--without", "occlusion")
-
-
-def test_an_operating_point_is_asked_for(folder, capsys):
-    at = ["--at", "drive_speed=2 mm/s", "normal_force=1 N", "--at", "stiffness=2 N/mm"]  # in one option, or in several
-    code, out, _ = stickslip(capsys, "stability", "--scene", examples.SCENE, *at, "--json")
-    (point,) = json.loads(out)["points"]
-    assert code == 0
-    assert point["operating_point"]["drive_speed"]["value"] == 0.002
-    assert point["groups"]["omega_n"]["value"] == pytest.approx((2000 / 0.2) ** 0.5)
 
 
 def stability(capsys, scene, *arguments):
@@ -87,6 +66,10 @@ def test_a_result_beside_the_scene_is_offered_and_stated_values_are_no_guess(fol
     (folder / "scene.toml").write_text(given, encoding="utf-8")
     (folder / "stickslip-new-pair").mkdir()
     (folder / "stickslip-new-pair" / "result.json").write_text("{}", encoding="utf-8")
-    document, words = stability(capsys, "scene.toml")
+    at = ["--at", "drive_speed=2 mm/s", "normal_force=1 N", "--at", "stiffness=2 N/mm"]  # in one option, or in several
+    document, words = stability(capsys, "scene.toml", *at)
+    (point,) = document["points"]
+    assert point["operating_point"]["drive_speed"]["value"] == 0.002
+    assert point["groups"]["omega_n"]["value"] == pytest.approx((2000 / 0.2) ** 0.5)
     assert document["assumed"] == [] and document["existing_result"].endswith("stickslip-new-pair/result.json")
     assert "--result" in words and "assumed" not in words

@@ -92,7 +92,7 @@ def test_what_a_command_writes_is_whole_or_not_there(case, capsys, name):
 
 
 def test_a_fit_leaves_no_half_report(case, capsys, monkeypatch):
-    monkeypatch.setattr("identify.cli.fit.fit", lambda *_, **__: fake_fit())
+    monkeypatch.setattr("identify.cli.fit.fit", lambda *_, **__: fake_fit(400, 1))
     Path("fit.toml").write_text(SCENE + '[[logs]]\npath = "log.csv"\n')
     before = files(case)
     capsys.readouterr()

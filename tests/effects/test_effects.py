@@ -260,7 +260,7 @@ def test_scene_survives_its_document(effect):
     assert {name: again.values()[name] for name in numbers} == numbers
 
 
-def test_simulated_log_is_read_back(tmp_path, no_cost):
+def test_simulated_log_is_read_back(tmp_path):
     """Many effects together: what the simulation shows is what the log says, in both formats."""
     names = tuple(n for n in ALL_TOGETHER if n != "friction_heterogeneity")  # slow to set up
     numbers, model = case.numbers(names), assemble(names)

@@ -36,23 +36,23 @@ def test_nothing_overflows_nothing_is_asked_for_and_tables_sort(page, browser, w
     browser.requests.clear()
     browser.errors.clear()
     browser.open(page, width)
-    assert browser.run("document.documentElement.scrollWidth") <= width
-    outside = browser.run(
+    assert browser.ask("document.documentElement.scrollWidth") <= width
+    outside = browser.ask(
         "Array.from(document.querySelectorAll('body *')).filter(e => !e.closest('.scroll') && !e.closest('svg')"
         f" && e.getBoundingClientRect().right > {width} + 1).length"
     )
     assert outside == 0
     assert browser.requests == [page.resolve().as_uri()] and browser.errors == []
-    assert browser.run("document.querySelectorAll('main img, main script').length") == 0
-    heads = browser.run("Array.from(document.querySelectorAll('#fits thead th')).map(h => h.textContent)")
+    assert browser.ask("document.querySelectorAll('main img, main script').length") == 0
+    heads = browser.ask("Array.from(document.querySelectorAll('#fits thead th')).map(h => h.textContent)")
     place = next(k for k, head in enumerate(heads) if head.startswith("μₛ"))
     keys = f"Array.from(document.querySelectorAll('#fits tbody tr')).map(r => +r.cells[{place}].dataset.sort)"
-    before = browser.run(keys)
+    before = browser.ask(keys)
     assert before != sorted(before)
     for down, direction in ((False, "ascending"), (True, "descending")):
         browser.click(f"#fits thead th:nth-child({place + 1}) button")
-        assert browser.run(keys) == sorted(before, reverse=down)
-        assert browser.run(f"document.querySelectorAll('#fits th')[{place}].getAttribute('aria-sort')") == direction
+        assert browser.ask(keys) == sorted(before, reverse=down)
+        assert browser.ask(f"document.querySelectorAll('#fits th')[{place}].getAttribute('aria-sort')") == direction
 
 
 def test_a_script_of_a_label_would_not_run(page, browser, tmp_path):
@@ -62,5 +62,5 @@ def test_a_script_of_a_label_would_not_run(page, browser, tmp_path):
     spoilt.write_text(text.replace("</main>", "<script>document.title = 'taken'</script></main>"), encoding="utf-8")
     browser.errors.clear()
     browser.open(spoilt, 1280)
-    assert browser.run("document.title") != "taken"
+    assert browser.ask("document.title") != "taken"
     assert any("Content Security Policy" in error for error in browser.errors)

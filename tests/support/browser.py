@@ -1,4 +1,4 @@
-"""A headless Chromium driven over a pipe (DevTools protocol): sizes, clicks, requests, errors, pictures, print."""
+"""A headless Chromium driven over a pipe (DevTools protocol) as a person would: ask, wait, click, type, drag, look."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Browser:
         )
         for fd in (to_child, from_child, *ends):
             os.close(fd)
-        self._buffer, self._number, self._events = b"", 0, []
+        self._buffer, self._number, self._loaded = b"", 0, False
         self.requests: list[str] = []
         self.errors: list[str] = []
         self._session = ""
@@ -116,47 +116,88 @@ class Browser:
             self.errors.append(f"{given['entry']['text']} {given['entry'].get('url', '')}".strip())
         elif method == "Page.javascriptDialogOpening":
             self.errors.append(f"dialog: {given['message']}")
-            self._events.append("dialog")
         elif method == "Page.loadEventFired":
-            self._events.append("load")
+            self._loaded = True
+
+    def size(self, width: int, height: int = 900, dark: bool = False) -> None:
+        """The size of the window [CSS pixels], and whether it is night."""
+        self.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
+        )
+        scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        self.call("Emulation.setEmulatedMedia", features=scheme)
 
     def open(self, page: Path, width: int) -> None:
-        """Open a page from disk at a width [CSS pixels] and wait until it is loaded."""
-        self.call(
-            "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 600
-        )
-        self._events.clear()
+        """Open a page from disk at a width and wait until it is loaded."""
+        self.size(width)
+        self._loaded = False
         self.call("Page.navigate", url=page.resolve().as_uri())
         until = time.monotonic() + PATIENCE
-        while "load" not in self._events:
+        while not self._loaded:
             self._next(until)
 
-    def run(self, script: str) -> Any:
-        """The value of an expression in the page."""
-        return self.call("Runtime.evaluate", expression=script, returnByValue=True)["result"].get("value")
+    def visit(self, address: str) -> None:
+        """Open a served page and wait until it says that it is ready."""
+        self.call("Page.navigate", url="about:blank")
+        self.call("Page.navigate", url=address)
+        self.wait("document.body && document.body.dataset.ready === 'yes'")
+
+    def ask(self, expression: str) -> Any:
+        """The value of an expression in the page, promises waited for."""
+        found = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        assert "exceptionDetails" not in found, found["exceptionDetails"]
+        return found["result"].get("value")
+
+    def wait(self, expression: str, patience: float = PATIENCE) -> None:
+        """Wait until an expression holds; what cannot be evaluated does not hold."""
+        look = f"(() => {{ try {{ return Boolean({expression}); }} catch (e) {{ return false; }} }})()"
+        deadline, pause = time.monotonic() + patience, 0.02
+        while time.monotonic() < deadline:
+            if self.ask(look):
+                return
+            time.sleep(pause)
+            pause = min(1.2 * pause, 0.5)  # what takes long is asked for seldom
+        shown = self.ask("document.body ? document.body.innerText.slice(0, 1500) : ''")
+        raise AssertionError(f"never: {expression}\n{shown}\n{self.errors}")
+
+    def press(self, words: str) -> None:
+        """Press the button or link with these words, or the element of a selector."""
+        target = json.dumps(words)
+        find = f"[...document.querySelectorAll('button, a, summary')].find((b) => b.textContent.trim() === {target})"
+        if words.startswith(("#", "[", ".")):
+            find = f"({find} || document.querySelector({target}))"
+        self.wait(find)
+        self.ask(f"{find}.click()")
+
+    def type(self, selector: str, text: str) -> None:
+        """Replace what a field holds, as a person does who then leaves it."""
+        tell = "for (const kind of ['input', 'change']) field.dispatchEvent(new Event(kind, {bubbles: true}));"
+        find = f"const field = document.querySelector({json.dumps(selector)}); field.focus();"
+        self.wait(f"document.querySelector({json.dumps(selector)})")
+        self.ask(f"(() => {{ {find} field.value = {json.dumps(text)}; {tell} }})()")
+
+    def drag(self, selector: str, begin: tuple[float, float], end: tuple[float, float], steps: int = 6) -> None:
+        """Press, move and release the mouse; begin, end: shares (x, y) of the element."""
+        find = f"const e = document.querySelector({json.dumps(selector)})"
+        show = "e.scrollIntoView({block: 'center', behavior: 'instant'}); const r = e.getBoundingClientRect()"
+        left, top, width, height = self.ask(f"(() => {{ {find}; {show}; return [r.x, r.y, r.width, r.height]; }})()")
+        places = [(left + x * width, top + y * height) for x, y in (begin, end)]
+        self._mouse("mouseMoved", *places[0], 0)
+        self._mouse("mousePressed", *places[0], 1)
+        for i in range(1, steps + 1):
+            self._mouse("mouseMoved", *(a + (b - a) * i / steps for a, b in zip(*places, strict=True)), 1)
+        self._mouse("mouseReleased", *places[1], 0)
 
     def click(self, selector: str) -> None:
         """A real click of the mouse in the middle of an element."""
-        place = self.run(
-            f"(() => {{ const e = document.querySelector({json.dumps(selector)});"
-            " e.scrollIntoView({block: 'center', behavior: 'instant'});"
-            " const r = e.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()"
-        )
-        for kind in ("mousePressed", "mouseReleased"):
-            self.call("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], button="left", clickCount=1)
+        self.drag(selector, (0.5, 0.5), (0.5, 0.5), 0)
 
-    def picture(self, path: Path, whole: bool = True) -> None:
-        """A PNG of the page."""
-        taken = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole, **self._clip(whole))
-        path.write_bytes(base64.b64decode(taken["data"]))
+    def _mouse(self, kind: str, x: float, y: float, buttons: int) -> None:
+        self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=buttons, clickCount=1)
 
-    def _clip(self, whole: bool) -> dict[str, Any]:
-        if not whole:
-            return {}
+    def picture(self, path: Path) -> None:
+        """A PNG of the whole page."""
         size = self.call("Page.getLayoutMetrics")["cssContentSize"]
-        return {"clip": {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}}
-
-    def printed(self, path: Path) -> None:
-        """The page as PDF, as its print style has it."""
-        done = self.call("Page.printToPDF", preferCSSPageSize=True, printBackground=True)
-        path.write_bytes(base64.b64decode(done["data"]))
+        clip = {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}
+        taken = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip=clip)
+        path.write_bytes(base64.b64decode(taken["data"]))

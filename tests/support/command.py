@@ -2,7 +2,10 @@
 
 import json
 
+from identify import examples
 from identify.cli import main as cli
+
+RIG = ["--set", "rig.drive_speed=1 mm/s", "--set", "rig.normal_force=1 N"]
 
 
 def stickslip(capsys, *arguments):
@@ -21,3 +24,11 @@ def refused(capsys, *arguments):
     code, out, _ = stickslip(capsys, *arguments, "--json")
     assert code == 2 and json.loads(out) == {"schema": 1, "status": "error", "message": sentence}
     return sentence
+
+
+def simulated(capsys, path, *more):
+    """What `simulate` says that writes two seconds of the example pair."""
+    arguments = ["simulate", "--scene", examples.SCENE, *RIG, "--duration", "2", "--rate", "500", "--out", path, *more]
+    code, out, err = stickslip(capsys, *arguments)
+    assert code == 0, err
+    return out

@@ -134,15 +134,15 @@ export function plain(value, digits = 4) {
 /** A number with its unit, as a laboratory writes it. */
 export function quantity(value, unit = "", digits = 4) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
-  const known = UNITS[unit] ?? [[unit, 1]];
-  const [name, factor] = known.find(([, size]) => Math.abs(value) >= 0.0999 * size) ?? (value === 0 ? known[0] : known[known.length - 1]);
+  const [name, factor] = shownIn(value || 1, unit);
   return `${plain(value / factor, digits)} ${name}`.trim();
 }
+/** The unit in which a value is shown, and its size in SI. */
+export const shownIn = (value, unit) => { const known = UNITS[unit] ?? [[unit, 1]]; return known.find(([, size]) => Math.abs(value) >= 0.0999 * size) ?? known[known.length - 1]; };
 /** Numbers in one unit and with the same decimals: as many as show the difference of the ends with two digits. */
 export function together(values, ends, unit) {
   const finite = [...values, ...(ends ?? [])].filter((value) => Number.isFinite(value)), [low, high] = ends ?? [null, null];
-  const largest = Math.max(...finite.map(Math.abs)), known = UNITS[unit] ?? [[unit, 1]];
-  const [name, factor] = known.find(([, size]) => largest >= 0.0999 * size) ?? known[known.length - 1];
+  const largest = Math.max(...finite.map(Math.abs)), [name, factor] = shownIn(largest, unit);
   const width = (low === null || high === null ? 0 : Math.abs(high - low)) || largest * 1e-2 || 1, decimals = Math.min(8, Math.max(0, 1 - Math.floor(Math.log10(width / factor))));
   return [values.map((value) => Number.isFinite(value) ? (value / factor).toFixed(decimals).replace("-", "−") : null), name];
 }

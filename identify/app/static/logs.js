@@ -60,7 +60,7 @@ export function logsView(host, asked, session) {
       logs.map((log) => [
         element("input", { type: "checkbox", "aria-label": `choose ${log.path}`, checked: chosen.has(log.path), onchange: (event) => { choose(log.path, event.target.checked); count(); } }),
         element("span", {}, link(log.path, "log", { path: log.path }), log.curve?.length ? thumbnail(log) : null),
-        ...(log.ready ? [log.format, log.speed || "unknown", log.load, log.rate, { number: log.slips ?? "" }, log.regime,
+        ...(log.ready ? [log.format, log.speed || (log.hint ? element("span", {}, `unknown; ${log.hint}?`, element("small", { class: "under" }, `by its ${log.hinted_by}`)) : "unknown"), log.load, log.rate, { number: log.slips ?? "" }, log.regime,
           element("span", {}, element("span", { class: CLASSES[log.verdict] ?? "" }, SIGNS[log.verdict] ?? log.verdict), log.reason ? `: ${log.reason}` : "", log.more ? [" ", link(`and ${log.more} more`, "log", { path: log.path })] : "")]
           : [log === logs.find((one) => !one.ready) ? "inspecting …" : "waiting", "", "", "", "", "", ""]),
       ]), { id: "logs", class: "cards" }));

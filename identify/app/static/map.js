@@ -53,9 +53,9 @@ export async function mapView(host, asked, session) {
     return found;
   });
   const sources = labelled("of", choice([...fits.map((fit) => [fit, `the fit ${fit}`]), ...(session.scene ? [["", `the scene ${session.scene}`]] : [])], source, (to) => { location.hash = address("map", { fit: to }); }));
-  let before;
-  try { before = await post("point", { ...base(), number, changes: {} }); } catch (error) {
-    put(host, element("h2", {}, "Map"), element("div", { class: "bar" }, sources, source ? link("see this fit", "fit", { path: source }) : link("open the scene", "scene")), element("p", {}, `There is no map of this: ${error.message}.`));
+  const before = source || !session.missing ? await post("point", { ...base(), number, changes: {} }) : { missing: session.missing };
+  if (before.missing) {
+    put(host, element("h2", {}, "Map"), element("div", { class: "bar" }, sources, source ? link("see this fit", "fit", { path: source }) : link("open the scene", "scene")), element("p", {}, `There is no map of this: ${before.missing}.`));
     return undefined;
   }
   const axes = before.axes, axis = (name) => axes.find((one) => one.name === name);

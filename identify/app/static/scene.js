@@ -71,6 +71,7 @@ export async function sceneView(host, asked, session) {
   function logs(seen) {
     const known = Object.fromEntries(session.folder.logs.map((log) => [log.path, log]));
     const field = (log, number, key) => [input(["logs", String(number + 1), key], log[key], { size: missing(log[key]) ? 22 : Math.min(Math.max(log[key].length, key === "step" ? 3 : 8), 22), label: `${key} of log ${number + 1}` }),
+      key === "drive_speed" && missing(log[key]) && known[log.path]?.hint ? button(`use ${known[log.path].hint}, as its ${known[log.path].hinted_by} says`, () => change(["logs", String(number + 1), key], known[log.path].hint)) : null,
       key === "drive_speed" && known[log.path]?.slope ? element("small", { class: "under" }, `sticks rise by ${quantity(known[log.path].slope, "N/s", 3)}: stiffness times drive speed`) : null];
     const cuts = (log) => CUTS.filter(([key]) => log[key]).map(([key, name]) => `${name} ${log[key]}`).join("; ").replaceAll('"', "") || "none";
     return table(["file", ...LOG_COLUMNS.map(([, name]) => name), "cuts", ""], seen.logs.map((log, number) => [link(log.path || "unknown", "log", { path: log.path, number: String(number) }), ...LOG_COLUMNS.map(([key]) => element("span", {}, field(log, number, key))),

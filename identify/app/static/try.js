@@ -1,5 +1,5 @@
 // Try values: sliders over the parameters, the simulated force over the measured one, and what the model does beneath.
-import { button, choice, command, element, get, labelled, link, newestWins, plain, post, quantity, remember, say, style, put } from "./base.js";
+import { button, choice, command, element, get, labelled, link, newestWins, plain, post, quantity, remember, say, shownIn, style, put } from "./base.js";
 import { line, mark, picture, span } from "./plots.js";
 
 const STEPS = 400, REACH = 4; // a slider goes from a quarter to four times the value where no interval is known
@@ -52,13 +52,19 @@ export async function tryView(host, asked, session) {
     values[p.name] = Number(asked[`p.${p.name}`] ?? middle);
     const place = (value) => STEPS * (log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low));
     const value = (at) => log ? low * (high / low) ** (at / STEPS) : low + (high - low) * at / STEPS;
-    const output = element("output", {}, quantity(values[p.name], p.unit));
+    const [unit, size] = shownIn(middle || 1, p.unit), shown = () => { box.value = String(Number((values[p.name] / size).toPrecision(4))); };
+    const moved = (to) => { set(to); simulate(); note(); };
     const range = element("input", { type: "range", min: 0, max: STEPS, step: 1, value: String(place(values[p.name])), "aria-label": p.name, "data-parameter": p.name,
-      oninput: () => { values[p.name] = value(Number(range.value)); output.textContent = quantity(values[p.name], p.unit); simulate(); note(); } });
-    const set = (to) => { if (to < low || to > high) around(to); values[p.name] = to; range.value = String(place(to)); output.textContent = quantity(to, p.unit); };
+      oninput: () => { values[p.name] = value(Number(range.value)); shown(); simulate(); note(); } });
+    const box = element("input", { type: "number", step: "any", "aria-label": `value of ${p.name}`, "data-box": p.name, onchange: () => {
+      const to = Number(box.value) * size;
+      if (box.value !== "" && to >= p.lowest && to <= p.highest) moved(to); else { shown(); say(`${p.name} goes from ${quantity(p.lowest, p.unit)} to ${quantity(p.highest, p.unit)}`); }
+    } });
+    const set = (to) => { if (to < low || to > high) around(to); values[p.name] = to; range.value = String(place(to)); shown(); };
+    shown();
     const narrow = (on) => { if (on && tight) bounds(...held.interval); else around(middle); set(Math.min(Math.max(values[p.name], low), high)); };
     sliders.set(p.name, { set, narrow });
-    return element("div", { class: "slider" }, element("label", { title: p.meaning }, p.symbol || p.name), range, output);
+    return element("div", { class: "slider" }, element("label", { title: p.meaning }, p.symbol || p.name), range, element("span", {}, box, ` ${unit}`), button("reset", () => moved(middle), { "aria-label": `reset ${p.name}` }));
   }
 
   const shown = seen.form.parameters.filter((p) => p.kind === "friction");
