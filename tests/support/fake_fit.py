@@ -1,20 +1,20 @@
-"""A made-up Fit for tests of the report: one slip integrated with plain numpy steps, repeated with known scatter."""
+"""A made-up Fit for tests of the report: logs of the integrator of the tests, with known scatter."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from itertools import repeat
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identify.base.outcome import LogCurves, SlipDetail
 from identify.report.finished import Fit
 from identify.scene import Scene
+from tests.support import oracle
 
-MASS, STIFFNESS, DAMPING, LOAD, NOISE = 0.2, 1470.0, 147.0, 1.0, 0.005
-MU_S, MU_K0, DELTA, A, LENGTH, CREEP = 0.62, 0.43, -0.13, 300.0, 37.4e-6, 0.5
+LOAD, NOISE = 1.0, 0.005
+RIG_VALUES = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
 SPEEDS = (0.1 / 6e4, 1e-4, 1e-3, 5e-3)
 PARAMETERS = {
     "mu_s": (0.62, 0.0011, ""),
@@ -27,67 +27,27 @@ PARAMETERS = {
 TRUTH = {name: value for name, (value, *_) in PARAMETERS.items()}
 EFFECTS = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
 RIG = {"mass": "0.2 kg", "stiffness": "1.47 N/mm", "zeta": 0.05, "normal_force": "1 N"}
-Array = NDArray[np.float64]
-
-
-@cache
-def one_slip(speed: float, step: float = 4e-5) -> dict[str, Array]:
-    """One slip from rest at the onset force, by small Heun steps: time from onset and the states, each shape (m,)."""
-    damper = DAMPING / np.sqrt(STIFFNESS / MASS)
-
-    def rates(state: Array) -> Array:
-        elongation, v, gamma = state
-        kinetic = MU_K0 + DELTA * (1 - np.exp(-A * max(v, 0.0)))
-        friction = LOAD * (kinetic + (MU_S - kinetic) * gamma)
-        push = STIFFNESS * elongation + damper * (speed - v)
-        return np.array([speed - v, (push - friction) / MASS, (1 - gamma) / CREEP - v / LENGTH])
-
-    rest = 1 - np.exp(-0.25 / (STIFFNESS * speed * CREEP))
-    onset = (MU_K0 + (MU_S - MU_K0) * rest) * LOAD
-    states = [np.array([(onset - damper * speed) / STIFFNESS, 1e-7, rest])]
-    while states[-1][1] > 0 and len(states) < 4000:
-        first = rates(states[-1])
-        second = rates(states[-1] + step * first)
-        following = states[-1] + step / 2 * (first + second)
-        following[2] = min(max(following[2], 0.0), 1.0)
-        states.append(following)
-    elongation, v, gamma = np.array(states).T
-    v = np.maximum(v, 0.0)
-    kinetic = MU_K0 + DELTA * (1 - np.exp(-A * v))
-    return {
-        "time": step * np.arange(len(v)),
-        "force": STIFFNESS * elongation + damper * (speed - v),
-        "elongation": elongation,
-        "sliding_speed": v,
-        "gamma": gamma,
-        "coefficient": kinetic + (MU_S - kinetic) * gamma,
-    }
 
 
 def log_curves(speed: float, samples: int, cycles: int = 9, scatter: float = 0.0, seed: int = 0) -> LogCurves:
-    """A log of so many cycles; `scatter` is the relative standard deviation of the period and of the level."""
+    """A log of so many cycles; scatter: standard deviation of the logarithm of what the sticks are strong by."""
     random = np.random.default_rng(seed)
-    slip = one_slip(speed)
-    fall, length = slip["force"][0] - slip["force"][-1], slip["time"][-1]
-    stick = fall / (STIFFNESS * speed)
-    factor = 1 + scatter * random.standard_normal(cycles)
-    onset = stick * 0.7 + np.concatenate([[0.0], np.cumsum((stick * factor + length)[:-1])])
-    end = onset[-1] + length + 0.6 * stick
-    time = np.linspace(0, end, samples)
-    # straight sticks between the slips that begin at the onsets
-    knots = np.concatenate([[-1e-9], *(np.append(at + slip["time"][::20], at + length) for at in onset), [end]])
-    levels = np.tile(np.append(slip["force"][::20], slip["force"][-1]), cycles)
-    first, last = slip["force"][0] - STIFFNESS * speed * onset[0], slip["force"][-1] + STIFFNESS * speed * 0.6 * stick
-    force = np.interp(time, knots, np.concatenate([[first], levels, [last]]))
-    level = np.interp(time, onset, 1 + 0.3 * (factor - 1))
-    used = np.arange(samples) >= samples // 40
-    ends = (slip["force"][0] * factor**0.3, slip["force"][-1] * factor**0.3)
-    table = np.column_stack([onset, onset + length, *ends, random.normal(0, 1.1, cycles)])
+    strengths = (float(np.exp(scatter * random.standard_normal())) for _ in repeat(None))
+    longest = (cycles + 1) * (1.5 * TRUTH["mu_s"] * LOAD / (RIG_VALUES["stiffness"] * speed) + 0.1)
+    motion = oracle.simulate(TRUTH | RIG_VALUES, speed, LOAD, longest, rtol=1e-6, strengths=strengths)
+    onset, arrest = motion.onsets[:cycles], motion.arrests[:cycles]
+    end = arrest[-1] + 0.6 * (onset[-1] - arrest[-2])
+    time, middle = np.linspace(0, end, samples), cycles // 2
+    force, used = motion.force(time), np.arange(samples) >= samples // 40
+    table = np.column_stack([onset, arrest, motion.force(onset), motion.force(arrest), random.normal(0, 1.1, cycles)])
+    within = np.linspace(onset[middle], arrest[middle], 400)[:-1]
+    elongation, v, gamma = motion.state(within)
+    kinetic = TRUTH["mu_k0"] + TRUTH["delta_mu_k"] * (1 - np.exp(-TRUTH["a"] * np.maximum(v, 0.0)))
     return LogCurves(
         name=f"pair_{speed * 6e4:g}_mm_min.txt",
         time=time,
         normal_force=LOAD * (1 - 0.05 * (1 - np.exp(-3 * time / end))) + 0.002 * random.standard_normal(samples),
-        friction_force=force * level + NOISE * random.standard_normal(samples),
+        friction_force=force + NOISE * random.standard_normal(samples),
         fitted_force=np.where(used, force, np.nan),
         used=used,
         noise=NOISE,
@@ -95,9 +55,14 @@ def log_curves(speed: float, samples: int, cycles: int = 9, scatter: float = 0.0
         cycles=table,
         measured=table[:, :4],
         slip=SlipDetail(
-            cycle=cycles // 2 + 1,
-            samples=np.flatnonzero((time >= onset[cycles // 2]) & (time < onset[cycles // 2] + length)),
-            **(slip | {"time": onset[cycles // 2] + slip["time"]}),
+            cycle=middle + 1,
+            samples=np.flatnonzero((time >= onset[middle]) & (time < arrest[middle])),
+            time=within,
+            force=motion.force(within),
+            elongation=elongation,
+            sliding_speed=np.maximum(v, 0.0),
+            gamma=gamma,
+            coefficient=kinetic + (TRUTH["mu_s"] - kinetic) * gamma,
         ),
     )
 
