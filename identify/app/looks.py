@@ -29,6 +29,7 @@ from identify.report.stored_result import plain
 LONGEST = 1800.0  # seconds that the inspection of one log may take
 NICE = 10  # of its process: what a person waits for goes first
 # A speed in a file name or a comment: 0.1_mm_per_s, 5mm-s, 42 um/s. Metres are left out: 5ms is a time.
+ENDINGS = re.compile(r"(\.[a-z]\w{0,6})+$", re.IGNORECASE)
 SPEED = re.compile(
     r"(?<![\d.])(\d+(?:\.\d+)?)[ _-]*(mm|cm|[uµμ]m|nm)[ _-]*(?:/|per|p)?[ _-]*(s|min)(?![a-z])", re.IGNORECASE
 )
@@ -128,7 +129,8 @@ def hinted_speed(name: str, comments: str) -> Document:
 
 def row_of(name: str, size: int, log: Document | None) -> Document:
     """One line of the table of logs, in words; `ready` is False until the log was inspected."""
-    row: Document = {"path": name, "bytes": size, "ready": log is not None}
+    pair = SPEED.sub("", ENDINGS.sub("", Path(name).name)).strip(" _-")  # logs of one pair differ by their speeds
+    row: Document = {"path": name, "bytes": size, "ready": log is not None, "pair": pair or "pair"}
     if log is None:
         return row
     if "error" in log:

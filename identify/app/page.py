@@ -157,8 +157,9 @@ class Page:
             path = self.folder.path(asked.values["fit"]) / "result.json"
             result = read_result(path)
             scene = scene_of_result(result, path)
+        scene = scene or self._scene(asked)
         try:
-            site = site_of(scene or self._scene(asked), result, asked.whole("number", 0))
+            site = site_of(scene, result, asked.whole("number", 0))
         except PageError as error:  # an answer: which number is missing for a map
             return {"missing": str(error)}
         return {"axes": axes_of(site), **answer_at(site, result, asked.numbers("changes"))}

@@ -17,6 +17,7 @@ import numpy as np
 import uvicorn
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
@@ -122,13 +123,15 @@ def _endpoint(work: Callable[[PageQuery], Answer]) -> Callable[[Request], Awaita
     return answer
 
 
-REFUSALS = (IdentifyError, LogError, OSError, Exception)
+REFUSALS = (IdentifyError, LogError, OSError, HTTPException, Exception)
 
 
 async def _failed(request: Request, error: Exception) -> Response:
     """Every error as one sentence; a defect is said, never shown as a traceback."""
     if isinstance(error, (IdentifyError, LogError)):
         return _refused(str(error))
+    if isinstance(error, HTTPException):
+        return _refused("there is no such page; load the address that stickslip app printed", error.status_code)
     if isinstance(error, UnicodeError):
         return _refused("a character of this text cannot be stored; write it without")
     if isinstance(error, OSError):

@@ -221,7 +221,7 @@ def test_a_study_is_made_of_the_chosen_logs_and_its_points_lead_to_the_fits(root
     page.wait("document.querySelector('#study iframe')", 240)
     go(page, "study?path=study")
     page.wait("document.querySelector('#groups a')")
-    assert page.ask("document.querySelector(\"[aria-label='group of 5_mm_per_s.csv']\").value") == "1_mm_per_s", "kept"
+    assert page.ask("document.querySelector(\"[aria-label='group of 5_mm_per_s.csv']\").value") == "pair", "kept"
     assert page.ask("document.querySelector(\"[aria-label='label of 5_mm_per_s.csv']\").value") == "steel"
     page.press("#groups a")
     page.wait("document.querySelector('#parameters tbody tr')")

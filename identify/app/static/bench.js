@@ -1,9 +1,20 @@
-// At the bench: a rig from short records of it, or which logs to record next; both as the command line prints them.
-import { button, command, element, fileAddress, get, labelled, link, post, put, refill, say, table } from "./base.js";
+// At the bench: a rig from short records of it, or which logs to record next: tables, and what the command line prints.
+import { button, command, duration, element, fileAddress, get, interval, labelled, link, plain, post, put, quantity, refill, say, table } from "./base.js";
 import { start } from "./jobs.js";
 
 const BEFORE = "before.toml"; // a scene of no log: what a first plan starts from
 const EFFECTS = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force"];
+
+const RIG = { mass: ["moving mass", "kg"], stiffness: ["stiffness", "N/m"], zeta: ["damping ratio", ""], skin_stiffness: ["stiffness on skin", "N/m"] };
+const share = (half) => half === null || half === undefined ? "open" : `± ${plain(100 * half, 2)} %`;
+/** What was measured of a rig; what the logs of a plan identify, now and then, and which logs those are. */
+const TABLES = {
+  rig: (found) => [table(["", { number: "value" }, "95 % interval"], Object.entries(RIG).filter(([name]) => found[name]).map(([name, [words, unit]]) => [words, { number: quantity(found[name].value, unit, 3) }, interval(found[name].interval, unit)]))],
+  plan: ({ logs, now, then, verdicts }) => [
+    logs.length ? table([...["drive speed", "normal force", "stiffness", "duration", "rate", "slips"].map((number) => ({ number })), ""], logs.map((log) => [
+      ...[quantity(log.drive, "m/s", 3), quantity(log.normal_force, "N", 3), quantity(log.stiffness, "N/m", 3), duration(log.duration), quantity(log.sampling_rate, "Hz", 3), plain(log.slips, 3)].map((number) => ({ number })), log.repeats ? "a repeat with another specimen" : ""]), { class: "cards" }) : null,
+    table(["parameter", { number: "now" }, { number: "with these logs" }, "then"], Object.keys(then).map((name) => [name, { number: share(now[name]) }, { number: share(then[name]) }, verdicts[name]]))],
+};
 
 /** What is typed here is kept: a page that is loaded again has it still. */
 function kept(key, attributes) {
@@ -50,8 +61,8 @@ export function benchView(host, part, session) {
     const job = session.folder.jobs.find((one) => one.kind === kind && one.state !== "running");
     if (!job || shown[kind] === job.id) return;
     shown[kind] = job.id;
-    const written = job.state === "done" && job.out && (await get("job", { id: job.id })).out;
-    refill(place, element(job.state === "done" ? "pre" : "p", { "data-said": kind }, job.state === "done" ? job.words : job.message),
+    const found = job.state === "done" ? await get("job", { id: job.id }) : null, written = job.out && found?.out;
+    refill(place, found ? TABLES[kind](found) : null, element(found ? "pre" : "p", { "data-said": kind }, found ? job.words : job.message),
       written ? element("p", {}, element("a", { href: fileAddress(job.out, true) }, job.out), words, more) : null, command(job.command));
   }
   const fill = () => {

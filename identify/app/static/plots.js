@@ -56,7 +56,7 @@ export class TimeView {
       width: this.width(), height: panel.height, legend: { show: false },
       cursor: { sync: { key: "time", scales: ["x", null] }, drag: { x: true, y: false, setScale: false }, points: { show: false } },
       scales: { x: { time: false, range: () => [this.begin, this.end] } },
-      axes: [last ? { ...axis, label: "time (s)", size: 34 } : { ...axis, values: () => [], size: 8 }, { ...axis, label: `${panel.label} (${panel.unit})`, size: 58 }],
+      axes: [last ? { ...axis, label: "time (s)", size: 34 } : { ...axis, values: () => [], size: 8 }, { ...axis, label: `${panel.label} (${panel.unit})`, size: 58, space: 18 }],
       series: [{}, ...panel.series.map((s) => ({ label: s.label, stroke: () => style(s.color), width: HAIR, dash: s.dash, points: { show: false } }))],
       hooks: {
         draw: [(u) => this.drawOver?.(u, number)],

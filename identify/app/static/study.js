@@ -32,9 +32,9 @@ function manifest(session, host, speeds, kept, changed) {
   const given = Object.keys(kept[0] ?? {}).find((key) => !["path", "group", "drive_speed", "step"].includes(key)) ?? "material";
   const labelName = element("input", { value: given, size: 10, "aria-label": "name of the label" });
   const cells = logs.map((log) => {
-    const left = kept.find((row) => row.path === log.path), plainSpeed = log.speed && !log.speed.includes(",") ? log.speed : "";
+    const left = kept.find((row) => row.path === log.path), plainSpeed = log.speed && !log.speed.includes(",") ? log.speed : log.hint ?? "";
     const cell = (name, value, size) => element("input", { value, size, "aria-label": `${name} of ${log.path}` });
-    return { path: log.path, group: cell("group", left?.group ?? log.path.split("/").pop().replace(/\.[^.]*$/, "").replace(/\.txt$/, ""), 16),
+    return { path: log.path, group: cell("group", left?.group ?? log.pair, 16),
       speed: cell("drive speed", left?.drive_speed || speeds[log.path] || plainSpeed, 12), step: cell("step", left?.step ?? "", 3), label: cell("label", left?.[given] ?? "", 12) };
   });
   const named = () => cells.forEach((cell) => { cell.label.placeholder = labelName.value; });

@@ -84,7 +84,7 @@ export async function tryView(host, asked, session) {
       own ? button("values of the fit", () => { for (const [name, entry] of Object.entries(own.parameters)) if (entry.value !== null) sliders.get(name)?.set(entry.value); note(); return simulate(); }) : null,
       own ? element("label", {}, box, " over the 95 % intervals of the fit") : null,
       button("use as start values of the scene", async () => {
-        const changes = shown.map((p) => ({ keys: ["parameters", p.name, "start"], value: `${values[p.name].toPrecision(6)} ${p.unit}`.trim() }));
+        const changes = shown.filter((p) => !p.fixed).map((p) => ({ keys: ["parameters", p.name, "start"], value: `${values[p.name].toPrecision(6)} ${p.unit}`.trim() }));
         await post("edit", { path, changes });
         say("these start values are in the draft of the scene");
       })),
