@@ -101,9 +101,8 @@ def tried(hostile: Hostile, folder: Path, idle: float) -> tuple[Ending, str]:
 
 def main(fast: bool = False, every: int = 1, words: str = "") -> Counter[str]:
     """Try the inputs; returns how often each kind of end was seen."""
-    from identify.cli.main import commands
+    from identify.cli import bench, fit, logs, operating, simulation, studies  # noqa: F401 - loaded before any is timed
 
-    commands()
     chosen = [hostile for hostile in all_inputs() if words in f"{hostile.name}, {hostile.file}"][
         :: 60 if fast else every
     ]

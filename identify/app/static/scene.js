@@ -1,11 +1,19 @@
 // The scene: a form with units as typed, effects as switches, and the text beside it; what one side says the other shows.
-import { button, choice, command, element, get, inOrder, labelled, link, post, put, quantity, refill, say, settled, table } from "./base.js";
+import { button, choice, command, element, get, inOrder, labelled, link, plain, post, put, quantity, refill, say, settled, table } from "./base.js";
 
 const LOG_COLUMNS = [["drive_speed", "drive speed"], ["step", "step"], ["labels", "labels"]];
 const CUTS = [["window", "window"], ["exclude", "left out"], ["skip_cycles", "skipped cycles"], ["tare", "zero"]];
 const EXAMPLES = { mass: "200 g", stiffness: "1.5 N/mm", zeta: "0.05", damping: "147 N/m", drive_speed: "0.1 mm/s", normal_force: "2 N", noise: "2 mN" };
 const GUESS = 5; // factor either way in which a guess is searched
 const missing = (value) => value.startsWith("TODO");
+const SPEEDS = { "m/s": 1, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-6, "mm/min": 1e-3 / 60 };
+
+/** Stiffness [N/m] that the sticks of logs show: stick slope over the drive speed as it was typed; the middle one. */
+function ofSticks(logs, known) {
+  const each = logs.map((log) => { const [, v, unit] = log.drive_speed.match(/^\s*([\d.e-]+)\s*(\S+)\s*$/) ?? []; return (known[log.path]?.slope ?? NaN) / (v * SPEEDS[unit]); });
+  const sound = each.filter((k) => k > 0 && Number.isFinite(k)).sort((a, b) => a - b);
+  return sound[sound.length >> 1];
+}
 
 /** Bounds around a value as it was typed, in its unit; null where it is no number. */
 function around(value) {
@@ -27,7 +35,7 @@ export async function sceneView(host, asked, session) {
     const place = keys.join(".");
     const open = missing(value), example = EXAMPLES[keys[keys.length - 1]];
     const made = element("input", { value: open ? "" : value, "data-place": place, "data-open": open, "aria-label": attributes.label ?? place, spellcheck: "false", onchange: () => change(keys, made.value), ...attributes,
-      placeholder: open ? `still to fill in, such as ${example}` : attributes.placeholder });
+      placeholder: open ? `such as ${example}` : attributes.placeholder });
     return made;
   };
 
@@ -49,14 +57,15 @@ export async function sceneView(host, asked, session) {
     });
   }
 
-  function rigField(field) {
+  function rigField(field, seen) {
+    const k = field.key === "stiffness" && missing(field.value) ? ofSticks(seen.logs, known()) : undefined;
     const label = element("label", {}, field.label, field.unit === "no unit" ? "" : ` (${field.unit})`), made = input(["rig", field.key], field.value, { placeholder: field.needed ? `such as ${EXAMPLES[field.key] ?? ""}` : "", label: field.label });
     const box = !field.guess ? null : element("input", { type: "checkbox", checked: field.searched !== "", "data-guess": field.key, onchange: () => {
       const bounds = around(made.value);
       if (box.checked && !bounds) { box.checked = false; made.focus(); say(`type an estimate of the ${field.label} first, with its unit`); return; }
       change(["parameters", field.key], box.checked ? bounds : null);
     } });
-    return element("div", { class: "field" }, label, made, element("small", {}, field.help),
+    return element("div", { class: "field" }, label, made, element("small", {}, field.help), k ? element("small", {}, button(`use ${plain(k, 3)} N/m, as the sticks of the logs show`, () => change(["rig", "stiffness"], `${plain(k, 4)} N/m`))) : null,
       box ? element("small", {}, element("label", {}, box, field.searched ? ` uncertain: estimated by the fit, ${field.searched.replace(/[{}"]/g, "").trim()}` : ` uncertain: estimate it in the fit, within a factor of ${GUESS}`)) : null);
   }
 
@@ -68,11 +77,11 @@ export async function sceneView(host, asked, session) {
           { size: 9, label: `${word} of ${p.name}`, placeholder: word === "start" ? quantity(p.value, p.unit, 3) : word === "fixed" && p.kind === "given" ? quantity(p.value, p.unit, 3) : "" }))))))));
   }
 
+  const known = () => Object.fromEntries(session.folder.logs.map((log) => [log.path, log]));
   function logs(seen) {
-    const known = Object.fromEntries(session.folder.logs.map((log) => [log.path, log]));
-    const field = (log, number, key) => [input(["logs", String(number + 1), key], log[key], { size: missing(log[key]) ? 22 : Math.min(Math.max(log[key].length, key === "step" ? 3 : 8), 22), label: `${key} of log ${number + 1}` }),
-      key === "drive_speed" && missing(log[key]) && known[log.path]?.hint ? button(`use ${known[log.path].hint}, as its ${known[log.path].hinted_by} says`, () => change(["logs", String(number + 1), key], known[log.path].hint)) : null,
-      key === "drive_speed" && known[log.path]?.slope ? element("small", { class: "under" }, `sticks rise by ${quantity(known[log.path].slope, "N/s", 3)}: stiffness times drive speed`) : null];
+    const of = known(), field = (log, number, key) => [input(["logs", String(number + 1), key], log[key], { size: missing(log[key]) ? 15 : Math.min(Math.max(log[key].length, key === "step" ? 3 : 8), 22), label: `${key} of log ${number + 1}` }),
+      key === "drive_speed" && missing(log[key]) && of[log.path]?.hint ? button(`${of[log.path].hint} by its ${of[log.path].hinted_by}`, () => change(["logs", String(number + 1), key], of[log.path].hint)) : null,
+      key === "drive_speed" && of[log.path]?.slope ? element("small", { class: "under" }, `sticks rise by ${quantity(of[log.path].slope, "N/s", 3)}: stiffness times drive speed`) : null];
     const cuts = (log) => CUTS.filter(([key]) => log[key]).map(([key, name]) => `${name} ${log[key]}`).join("; ").replaceAll('"', "") || "none";
     return table(["file", ...LOG_COLUMNS.map(([, name]) => name), "cuts", ""], seen.logs.map((log, number) => [link(log.path || "unknown", "log", { path: log.path, number: String(number) }), ...LOG_COLUMNS.map(([key]) => element("span", {}, field(log, number, key))),
       element("span", {}, `${cuts(log)} `, link("edit", "log", { path: log.path, number: String(number) })), button("remove", () => change(["logs", String(number + 1)], null))]), { class: "cards" });
@@ -92,8 +101,8 @@ export async function sceneView(host, asked, session) {
       const files = [...new Set([...session.folder.rigs, ...(file ? [file] : [])])];
       refill(form, 
         element("h3", {}, "Rig"), files.length ? labelled("rig from", choice([["", "the values below"], ...files], file, (name) => change(["rig"], name || null), { "data-place": "rig" })) : null,
-        file ? element("p", { class: "quiet" }, `Mass, stiffness and damping are those of ${file}; its tolerances are the priors of every fit.`) : rig.filter((field) => field.needed).map(rigField), element("h3", {}, "Logs"), logs(seen.form),
-        folded("optional", "More of the rig, and time", file ? null : rig.filter((field) => !field.needed).map(rigField),
+        file ? element("p", { class: "quiet" }, `Mass, stiffness and damping are those of ${file}; its tolerances are the priors of every fit.`) : rig.filter((field) => field.needed).map((field) => rigField(field, seen.form)), element("h3", {}, "Logs"), logs(seen.form),
+        folded("optional", "More of the rig, and time", file ? null : rig.filter((field) => !field.needed).map((field) => rigField(field, seen.form)),
           element("div", { class: "field" }, element("label", {}, "time for a fit"), input(["fit", "time_limit"], limit, { placeholder: "60 s" }))),
         element("h3", {}, "Effects: what the model is made of"),
         seen.form.auto ? element("p", {}, "The fit chooses the effects (effects = \"auto\"). ", button("choose them here", () => change(["effects"], ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"])))
