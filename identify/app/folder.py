@@ -6,6 +6,7 @@ import json
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -25,17 +26,12 @@ NO_LOGS = (*NOT_LOGS, ".tex", ".zip", ".log", *OWN_TABLES)
 
 Document = dict[str, Any]  # a JSON object
 Answered = TypeVar("Answered")
+INVALID = "the page sent no valid {}; load it again"
 
 
 class PageError(IdentifyError):
     """What was asked of the page cannot be; the text is the whole sentence. Everything in this room raises it, and lets
     the errors of other rooms pass: the server turns each into an answer."""
-
-
-def _filled(value: object) -> str:
-    if not value or not isinstance(value, str):
-        raise ValueError
-    return value
 
 
 @dataclass(frozen=True)
@@ -48,12 +44,15 @@ class PageQuery:
         """A value as a reader makes it, which raises ValueError and the like where it cannot."""
         try:
             return reader(self.values.get(key, otherwise))
-        except (AttributeError, TypeError, ValueError, OverflowError):
-            raise PageError(f"the page sent no valid {key}; load it again") from None
+        except (AttributeError, LookupError, TypeError, ValueError, OverflowError):
+            raise PageError(INVALID.format(key)) from None
 
     def text(self, key: str) -> str:
         """A text that must be there."""
-        return self.read(key, _filled)
+        text = self.values.get(key)
+        if not text or not isinstance(text, str):
+            raise PageError(INVALID.format(key))
+        return text
 
     def whole(self, key: str, otherwise: int) -> int:
         """A whole number of anything."""
@@ -139,26 +138,19 @@ class Folder:
         # The tables of results are no logs; in the folder of the logs everything is listed, whatever lies there.
         ours = folder != self.root and bool(names & {"result.json", "comparison.json"})
         for entry in entries:
+            path, inside = Path(entry.path), Path(os.path.realpath(entry.path))  # also of links that lead to each other
             if entry.is_dir(follow_symlinks=False):
                 if deepest and not ours:
-                    yield from self._walked(Path(entry.path), deepest - 1)
+                    yield from self._walked(path, deepest - 1)
             elif entry.name.lower().endswith(".toml"):
-                yield "rigs" if _holds_a_rig(Path(entry.path)) else "scenes", Path(entry.path)
-            elif not ours and self._may_be_a_log(Path(entry.path)):
-                yield "logs", Path(entry.path)
-
-    def _may_be_a_log(self, path: Path) -> bool:
-        inside = Path(os.path.realpath(path))  # also of links that lead to each other
-        named = not path.name.lower().endswith(NO_LOGS) and path.name != "index.csv"
-        return named and inside.is_relative_to(self.root) and inside.is_file()
-
-
-def _holds_a_rig(path: Path) -> bool:
-    """Whether a TOML file is that of a rig, which scenes name; one that cannot be read is a scene to be mended."""
-    try:
-        return is_rig(parsed(path.read_text(encoding="utf-8-sig")))
-    except (OSError, ValueError):
-        return False
+                kind = "scenes"  # one that cannot be read is a scene to be corrected
+                with suppress(OSError, ValueError):
+                    kind = "rigs" if is_rig(parsed(path.read_text(encoding="utf-8-sig"))) else kind
+                yield kind, path
+            elif ours or entry.name == "index.csv" or entry.name.lower().endswith(NO_LOGS):
+                continue
+            elif inside.is_relative_to(self.root) and inside.is_file():
+                yield "logs", path
 
 
 def read_json(path: Path) -> Document | None:
