@@ -23,16 +23,13 @@ from identify.base.document import to_document
 from identify.base.wording import quantity, speed_text
 from identify.logs.classical import table_of
 from identify.logs.prepare import Segmented
+from identify.logs.recorded_drive import SPEED_TEXT, speed_in
 from identify.logs.regime import look
 from identify.report.stored_result import plain
 
 LONGEST = 1800.0  # seconds that the inspection of one log may take
 NICE = 10  # of its process: what a person waits for goes first
-# A speed in a file name or a comment: 0.1_mm_per_s, 5mm-s, 42 um/s. Metres are left out: 5ms is a time.
 ENDINGS = re.compile(r"(\.[a-z]\w{0,6})+$", re.IGNORECASE)
-SPEED = re.compile(
-    r"(?<![\d.])(\d+(?:\.\d+)?)[ _-]*(mm|cm|[uµμ]m|nm)[ _-]*(?:/|per|p)?[ _-]*(s|min)(?![a-z])", re.IGNORECASE
-)
 
 
 class Looks:
@@ -118,18 +115,9 @@ class Looks:
         return {"error": str(document.get("message", "it cannot be read")).replace("./", "", 1)}
 
 
-def hinted_speed(name: str, comments: str) -> Document:
-    """A drive speed that a file name, else what its head says, mentions, and where; nothing where there are several."""
-    for text, place in ((Path(name).name, "file name"), (comments, "comment")):
-        found = {(number, f"{unit.lower()}/{per.lower()}") for number, unit, per in SPEED.findall(text)}
-        if len(found) == 1:
-            return {"hint": " ".join(found.pop()), "hinted_by": place}
-    return {}
-
-
 def row_of(name: str, size: int, log: Document | None) -> Document:
     """One line of the table of logs, in words; `ready` is False until the log was inspected."""
-    pair = SPEED.sub("", ENDINGS.sub("", Path(name).name)).strip(" _-")  # logs of one pair differ by their speeds
+    pair = SPEED_TEXT.sub("", ENDINGS.sub("", Path(name).name)).strip(" _-")  # logs of one pair differ by their speeds
     row: Document = {"path": name, "bytes": size, "ready": log is not None, "pair": pair or "pair"}
     if log is None:
         return row
@@ -140,23 +128,21 @@ def row_of(name: str, size: int, log: Document | None) -> Document:
     worst = [f["message"] for f in findings if f["severity"] in ("reject", "warning")]
     moving = sorted({abs(speed) for _, speed in log["drive_speed_programme"] or () if speed})
     comments = "; ".join(str(value) for step in log["steps"] for value in step["parameters"].values())
-    return (
-        row
-        | ({} if moving else hinted_speed(name, comments))
-        | {
-            "format": log["format"],
-            "speed": ", ".join(speed_text(s) for s in moving[:3]) + (" …" if len(moving) > 3 else ""),
-            "load": quantity(quality["load_N"], "N", 3) if quality.get("load_N") is not None else "",
-            "rate": quantity(rate, "Hz", 3) if rate else "",
-            "curve": log.get("force_overview_N"),
-            "slips": sum(step["cycles"] for step in log["steps"]),
-            "regime": (log["regime"] or "unknown").replace("_", " "),
-            "verdict": quality["verdict"],
-            "reason": worst[0] if worst else "",
-            "more": max(len(worst) - 1, 0),
-            "slope": next((row["stick_slope_N_per_s"] for row in log["classical"]["rows"]), None),
-        }
-    )
+    hints = ((speed_in(Path(name).name), "file name"), (speed_in(comments), "comment"))
+    row |= next(({"hint": hint, "hinted_by": place} for hint, place in hints if hint and not moving), {})
+    return row | {
+        "format": log["format"],
+        "speed": ", ".join(speed_text(s) for s in moving[:3]) + (" …" if len(moving) > 3 else ""),
+        "load": quantity(quality["load_N"], "N", 3) if quality.get("load_N") is not None else "",
+        "rate": quantity(rate, "Hz", 3) if rate else "",
+        "curve": log.get("force_overview_N"),
+        "slips": sum(step["cycles"] for step in log["steps"]),
+        "regime": (log["regime"] or "unknown").replace("_", " "),
+        "verdict": quality["verdict"],
+        "reason": worst[0] if worst else "",
+        "more": max(len(worst) - 1, 0),
+        "slope": next((row["stick_slope_N_per_s"] for row in log["classical"]["rows"]), None),
+    }
 
 
 def seen_by_a_fit(log: Segmented) -> Document:

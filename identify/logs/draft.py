@@ -16,7 +16,14 @@ from data_io.quality import describe_sampling
 from identify.base.wording import speed_text
 from identify.effects import MAIN
 from identify.logs.judgement import RecordPart, judge
-from identify.logs.recorded_drive import RecordedDrive, drive_of, recorded_drive, velocity_in_head, velocity_text
+from identify.logs.recorded_drive import (
+    RecordedDrive,
+    drive_of,
+    recorded_drive,
+    speed_in,
+    velocity_in_head,
+    velocity_text,
+)
 from identify.logs.regime import Regime, joined, look
 from identify.scene.toml import to_fill_in
 
@@ -149,6 +156,8 @@ def _log_lines(log: _Seen, folder: Path, options: Mapping[str, object], rest: _S
         slope = "" if log.slope is None else f"; the force rises at {log.slope:.4g} N/s in stick, that is k times it"
         head = velocity_in_head(piece.record)
         states = "" if head is None else f"the header of the log states {velocity_text(head)}; "
+        if named := speed_in(piece.path.name):
+            states += f"its file name says {named}; "
         lines.append(f'drive_speed = "TODO mm/s"   # {states}{drive.trouble}{slope}')
     elif drive.speed is not None:
         lines.append(f'drive_speed = "{speed_text(drive.speed)}"   # {drive.source}: check it')

@@ -32,6 +32,10 @@ SPEED_NAMES = (
 )  # fmt: skip
 POSITION_NAMES = ("stageposition", "driveposition", "position", "pos", *DISTANCES)
 AXES = ("v", "v1", "v2", "v3", "vx", "vy", "vz", "x", "y", "z")  # of carriages: any of them may be the drive, or none
+# A speed in a file name or a comment: 0.1_mm_per_s, 5mm-s, 42 um/s. Metres are left out: 5ms is a time.
+SPEED_TEXT = re.compile(
+    r"(?<![\d.])(\d+(?:\.\d+)?)[ _-]*(mm|cm|[uµμ]m|nm)[ _-]*(?:/|per|p)?[ _-]*(s|min)(?![a-z])", re.IGNORECASE
+)
 NOT_STATED = "it is not stated in the log"
 DISAGREES = "drive_speed_disagrees"  # the code of the finding
 EVEN = 0.05  # share by which the halves of an even stretch may differ
@@ -88,6 +92,13 @@ def recorded_drive(record: Record) -> RecordedDrive:
     if stated and all(re.fullmatch(r"[+-]?0+(\.0*)?", text) for text in stated):
         return RecordedDrive(None, trouble="the header of the log states Velocity = 0", stands=True)
     return RecordedDrive(None, trouble=_unused(record))
+
+
+def speed_in(text: str) -> str:
+    """The one drive speed that a file name or a comment mentions, as in "0.1 mm/s"; "" where it mentions none or
+    several."""
+    found = {f"{number} {unit.lower()}/{per.lower()}" for number, unit, per in SPEED_TEXT.findall(text)}
+    return found.pop() if len(found) == 1 else ""
 
 
 def drive_of(record: Record, drive: RecordedDrive) -> DriveCourse:

@@ -12,7 +12,7 @@ from data_io.record import Step
 from identify import Scene
 from identify.base.errors import FitError
 from identify.cli import main as cli
-from identify.logs.recorded_drive import drive_position, speed_of
+from identify.logs.recorded_drive import drive_position, speed_in, speed_of
 from identify.logs.scene_records import with_drives, with_records
 
 pytestmark = pytest.mark.usefixtures("no_further_logs")
@@ -147,3 +147,16 @@ def test_a_draft_has_the_programme_and_the_stiffness_by_stick(tmp_path, programm
     pairs = scene["logs"][0]["drive_speed"]
     assert pairs == [[start, f"{1e3 * speed:.4g} mm/s"] for start, speed in programme]
     assert float(scene["rig"]["stiffness"]["value"].split()[0]) == pytest.approx(STIFFNESS, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "speed"),
+    [
+        ("0.1_mm_per_s.txt.gz", "0.1 mm/s"),
+        ("V07_0.5mm-s_2N.txt", "0.5 mm/s"),
+        ("2 mm per min, steel.csv", "2 mm/min"),
+        *((name, "") for name in ("5ms.csv", "k168_v42.csv", "steel_2mm_silicone.csv", "1mm_s_and_2mm_s.csv")),
+    ],
+)
+def test_a_speed_in_a_file_name_is_seen_and_a_time_or_a_thickness_is_none(name, speed):
+    assert speed_in(name) == speed
