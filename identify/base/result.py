@@ -226,14 +226,6 @@ class ToleranceResult:
 
 
 @dataclass(frozen=True)
-class NoiseResult:
-    """For how many samples the noise of each log remembers, and by how much that widens each parameter's error."""
-
-    memory_samples: tuple[float | None, ...] = ()
-    widening: Mapping[str, float | None] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
 class ProfileCurve:
     """The profile of one parameter: values [SI], loss in units of chi^2, the ends of its interval, whether the way to
     an end failed or met a bound; standard_error of theta, by the curvature."""
@@ -271,7 +263,6 @@ class BootstrapInterval:
 
     interval: Interval
     spread_in_standard_errors: float | None = None
-    pieces: float | None = None
 
 
 @dataclass(frozen=True)
@@ -443,7 +434,6 @@ class Result:
     not_tried: tuple[str, ...] = ()
     rig_sensitivity: Mapping[str, Mapping[str, Shift]] | None = field(default=None, metadata=OMITTED)
     tolerances: Mapping[str, ToleranceResult] | None = field(default=None, metadata=OMITTED)
-    noise: NoiseResult | None = field(default=None, metadata=OMITTED)
     profile: ProfileResult | None = field(default=None, metadata=OMITTED)
     optima: tuple[OptimumResult, ...] | None = field(default=None, metadata=OMITTED)
     bootstrap: BootstrapResult | None = field(default=None, metadata=OMITTED)

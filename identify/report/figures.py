@@ -10,12 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from data_io.notebook_figure import NotebookFigure
 from identify.base import result as schema
-from identify.base.outcome import LogCurves, SlipDetail
+from identify.base.outcome import CYCLE_COLUMNS, LogCurves
 from identify.base.quantiles import LEVEL, chi_square
 from identify.base.result import ParameterResult
 from identify.base.wording import DASH, decimals, number, quantity, scale_for
@@ -51,17 +51,12 @@ Array = NDArray[np.float64]
 STRETCHES = 480  # of a long log: the lowest and highest of each is drawn
 MOST_MARKS, MOST_POINTS = 120, 600
 CLOSE = 3  # cycles in a close-up
-FEWEST = 3  # cycles that a log must show for a histogram
 FEWEST_POINTS = 5  # of a profile that is a curve
-BINS = 14
-NARROWEST = 1e-3  # of the value: least width of a histogram
 MOST_LOGS = 12  # in the picture of a preview
 PANELS = 3  # profiles in a row
 TOP = 1.6  # of the limit: the height of a profile
-RAW_COLOUR, TARE_COLOUR, UNUSED_COLOUR = "#d9b98c", "#7fb3c8", "#f1ede4"
-COLOURS = (ONSET, SLIDING, FITTED, ARREST, RESIDUAL, QUIET)  # of logs
+RAW_COLOUR, UNUSED_COLOUR = "#d9b98c", "#f1ede4"
 DIVERGING = "PuOr"  # told apart by colour-blind readers
-DASHED, DOTTED = (0, (4, 3)), (0, (1, 2))
 
 
 def pictures(fit: Fit) -> Iterator[Drawing]:
@@ -76,23 +71,19 @@ def _drawings(fit: Fit) -> Iterator[Drawing]:
     for position, curves in enumerate(fit.logs, start=1):
         if len(curves.time) > 1:
             yield draw_force(curves, position, fit.converged)
-        if curves.slip is not None and len(curves.slip.time) > 1:
-            yield draw_slip(curves, curves.slip, position, fit.converged)
         if len(curves.cycles):
             yield draw_cycles(curves, position, fit.converged)
     result = fit.typed
     uneven = schema.UnevenResult.of(result)
     for cycles in uneven.uneven_cycles:
         yield draw_uneven(cycles, uneven.strength_against_rest)
-    if not fit.converged and any(len(log.measured) >= FEWEST for log in fit.logs):
-        yield draw_measured(fit.logs)
     if result.profile and any(len(curve.values) >= FEWEST_POINTS for curve in result.profile.parameters.values()):
         yield draw_profiles(result.profile, result.parameters)
     if result.optima and sum(optimum.starts for optimum in result.optima) > 1:
         yield draw_optima(result.optima, chi_square(LEVEL, len(result.optima[0].values)))
     if result.correlation is not None and len(result.correlation.names) > 1:
-        names = [with_group(name, result.parameters[name].group) for name in result.correlation.names]
-        yield draw_correlation(list(map(plain_symbol, names)), np.array(result.correlation.matrix, dtype=np.float64))
+        names = [plain_symbol(with_group(name, result.parameters[name].group)) for name in result.correlation.names]
+        yield draw_correlation(names, np.array(result.correlation.matrix, dtype=np.float64))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -103,8 +94,7 @@ def _drawings(fit: Fit) -> Iterator[Drawing]:
 def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
     """The figure of log number `position` (from 1); `accepted`: whether the fit was."""
     fitted, onsets = bool(np.isfinite(curves.fitted_force).any()), curves.cycles[:, 0]
-    middle = float(onsets[len(onsets) // 2]) if len(onsets) else 0.0
-    near = _close_up(curves.time, onsets, middle if curves.slip is None else float(curves.slip.time.mean()))
+    near = _close_up(curves.time, onsets)
     spans = [slice(None)] if near == slice(None) else [slice(None), near]
     heights = [3.0, 1.15, 0.75] if fitted else [3.0, 0.75]
     height = 0.78 + 0.72 * sum(heights)
@@ -112,12 +102,8 @@ def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
     edges = {"left": 0.062, "right": 0.98, "top": 1 - 0.32 / height, "bottom": 0.46 / height}
     ratios = {"height_ratios": heights, "width_ratios": [2.1, 1][: len(spans)]}
     grid = figure.add_gridspec(len(heights), len(spans), **ratios, **edges, hspace=0.14, wspace=0.115)
-    signals = {
-        "measured": curves.friction_force,
-        "fitted": curves.fitted_force,
-        "residual": curves.friction_force - curves.fitted_force,
-        "normal": curves.normal_force,
-    }
+    signals = {"measured": curves.friction_force, "fitted": curves.fitted_force, "normal": curves.normal_force}
+    signals["residual"] = curves.friction_force - curves.fitted_force
     if curves.raw_force is not None:
         signals["raw"] = curves.raw_force
     tables: dict[str, Columns] = {}
@@ -130,15 +116,11 @@ def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
         tables[f"log_{position}_force{'_closeup' * column}"] = {"time_s": time[kept], **drawn}
     what = "Measured and fitted friction force with residuals" if fitted else "Measured friction force with its cycles"
     caption = (
-        "Behind the measured force: as it was read, before it was corrected." if "raw" in signals else "",
-        "Bars at the foot: what was cut, and where a zero was taken." if curves.cuts else "",
         "Residual = measured − fitted; dashed: ± 2 standard deviations of the noise."
         if fitted
         else "No curve was fitted through this log; the marks are the cycles detected in the data.",
+        "Behind the measured force: as it was read, before it was corrected." if "raw" in signals else "",
         "The fitted curve is the last iterate of a fit that was not accepted." if fitted and not accepted else "",
-        "Of a long log the lowest and highest of every stretch are drawn, so that no peak is lost."
-        if len(curves.time) > 2 * STRETCHES
-        else "",
     )
     return Drawing(
         name=f"log_{position}_force",
@@ -150,11 +132,11 @@ def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
     )
 
 
-def _close_up(time: Array, onsets: Array, middle: float) -> slice:
-    """Samples of a few cycles about a time [s]; all where the whole log shows as much."""
+def _close_up(time: Array, onsets: Array) -> slice:
+    """Samples of a few cycles in the middle; all where the whole log shows as much."""
     if len(onsets) < 2 * CLOSE:
         return slice(None)
-    half = 0.5 * CLOSE * float(np.median(np.diff(onsets)))
+    middle, half = onsets[len(onsets) // 2], 0.5 * CLOSE * float(np.median(np.diff(onsets)))
     start, stop = np.searchsorted(time, [middle - half, middle + half]).tolist()
     return slice(start, stop) if 8 <= stop - start < len(time) else slice(None)
 
@@ -197,11 +179,6 @@ def _force_column(
     frame(normal, "time (s)", "Fₙ (N)" if whole else "")
     if whole:
         force.legend(loc="upper right", ncols=4, handlelength=1.4, columnspacing=1.3, borderaxespad=0.1)
-    for kind, start, stop in curves.cuts:  # a bar along the foot
-        if min(stop, high) > max(start, low):
-            colour, foot = (TARE_COLOUR, 0.1) if kind == "tare" else (QUIET, 0.0)
-            span = max(start, low), min(stop, high)
-            force.axvspan(*span, ymin=foot, ymax=foot + 0.03, color=colour, linewidth=0, zorder=5)
     edges = np.flatnonzero(np.diff(np.concatenate([[True], curves.used, [True]]).astype(np.int8))).reshape(-1, 2)
     for panel, bins in zip(axes, (6, 4, 3) if fitted else (6, 3), strict=True):
         panel.set_xlim(low, high)
@@ -223,8 +200,7 @@ def draw_preview(preview: Preview) -> Figure:
     grid = figure.subplots(len(logs), 2, squeeze=False, width_ratios=[1.7, 1])
     for row, log in zip(grid, logs, strict=True):
         measured = np.where(log.used, log.force, np.nan)
-        middle = float(log.onset[log.onset.size // 2]) if log.onset.size else 0.0
-        for axes, part in zip(row, (slice(None), _close_up(log.time, log.onset, middle)), strict=True):
+        for axes, part in zip(row, (slice(None), _close_up(log.time, log.onset)), strict=True):
             time = log.time[part]
             _line(axes, time, measured[part], BEHIND, 0.9, "measured")
             _line(axes, time, log.trajectory[part], FITTED, 0.9, "start trajectory")
@@ -243,94 +219,7 @@ def draw_preview(preview: Preview) -> Figure:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# One typical slip as the fitted model has it, and its phase plane (figure 3 of the paper).
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-def draw_slip(curves: LogCurves, slip: SlipDetail, position: int, accepted: bool) -> Drawing:
-    """Force, sliding speed, gamma and friction coefficient of one slip of log number `position` (from 1) over time,
-    and its elongation against the rate of that."""
-    sliding = np.flatnonzero(slip.sliding_speed > 0)
-    moving = [max(int(sliding[0]) - 1, 0), min(int(sliding[-1]) + 1, len(slip.time) - 1)] if len(sliding) else []
-    origin = float(slip.time[moving[0] if moving else 0])
-    clock, pace = scale_for(float(np.ptp(slip.time)), "s"), scale_for(float(np.nanmax(slip.sliding_speed)), "m/s")
-    time = (slip.time - origin) / clock.factor
-    every = (
-        (slip.force, "force (N)", FITTED),
-        (slip.sliding_speed / pace.factor, f"speed ({pace.unit})", SLIDING),
-        (slip.gamma, "contact γ (1)", ARREST),
-        (slip.coefficient, "coefficient (1)", ONSET),
-    )
-    panels = [panel for panel in every if np.isfinite(panel[0]).any()]
-    figure = Figure(figsize=(WIDE, 4.7))
-    ratios = [1.7] + [1] * (len(panels) - 1)
-    grid = figure.add_gridspec(len(panels), 1, height_ratios=ratios, left=0.07, right=0.49, top=0.94, bottom=0.1)
-    for row, (values, label, colour) in enumerate(panels):
-        axes = figure.add_subplot(grid[row, 0])
-        if row == 0 and len(slip.samples):
-            kept = slip.samples[extremes(curves.friction_force[slip.samples], MOST_POINTS // 2)]
-            measured = (curves.time[kept] - origin) / clock.factor, curves.friction_force[kept]
-            axes.plot(*measured, ".", markersize=3.5, color=MEASURED, label="measured")
-        axes.plot(time, values, color=colour, linewidth=1.3, label="fitted" if accepted else "last iterate")
-        padded(axes, values)
-        axes.set_xlim(float(time[0]), float(time[-1]))
-        axes.locator_params(axis="y", nbins=3)
-        for index in moving:
-            axes.axvline(float(time[index]), color=QUIET, linewidth=0.8, linestyle=DOTTED)
-        under = f"time from onset ({clock.unit})" if row == len(panels) - 1 else ""
-        frame(axes, under, label, "" if row else f"slip of cycle {slip.cycle}")
-        if row == 0:
-            axes.legend(loc="upper right", handlelength=1.2, borderaxespad=0.1)
-    drive = curves.drive_speed if np.isfinite(curves.drive_speed) else 0.0
-    _phase_plane(figure.add_axes((0.57, 0.1, 0.42, 0.84)), slip, drive, moving)
-    rate = "." if drive else " (not constant here: the rate shown is minus the sliding speed)."
-    return Drawing(
-        name=f"log_{position}_slip",
-        figure=figure,
-        alt=f"Force, sliding speed, contact age and friction coefficient over time in one slip of log {position}, and "
-        "its phase plane: spring elongation against its rate.",
-        caption="A typical slip: measured force and what the fitted model gives. Dotted lines: onset and arrest. Phase "
-        f"plane, dashed: the surfaces stick and the elongation grows at the drive speed{rate}",
-        tables={
-            f"log_{position}_slip": {
-                "time_s": slip.time,
-                "force_N": slip.force,
-                "elongation_m": slip.elongation,
-                "elongation_rate_m_per_s": drive - slip.sliding_speed,
-                "sliding_speed_m_per_s": slip.sliding_speed,
-                "gamma": slip.gamma,
-                "coefficient": slip.coefficient,
-            },
-            f"log_{position}_slip_measured": {
-                "time_s": curves.time[slip.samples],
-                "measured_N": curves.friction_force[slip.samples],
-                "fitted_N": curves.fitted_force[slip.samples],
-            },
-        },
-        log=position,
-    )
-
-
-def _phase_plane(axes: Axes, slip: SlipDetail, drive: float, moving: Sequence[int]) -> None:
-    rate = drive - slip.sliding_speed
-    along = scale_for(float(np.nanmax(np.abs(slip.elongation))), "m")
-    pace = scale_for(float(np.nanmax(np.abs(rate))), "m/s")
-    x, y = slip.elongation / along.factor, rate / pace.factor
-    axes.axhline(drive / pace.factor, color=QUIET, linewidth=0.8, linestyle=DASHED)
-    axes.plot(x, y, color=SLIDING, linewidth=1.4)
-    for index, marker, colour, label in zip(moving, "v^", (ONSET, ARREST), ("onset", "arrest"), strict=False):
-        axes.plot(x[index], y[index], marker, markersize=7, color=colour, label=label)
-    if moving:  # which way the loop is run through
-        middle = int(np.argmin(rate))
-        arrow = {"arrowstyle": "-|>", "color": SLIDING, "linewidth": 1.2, "mutation_scale": 13}
-        axes.annotate("", xy=(x[middle + 1], y[middle + 1]), xytext=(x[middle], y[middle]), arrowprops=arrow)
-        axes.legend(loc="lower right", borderaxespad=0.2)
-    padded(axes, y)
-    frame(axes, f"spring elongation ({along.unit})", f"elongation rate ({pace.unit})", "phase plane")
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# How the cycles scatter: of one log, of the measured cycles of all, and of uneven records.
+# How the cycles scatter: of one log, and of uneven records.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
@@ -340,24 +229,19 @@ def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Draw
     Args:
         accepted: the cycles are those of the fitted motion, where there is one, else as they were measured.
     """
-    onset, arrest, peak, valley, misfit = curves.cycles.T
-    count, scored = len(onset), bool(np.isfinite(misfit).any())
-    period = np.append(np.diff(onset), np.nan)
+    onset, _, peak, valley, misfit = curves.cycles.T
+    count, scored, period = len(onset), bool(np.isfinite(misfit).any()), np.append(np.diff(onset), np.nan)
     panels = [(peak, "N", "onset force", ONSET), (peak - valley, "N", "drop", ARREST), (period, "s", "period", SLIDING)]
     panels += [(misfit, "", "misfit z", FITTED)] if scored else []
+    panels = [panel for panel in panels if np.isfinite(panel[0]).any()]
     figure = Figure(figsize=(WIDE, 2.0))
     grid = figure.add_gridspec(1, len(panels), left=0.045, right=0.992, top=0.86, bottom=0.215, wspace=0.24)
     for column, (values, unit, name, colour) in enumerate(panels):
-        axes = figure.add_subplot(grid[0, column])
-        finite = values[np.isfinite(values)]
-        axes.set_xlim(0, count + 1)
-        if not len(finite):
-            axes.text(0.5, 0.5, "no complete cycle", ha="center", va="center", transform=axes.transAxes, color=QUIET)
-            frame(axes, "cycle", "", name)
-            continue
+        axes, finite = figure.add_subplot(grid[0, column]), values[np.isfinite(values)]
         scale = scale_for(float(np.median(finite)), unit)
         mean, spread = finite.mean() / scale.factor, finite.std(ddof=min(1, len(finite) - 1)) / scale.factor
         kept = extremes(values, MOST_POINTS // 2)
+        axes.set_xlim(0, count + 1)
         axes.axhline(mean if unit else 0.0, color=QUIET, linewidth=0.8)
         axes.plot(kept + 1, values[kept] / scale.factor, "o", color=colour, markersize=3.2, alpha=0.9)
         if unit:
@@ -373,6 +257,7 @@ def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Draw
         axes.locator_params(axis="x", nbins=6, integer=True)
     what = "of the motion as fitted" if accepted and scored else "as measured"
     score = " Misfit z: how far a cycle's residual is from pure noise, in its standard deviations." if scored else ""
+    columns = dict(zip(CYCLE_COLUMNS, curves.cycles.T, strict=True)) | {"drop_N": peak - valley, "period_s": period}
     return Drawing(
         name=f"log_{position}_cycles",
         figure=figure,
@@ -380,85 +265,8 @@ def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Draw
         caption=f"Scatter from cycle to cycle {what}; line and band: mean ± standard deviation. "
         "A fit of one set of parameters takes all cycles as alike: "
         f"scatter or a trend far above the noise means that the friction itself changed.{score}",
-        tables={
-            f"log_{position}_cycles": {
-                "cycle": np.arange(1, count + 1),
-                "onset_s": onset,
-                "arrest_s": arrest,
-                "onset_force_N": peak,
-                "arrest_force_N": valley,
-                "drop_N": peak - valley,
-                "period_s": period,
-                "misfit_z": misfit,
-            }
-        },
+        tables={f"log_{position}_cycles": {"cycle": np.arange(1, count + 1), **columns}},
         log=position,
-    )
-
-
-def measured_cycles(logs: Sequence[LogCurves]) -> dict[str, Array]:
-    """The cycles of all logs as they were measured, by column. Strength: friction over normal force at the onset; hold
-    time: from an arrest to the next onset (NaN of the first)."""
-    columns = ("log", "cycle", "onset_s", "arrest_s", "onset_force_N", "arrest_force_N", "strength", "drop_N", "hold_s")
-    rows = [np.empty((0, len(columns)))]
-    for position, log in enumerate(logs, 1):
-        onset, arrest, peak, valley = log.measured.T
-        load = np.interp(onset, log.time, log.normal_force) if onset.size else onset
-        hold = np.append(np.nan, onset[1:] - arrest[:-1])[: onset.size]
-        numbers = np.full(onset.size, position), np.arange(1, onset.size + 1)
-        rows.append(np.column_stack([*numbers, onset, arrest, peak, valley, peak / load, peak - valley, hold]))
-    return dict(zip(columns, np.concatenate(rows).T, strict=True))
-
-
-def draw_measured(logs: Sequence[LogCurves]) -> Drawing:
-    """Histograms of strength, drop and hold time, strength against hold time, mean coefficient against drive speed, of
-    the logs with `FEWEST` cycles and more, of which there must be one."""
-    shown = {position: log for position, log in enumerate(logs, 1) if len(log.measured) >= FEWEST}
-    table = measured_cycles(logs)
-    figure = Figure(figsize=(WIDE, 2.3))
-    grid = figure.add_gridspec(1, 5, left=0.045, right=0.992, top=0.86, bottom=0.21, wspace=0.34)
-    *histograms, against, over = (figure.add_subplot(grid[0, column]) for column in range(5))
-    colours = (COLOURS * len(shown))[: len(shown)]
-    quantities = (("strength", "", "strength"), ("drop_N", "N", "drop"), ("hold_s", "s", "hold time"))
-    for axes, (name, unit, words) in zip(histograms, quantities, strict=True):
-        values = [table[name][(table["log"] == position) & np.isfinite(table[name])] for position in shown]
-        together = np.concatenate(values)
-        if not together.size:  # without a load there is no strength
-            frame(axes, words, "", "cycles")
-            continue
-        scale, low, high = scale_for(float(np.median(together)), unit), float(together.min()), float(together.max())
-        wider = max(0.0, NARROWEST * abs(high) - (high - low)) / 2  # cycles may be alike but for rounding
-        span = ((low - wider) / scale.factor, (high + wider) / scale.factor)
-        axes.hist([v / scale.factor for v in values], bins=BINS, range=span, stacked=True, color=list(colours))
-        frame(axes, f"{words} ({scale.unit or '1'})", "", "cycles")
-        axes.locator_params(axis="y", nbins=4, integer=True)
-        axes.locator_params(axis="x", nbins=4)
-    means = []
-    for (position, log), colour in zip(shown.items(), colours, strict=True):
-        mine = table["log"] == position
-        points = table["hold_s"][mine], table["strength"][mine]
-        against.plot(*points, ".", color=colour, markersize=4, label=f"log {position}")
-        inside = log.used & (log.time >= log.measured[0, 0]) & (log.time <= log.measured[-1, 0])
-        means.append(np.nanmean((log.friction_force / log.normal_force)[inside]) if inside.any() else np.nan)
-    speeds = np.array([abs(log.drive_speed) for log in shown.values()])
-    over.plot(1e3 * speeds, means, "o", color=SLIDING, markersize=4)
-    for axes in (against, over) if np.all(speeds > 0.0) else (against,):
-        axes.set_xscale("log")
-        axes.xaxis.set_major_locator(LogLocator(numticks=5))
-        axes.xaxis.set_major_formatter("{x:g}")  # the style of the report takes no formulas
-        axes.xaxis.set_minor_formatter(NullFormatter())
-    frame(against, "hold time (s)", "", "strength (1)")
-    against.legend(fontsize=6.5, handletextpad=0.1, borderaxespad=0.1)
-    frame(over, "drive speed (mm/s)", "", "mean coefficient (1)")
-    count = sum(len(log.measured) for log in shown.values())
-    return Drawing(
-        name="measured",
-        figure=figure,
-        alt=f"How the {count} measured cycles of {len(shown)} logs scatter, and what strength and mean follow.",
-        caption="The cycles as measured, without a model. Strength: friction over normal force at the onset; hold "
-        "time: from an arrest to the next onset. A strength that rises with the hold time is contact ageing; one that "
-        "scatters at equal hold times is a surface that differs from place to place.",
-        tables={"measured_means": {"drive_speed_m_per_s": speeds, "mean_coefficient": np.array(means)}},
     )
 
 
@@ -493,9 +301,8 @@ def draw_uneven(cycles: schema.UnevenCycles, curve: schema.StrengthCurve | None)
         alt=f"Onsets, arrests and slow level of the {time.size} cycles of log {cycles.log}, and their strengths "
         "against the rest before them.",
         caption="Left: friction over the load at onsets and arrests, and the slow level that the cycles follow. Right: "
-        "strength of every stick (onset above the slow level) against its rest; line and band: the usual strength, "
-        "within the rests seen. A stick is long because the spot was strong, so the points rise more steeply than the "
-        "line.",
+        "strength of every stick (onset above the slow level) against its rest. A stick is long because the spot was "
+        "strong, so the points rise more steeply than the line.",
         tables={f"log_{cycles.log}_uneven": column},
         log=cycles.log,
     )
@@ -534,10 +341,8 @@ def draw_correlation(names: Sequence[str], matrix: Array) -> Drawing:
     image = correlation_cells(axes, names, matrix)
     figure.colorbar(image, ax=axes, ticks=[-1, -0.5, 0, 0.5, 1], aspect=30).outline.set_visible(False)
     off = np.where(np.eye(count, dtype=bool) | ~np.isfinite(matrix), 0.0, matrix)
-    strongest = "no correlation is known."
-    if off.any():
-        row, column = np.unravel_index(int(np.argmax(np.abs(off))), off.shape)
-        strongest = f"the strongest is {off[row, column]:.2f}, between {names[int(row)]} and {names[int(column)]}."
+    row, column = np.unravel_index(int(np.argmax(np.abs(off))), off.shape)
+    strongest = f"the strongest is {decimals(off[row, column], 2)}, between {names[int(row)]} and {names[int(column)]}."
     return Drawing(
         name="correlation",
         figure=figure,
@@ -574,8 +379,7 @@ def draw_profiles(profile: schema.ProfileResult, parameters: Mapping[str, Parame
     figure = Figure(figsize=(WIDE, 0.5 + 1.75 * rows), layout="constrained")
     tables: dict[str, Columns] = {}
     for place, (name, curve) in enumerate(curves.items()):
-        axes = figure.add_subplot(rows, PANELS, place + 1)
-        entry = parameters.get(name) or ParameterResult(None)
+        axes, entry = figure.add_subplot(rows, PANELS, place + 1), parameters.get(name) or ParameterResult(None)
         unit = profile_curve(axes, curve, entry, profile.limit)
         axes.set_title(f"{plain_symbol(with_group(name, entry.group))}{unit}")
         if place % PANELS == 0:
@@ -586,7 +390,7 @@ def draw_profiles(profile: schema.ProfileResult, parameters: Mapping[str, Parame
     return Drawing(
         name="profile",
         figure=figure,
-        alt=f"Profile likelihood of {', '.join(curves)}: the loss over each parameter, with the 95 % limit.",
+        alt=f"Profile likelihood of {', '.join(map(plain_symbol, curves))}: the loss over each, with the 95 % limit.",
         caption="Profile likelihood: loss of the data, in units of χ², when one parameter is fixed and all others "
         f"follow. Shaded: the 95 % interval, where the loss stays below {profile.limit:.2f}. Dashed: what the "
         "covariance expects.",

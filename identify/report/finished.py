@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from identify.base.document import Json, to_dict
 from identify.base.errors import FitError
-from identify.base.outcome import LogCurves, Status
+from identify.base.outcome import CYCLE_COLUMNS, LogCurves, Status
 from identify.base.result import Result
 from identify.base.wording import wrapped
 from identify.model.model import RIG_PARAMETERS
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 POINTS = 200  # of the curve of a law
 HISTOGRAM = 5  # standard deviations; residuals beyond are counted at its ends
-CYCLE_COLUMNS = ("onset_s", "arrest_s", "onset_force_N", "arrest_force_N", "misfit_z")
 Quantity = float | str  # SI, or text with a unit
 
 
@@ -123,10 +122,9 @@ class Fit:
         """
         import pandas as pd
 
-        self._check_curves()
         frames = []
-        for number, curves in enumerate(self.logs, 1):
-            frame = pd.DataFrame(curves.cycles, columns=list(CYCLE_COLUMNS))
+        for number in range(1, len(self.logs or self.typed.logs) + 1):
+            frame = pd.DataFrame(self._curves(number).cycles, columns=list(CYCLE_COLUMNS))
             frame["drop_N"] = frame["onset_force_N"] - frame["arrest_force_N"]
             frame["hold_s"] = frame["onset_s"] - frame["arrest_s"].shift()
             frame.insert(0, "cycle", np.arange(1, len(frame) + 1))
@@ -185,8 +183,7 @@ class Fit:
     def plot_residual_histogram(self, axes: Axes | None = None) -> Axes:
         """Residuals of all logs in standard deviations of their noise as a density, beside the normal one."""
         parts = [self.residuals(number) / curves.noise for number, curves in enumerate(self.logs, 1)]
-        values = np.concatenate(parts) if parts else np.empty(0)
-        values = values[np.isfinite(values)]
+        values = np.concatenate([np.empty(0), *(part[np.isfinite(part)] for part in parts)])
         if not values.size:
             raise FitError("this fit has no residuals: no curve was fitted, or only its document is here")
         x = np.linspace(-HISTOGRAM, HISTOGRAM, POINTS)
@@ -199,19 +196,16 @@ class Fit:
 
     def plot_parameters(self, axes: Axes | None = None) -> Axes:
         """Forest plot: all 95 % intervals as deviations from the values [%], those of noise alone thick."""
-        bounded = {n: e for n, e in self.typed.parameters.items() if e.value and None not in e.ends}
-        if not bounded:
+        frame = self.parameters
+        bounded = frame[frame["value"] != 0.0].dropna(subset=["value", "lower", "upper"])
+        if bounded.empty:
             raise FitError("no parameter of this fit has an interval with two ends; plot_forces shows what was fitted")
         with axes_of(axes) as on:
-            for place, entry in enumerate(bounded.values()):
-                for ends, width, colour in ((entry.ends, 1.0, QUIET), (entry.interval_rig_exact, 3.5, FITTED)):
-                    shares = [
-                        100.0 * (end / entry.value - 1.0) for end in ends or () if end is not None and entry.value
-                    ]
-                    if len(shares) == 2:
-                        on.plot(shares, [place, place], color=colour, linewidth=width, solid_capstyle="butt")
-                on.plot([0.0], [place], "o", color=MEASURED, markersize=3.5)
-            on.set_yticks(range(len(bounded)), [plain_symbol(name) for name in bounded])
+            for ends, width, colour in (("", 1.0, QUIET), ("_rig_exact", 3.5, FITTED)):
+                low, high = (100.0 * (bounded[f"{end}{ends}"] / bounded["value"] - 1.0) for end in ("lower", "upper"))
+                on.hlines(range(len(bounded)), low, high, color=colour, linewidth=width)
+            on.plot(np.zeros(len(bounded)), range(len(bounded)), "o", color=MEASURED, markersize=3.5)
+            on.set_yticks(range(len(bounded)), [plain_symbol(name) for name in bounded.index])
             on.invert_yaxis()
             on.set(xlabel="deviation from the value (%)", ylabel="")
         return on
@@ -349,15 +343,12 @@ class Fit:
         return write_report(self, Path(folder))[-1]
 
     def _curves(self, log: int) -> LogCurves:
-        self._check_curves()
-        self._check_log(log)
-        return self.logs[log - 1]
-
-    def _check_curves(self) -> None:
         if not self.logs:
             raise FitError(
                 "only the document of this fit is here, without curves; they stand in result.h5, or fit again"
             )
+        self._check_log(log)
+        return self.logs[log - 1]
 
     def _check_log(self, log: int) -> None:
         count = len(self.typed.logs)

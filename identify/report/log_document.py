@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from data_io.record import WINDOW_START, within
 from data_io.values import Finding
 from identify.base.document import Json, to_dict
-from identify.base.errors import SimulationError
-from identify.base.outcome import LogCurves, SlipDetail, Status
+from identify.base.outcome import LogCurves, Status
 from identify.base.quantiles import NORMAL
 from identify.base.result import Interval, LogResult, Number, QualityFigure, QualityResult
 from identify.diagnosis.findings import Findings
@@ -27,8 +26,6 @@ from identify.prediction.sources import with_tied
 from identify.scene.values import Tie
 from identify.shooting import batch
 from identify.shooting.shooting_trajectory import ShootingTrajectory
-from identify.simulation.plan import Stepping
-from identify.simulation.simulate import run
 
 Array = NDArray[np.float64]
 
@@ -217,11 +214,6 @@ def creep_velocities(prepared: list[Prepared], findings: Findings) -> dict[str, 
     return out
 
 
-FINE = 400  # points of a slip in detail
-AS_FITTED = 0.1  # of the range of a slip's force: farther from the fitted curve it is not drawn
-LEAD, TAIL = 0.25, 0.35  # of the slip's duration, shown before and after it
-
-
 def fitted_curves(
     log: Prepared, unknowns: Unknowns, theta: Array, trajectory: ShootingTrajectory, fitted: Array, z: Array
 ) -> LogCurves:
@@ -239,18 +231,12 @@ def fitted_curves(
         one = np.ones(times.size)
         u = np.column_stack([log.data.drive_speed * one, log.data.normal_force.at(times), one, times])
         forces[row] = batch.load_cell(unknowns.model, states, np.tile(p, (times.size, 1)), u)
-    slip = _typical_slip(log, unknowns, p, trajectory)
-    if slip is not None:  # it has one normal force throughout, the fit another one in every slip of a load that jitters
-        at = slip.samples[np.isfinite(fitted[slip.samples])]
-        off = np.abs(np.interp(log.record.time[at], slip.time, slip.force) - fitted[at])
-        slip = slip if np.max(off, initial=0.0) < AS_FITTED * np.ptp(slip.force) else None
     return replace(
         detected_curves(log),
         fitted_force=np.where(log.used, fitted, np.nan),
         used=log.used & np.isfinite(fitted),
         noise=log.data.noise,
         cycles=np.column_stack([trajectory.onset, trajectory.arrest, *forces, z[: trajectory.cycles]]),
-        slip=slip,
     )
 
 
@@ -266,7 +252,6 @@ def refused_curves(log: Prepared, fitted: LogCurves) -> LogCurves:
 def detected_curves(log: Prepared) -> LogCurves:
     """Curves of a log that was not fitted: its detected cycles only."""
     c, raw = log.segmentation.cycles, log.account.raw.friction_force
-    measured = np.column_stack([c.onset, c.arrest, c.onset_force, c.arrest_force])
     return LogCurves(
         name=log.name,
         time=log.record.time,
@@ -276,43 +261,6 @@ def detected_curves(log: Prepared) -> LogCurves:
         used=log.used,
         noise=float(log.segmentation.noise),
         drive_speed=log.data.drive_speed,
-        cycles=np.column_stack([measured, np.full(len(measured), np.nan)]),
-        measured=measured,
-        slip=None,
+        cycles=np.column_stack([c.onset, c.arrest, c.onset_force, c.arrest_force, np.full(c.onset.size, np.nan)]),
         raw_force=None if raw is log.record.friction_force else log.sign * raw,
-        cuts=tuple((cut.kind, cut.start, cut.stop) for cut in log.account.cuts),
-    )
-
-
-def _typical_slip(log: Prepared, unknowns: Unknowns, p: Array, trajectory: ShootingTrajectory) -> SlipDetail | None:
-    """The slip of median duration (not the first where there are more), simulated from its fitted onset."""
-    if trajectory.cycles == 0:
-        return None
-    durations, model, speed = trajectory.arrest - trajectory.onset, unknowns.model, log.data.drive_speed
-    order = np.argsort(durations[1:]) + 1 if trajectory.cycles > 2 else np.argsort(durations)
-    cycle = int(order[order.size // 2])
-    onset, duration = float(trajectory.onset[cycle]), float(durations[cycle])
-    end, load = (1 + TAIL) * duration, float(log.data.normal_force.at(onset) + trajectory.deviation[cycle])
-    at_onset = trajectory.at_end(trajectory.ending("onset"))[cycle].tolist()
-    start = dict(zip((s.name for s in model.states), at_onset, strict=True)) | {"sliding_speed": 0.0}
-    values = dict(zip(model.parameter_names, p.tolist(), strict=True))
-    try:
-        motion = run(model, values, speed, load, end, start=start, accuracy=Stepping(1e-8))
-    except SimulationError:  # where a failed fit ended, no slip need be possible
-        return None
-    # Before the onset the mass rests: the spring loads at the drive speed, the contact hardly ages meanwhile.
-    times, before = np.linspace(0.0, end, FINE), np.linspace(-LEAD * duration, 0.0, FINE // 8, endpoint=False)
-    k = values["stiffness"]
-    slopes = {"elongation": speed, "force": k * speed, "coefficient": k * speed / load}
-    joined = {
-        name: np.concatenate([sampled[0] + slopes.get(name, 0.0) * before, sampled])
-        for name, sampled in motion.sample(times).items()
-    }
-    time = log.record.time
-    return SlipDetail(
-        cycle=cycle + 1,
-        time=onset + np.concatenate([before, times]),
-        gamma=joined.get("gamma", np.full(before.size + times.size, np.nan)),
-        samples=np.flatnonzero((time >= onset + before[0]) & (time <= onset + end) & log.used),
-        **{name: joined[name] for name in ("force", "elongation", "sliding_speed", "coefficient")},
     )

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from identify.base.document import Json, to_dict
 from identify.base.outcome import Status
 from identify.base.result import LogResult, Result
 from identify.base.wording import DASH, number, quantity
@@ -58,9 +57,6 @@ def first_screen_views(result: Result) -> dict[str, object]:
         "accuracy_line": wording.accuracy_text(result.accuracy),
         "tolerances": wording.tolerances_text(result.tolerances or {}),
         "notes": result.notes,
-        "bare": any(
-            tables.shown_error(e) is None and tables.spread_of(e) is not None for e in result.parameters.values()
-        ),
         "classical": tables.classical_pages(result.logs),
         "definitions": tables.definitions(result.logs),
         "last_iterate": [(name, quantity(entry.value, entry.unit)) for name, entry in last],
@@ -113,7 +109,6 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
     speeds = [dict(view["facts"]).get("drive speed") for view in logs]
     heads = [", ".join(filter(None, (f"log {place}", text))) for place, text in enumerate(speeds, 1)]
     columns = list(zip(heads, result.logs, strict=True))
-    of_pair = {wording.with_group(key, entry.group): to_dict(entry) for key, entry in result.derived.items()}
     scene = result.provenance.get("scene")
     text = scene if isinstance(scene, str) else json.dumps(scene, ensure_ascii=False, indent=2) if scene else ""
     sizes = result.effects.chosen == "listed" and any(log.derived for log in result.logs)
@@ -125,27 +120,17 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
         shared_labels=[item for item in (result.logs[0].labels.items() if logs else ())
                        if all(item in log.labels.items() for log in result.logs)],
         figures_of={place: [f for f in figures if f.log == place] for place in range(1, len(logs) + 1)},
-        overall_figures=[f for f in figures if f.log is None and f.name not in ("profile", "measured")],
-        measured_figures=[f for f in figures if f.name == "measured"],
+        overall_figures=[f for f in figures if f.log is None and f.name != "profile"],
         depth_figures=[f for f in figures if f.name == "profile"],
         intervals=tables.method_table(result),
         accuracy=tables.accuracy_rows(result.accuracy_table or ()),
-        derived=tables.answer_table([("value", of_pair)], "friction pair"),
-        answers=tables.answer_table([(head, tables.derived_answers(log.derived)) for head, log in columns]),
-        in_words=[(place, lines) for place, log in enumerate(result.logs, 1)
-              if (lines := tables.sentences(log.derived, len(logs) > 1))],
+        answers=tables.answer_table(columns),
         effects=tables.effects_table(result.effects.reasons),
         chosen=wording.EFFECTS_CHOSEN.get(result.effects.chosen, "") + f" {wording.EFFECT_SIZES}" * sizes,
-        quality=tables.answer_table([(head, tables.of_record(log.quality.figures)) for head, log in columns]),
         causes=tables.causes_table(result.causes) if result.causes else None,
         held=tables.held_table(result.rig_against_data) if result.rig_against_data else None,
         sensitivity=tables.sensitivity_table(result.rig_sensitivity) if result.rig_sensitivity else None,
-        search=_search(result),
-        timings=[
-            (wording.TIMING_WORDS.get(key, key.replace("_", " ")), quantity(seconds, "s", 3))
-            for key, seconds in result.timing_s.items()
-        ],
-        provenance=_provenance(result.provenance),
+        provenance=_provenance(result),
         scene=text if len(text) <= LONGEST_SCENE else f"{text[:LONGEST_SCENE]}\n… (whole in result.json)",
     )  # fmt: skip
 
@@ -211,23 +196,17 @@ def _log(place: int, log: LogResult, converged: bool) -> dict[str, Any]:
     }
 
 
-def _search(result: Result) -> str:
-    """What was tried, in one sentence; "" where nothing was searched."""
-    tried = list(dict.fromkeys(f"{trial.strategy} ({trial.status})" for trial in result.search))
-    late = ", ".join(result.not_tried)
-    return f"Tried: {', '.join(tried)}{f'; there was no time for {late}' if late else ''}." if tried else ""
-
-
-def _provenance(provenance: Mapping[str, Json]) -> list[tuple[str, str]]:
-    rows = []
-    for key, value in provenance.items():
-        if key == "scene" or value is None or value == {}:
-            continue
+def _provenance(result: Result) -> list[tuple[str, str]]:
+    """What was tried and how long it took, and with what the result was made."""
+    tried = ", ".join(dict.fromkeys(f"{trial.strategy} ({trial.status})" for trial in result.search))
+    seconds = ", ".join(f"{stage} {quantity(value, 's', 3)}" for stage, value in result.timing_s.items())
+    rows = {"search": tried, "no time for": ", ".join(result.not_tried), "time": seconds}
+    for key, value in result.provenance.items():
         if isinstance(value, Mapping):
             # what was asked of the fit beyond its values: "accuracy default, profile, bootstrap 200"
             pairs = [(n.replace("_", " "), "" if v is True else v) for n, v in value.items() if v or key != "asked"]
             value = ", ".join(f"{name} {item}".strip() for name, item in pairs)
         elif isinstance(value, list):
             value = " ".join(str(item) for item in value)
-        rows.append((key.replace("_", " "), str(value)))
-    return rows
+        rows |= {} if key == "scene" else {key.replace("_", " "): "" if value is None else str(value)}
+    return [(name, text) for name, text in rows.items() if text]

@@ -6,64 +6,39 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from scipy.special import ndtri
-
 from identify.base import result as schema
 from identify.base import wording
-from identify.base.document import Json, finite, to_dict
+from identify.base.document import Json, finite
+from identify.base.quantiles import NORMAL
 from identify.base.result import LogResult, ParameterResult, Result
 from identify.base.table import Cell, OutputTable, Row
 from identify.base.wording import DASH, Scale, decimals, interval_text, number, quantity, scale_for
 from identify.report import report_wording
 from identify.report.report_wording import plain_symbol, with_group
 
-Entry = Mapping[str, Json]
+FAR = 4.0  # standard errors beyond which a stated value stands out
+LOGS_PER_TABLE = 6
+MOST_CLASSICAL_COLUMNS = 60
 
 
-UNLIKE = 1.5  # times: an interval so much longer or shorter than the error has it is not that of a normal distribution
+def value_text(entry: ParameterResult, scale: Scale) -> tuple[str, int]:
+    """A value as text in a unit, with the decimals that its interval, else its standard error, gives; and these."""
+    value, (low, high) = (entry.value or 0.0) / scale.factor, entry.ends
+    error = entry.standard_error if low is None or high is None else 0.5 * (high - low) / NORMAL
+    places = wording.places_for(error / scale.factor, value) if error else wording.places_for(None, value) - 1
+    return decimals(value, places), places
 
 
-def shown_error(entry: ParameterResult) -> float | None:
-    """The standard error of a parameter in its unit; None where it is null, and where the interval beside it is not
-    that of a normal distribution: "0.620 ± 0.008" beside "0.618 to 0.631" would leave a reader to guess which holds."""
-    error, normal = entry.standard_error, _normal_error(entry)
-    fits = not error or normal is None or error / UNLIKE <= normal <= error * UNLIKE
-    return error if fits else None
-
-
-def spread_of(entry: ParameterResult) -> float | None:
-    """What the digits of a value follow, in its unit: the standard error that is shown, else that of a normal
-    distribution with so long an interval; None where neither is known."""
-    error = shown_error(entry)
-    return _normal_error(entry) if error is None else error
-
-
-def _normal_error(entry: ParameterResult) -> float | None:
-    """The standard error of a normal distribution with an interval as long as the entry's; None where it is open."""
-    low, high = entry.ends
-    if low is None or high is None:
-        return None
-    return 0.5 * (high - low) / float(ndtri(0.5 + 0.5 * (entry.level or 0.95)))
-
-
-def value_text(entry: ParameterResult, scale: Scale) -> tuple[str, str, int]:
-    """A value and its standard error ("" where it is not shown) as text in a unit, and the decimals that they have."""
-    value, error, spread = (entry.value or 0.0) / scale.factor, shown_error(entry), spread_of(entry)
-    places = wording.places_for(spread / scale.factor, value) if spread else wording.places_for(None, value) - 1
-    return decimals(value, places), "" if error is None else decimals(error / scale.factor, places), places
-
-
-def parameter_table(parameters: Mapping[str, ParameterResult], errors: bool = True) -> OutputTable:
+def parameter_table(parameters: Mapping[str, ParameterResult]) -> OutputTable:
     """Value, 95 % interval and verdict of each parameter in lab units, beside them the interval of noise alone where
-    there is one. The first column holds the name, its symbol for a page; errors: standard errors beside the values."""
+    there is one. The first column holds the name, its symbol for a page."""
     exact = any(entry.interval_rig_exact for entry in parameters.values())
     rows = []
     for name, entry in parameters.items():
         scale, value, si, interval, alone = scale_for(entry.value, entry.unit), DASH, "", DASH, ""
         places = None
         if entry.value is not None:
-            value, error, places = value_text(entry, scale)
-            value += f" ± {error}" if error and errors else ""
+            value, places = value_text(entry, scale)
             si = f"{number(entry.value, 5)} {entry.unit}" if scale.factor != 1 else ""
             if entry.interval_rig_exact:
                 halves = [abs(end - entry.value) / scale.factor for end in entry.interval_rig_exact if end is not None]
@@ -124,7 +99,7 @@ def summary(result: Result, costs: bool = False) -> str:
     for place, log in enumerate(result.logs, 1):
         if log.reason_left_out:
             lines.append(wording.wrapped(f"log {place} was left out: {log.reason_left_out}", "  "))
-    table = parameter_table(result.parameters, errors=not any(e.interval_rig_exact for e in result.parameters.values()))
+    table = parameter_table(result.parameters)
     lines += ["", table.to_text()]
     if meaning := report_wording.tolerances_text(result.tolerances or {}):
         lines.append(wording.wrapped(meaning, "  "))
@@ -145,9 +120,6 @@ def summary(result: Result, costs: bool = False) -> str:
     return "\n".join([*lines, *(wording.wrapped(line, "  ") for line in last if line)])
 
 
-FAR = 4.0  # standard errors beyond which a stated value stands out
-
-
 def accuracy_rows(table: Sequence[schema.AccuracyLevel]) -> OutputTable:
     """What each level of accuracy costs, and by how many standard errors it moves each parameter."""
     names = list(dict.fromkeys(name for level in table for name in level.shift_in_standard_errors or {}))
@@ -165,13 +137,14 @@ def accuracy_rows(table: Sequence[schema.AccuracyLevel]) -> OutputTable:
 
 def effects_table(reasons: Sequence[schema.EffectReason]) -> OutputTable:
     """Which effects and why: one row per effect that was looked at; columns that are empty are left out."""
-    errors = [None if r.error is None else f"{number(100 * r.error, 2)} %" for r in reasons]
     every = {
         "group": [replace(_cell(r.value), note=r.group if r.value is not None else "") for r in reasons],
-        "error without it": [Cell(r.error, text or "") for r, text in zip(reasons, errors, strict=True)],
+        "error without it": [
+            Cell(r.error, "" if r.error is None else f"{number(100 * r.error, 2)} %") for r in reasons
+        ],
         "gain in the data": [_cell(r.statistic) for r in reasons],
     }
-    kept = {head: cells for head, cells in every.items() if any(c.value not in (None, "") for c in cells)}
+    kept = {head: cells for head, cells in every.items() if any(c.value is not None for c in cells)}
     rows: list[Row] = []
     for k, reason in enumerate(reasons):
         state = Cell("yes" if reason.kept else "no", kind="" if reason.kept else "doubt")
@@ -218,18 +191,14 @@ def causes_table(causes: Sequence[schema.CauseResult]) -> OutputTable:
 
 def held_table(held: Mapping[str, schema.HeldResult]) -> OutputTable:
     """Rig quantities (rows) as stated, and where the data would put them."""
-    rows = []
+    rows: list[Row] = []
     for name, entry in held.items():
         apart = math.sqrt(entry.squared_distance)
-        numbers = (_cell(entry.stated, 4), _cell(entry.from_data, 4), _cell(entry.standard_error, 2))
+        shown = [quantity(value, entry.unit) for value in (entry.stated, entry.from_data)]
         far = Cell(apart, f"{apart:.2g} SE", kind="strong" * (apart > FAR))
-        rows.append((Cell(name, note=entry.unit), *numbers, far))
+        rows.append((name.replace("_", " "), *shown, quantity(entry.standard_error, entry.unit, 2), far))
     heads = ("", "stated", "by the data", "standard error (SE)", "apart")
     return OutputTable("The rig as stated, and as the data would have it", heads, tuple(rows))
-
-
-LOGS_PER_TABLE = 6
-MOST_CLASSICAL_COLUMNS = 60
 
 
 def classical_table(logs: Sequence[LogResult]) -> OutputTable:
@@ -272,56 +241,30 @@ def classical_pages(logs: Sequence[LogResult]) -> tuple[OutputTable, ...]:
 
 def definitions(logs: Sequence[LogResult]) -> list[tuple[str, str]]:
     """What each row of the classical table is, as the document says it: (name, sentence)."""
-    out: dict[str, str] = {}
-    for log in logs:
-        for name, sentence in log.classical.definitions.items():
-            words = wording.split_key(name)[0]
-            out.setdefault(report_wording.RECORD_WORDS.get(words, words), sentence)
-    return list(out.items())
+    named = ((wording.split_key(key)[0], words) for log in logs for key, words in log.classical.definitions.items())
+    return list({report_wording.RECORD_WORDS.get(name, name): words for name, words in named}.items())
 
 
-def answer_table(columns: Sequence[tuple[str, Entry]], title: str = "") -> OutputTable:
-    """A table with one column per (heading, entries) and one row per quantity; entries: {"value", "unit", "interval",
-    "validity", "reason"} by key. Below a value stand its interval and how far it may be trusted."""
-    keys = list(dict.fromkeys(key for _, entries in columns for key in entries))
-    entries_of_logs = [entry for _, entries in columns for entry in entries.values() if isinstance(entry, Mapping)]
-    validities = {str(entry.get("validity") or "") for entry in entries_of_logs}
-    shared = validities.pop() if len(validities) == 1 and len(keys) > 1 else ""  # what all state is not repeated
+def answer_table(columns: Sequence[tuple[str, LogResult]]) -> OutputTable:
+    """What follows at each log, a column per (heading, log): drop, period, critical speed; below a value its interval
+    and how far it may be trusted."""
     rows: list[Row] = []
-    for key in keys:
-        name, bracket, group = key.partition(" (")
-        words = f"{report_wording.ANSWER_WORDS.get(name) or wording.split_key(name)[0]}{bracket}{group}"
-        rows.append((words, *(_answer(entries.get(key), shared) for _, entries in columns)))
-    return OutputTable(title, (title, *(head for head, _ in columns)), tuple(rows))
+    for part, key in (("amplitude", "drop"), ("amplitude", "period"), ("stability", "critical_speed")):
+        entries = [_of(_of(log.derived, part), key) for _, log in columns]
+        if any(entries):
+            rows.append((report_wording.ANSWER_WORDS.get(key, key), *map(_answer, entries)))
+    return OutputTable("", ("", *(head for head, _ in columns)), tuple(rows))
 
 
-def _answer(entry: Json, shared: str) -> Cell:
-    if not isinstance(entry, Mapping):
-        return Cell()
+def _of(entries: Mapping[str, Json], key: str) -> Mapping[str, Json]:
+    """A part of a document; empty where there is none."""
+    return entry if isinstance(entry := entries.get(key), Mapping) else {}
+
+
+def _answer(entry: Mapping[str, Json]) -> Cell:
     shown, ends, unit = finite(entry.get("value")), entry.get("interval"), str(entry.get("unit") or "")
     interval, validity = "", str(entry.get("validity") or "")
     if shown is not None and isinstance(ends, Sequence) and any(end is not None for end in ends):
         interval = interval_text((finite(ends[0]), finite(ends[1])), scale_for(shown, unit))
-    notes = filter(None, (interval, "" if validity == shared else validity, str(entry.get("reason") or "")))
-    text = quantity(shown, unit) if shown is not None else _cell(entry.get("value")).shown
-    return Cell(text, note=" · ".join(notes), kind="doubt" if "not valid" in validity.lower() else "")
-
-
-def derived_answers(derived: Entry) -> Entry:
-    """Of what follows from the parameters at one log the three numbers that are asked for first."""
-    parts = (("amplitude", "drop"), ("amplitude", "period"), ("stability", "critical_speed"))
-    return {key: entry[key] for part, key in parts if isinstance(entry := derived.get(part), Mapping) and key in entry}
-
-
-def of_record(figures: Mapping[str, schema.QualityFigure]) -> Entry:
-    """Figures of the data quality of one log, named as what the record alone shows."""
-    return {report_wording.RECORD_WORDS.get(key, key): to_dict(figure) for key, figure in figures.items()}
-
-
-def sentences(entries: Entry, several: bool = False) -> tuple[str, ...]:
-    """What the entries state in whole sentences (key "text" of their parts, or their own); of several logs not the
-    stability, which is nearly the same for all of them and stands in the table."""
-    silent = ("closed_forms", *(("stability",) if several and "amplitude" in entries else ()))
-    parts = [part for name, part in entries.items() if isinstance(part, Mapping) and name not in silent]
-    texts = [str(part["text"]) for part in parts if part.get("text")]
-    return tuple(texts or [line for line in str(entries.get("text") or "").splitlines() if line])
+    notes = filter(None, (interval, validity, str(entry.get("reason") or "")))
+    return Cell(quantity(shown, unit), note=" · ".join(notes), kind="doubt" if "not valid" in validity.lower() else "")

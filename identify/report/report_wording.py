@@ -30,18 +30,12 @@ MEANINGS: Mapping[str, str] = {
     **{name: p.meaning for name, p in DECLARED.items()},
     "mu_s": "static coefficient",
     "mu_k0": "kinetic coefficient at the start of sliding",
-    "delta_mu_k": "change of the kinetic coefficient towards fast sliding",
-    "a": "rate of that change with speed",
-    "D": "sliding that renews the contact",
-    "t_cr": "rest that strengthens the contact",
     "strength": "strength after the typical rest, over the load",
     "strength_scatter": "scatter of the strength from stick to stick",
     "weakening_length": "sliding that takes the strength away",
     "level_wander": "drift of the friction level along the track",
     "level_roughness": "fine roughness of the friction level",
-    "mass": "moving mass",
     "stiffness": "stiffness of the rig",
-    "damping": "hysteresis damping of the rig",
 }
 VERDICT_CLASS = {
     **dict.fromkeys(("weak", "bounded", "not profiled"), "fair"),
@@ -58,7 +52,6 @@ VERDICT_MARK = dict(
 ANSWER_WORDS: Mapping[str, str] = {
     "drop": "drop of the force (onset to rest)",
     "critical_speed": "stick-slip ends above",
-    "v_cr": "v_cr",
 }
 # What a record alone tells has another measure than the model's answer of the same name: peak and valley of the force
 # lie beyond the forces at which the mass begins to slip and rests again.
@@ -87,14 +80,6 @@ EFFECT_SIZES = (
     "Where numbers stand they are estimates for the first log, without damping and at full strength, to judge sizes "
     "by: what its cycles are stands under Stability and amplitude."
 )
-TIMING_WORDS: Mapping[str, str] = {
-    "read": "reading the logs",
-    "detect": "finding the cycles",
-    "start": "finding a start",
-    "build": "building the problem",
-    "solve": "solving",
-    "total": "together",
-}
 # Unicode has no subscript c, so that t_cr keeps its underscore where there is no markup.
 PLAIN_SYMBOLS: Mapping[str, str] = {
     "mu_s": "μₛ",

@@ -172,24 +172,20 @@ def _notes(scene: Scene, prepared: list[Prepared], findings: Findings) -> Iterat
         yield "The noise was estimated from straight lines through the stick phases, not given."
     if findings.status is Status.CONVERGED:
         widest = float(np.sqrt(np.max(sure.allowed.inflation, initial=1.0))) if sure is not None else 1.0
-        noise = sure.allowed.noise if sure is not None else []
-        if not all(c.white for c in noise) and widest >= NOTABLE:
+        if sure is not None and not all(c.white for c in sure.allowed.noise) and widest >= NOTABLE:
             yield (
-                f"Neighbouring residuals are alike (one sample in {max(c.inflation for c in noise):.2g} is new): the "
-                f"standard errors allow for it, and are up to {widest:.2g} times those of white noise."
+                f"Residuals are autocorrelated (one sample in {max(c.inflation for c in sure.allowed.noise):.2g} is "
+                f"new): standard errors are up to {widest:.2g} times those of white noise."
             )
         given = {e.name for e in findings.estimates} if findings.estimated is not None else set()
         exact = [name for name in RIG if name not in {*scene.parameters, *scene.rig.tolerances, *given}]
         if exact:
-            shown = "; the table of rig errors shows what 1 % would do" if findings.estimated is None else ""
-            yield f"Taken as exact: {', '.join(name.replace('_', ' ') for name in exact)}{shown}."
+            yield f"Taken as exact by the fit: {', '.join(name.replace('_', ' ') for name in exact)}."
         if "force_sensor" not in scene.effects:
-            held = "" if sure is None else "; the intervals include both"
             yield (
-                "Zero and gain of both force sensors are taken as they are: what is off there moves the coefficients "
-                f"by as much (1 % of the force by 1 %), with little effect on the misfit{held}. Check them with a "
-                "known weight, or let the effect force_sensor estimate zero and gain of the friction force within "
-                "priors."
+                "Zero and gain of both force sensors are taken as they are: an error of 1 % there is one of 1 % in the "
+                "coefficients, and hardly shows in the misfit. Check both with a known weight, or add force_sensor to "
+                "effects."
             )
         if each_speed_alone(findings):
             yield (
@@ -458,7 +454,7 @@ def _farther(value: float, end: float | None, by: float, logarithmic: bool) -> f
 
 
 def _with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array) -> Result:
-    """The result with noise, optima, and with profile, bootstrap and table of accuracies where they were run.
+    """The result with its optima, and with profile, bootstrap and table of accuracies where they were run.
 
     Args:
         base: (n_p,) of the rig the values are given for.
@@ -499,13 +495,11 @@ def _with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array
         )
         for row in sure.accuracy_table or ()
     ]
-    inflation = tuple(finite(float(c.inflation)) for c in sure.allowed.noise)
     if (drawn := sure.bootstrap) is not None:
         unsettled = int(np.count_nonzero(~drawn.settled))
         result = replace(result, bootstrap=schema.BootstrapResult(LEVEL, drawn.settled.size, unsettled, resampled))
     return replace(
         result,
-        noise=schema.NoiseResult(inflation, by_name(np.sqrt(sure.allowed.inflation)) or {}),
         profile=None if sure.profiles is None else schema.ProfileResult(LEVEL, CRITICAL, curves),
         optima=tuple(optima) or None,
         accuracy_table=None if sure.accuracy_table is None else tuple(levels),

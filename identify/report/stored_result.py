@@ -10,20 +10,16 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from data_io.atomic import atomic_hdf5, atomic_write
 from identify.base.document import Json
 from identify.base.errors import DocumentError, FitError, SceneError
-from identify.base.outcome import LogCurves, SlipDetail
+from identify.base.outcome import LogCurves
 from identify.base.result import Result
 from identify.scene import Scene
 
 if TYPE_CHECKING:
-    import h5py
-
     from identify.report.finished import Fit
-    from identify.report.style import Columns
 
 # ----------------------------------------------------------------------------------------------------------------------
 # result.json: the document of a fit as strict JSON.
@@ -132,16 +128,14 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
     """
     import pandas as pd  # these are slow to import
 
-    from identify.report.figures import measured_cycles, pictures
+    from identify.report.figures import pictures
     from identify.report.report_page import render_page
     from identify.report.report_tables import classical_table, parameter_table
 
     drawn = list(pictures(fit))
-    tables: dict[str, Columns] = {"measured_cycles": measured_cycles(fit.logs)}
-    for drawing in drawn:
-        tables |= drawing.tables
-    figures = {f"{name}.csv": pd.DataFrame(t).to_csv(index=False, lineterminator="\n") for name, t in tables.items()}
-    figures |= {f"{drawing.name}.svg": drawing.svg for drawing in drawn}
+    figures = {f"{drawing.name}.svg": drawing.svg for drawing in drawn}
+    for name, columns in (table for drawing in drawn for table in drawing.tables.items()):
+        figures[f"{name}.csv"] = pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
     contents = {
         **{f"figures/{name}": text for name, text in figures.items()},
         "classical.csv": classical_table(fit.typed.logs).to_csv(),
@@ -168,14 +162,13 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
 FORMAT_VERSION = 1
 CURVE_UNITS = {"time": "s", "normal_force": "N", "friction_force": "N", "fitted_force": "N", "used": "1"}
 CYCLE_UNITS = {"onset": "s", "arrest": "s", "onset_force": "N", "arrest_force": "N", "misfit_z": "1"}
-SLIP_UNITS = {"time": "s", "force": "N", "elongation": "m", "sliding_speed": "m/s", "gamma": "1", "coefficient": "1"}
 
 
 def write_result_h5(fit: Fit, path: Path) -> None:
     """Write the fit to an HDF5 file (an existing one is replaced), whole or not at all.
 
-    `/document`: the text of result.json; `/result`: the same as groups and datasets (null is an empty
-    dataset); `/curves/log_<n>`: time, forces and mask at every sample, `cycles/`, `slip/`, each with `units`.
+    `/document`: the text of result.json; `/curves/log_<n>`: time, forces and mask at every sample, and `cycles/`, each
+    with `units`.
     """
     import h5py
 
@@ -183,27 +176,20 @@ def write_result_h5(fit: Fit, path: Path) -> None:
         file.attrs["format"] = "stickslip-result"
         file.attrs["format_version"] = FORMAT_VERSION
         file.create_dataset("document", data=as_json(fit.result), dtype=h5py.string_dtype())
-        _put(file, "result", plain(fit.result))
         for position, curves in enumerate(fit.logs, start=1):
             group = file.create_group(f"curves/log_{position}")
-            group.attrs["name"] = storable(curves.name)
-            group.attrs["noise_N"] = curves.noise
-            group.attrs["drive_speed_m_per_s"] = curves.drive_speed
+            # HDF5 ends a text at the first zero character and knows no half characters.
+            name = curves.name.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode("utf-8")
+            group.attrs.update(name=name, noise_N=curves.noise, drive_speed_m_per_s=curves.drive_speed)
             arrays = {name: (getattr(curves, name), unit) for name, unit in CURVE_UNITS.items()}
             if curves.raw_force is not None:
                 arrays["raw_friction_force"] = curves.raw_force, "N"
-            for folder, table in (("cycles", curves.cycles), ("measured_cycles", curves.measured)):
-                columns = zip(CYCLE_UNITS.items(), table.T, strict=False)
-                arrays |= {f"{folder}/{name}": (column, unit) for (name, unit), column in columns}
-            if (slip := curves.slip) is not None:
-                arrays |= {f"slip/{name}": (getattr(slip, name), unit) for name, unit in SLIP_UNITS.items()}
-                arrays["slip/samples"] = slip.samples, "1"
+            columns = zip(CYCLE_UNITS.items(), curves.cycles.T, strict=True)
+            arrays |= {f"cycles/{name}": (column, unit) for (name, unit), column in columns}
             for name, (values, unit) in arrays.items():
                 # Small arrays stay unpacked: chunking would cost more than it saves.
                 packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(values) > 4096 else {}
                 group.create_dataset(name, data=values, **packing).attrs["units"] = unit
-            if slip is not None:
-                group["slip"].attrs["cycle"] = slip.cycle
 
 
 def read_curves(path: Path) -> tuple[LogCurves, ...]:
@@ -217,55 +203,16 @@ def read_curves(path: Path) -> tuple[LogCurves, ...]:
     try:
         with h5py.File(path) as file:
             groups = file.get("curves", {})
-            return tuple(_curves(groups[f"log_{i}"]) for i in range(1, len(groups) + 1))
+            return tuple(
+                LogCurves(
+                    name=str(group.attrs["name"]),
+                    noise=float(group.attrs["noise_N"]),
+                    drive_speed=float(group.attrs["drive_speed_m_per_s"]),
+                    cycles=np.stack([group[f"cycles/{name}"][()] for name in CYCLE_UNITS], axis=1),
+                    raw_force=group["raw_friction_force"][()] if "raw_friction_force" in group else None,
+                    **{name: group[name][()] for name in CURVE_UNITS},
+                )
+                for group in (groups[f"log_{i}"] for i in range(1, len(groups) + 1))
+            )
     except (OSError, KeyError, ValueError) as error:
         raise FitError(f"{path} holds no curves of a fit ({error}); fit again, or delete it to do without") from None
-
-
-def _curves(group: h5py.Group) -> LogCurves:
-    inner, names = group.get("slip"), list(CYCLE_UNITS)
-    slip = inner and {name: inner[name][()] for name in (*SLIP_UNITS, "samples")}
-    return LogCurves(
-        name=str(group.attrs["name"]),
-        noise=float(group.attrs["noise_N"]),
-        drive_speed=float(group.attrs["drive_speed_m_per_s"]),
-        cycles=np.stack([group[f"cycles/{name}"][()] for name in names], axis=1),
-        measured=np.stack([group[f"measured_cycles/{name}"][()] for name in names[:4]], axis=1),
-        slip=None if slip is None else SlipDetail(cycle=int(inner.attrs["cycle"]), **slip),
-        raw_force=group["raw_friction_force"][()] if "raw_friction_force" in group else None,
-        **{name: group[name][()] for name in CURVE_UNITS},
-    )
-
-
-def _put(parent: h5py.Group, name: str, value: Json) -> None:
-    """One item of the document below `parent`; a list that is no plain array becomes a group of 1, 2, ..."""
-    key = storable(name).replace("/", "|") or "-"
-    array = _as_array(value) if isinstance(value, list) else None
-    if array is not None:
-        parent.create_dataset(key, data=array)
-    elif isinstance(value, Mapping | list):
-        group = parent.create_group(key, track_order=True)
-        for inner, item in value.items() if isinstance(value, Mapping) else enumerate(value, start=1):
-            _put(group, str(inner), item)
-    elif value is None:
-        import h5py
-
-        parent.create_dataset(key, data=h5py.Empty("f8"))
-    else:
-        parent.create_dataset(key, data=storable(value) if isinstance(value, str) else value)
-
-
-def storable(text: str) -> str:
-    """HDF5 ends a text at the first zero character and knows no half characters."""
-    return text.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode("utf-8")
-
-
-def _as_array(value: list[Json]) -> NDArray[np.float64] | None:
-    """Numbers (null as NaN) or rows of them of equal length as an array, else None."""
-    rows = value if value and all(isinstance(row, list) for row in value) else [value]
-    flat = [item for row in rows for item in row]  # type: ignore[union-attr]
-    numeric = all(item is None or (isinstance(item, int | float) and not isinstance(item, bool)) for item in flat)
-    if not flat or not numeric or len({len(row) for row in rows}) != 1:  # type: ignore[arg-type]
-        return None
-    array = np.array(rows, dtype=np.float64)
-    return array if rows is value else array[0]

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
 from data_io.thresholds import Thresholds
-from data_io.units import UnitError, parse_quantity
 from data_io.values import LogError
 from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
-from identify.model.model import RIG_PARAMETERS
 from identify.scene.parameters import declared_by, read_parameters
 from identify.scene.tables import (
     AREA_LAW,
@@ -27,13 +25,11 @@ from identify.scene.tables import (
     TIED,
     Key,
     TomlTable,
-    is_number,
     nearest,
     part,
-    stated,
 )
 from identify.scene.toml import TOP, Tables, is_rig, located, to_fill_in
-from identify.scene.values import USUAL_TOLERANCES, Contact, Initial, LogEntry, Rig
+from identify.scene.values import RIG_TOLERANCES, USUAL_TOLERANCES, Contact, Initial, LogEntry, Rig
 
 Effects = tuple[str, ...] | Literal["auto"]
 AREA = '[contact] area = "0.8 cm^2"'
@@ -58,7 +54,7 @@ def read_parts(document: Mapping[str, object], folder: Path) -> Tables:
         raise SceneError(f"still to fill in: {', '.join(missing)}; replace each TODO by a quantity with its unit")
     effects, extrapolate = _effects(document.get("effects"), document.get("extrapolate", []))
     parameters = document.get("parameters", {})
-    rig, damping = _rig(document.get("rig"), parameters, effects)
+    rig, ratio = _rig(document.get("rig"), effects)
     table, example = TomlTable.of(document.get("contact", {}), "[contact]", CONTACT, AREA), "{ coefficient, exponent }"
     law = TomlTable.of(table.data.get("area_law", {}), table.place("area_law"), AREA_LAW, example)
     if len(table.data) == 2 or len(law.data) == 1:
@@ -84,7 +80,7 @@ def read_parts(document: Mapping[str, object], folder: Path) -> Tables:
         "extrapolate": extrapolate,
         "rig": rig,
         "parameters": read_parameters(parameters, declared_by(effects), contact.parameters),
-        "logs": tuple(_log_entry(entry, number, folder, rig, damping) for number, entry in enumerate(logs, 1)),
+        "logs": tuple(_log_entry(entry, number, folder, ratio) for number, entry in enumerate(logs, 1)),
         "initial": Initial(**tables["initial"]),
         "contact": contact,
         "thresholds": _thresholds(document.get("quality", {})),
@@ -94,25 +90,15 @@ def read_parts(document: Mapping[str, object], folder: Path) -> Tables:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The rig: values with their tolerances, damping in any of its forms, speeds and programmes.
+# The rig: values with their tolerances, damping in any of its forms, speeds and programmes; and the other parts.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-Damping = Callable[[float, float], float | None]
-"""h [N/m] of a rig with this stiffness [N/m] and mass [kg]; None where h itself is stated."""
-
-
-def _dashpot(c: float) -> Damping:
-    """h = c sqrt(k/m) of a dashpot c [N s/m]."""
-    return lambda stiffness, mass: c * math.sqrt(stiffness / mass)
-
-
-def _rig(value: object, parameters: object, effects: Effects) -> tuple[Rig, Damping]:
-    """The rig, and how its damping follows stiffness and mass."""
+def _rig(value: object, effects: Effects) -> tuple[Rig, float | None]:
+    """The rig, and its h/k where the scene states the damping by that ratio."""
     on = effects if effects != "auto" else MAIN[:1]
     damped_by = next((e.name for e in ALL if e.name in on and any(p.name == "damping" for p in e.parameters)), None)
     table = TomlTable.of(value, "[rig]", RIG, '[rig] mass = "0.2 kg", stiffness = "1470 N/m"')
-    table = TomlTable({**table.data, **_searched(table.data, parameters)}, "[rig]", RIG)
     given = [name for name in DAMPING if name in table.data]
     if len(given) > 1:
         raise SceneError(f"[rig] gives the damping {len(given)} times ({', '.join(given)}); keep one of them")
@@ -120,33 +106,29 @@ def _rig(value: object, parameters: object, effects: Effects) -> tuple[Rig, Damp
         raise SceneError(
             f"[rig] has no damping although the effect {damped_by} is on; give one of {', '.join(DAMPING)}"
         )
-    values: Tables = {}
+    values: Tables = dict.fromkeys((*RIG_TOLERANCES, *DAMPING, "normal_force", "noise"))
     tolerances: dict[str, float] = {}
-    ratios: dict[str, float] = {}
-    dashpot = _is_dashpot(table)
-    for key in ("mass", "stiffness", *DAMPING, "drive_speed", "normal_force", "noise"):
-        unit = "N s/m" if key == "damping" and dashpot else RIG[key].unit
-        number, tolerance = table.data.get(key), None
+    ratios = {} if TIED not in table.data else {"natural_frequency": table.get(TIED)}
+    for key in [name for name in values if name in table.data]:
+        number, tolerance = table.data[key], None
         if isinstance(number, Mapping):
             example = '{ value = "0.2 kg", tolerance = "2 %" }'
             inner = TomlTable.of(number, table.place(key), {"value": Key(), "tolerance": Key(read=part)}, example)
             if "value" not in number:
                 raise SceneError(f"{inner.where} has no value; write {{ value = …, tolerance = … }}")
             number, tolerance = number["value"], inner.get("tolerance")
-        values[key] = None if number is None else RIG[key].read(number, unit, table.place(key))
+        values[key] = RIG[key].read(number, RIG[key].unit, table.place(key))
         if tolerance is not None:
             tolerances["damping" if key in DAMPING else key] = tolerance
-        if tolerance and key in ("zeta", "loss_factor"):
-            # Known of h/k: h is as uncertain as k on top of it, and errs with it.
-            ratios["zeta"] = tolerance
-            tolerances["damping"] = math.hypot(tolerance, tolerances.get("stiffness", 0.0))
-    if TIED in table.data:
-        ratios["natural_frequency"] = table.get(TIED)
     if "inertia" not in on:
         values["mass"] = values["mass"] or 0.0
     for key, example in (("mass", "0.2 kg"), ("stiffness", "1470 N/m")):
         if values[key] is None:
             raise SceneError(f'[rig] has no {key}; give {key} = "{example}"')
+    if tolerances.get("damping") and given[0] in ("zeta", "loss_factor"):
+        # Known of h/k: h is as uncertain as k on top of it, and errs with it.
+        ratios["zeta"] = tolerances["damping"]
+        tolerances["damping"] = math.hypot(ratios["zeta"], tolerances.get("stiffness", 0.0))
     zeta, factor, decrement = (values.pop(key) for key in DAMPING[1:])
     if zeta is not None and zeta > 1.0:
         raise SceneError(
@@ -155,61 +137,19 @@ def _rig(value: object, parameters: object, effects: Effects) -> tuple[Rig, Damp
         )
     if decrement is not None:
         zeta = decrement / math.hypot(2.0 * math.pi, decrement)
-    ratio = factor if zeta is None else 2.0 * zeta  # h/k
-    if dashpot and not values["mass"]:
-        raise SceneError("[rig] damping is in N s/m, which takes a mass to be h of eq. 1; give the mass, or h in N/m")
-    how: Damping = lambda stiffness, _: None if ratio is None else ratio * stiffness  # noqa: E731
-    how = _dashpot(values["damping"]) if dashpot else how
-    followed = how(values["stiffness"], values["mass"])
-    values["damping"] = values["damping"] or 0.0 if followed is None else followed
-    return Rig(**values, tolerances=tolerances, ratio_tolerances=ratios), how
+    ratio = factor if zeta is None else 2.0 * zeta
+    values["damping"] = values["damping"] or 0.0 if ratio is None else ratio * values["stiffness"]
+    return Rig(**values, tolerances=tolerances, ratio_tolerances=ratios), ratio
 
 
-def _searched(rig: Mapping[str, object], parameters: object) -> dict[str, float]:
-    """A value for each quantity that [rig] leaves out and [parameters] has searched: its start, the mean of its prior,
-    or the middle of its bounds."""
-    values = {}
-    for key in RIG_PARAMETERS:
-        table = parameters.get(key) if isinstance(parameters, Mapping) else None
-        if not isinstance(table, Mapping) or any(name in rig for name in (DAMPING if key == "damping" else (key,))):
-            continue
-        where, unit, prior = f"[parameters] {key}", RIG[key].unit, table.get("prior")
-        value = table.get("start", prior.get("mean") if isinstance(prior, Mapping) else None)
-        if value is not None:
-            values[key] = stated(value, unit, where)
-        elif "lower" in table and "upper" in table:
-            lower, upper = (stated(table[word], unit, f"{where} {word}") for word in ("lower", "upper"))
-            values[key] = math.sqrt(lower * upper) if lower * upper > 0.0 else 0.5 * (lower + upper)
-    return values
-
-
-def _is_dashpot(table: TomlTable) -> bool:
-    """Whether the damping is that of a dashpot, in N s/m."""
-    value = table.data.get("damping")
-    text = value.get("value") if isinstance(value, Mapping) else value
-    try:
-        return isinstance(text, str) and parse_quantity(text, "N s/m") is not None and not is_number(text)
-    except UnitError:
-        return False
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The other parts.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-def _log_entry(value: object, number: int, folder: Path, rig: Rig, damping: Damping) -> LogEntry:
-    """One log of the scene; the damping follows its own stiffness and mass where [rig] states it by them."""
+def _log_entry(value: object, number: int, folder: Path, ratio: float | None) -> LogEntry:
+    """One log of the scene; the damping follows its own stiffness where [rig] states it by the ratio h/k."""
     table = TomlTable.of(value, f"[[logs]] number {number}", LOG, '[[logs]] path = "slow.csv"')
     if "path" not in table.data:
         raise SceneError(f'{table.where} has no path; give path = "slow.csv", relative to the scene file')
-    dashpot = _is_dashpot(table)
-    values = {name: table.get(name) for name in table.data if name != "damping" or not dashpot}
-    stiffness, mass = values.get("stiffness"), values.get("mass")
-    if dashpot:
-        damping = _dashpot(stated(table.data["damping"], "N s/m", table.place("damping")))
-    if "damping" not in values and (dashpot or stiffness is not None or mass is not None):
-        values["damping"] = damping(stiffness or rig.stiffness, mass or rig.mass)
+    values = table.values()
+    if ratio is not None and "stiffness" in values:
+        values = {"damping": ratio * values["stiffness"]} | values
     return LogEntry(**(values | {"path": located(folder, values["path"])}))
 
 

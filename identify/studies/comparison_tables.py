@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from identify.base import wording
 from identify.base.result import ParameterResult
 from identify.base.table import Cell, OutputTable, Row, visible
-from identify.base.wording import DASH, Scale, decimals, number, quantity, scale_for
+from identify.base.wording import DASH, Scale, decimals, interval_text, number, quantity, scale_for
 from identify.report.report_tables import value_text
 from identify.report.report_wording import MEANINGS, OUTCOMES, VERDICT_MARK, plain_symbol
 from identify.studies.compare import Comparison, FitEntry, PooledQuantity
@@ -184,10 +184,10 @@ def fits_table(entries: Sequence[FitEntry], links: Sequence[str] = (), first: Se
         for name, scale in zip(names, scales, strict=True):
             p, cell = entry.result.parameters.get(name, ParameterResult(None)), Cell()
             if p.value is not None:
-                value, error, _ = value_text(p, scale)
+                value, _ = value_text(p, scale)
                 mark = "" if p.verdict == "identified" else VERDICT_MARK.get(p.verdict, "")
                 text = " ".join(filter(None, (value, scale.unit, mark)))
-                cell = Cell(p.value, text, f"± {error}" if error else p.verdict)
+                cell = Cell(p.value, text, interval_text(p.ends, scale) if p.interval else p.verdict)
             row += [cell, p.standard_error, p.verdict]
         rows.append(tuple(row))
     return OutputTable("Fits", tuple(heads), tuple(rows), "fits")

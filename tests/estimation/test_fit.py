@@ -70,11 +70,6 @@ def test_curves_of_a_fit(demo):
         assert curves.cycles.shape == (log["slip_count"], 5)
         assert np.all(np.diff(curves.cycles[:, :2].ravel()) > 0), "onsets and arrests take turns"
         assert np.all(np.abs(curves.cycles[:, 4]) < 6)
-        slip = curves.slip
-        fitted = np.interp(curves.time[slip.samples], slip.time, slip.force)
-        shown = curves.fitted_force[slip.samples]
-        np.testing.assert_allclose(fitted, shown, atol=2e-3 * np.ptp(slip.force) + 1e-3)
-        assert np.max(slip.sliding_speed) > 2 * curves.drive_speed
 
 
 def test_a_mass_that_is_pulled_back_is_no_success():

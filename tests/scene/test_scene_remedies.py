@@ -31,8 +31,6 @@ CASES = [
      ['parameters.D={per="volunteer"}', 'logs.2.labels={volunteer="8"}']),
     (['parameters.D={per="volunteer"}'], 'or write per = "log"', ['parameters.D={per="log"}']),
     (["-rig.mass"], 'give mass = "0.2 kg"', ['rig.mass="0.2 kg"']),
-    ([RESTING, "-rig.mass", 'rig.damping="1 N s/m"'], "give the mass, or h in N/m",
-     [RESTING, "-rig.mass", 'rig.damping="1 N/m"']),
     (["rig.mass=0"], "take inertia out of effects", ["rig.mass=0", RESTING]),
     (['rig.mass="1e308 kg"'], "between 1e-18 and .*: correct it, or its unit", ['rig.mass="0.2 kg"']),
     (['rig.stiffness="1470"'], 'write for instance "1470 N/m"', ['rig.stiffness="1470 N/m"']),

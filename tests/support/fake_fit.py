@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.base.outcome import LogCurves, SlipDetail
+from identify.base.outcome import LogCurves
 from identify.report.finished import Fit
 from identify.scene import Scene
 from tests.support import oracle
@@ -37,12 +37,9 @@ def log_curves(speed: float, samples: int, cycles: int = 9, scatter: float = 0.0
     motion = oracle.simulate(TRUTH | RIG_VALUES, speed, LOAD, longest, rtol=1e-6, strengths=strengths)
     onset, arrest = motion.onsets[:cycles], motion.arrests[:cycles]
     end = arrest[-1] + 0.6 * (onset[-1] - arrest[-2])
-    time, middle = np.linspace(0, end, samples), cycles // 2
+    time = np.linspace(0, end, samples)
     force, used = motion.force(time), np.arange(samples) >= samples // 40
     table = np.column_stack([onset, arrest, motion.force(onset), motion.force(arrest), random.normal(0, 1.1, cycles)])
-    within = np.linspace(onset[middle], arrest[middle], 400)[:-1]
-    elongation, v, gamma = motion.state(within)
-    kinetic = TRUTH["mu_k0"] + TRUTH["delta_mu_k"] * (1 - np.exp(-TRUTH["a"] * np.maximum(v, 0.0)))
     return LogCurves(
         name=f"pair_{speed * 6e4:g}_mm_min.txt",
         time=time,
@@ -53,17 +50,6 @@ def log_curves(speed: float, samples: int, cycles: int = 9, scatter: float = 0.0
         noise=NOISE,
         drive_speed=speed,
         cycles=table,
-        measured=table[:, :4],
-        slip=SlipDetail(
-            cycle=middle + 1,
-            samples=np.flatnonzero((time >= onset[middle]) & (time < arrest[middle])),
-            time=within,
-            force=motion.force(within),
-            elongation=elongation,
-            sliding_speed=np.maximum(v, 0.0),
-            gamma=gamma,
-            coefficient=kinetic + (TRUTH["mu_s"] - kinetic) * gamma,
-        ),
     )
 
 
@@ -109,8 +95,7 @@ def failed(fit: Fit, status: str, message: str) -> Fit:
 
 def without_cycles(fit: Fit) -> Fit:
     """The same logs with nothing detected and nothing fitted."""
-    none = {"cycles": np.empty((0, 5)), "measured": np.empty((0, 4)), "slip": None}
-    bare = tuple(replace(log, fitted_force=np.full_like(log.time, np.nan), **none) for log in fit.logs)
+    bare = tuple(replace(log, fitted_force=np.full_like(log.time, np.nan), cycles=np.empty((0, 5))) for log in fit.logs)
     message = "No log holds three complete stick-slip cycles; drive slower, or press harder, and record again."
     ended = failed(Fit(fit.result, bare), "no_cycles", message)
     return replace(ended, result={**ended.result, "gate": None, "fit": None, "derived": {}, "last_iterate": {}})
@@ -177,6 +162,5 @@ def _log_document(position: int, log: LogCurves) -> dict[str, Any]:
                 "drop": number(drop, "N", 0.98 * drop, 1.02 * drop),
                 "period": number(period, "s", None, None),
             },
-            "closed_forms": {"drop": number(drop, "N", 0.9 * drop, 1.1 * drop, "not valid here (a·V_max = 9.4)")},
         },
     }
