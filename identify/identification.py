@@ -231,7 +231,7 @@ def _prepared(
         raise FitError(refusal)
     if not np.any(from_scene(scene).free):
         raise FitError(
-            "[parameters] fixes or ties every parameter, so that nothing is left to fit; expected one that is free: "
+            "[parameters] fixes every parameter, so that nothing is left to fit; expected one that is free: "
             "give one of them a start instead of fixed, or look at what these values do: stickslip fit --preview"
         )
     progress("reading the logs", 0.0)

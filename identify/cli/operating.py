@@ -168,8 +168,6 @@ def points_of(scene: Scene, result: Result | None, changes: Mapping[str, float] 
                 known = sources.stated(scene, values, speed) or ((), np.zeros((0, 0)))
                 variances = np.append(np.diag(known[1]), np.square(list(guessed.values())))
                 names, covariance = (*known[0], *guessed), np.diag(variances) if variances.size else None
-                if covariance is not None:
-                    names, covariance = sources.with_tied(names, covariance, sources.ties_of(scene))
             measured = tuple(n for n in declared if n in names and result is not None and n not in changes)
             kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT)]
             elsewhere = tuple(n for n in declared if n not in measured and n not in guessed)

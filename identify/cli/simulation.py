@@ -83,7 +83,7 @@ def simulate(arguments: Namespace, terminal: Terminal) -> Answer:
     )
     (write_csv if out.suffix.lower() == ".csv" else write_hdf5)(record, out)
     slips, units = motion.onsets.size, {p.name: p.unit for p in scene.declared}
-    silent = [name for name, s in scene.parameters.items() if (s.fixed, s.start, s.tie) == (None, None, None)]
+    silent = [name for name, s in scene.parameters.items() if (s.fixed, s.start) == (None, None)]
     defaults = ", ".join(f"{name} {shown(values[name], units[name])}" for name in silent)
     if defaults:
         defaults = f"the scene gives no value of these, so documented defaults are taken: {defaults}"

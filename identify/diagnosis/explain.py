@@ -191,7 +191,7 @@ def _refitted(ended: Fitted, score: Score) -> _Cause | None:
         if column.name in unknowns.names and number == 0:
             i = unknowns.names.index(column.name)
             best = _set_free(ended, score, i)
-            stated = unknowns.prior_mean[i] if column.prior else origin[unknowns.source[i]]
+            stated = unknowns.prior_mean[i] if column.prior else origin[i]
             size = float(best.solved.theta[i] - stated)
             if not set(best.log_numbers) >= set(ended.logs) or not np.isfinite(best.excess):
                 return None
@@ -255,7 +255,7 @@ def _set_free(ended: Fitted, score: Score, i: int) -> Attempt:
     where the score points."""
     attempt, unknowns = ended.attempt, ended.unknowns
     assert attempt is not None
-    before, declared = float(attempt.solved.theta[unknowns.source[i]]), unknowns.model.parameters[i]
+    before, declared = float(attempt.solved.theta[i]), unknowns.model.parameters[i]
     with np.errstate(divide="ignore"):
         ends = np.array([declared.lower, declared.upper])
         low, high = np.log(ends) if declared.scale == "log" else ends
@@ -271,7 +271,6 @@ def _set_free(ended: Fitted, score: Score, i: int) -> Attempt:
         prior_sd=np.where(at, np.inf, unknowns.prior_sd),
         prior_about=np.where(at, -1, unknowns.prior_about),
         walls=unknowns.walls & ~at,
-        ties=tuple(tie for tie in unknowns.ties if tie[0] != i),
     )
     found, _ = search(SearchProblem(list(ended.prepared), freed, thorough=False))
     if found is not None and found.fits:

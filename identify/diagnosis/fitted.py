@@ -86,8 +86,5 @@ def values_of(other: Fitted, unknowns: Unknowns) -> Array:
     names = other.unknowns.names
     theta = dict(zip(names, other.attempt.solved.theta.tolist(), strict=True))
     searched = dict(zip(names, other.unknowns.free.tolist(), strict=True))
-    for index, to, base in other.unknowns.ties:  # what followed another parameter goes on from there
-        theta[names[index]] = theta[names[to]] + (np.log(base) if other.unknowns.logarithmic[index] else base)
-        searched[names[index]] = True
     start = np.array([theta[n] if searched.get(n) else unknowns.start[i] for i, n in enumerate(unknowns.names)])
     return np.clip(np.where(unknowns.free, start, unknowns.start), unknowns.lower, unknowns.upper)

@@ -274,7 +274,7 @@ def _of_parameter(
     if prior:
         theta[i] = unknowns.prior_mean[i]
     stated = float(unknowns.values(theta, base)[i])
-    theta[unknowns.source[i]] += size
+    theta[i] += size
     value = float(unknowns.values(theta, base)[i])
     error = error * abs(value) if declared.scale == "log" else error
     if name in RIG_PARAMETERS:
@@ -291,8 +291,6 @@ def _of_parameter(
     elif prior:
         tolerance = float(unknowns.prior_sd[i]) * (stated if declared.scale == "log" else 1.0)
         by = f"its prior ({shown(stated, declared.unit)} ± {shown(tolerance, declared.unit, stated)})"
-    elif spec is not None and spec.tie is not None:
-        by = f"its tie to {spec.tie.to}"
     else:
         ends = "" if spec is None else f" ({shown(spec.lower, declared.unit)} to {shown(spec.upper, declared.unit)})"
         by = f"its bounds{ends}"

@@ -52,20 +52,13 @@ HELD = 4.0  # squared distance from which on an active event bound holds an answ
 @dataclass(frozen=True)
 class Share:
     """A parameter of one group: index among the parameters, group in words, theta; place (-1: the shared one, which is
-    that of the first group) among those beyond the free ones; log: the first one that has it (index in the attempt);
-    source: the parameter that it is tied to and takes its theta from, else its own index."""
+    that of the first group) among those beyond the free ones; log: the first one that has it (index in the attempt)."""
 
     index: int
     group: str
     theta: float
     place: int
     log: int
-    source: int
-
-    @property
-    def tied(self) -> bool:
-        """Whether it follows another parameter, and has no place of its own in a covariance."""
-        return self.source != self.index
 
 
 @dataclass(frozen=True)
@@ -201,8 +194,8 @@ def _at(
 
 
 def _groups(here: Certainty, q: Question) -> tuple[list[Share], list[tuple[Share, Estimate]]]:
-    """Every group's value of every parameter that the scene gives to groups, and of what is tied to one of these; and
-    the estimates of the groups beyond the first, named "D (V08)"."""
+    """Every group's value of every parameter that the scene gives to groups; and the estimates of the groups beyond
+    the first, named "D (V08)"."""
     attempt, unknowns, solved = here.attempt, q.unknowns, here.attempt.solved
     layout, free = solved.problem.layout, np.flatnonzero(unknowns.free)
     own, out = kept_parameters(layout)[layout.free.size :].tolist(), list[Share]()
@@ -216,16 +209,14 @@ def _groups(here: Certainty, q: Question) -> tuple[list[Share], list[tuple[Share
             if at not in seen:
                 seen.add(at)
                 group = log.data.groups[index] or f"log {number + 1}"
-                out.append(Share(index, group, float(thetas[i][index]), at, i, index))
-    out += [replace(share, index=i) for i, to, _ in unknowns.ties for share in out if share.index == to]
+                out.append(Share(index, group, float(thetas[i][index]), at, i))
     beyond = []
     for share in (share for share in out if share.place >= 0):
-        order = np.where(free == share.source, free.size + share.place, np.arange(free.size))
-        theta = np.where(np.arange(unknowns.free.size) == share.source, share.theta, solved.theta)
+        order = np.where(free == share.index, free.size + share.place, np.arange(free.size))
+        theta = np.where(np.arange(unknowns.free.size) == share.index, share.theta, solved.theta)
         block, bounds = here.joint[np.ix_(order, order)], at_bounds(unknowns, thetas[share.log])
         made = estimates(unknowns, theta, q.base, block, at_bound=bounds, hints=here.hints, profiles={})[share.index]
-        reason = f"{made.reason} ({share.group})" if share.tied else made.reason
-        beyond.append((share, replace(made, name=f"{made.name} ({share.group})", reason=reason)))
+        beyond.append((share, replace(made, name=f"{made.name} ({share.group})")))
     return out, beyond
 
 
@@ -288,7 +279,7 @@ def _without_late(here: Certainty, profiles: Profiles | None, q: Question) -> li
 
     def stays(e: Estimate, i: int) -> bool:
         sharp = e.verdict == "identified" and e.standard_error is not None and e.standard_error < known[i]
-        return names[q.unknowns.source[i]] not in late or e.verdict in ("fixed", "at bound") or sharp
+        return names[i] not in late or e.verdict in ("fixed", "at bound") or sharp
 
     return [
         e

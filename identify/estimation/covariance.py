@@ -182,38 +182,37 @@ def estimates(
     sd = dict(zip(np.flatnonzero(unknowns.free).tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True))
     size_of, out = sizes(unknowns, values), list[Estimate]()
     for i, declared in enumerate(unknowns.model.parameters):
-        value, name, of = float(values[i]), declared.name, int(unknowns.source[i])
+        value, name = float(values[i]), declared.name
         nothing = Estimate(name, declared.unit, value, None, None, None, "fixed", "not estimated")
-        if of not in sd:
+        if i not in sd:
             out.append(nothing)
             continue
         if name in at_bound:
             out.append(replace(nothing, verdict="at bound", reason=at_bound[name]))
             continue
-        curvature = float(theta[of] - NORMAL * sd[of]), float(theta[of] + NORMAL * sd[of])
-        ends, walls = list(profiles.get(unknowns.names[of], curvature)), list[str]()
-        for side, (word, bound) in enumerate((("lower", unknowns.lower[of]), ("upper", unknowns.upper[of]))):
+        curvature = float(theta[i] - NORMAL * sd[i]), float(theta[i] + NORMAL * sd[i])
+        ends, walls = list(profiles.get(name, curvature)), list[str]()
+        for side, (word, bound) in enumerate((("lower", unknowns.lower[i]), ("upper", unknowns.upper[i]))):
             end = ends[side]
-            if unknowns.walls[side, of] and (end is None or (end <= bound if side == 0 else end >= bound)):
+            if unknowns.walls[side, i] and (end is None or (end <= bound if side == 0 else end >= bound)):
                 ends[side] = float(bound)
                 walls.append(word)
         walled = f"its interval ends at the {' and '.join(walls)} bound of the scene" if walls else ""
         low, high = (parameter_value(unknowns, i, end, base[i]) for end in ends)
         verdict = verdict_of(value, low, high, float(size_of[i]), declared.scale == "log")
-        tied = f"tied to {unknowns.names[of]}" if of != i else ""
         if verdict == "not identifiable" or low is None or high is None:
             # An end that says no more than the admissible box is open.
-            low = None if tied or low is None or not declared.lower < low < math.inf else low
-            high = None if tied or high is None or not -math.inf < high < declared.upper else high
-            reason = tied or hints.get(name, "not identifiable from these data")
+            low = None if low is None or not declared.lower < low < math.inf else low
+            high = None if high is None or not -math.inf < high < declared.upper else high
+            reason = hints.get(name, "not identifiable from these data")
             out.append(replace(nothing, lower=low, upper=high, verdict="not identifiable", reason=reason))
             continue
-        error = sd[of] * (value if declared.scale == "log" else 1.0)
+        error = sd[i] * (value if declared.scale == "log" else 1.0)
         known = [] if verdict == "identified" else [hints.get(name, "more cycles are needed")]
-        if math.isfinite(prior := float(unknowns.prior_deviation[i])) and of == i:
+        if math.isfinite(prior := float(unknowns.prior_deviation[i])):
             share = min(100.0, 100 * sd[i] ** 2 / prior**2)
             known.append(f"its prior (or tolerance) carries {share:.0f} % of the information")
-        reason = tied or "; ".join(filter(None, (*known, walled)))
+        reason = "; ".join(filter(None, (*known, walled)))
         out.append(Estimate(name, declared.unit, value, float(error), low, high, verdict, reason))
     return out
 

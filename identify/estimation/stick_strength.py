@@ -42,7 +42,7 @@ def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unk
             it took: its parameters are bent, and a sample behind the end of its slip pulls that nowhere; prepared: all
             logs.
     """
-    if not unknowns.free[unknowns.source[unknowns.names.index("mu_s")]]:
+    if not unknowns.free[unknowns.names.index("mu_s")]:
         return None
     best: Attempt | None = attempt if attempt.fits else None
     sd = FIRST * unknowns.strength(unknowns.start if best is None else best.solved.theta)

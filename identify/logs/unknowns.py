@@ -36,8 +36,7 @@ class Unknowns:
     `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `stated`: the scene has a value of it;
     `walls` (2, n_p): the lower and upper bounds that the scene itself gives, the others are the model's own;
     `prior_about` (n_p,): the parameter about which a prior is, beyond its mean, -1 where about none;
-    `per`: by what each parameter differs from log to log (None: by nothing; "log"; a label; empty: none differs);
-    `ties`: (index, index of the parameter it follows, base value) of each tied parameter, which is not free.
+    `per`: by what each parameter differs from log to log (None: by nothing; "log"; a label; empty: none differs).
     """
 
     model: Model
@@ -51,7 +50,6 @@ class Unknowns:
     walls: NDArray[np.bool_]
     prior_about: NDArray[np.int64]
     per: tuple[str | None, ...] = ()
-    ties: tuple[tuple[int, int, float], ...] = ()
 
     @property
     def prior_precision(self) -> Array:
@@ -99,14 +97,6 @@ class Unknowns:
         """Which free parameters the scene gives to logs or groups of them."""
         return self.free & np.array([by is not None for by in self.per or (None,) * self.free.size])
 
-    @property
-    def source(self) -> NDArray[np.int64]:
-        """Whose theta each parameter (n_p,) takes: its own, or that of the one it is tied to."""
-        out = np.arange(self.free.size)
-        for index, to, _ in self.ties:
-            out[index] = to
-        return out
-
     def at_own_bounds(self, theta: Array) -> NDArray[np.bool_]:
         """Which parameters (n_p,) sit at a bound of the model that is none of the scene."""
         near = AT_BOUND * self.spread
@@ -117,14 +107,10 @@ class Unknowns:
     def base(self, rig: Mapping[str, float]) -> Array:
         """Base values for a log with this rig (mass, stiffness, damping by name)."""
         neutral = np.where(self.logarithmic, 1.0, 0.0)
-        for index, _, base in self.ties:
-            neutral[index] = base
         return np.array([rig[n] if n in RIG_PARAMETERS else neutral[i] for i, n in enumerate(self.names)])
 
     def values(self, theta: Array, base: Array) -> Array:
         """Parameter values from theta (..., n_p) and base (..., n_p)."""
-        if self.ties:
-            theta = theta[..., self.source]
         with np.errstate(over="ignore"):
             return np.where(self.logarithmic, base * np.exp(theta), base + theta)
 
@@ -194,7 +180,7 @@ def from_scene(scene: Scene) -> Unknowns:
     mean, sd, stated = np.zeros(n), np.full(n, np.inf), np.zeros(n, bool)
     nulls = {name: value for effect in ALL if effect.name in model.effects for name, value in effect.null.items()}
     walls, about = np.zeros((2, n), bool), np.full(n, -1)
-    ties, per = [], []
+    per = []
     for i, declared in enumerate(model.parameters):
         name, spec, logarithmic = declared.name, scene.parameters.get(declared.name), declared.scale == "log"
         of_rig, neutral = name in RIG_PARAMETERS, 1.0 if logarithmic else 0.0
@@ -217,7 +203,7 @@ def from_scene(scene: Scene) -> Unknowns:
         value = next((v for v in (spec.fixed, spec.start, spec.prior_mean) if v is not None), None)
         stated[i] = value is not None
         start[i] = search(value if value is not None else base if of_rig else declared.default)
-        free[i] = spec.fixed is None and spec.tie is None
+        free[i] = spec.fixed is None
         lower[i], upper[i] = search(spec.lower), search(spec.upper)
         walls[:, i] = spec.lower > declared.lower, spec.upper < declared.upper
         if logarithmic and declared.unit == "s" and nulls.get(name) == 0.0 and rig["mass"] > 0.0:
@@ -228,14 +214,12 @@ def from_scene(scene: Scene) -> Unknowns:
             sd[i] = spec.prior_sd / spec.prior_mean if logarithmic else spec.prior_sd
         elif tolerance > 0.0:
             sd[i] = tolerance
-        if spec.tie is not None:
-            ties.append((i, names.index(spec.tie.to), spec.tie.factor if logarithmic else spec.tie.offset))
     for name, ratio, share in (("damping", "zeta", 1.0), ("mass", "natural_frequency", 2.0)):
         spec, known = scene.parameters.get(name), scene.rig.ratio_tolerances.get(ratio, 0.0)
         if known and name in names and free[names.index(name)] and (spec is None or spec.prior_sd is None):
             about[names.index(name)], sd[names.index(name)] = names.index("stiffness"), share * known
     start = np.clip(start, lower, upper)
-    return Unknowns(model, free, start, lower, upper, mean, sd, stated, walls, about, tuple(per), tuple(ties))
+    return Unknowns(model, free, start, lower, upper, mean, sd, stated, walls, about, tuple(per))
 
 
 def user_start(scene: Scene) -> bool:

@@ -13,7 +13,7 @@ from identify.base.document import finite
 from identify.base.result import Correlation, Result
 from identify.prediction.wording import listed, shown
 from identify.scene import Scene
-from identify.scene.values import EACH_LOG, Tie
+from identify.scene.values import EACH_LOG
 
 # ----------------------------------------------------------------------------------------------------------------------
 # How well an operating point is known where nothing was fitted: by the tolerances and priors its scene states.
@@ -48,7 +48,7 @@ def assumed(scene: Scene, values: Mapping[str, float], given: Iterable[str] = ()
     out = {}
     for p in scene.declared:
         spec = scene.parameters.get(p.name)
-        fixed = p.kind == "rig" or p.name in given or (spec is not None and (spec.states_value or spec.tie is not None))
+        fixed = p.kind == "rig" or p.name in given or (spec is not None and spec.states_value)
         if not fixed and p.name in values:
             out[p.name] = p.spread * (abs(values[p.name]) if p.scale == "log" else 1.0)
     return out
@@ -97,8 +97,8 @@ class Pair:
     """What a result says of one log's pair.
 
     groups: (label, value) of all that parameters differ by, (EACH_LOG, "log 2") of what every log has for itself;
-    values [SI] by parameter; covariance (f, f) [SI] of `names`, tied parameters among them, variances infinite
-    where something is not identifiable; untold: why there are no values, empty where there are.
+    values [SI] by parameter; covariance (f, f) [SI] of `names`, variances infinite where something is not identifiable;
+    untold: why there are no values, empty where there are.
     """
 
     groups: Groups = ()
@@ -125,12 +125,7 @@ def pair_of(result: Result, scene: Scene, log: int) -> Pair:
         others, again = ", ".join(entry.group for entry in known), "again with a log of this group that takes part"
         return Pair(groups, untold=f"this fit has {missing[0]} of {others} only, and {whose}; fit it {again}")
     values = {name: value for name, key in keys.items() if (value := entries[key].value) is not None}
-    ties = ties_of(scene)
-    values |= {name: tie.factor * values[tie.to] + tie.offset for name, tie in ties.items() if tie.to in values}
-    names, covariance = _covariance(result, keys)
-    if covariance is not None:
-        names, covariance = with_tied(names, covariance, ties)
-    return Pair(groups, values, names, covariance)
+    return Pair(groups, values, *_covariance(result, keys))
 
 
 def groups_of(result: Result, log: int) -> Groups:
@@ -140,23 +135,9 @@ def groups_of(result: Result, log: int) -> Groups:
     return tuple((per, f"log {log + 1}" if per == EACH_LOG else labels.get(per, "")) for per in every)
 
 
-def ties_of(scene: Scene) -> dict[str, Tie]:
-    """What the scene ties to another parameter, by name."""
-    return {name: spec.tie for name, spec in scene.parameters.items() if spec.tie is not None}
-
-
 def named(groups: Groups) -> str:
     """A group in words: "volunteer V08", "log 2"."""
     return ", ".join(value if per == EACH_LOG else f"{per} {value}" for per, value in groups)
-
-
-def with_tied(names: Sequence[str], covariance: Array, ties: Mapping[str, Tie]) -> tuple[tuple[str, ...], Array]:
-    """Names and covariance (f, f) [SI] with the tied parameters, which move as those do that they follow."""
-    follow = {name: tie for name, tie in ties.items() if tie.to in names and name not in names}
-    source = [*range(len(names)), *(list(names).index(tie.to) for tie in follow.values())]
-    scale = np.array([1.0] * len(names) + [tie.factor for tie in follow.values()])
-    # Picked, not multiplied out: a product would spread what is not known (infinite) over everything.
-    return (*names, *follow), np.outer(scale, scale) * covariance[np.ix_(source, source)]
 
 
 def _covariance(result: Result, keys: Mapping[str, str]) -> tuple[tuple[str, ...], Array | None]:

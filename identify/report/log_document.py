@@ -22,8 +22,6 @@ from identify.logs.regime import Known, look
 from identify.logs.unknowns import Unknowns
 from identify.prediction.draws import OperatingPoint
 from identify.prediction.predict import NoAnswer, predictions
-from identify.prediction.sources import with_tied
-from identify.scene.values import Tie
 from identify.shooting import batch
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 
@@ -44,11 +42,6 @@ def answers_of_logs(prepared: list[Prepared], findings: Findings, added: Array |
     unknowns = findings.unknowns
     free = np.flatnonzero(unknowns.free)
     names = [unknowns.names[i] for i in free]
-    # of tied parameters, as far as their errors go: a factor, or none where they differ by an offset
-    ties = {
-        unknowns.names[i]: Tie(unknowns.names[to], factor=base if unknowns.logarithmic[i] else 1.0)
-        for i, to, base in unknowns.ties
-    }
     points: list[OperatingPoint | NoAnswer] = []
     for number, log in enumerate(prepared):
         own = of_log(number, log, findings)
@@ -57,14 +50,14 @@ def answers_of_logs(prepared: list[Prepared], findings: Findings, added: Array |
             continue
         p = unknowns.values(own[0], log.data.base)
         slope = np.where(unknowns.logarithmic, p, 1.0)[free]
-        covariance = with_tied(names, (own[1] + added) * np.outer(slope, slope), ties)[1]
+        covariance = (own[1] + added) * np.outer(slope, slope)
         values = dict(zip(unknowns.names, p.tolist(), strict=True))
         points.append(OperatingPoint(values, log.data.drive_speed, log.mean_load, covariance))
     known = [point for point in points if isinstance(point, OperatingPoint)]
     # what points have in common is only shared within a pair
     apart = findings.sure is not None and bool(findings.sure.of_groups)
     parts = [[point] for point in known] if apart else [known]
-    answers = iter([each for part in parts for each in predictions(unknowns.model, part, (*names, *ties), DRAWS)])
+    answers = iter([each for part in parts for each in predictions(unknowns.model, part, tuple(names), DRAWS)])
     return [to_dict(point if isinstance(point, NoAnswer) else next(answers)) for point in points]
 
 
@@ -191,13 +184,12 @@ def creep_velocities(prepared: list[Prepared], findings: Findings) -> dict[str, 
     if findings.attempt is None or findings.covariance is None or not {"D", "t_cr"} <= set(names):
         return {}
     free, places = np.flatnonzero(unknowns.free), [names.index("D"), names.index("t_cr")]
-    sources = [int(unknowns.source[place]) for place in places]
-    slope = (free == sources[0]).astype(float) - (free == sources[1])
+    slope = (free == places[0]).astype(float) - (free == places[1])
     moved = slope != 0.0
     out: dict[str, Number] = {}
     for number in findings.attempt.log_numbers:
         log = prepared[number]
-        own = [log.data.groups[i] or f"log {number + 1}" for i in sources if unknowns.grouped[i]]
+        own = [log.data.groups[i] or f"log {number + 1}" for i in places if unknowns.grouped[i]]
         group, known = ", ".join(dict.fromkeys(own)), of_log(number, log, findings)
         if group in {entry.group for entry in out.values()}:
             continue

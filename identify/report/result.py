@@ -250,10 +250,10 @@ def _parameters(findings: Findings, converged: bool) -> dict[str, ParameterResul
     for share in sure.shares if sure is not None else ():
         if share.place < 0:
             name = names[share.index]
-            out[name] = replace(out[name], group=share.group, per=per[share.source] or "")
+            out[name] = replace(out[name], group=share.group, per=per[share.index] or "")
     for share, estimate in sure.of_groups if sure is not None and sure.shares else ():
         own = _parameter(estimate, converged)
-        out[estimate.name] = replace(own, group=share.group, per=per[share.source] or "", parameter=names[share.index])
+        out[estimate.name] = replace(own, group=share.group, per=per[share.index] or "", parameter=names[share.index])
     return out
 
 
@@ -286,7 +286,7 @@ def _correlation(findings: Findings, added: Array | float) -> schema.Correlation
         by_name, covariance, free = {e.name: e for e in findings.estimates}, findings.covariance, len(index)
         estimates = [by_name[findings.unknowns.names[i]] for i in index]
         if findings.sure is not None and findings.sure.of_groups:
-            beyond = [(share, e) for share, e in findings.sure.of_groups if not share.tied]
+            beyond = findings.sure.of_groups
             order = [*range(free), *(free + share.place for share, _ in beyond)]
             estimates, index = estimates + [e for _, e in beyond], index + [share.index for share, _ in beyond]
             covariance = findings.sure.joint[np.ix_(order, order)]
@@ -407,12 +407,10 @@ def _published(
     unknowns = findings.unknowns
     values = unknowns.values(findings.attempt.solved.theta, findings.attempt.fitted_logs[0].data.base)
     size_of = dict(zip(unknowns.names, sizes(unknowns, values).tolist(), strict=True))
-    free = np.flatnonzero(unknowns.free).tolist()
-    added = {}  # standard deviation of theta by error and parameter; a tied parameter follows another one
+    free = [unknowns.names[i] for i in np.flatnonzero(unknowns.free)]
+    added = {}  # standard deviation of theta by error and parameter
     for source, covariance in errors.items():
-        sd = dict(zip(free, standard_deviations(covariance).tolist(), strict=True))
-        sources = zip(unknowns.names, unknowns.source.tolist(), strict=True)
-        added[source] = {name: sd[at] for name, at in sources if at in sd}
+        added[source] = dict(zip(free, standard_deviations(covariance).tolist(), strict=True))
     of_all = added.pop(ALL, {})
     out = dict(parameters)
     for name, entry in parameters.items():

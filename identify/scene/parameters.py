@@ -1,4 +1,4 @@
-"""The [parameters] table: start, bounds, fixed values, priors and ties of each parameter of the model."""
+"""The [parameters] table: start, bounds, fixed value and prior of each parameter of the model."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from identify.base.errors import SceneError
 from identify.effects import ALL
 from identify.effects.quantities import Parameter
 from identify.model.model import BASE_PARAMETERS, RIG_PARAMETERS, assemble
-from identify.scene.tables import POSITIVE, Key, TomlTable, share, text
-from identify.scene.values import ParameterSpec, Tie
+from identify.scene.tables import Key, TomlTable, share, text
+from identify.scene.values import ParameterSpec
 
-SEARCHED = ("start", "prior", "per", "tie")  # what makes a given parameter one that is searched
+SEARCHED = ("start", "prior", "per")  # what makes a given parameter one that is searched
 
 
 def declared_by(effects: Sequence[str] | Literal["auto"]) -> tuple[Parameter, ...]:
@@ -55,7 +55,6 @@ def read_parameters(
             specs[name] = _parameter(table.data[name], p)
         elif p.kind != "rig":
             specs[name] = default_spec(p)
-    _check_ties(specs, declared)
     for name in elsewhere.keys() & specs.keys():
         (where, number), p = elsewhere[name], known[name]
         if name in table.data and specs[name].fixed != number:
@@ -88,7 +87,7 @@ def _parameter(value: object, p: Parameter) -> ParameterSpec:
     number = Key(p.unit)
     keys = dict.fromkeys(("start", "lower", "upper", "fixed"), number)
     start = f'"{p.default:g} {p.unit}"' if p.unit else p.default
-    known = keys | {"prior": Key(), "per": Key(read=text), "tie": Key()}
+    known = keys | {"prior": Key(), "per": Key(read=text)}
     table = TomlTable.of(value, where, known, f"{p.name} = {{ start = {start} }}")
     if p.name in RIG_PARAMETERS and "fixed" in table.data:
         raise SceneError(f"{where} is fixed, but its value stands in [rig]; drop the line to keep it there")
@@ -102,15 +101,6 @@ def _parameter(value: object, p: Parameter) -> ParameterSpec:
     if len(prior.data) == 1:
         raise SceneError(f"{prior.where} has only {next(iter(prior.data))!r}; give both mean and sd")
     mean, relative = prior.get("mean"), share(prior.data.get("sd"), prior.place("sd"))
-    tie = None
-    if "tie" in table.data:
-        relation = {"factor": Key(sign=POSITIVE)} if p.scale == "log" else {"offset": Key(p.unit)}
-        follows = TomlTable.of(
-            table.data["tie"], table.place("tie"), {"to": Key(read=text)} | relation, 'tie = { to = "mu_s" }'
-        )
-        if "to" not in follows.data:
-            raise SceneError(f'{follows.where} names no parameter; give tie = {{ to = "mu_s" }}')
-        tie = Tie(**follows.values())
     return ParameterSpec(
         name=p.name,
         start=stated["start"],
@@ -120,19 +110,5 @@ def _parameter(value: object, p: Parameter) -> ParameterSpec:
         prior_mean=mean,
         prior_sd=prior.get("sd") if relative is None else relative * abs(mean or 0.0),
         per=table.get("per"),
-        tie=tie,
         stated=True,
     )
-
-
-def _check_ties(specs: Mapping[str, ParameterSpec], declared: Sequence[Parameter]) -> None:
-    """Refuse ties to what is not there, is not searched itself, or has another scale."""
-    scales = {p.name: p.scale for p in declared if p.kind != "rig"}
-    free = [name for name in scales if specs[name].tie is None and specs[name].fixed is None]
-    for name, spec in specs.items():
-        able = [other for other in free if other != name and scales[other] == scales.get(name)]
-        if spec.tie is not None and spec.tie.to not in able:
-            raise SceneError(
-                f"{name} is tied to {spec.tie.to!r}; expected a friction parameter that is searched itself, as "
-                f"{'its logarithm' if scales.get(name) == 'log' else 'it is'} ({', '.join(able) or 'none'}): correct it"
-            )

@@ -23,7 +23,6 @@ from identify.scene.toml import Tables, question_bare_numbers, read_toml, with_r
 from identify.scene.values import EACH_LOG, Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
 
 LOAD_LAW = "load law"  # role of the effects whose range is one of normal force
-NEUTRAL = (("factor", 1.0), ("offset", 0.0))  # of a tie
 
 
 @dataclass(frozen=True)
@@ -241,9 +240,6 @@ class Scene:
             fallback = getattr(rig, name) if name in RIG_PARAMETERS else declared.default
             stated = (spec.fixed, spec.start) if spec else ()
             values[name] = next((value for value in stated if value is not None), fallback)
-        for name, spec in self.parameters.items():
-            if spec.tie is not None and name in values:
-                values[name] = spec.tie.factor * values[spec.tie.to] + spec.tie.offset
         return values
 
     def rig_for(self, log: LogEntry) -> Rig:
@@ -297,9 +293,8 @@ def _stated(table: Mapping[str, object], without: Sequence[str] = ()) -> Tables:
 
 
 def _table_of(spec: ParameterSpec) -> Tables:
-    tie = {} if spec.tie is None else {k: v for k, v in asdict(spec.tie).items() if (k, v) not in NEUTRAL}
-    table = _stated(asdict(spec), without=("name", "prior_mean", "prior_sd", "stated", "tie"))
-    return table | _stated({"prior": _stated({"mean": spec.prior_mean, "sd": spec.prior_sd}), "tie": tie})
+    table = _stated(asdict(spec), without=("name", "prior_mean", "prior_sd", "stated"))
+    return table | _stated({"prior": _stated({"mean": spec.prior_mean, "sd": spec.prior_sd})})
 
 
 def _check_consistent(scene: Scene) -> None:

@@ -129,15 +129,6 @@ EACH_LOG = "log"  # what `per` calls a parameter that every log has for itself
 
 
 @dataclass(frozen=True)
-class Tie:
-    """A parameter that follows another one: value = factor * value of `to` (logarithmic) or value of `to` + offset."""
-
-    to: str
-    factor: float = 1.0
-    offset: float = 0.0
-
-
-@dataclass(frozen=True)
 class ParameterSpec:
     """What a scene says of one parameter, SI. `start` and `fixed` are None where the user gave none.
 
@@ -156,7 +147,6 @@ class ParameterSpec:
     prior_mean: float | None = None
     prior_sd: float | None = None
     per: str | None = None
-    tie: Tie | None = None
     stated: bool = field(default=False, compare=False)
 
     @property
@@ -175,16 +165,9 @@ class ParameterSpec:
                 )
         check(f"the prior sd of {self.name}", Key(sign=POSITIVE), self.prior_sd)
         fixed, own = self.fixed is not None, self.start is not None or self.prior_mean is not None
-        for twice, words in (
-            (fixed and own, "is fixed and has a start or a prior"),
-            (self.per is not None and (fixed or self.tie is not None), f"has per = {self.per!r} and is fixed or tied"),
-            (
-                self.tie is not None and (fixed or own),
-                f"is tied to {self.tie and self.tie.to} and has a value of its own",
-            ),
-        ):
-            if twice:
-                raise SceneError(f"{self.name} {words} as well; keep one of them")
+        if fixed and (own or self.per is not None):
+            also = "a start or a prior" if own else f"per = {self.per!r}"
+            raise SceneError(f"{self.name} is fixed and has {also} as well; keep one of them")
 
 
 @dataclass(frozen=True)

@@ -164,7 +164,7 @@ class Scatter:
 @dataclass(frozen=True)
 class Nonzeros:
     """Those of a sparse matrix, by columns: rows and columns (k,), where columns begin; to which of them each entry is
-    added (entries,), for parameters that are tied meet in one column."""
+    added (entries,), for several may meet in one column."""
 
     shape: tuple[int, int]
     rows: NDArray[np.int32]

@@ -90,8 +90,8 @@ class NlpBuilder:
     ) -> None:
         """Blocks of one kind in a part of a log (`at`): their slots are the given ones and the parameters, of which
         this log has some for itself."""
-        of, n, source = block(self.model, kind), slots.shape[1], self.unknowns.source
-        theta = np.stack([np.where(own >= 0, own, self.theta)[source], self.unknowns.start[source]])
+        of, n = block(self.model, kind), slots.shape[1]
+        theta = np.stack([np.where(own >= 0, own, self.theta), self.unknowns.start])
         index, value = _joined(slots, theta)
         rows = self.rows + np.arange(n * of.n_rows).reshape(n, of.n_rows)
         self.rows += n * of.n_rows
@@ -215,8 +215,7 @@ class _LogTranscriber:
     def _strength(self, part: int, shared: Indices) -> int:
         """The static friction of this stick, and of the slip after it: about that of all, scattered."""
         at, sd, strength = self.model.parameter_names.index("mu_s"), self.log.strength_sd, self.trajectory.strength
-        source = self.c.unknowns.source[at]
-        about, mean = int(np.where(shared >= 0, shared, self.c.theta)[source]), self.start_theta[source]
+        about, mean = int(np.where(shared >= 0, shared, self.c.theta)[at]), self.start_theta[at]
         prior = mean if about < 0 else 0.0, sd
         added = self.c.add(strength[part] if strength.size else mean, sd, prior=prior, about=about)
         self.own = shared.copy()
@@ -255,8 +254,7 @@ class _LogTranscriber:
 
     def _age(self, part: int, rest: Array) -> None:
         """A node where the contact has aged before the mass rests. rest: the constants of the rest that follows."""
-        theta = self.start_theta[self.c.unknowns.source]
-        slots = np.concatenate([self.node[1], np.zeros(self.size.size + 3), theta])
+        slots = np.concatenate([self.node[1], np.zeros(self.size.size + 3), self.start_theta])
         defect = block(self.model, AgeingBlock()).evaluate(slots[None], rest[None], derivatives=False)[0][0]
         value, others = np.where(self.is_speed, 0.0, self.node[1]), ~self.is_speed
         value[others] = np.where(np.isfinite(defect), -defect * self.rest_rows[others], value[others])

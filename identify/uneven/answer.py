@@ -244,11 +244,11 @@ def _estimate(name: str, unit: str, value: float, ends: tuple[float, float], sd:
 
 def _of_a_uniform_pair(unknowns: Unknowns, creep: Estimate) -> list[Estimate]:
     """The parameters of a pair whose cycles are alike: without values, each with its reason, but the creep time."""
-    out, tied = [], {unknowns.names[j] for j, _, _ in unknowns.ties}
+    out = []
     for i, quantity in enumerate(unknowns.model.parameters):
         if quantity.name in RIG_PARAMETERS:
             continue
-        if not unknowns.free[i] and quantity.name not in tied:
+        if not unknowns.free[i]:
             value = float(unknowns.values(unknowns.start, np.where(unknowns.logarithmic, 1.0, 0.0))[i])
             fixed = value, None, None, None, "fixed", wording.FIXED_NOT_USED
             out.append(Estimate(quantity.name, quantity.unit, *fixed))

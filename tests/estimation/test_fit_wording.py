@@ -99,7 +99,7 @@ FIXED = {"mu_s": 0.6, "mu_k0": 0.45, "delta_mu_k": -0.1, "a": 500.0, "D": 40e-6,
     ("effects", "parameters", "words"),
     [
         (["inertia", "force_sensor"], {"averaging_time": "1 ms"}, "averaging_time is 0.001 s.*leave it at 0"),
-        (MAIN, {name: {"fixed": value} for name, value in FIXED.items()}, "fixes or ties every parameter.*--preview"),
+        (MAIN, {name: {"fixed": value} for name, value in FIXED.items()}, "fixes every parameter.*--preview"),
         (["contact_ageing"], {}, "inertia is off"),
         (["inertia", "friction_heterogeneity"], {}, None),  # which asks for the estimator of uneven records
         (MAIN, {name: {"fixed": value} for name, value in FIXED.items() if name != "t_cr"}, None),

@@ -1,4 +1,4 @@
-"""Parameters per group and per log, ties, bounds and priors: recovered, counted, and with the right covariance."""
+"""Parameters per group and per log, bounds and priors: recovered, counted, and with the right covariance."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from identify.base.outcome import Status
 from identify.effects import MAIN
-from identify.identification import find, fit
+from identify.identification import find
 from identify.scene import Scene
 from identify.shooting.layout import kept_parameters
 from tests.support import shooting_case as case
@@ -85,34 +85,6 @@ def test_joint_covariance_agrees_with_the_dense_null_space(grouped):
     assert np.all(np.diag(grouped.sure.joint) > 0.999 * np.diag(known)), "a bent likelihood only widens it"
     across = covariance[2, 6:] / (size[2] * size[6:])
     assert np.max(np.abs(across)) > 0.05, "what is shared ties the groups together"
-
-
-def test_a_tied_parameter_follows(free):
-    found = _found({"mu_k0": {"tie": {"to": "mu_s", "offset": -0.19}}}, "A")
-    assert found.status is Status.CONVERGED, found.message
-    by_name = {e.name: e for e in found.estimates}
-    assert by_name["mu_s"].value - by_name["mu_k0"].value == pytest.approx(0.19, abs=1e-12)
-    assert by_name["mu_k0"].standard_error == pytest.approx(by_name["mu_s"].standard_error)
-    assert "tied to mu_s" in by_name["mu_k0"].reason
-    # One freedom fewer: the others are known better, and the misfit is hardly larger.
-    assert found.covariance.shape == (5, 5)
-    assert found.attempt.solved.solution.cost - free.attempt.solved.solution.cost < 8.0
-
-
-def test_a_tied_parameter_is_told_for_every_group():
-    """mu_s per volunteer, mu_k0 a step below mu_s; the truth of B: 0.66 and 0.47."""
-    scene = _scene({"mu_s": {"per": "volunteer"}, "mu_k0": {"tie": {"to": "mu_s", "offset": -0.19}}})
-    document = fit(scene, _records(case.PAIR, case.PAIR | {"mu_s": 0.66, "mu_k0": 0.47})).result
-    told = document["parameters"]
-    for name, to, group, truth in (("mu_k0", "mu_s", "A", 0.43), ("mu_k0 (B)", "mu_s (B)", "B", 0.47)):
-        entry = told[name]
-        assert (entry["group"], entry["per"], entry["verdict"]) == (group, "volunteer", "identified"), name
-        assert abs(entry["value"] - truth) < 4 * entry["standard_error"]
-        assert entry["value"] == pytest.approx(told[to]["value"] - 0.19, abs=1e-12)
-        assert entry["standard_error"] == pytest.approx(told[to]["standard_error"], rel=1e-9)
-        assert entry["interval"] == pytest.approx([end - 0.19 for end in told[to]["interval"]], abs=1e-12)
-    assert told["mu_k0 (B)"]["parameter"] == "mu_k0" and told["mu_k0 (B)"]["reason"] == "tied to mu_s (B)"
-    assert document["correlation"]["names"][-1] == "mu_s (B)", "what is tied has no error of its own"
 
 
 def test_a_prior_pulls_as_bayes_says(free):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from argparse import Namespace
 
 import numpy as np
 import pytest
@@ -11,14 +10,14 @@ import pytest
 from identify import Scene, examples
 from identify.base.result import Result
 from identify.cli.main import main
-from identify.cli.operating import operating_points, points_of
+from identify.cli.operating import points_of
 from identify.prediction.batch import cycle_figures
 from identify.prediction.orbit import CycleMap
 from identify.prediction.predict import predict
 from identify.prediction.sources import pair_of
 from tests.support.maps_case import settled_orbit
 
-OFFSET = -0.19  # of mu_k0 from mu_s
+MU_K0 = 0.43  # of both groups, not estimated
 SHARED = {"delta_mu_k": -0.13, "a": 300.0, "t_cr": 0.5}
 OWN = {"A": {"mu_s": 0.62, "D": 37.4e-6}, "B": {"mu_s": 0.66, "D": 60e-6}}
 KEYS = ("mu_s", "delta_mu_k", "a", "D", "t_cr", "mu_s (B)", "D (B)")
@@ -33,7 +32,7 @@ MATRIX = _MIX @ _MIX.T / np.sqrt(np.outer(np.diag(_MIX @ _MIX.T), np.diag(_MIX @
 def document():
     scene = Scene.from_toml(examples.SCENE).as_document()
     scene["parameters"] |= {name: {"per": "volunteer"} for name in OWN["A"]}
-    scene["parameters"]["mu_k0"] = {"tie": {"to": "mu_s", "offset": OFFSET}}
+    scene["parameters"]["mu_k0"] = {"fixed": MU_K0}
     told = [{"path": f"{group}.csv", "labels": {"volunteer": group}} for group, _ in LOGS]
     scene["logs"] = [log | {"drive_speed": speed} for log, (_, speed) in zip(told, LOGS, strict=True)]
     at = {"sha256": "", "normal_force_N": 1.0, "reason_left_out": None}
@@ -45,7 +44,7 @@ def document():
     for name in OWN["A"]:
         parameters[name] |= {"group": "A", "per": "volunteer"}
         parameters[f"{name} (B)"] |= {"group": "B", "per": "volunteer", "parameter": name}
-    parameters["mu_k0"] = {"value": 0.62 + OFFSET, "standard_error": float(ERRORS[0]), **known}  # as older results have
+    parameters["mu_k0"] = {**known, "value": MU_K0, "standard_error": None, "verdict": "fixed"}
     return {
         "schema": 1,
         "status": "converged",
@@ -62,13 +61,13 @@ def drop_at(group, speed, changed=0.0):
     moved = np.array([VALUE[i] for i in OF_PAIR[group]]) + changed
     scene = Scene.from_toml(examples.SCENE)
     values = scene.values() | dict(zip(names, moved.tolist(), strict=True))
-    values["mu_k0"] = values["mu_s"] + OFFSET
+    values["mu_k0"] = MU_K0
     map_ = CycleMap(scene.model, 1.0, np.array([values[name] for name in scene.model.parameter_names]))
     return cycle_figures(scene.model, settled_orbit(map_, speed).cycle)[0]
 
 
 def spread_of_drop(group, speed):
-    """Its standard deviation by differences of the whole, mu_k0 going with mu_s."""
+    """Its standard deviation by differences of the whole."""
     places = list(OF_PAIR[group])
     steps = 1e-4 * np.abs(VALUE[places])
     slopes = [
@@ -136,18 +135,3 @@ def test_what_is_not_identifiable_has_an_infinite_variance():
     found = pair(told, 0)
     place = found.names.index("t_cr")
     assert np.isinf(found.covariance[place, place]) and np.isfinite(found.covariance).sum() == found.covariance.size - 1
-
-
-def test_a_prior_of_a_scene_moves_what_is_tied_as_well(tmp_path):
-    """All of friction moves by the same: the level of the force with it, its drop not at all."""
-    text = examples.SCENE.read_text(encoding="utf-8").split("[[logs]]")[0]
-    rig = text.replace("[rig]", '[rig]\ndrive_speed = "1 mm/s"\nnormal_force = "1 N"')
-    shared = "\n".join(f"{name} = {{ fixed = {value} }}" for name, value in (SHARED | {"D": 37.4e-6}).items())
-    own = "mu_s = { prior = { mean = 0.62, sd = 0.002 } }"
-    tied = f'mu_k0 = {{ tie = {{ to = "mu_s", offset = {OFFSET} }} }}'
-    path = tmp_path / "scene.toml"
-    path.write_text(f"{rig}\n[parameters]\n{shared}\n{own}\n{tied}\n", encoding="utf-8")
-    (point,), _, _ = operating_points(Namespace(scene=path, result=None, without=[], at=[], group=[]))
-    numbers = answer(point)
-    assert half_width(numbers["onset_force"]) == pytest.approx(0.002, rel=0.2)
-    assert half_width(numbers["drop"]) < 1e-6
