@@ -116,9 +116,7 @@ def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
         tables[f"log_{position}_force{'_closeup' * column}"] = {"time_s": time[kept], **drawn}
     what = "Measured and fitted friction force with residuals" if fitted else "Measured friction force with its cycles"
     caption = (
-        "Residual = measured − fitted; dashed: ± 2 standard deviations of the noise."
-        if fitted
-        else "No curve was fitted through this log; the marks are the cycles detected in the data.",
+        "" if fitted else "No curve was fitted through this log; the marks are the cycles detected in the data.",
         "Behind the measured force: as it was read, before it was corrected." if "raw" in signals else "",
         "The fitted curve is the last iterate of a fit that was not accepted." if fitted and not accepted else "",
     )
@@ -159,8 +157,8 @@ def _force_column(
         _line(force, time, shown["fitted"], FITTED, 0.9, "fitted" if accepted else "last iterate (not accepted)")
         residual, noise = 1e3 * shown["residual"], 1e3 * curves.noise if np.isfinite(curves.noise) else 0.0
         _line(axes[1], time, residual, RESIDUAL, 0.6)
-        for level in (-2 * noise, 2 * noise) if noise else ():
-            axes[1].axhline(level, color=MEASURED, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
+        for level, label in ((-2 * noise, ""), (2 * noise, "± 2 SD of the noise")) if noise else ():
+            axes[1].axhline(level, color=MEASURED, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3, label=label)
         limit = 1.1 * max(float(np.nanmax(np.abs(residual), initial=0.0)), 3 * noise, 1e-9)
         axes[1].set_ylim(-limit, limit)
         frame(axes[1], "", "residual (mN)" if whole else "")
@@ -178,7 +176,10 @@ def _force_column(
     frame(force, "", "friction force (N)" if whole else "", "whole log" if whole else "close-up")
     frame(normal, "time (s)", "Fₙ (N)" if whole else "")
     if whole:
-        force.legend(loc="upper right", ncols=4, handlelength=1.4, columnspacing=1.3, borderaxespad=0.1)
+        entries = [handle for panel in axes[:-1] for handle in panel.get_legend_handles_labels()[0]]
+        force.legend(
+            handles=entries, loc="upper right", ncols=5, handlelength=1.4, columnspacing=1.3, borderaxespad=0.1
+        )
     edges = np.flatnonzero(np.diff(np.concatenate([[True], curves.used, [True]]).astype(np.int8))).reshape(-1, 2)
     for panel, bins in zip(axes, (6, 4, 3) if fitted else (6, 3), strict=True):
         panel.set_xlim(low, high)
@@ -244,11 +245,11 @@ def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Draw
         axes.set_xlim(0, count + 1)
         axes.axhline(mean if unit else 0.0, color=QUIET, linewidth=0.8)
         axes.plot(kept + 1, values[kept] / scale.factor, "o", color=colour, markersize=3.2, alpha=0.9)
+        least = 0.02 * abs(mean) if unit else 0.0  # scatter far below the level is shown as small, not blown up
+        reach = max(least, spread), finite.min() / scale.factor, finite.max() / scale.factor
+        padded(axes, np.array([mean - reach[0], mean + reach[0], *reach[1:]]))
         if unit:
             axes.axhspan(mean - spread, mean + spread, color=SHADE, linewidth=0)
-            low, high = axes.get_ylim()
-            if high - low < 0.04 * abs(mean):  # scatter far below the level is shown as small, not blown up
-                axes.set_ylim(mean - 0.02 * abs(mean), mean + 0.02 * abs(mean))
         frame(axes, "cycle", "", f"{name} ({scale.unit or '1'})")
         if unit and mean:
             note = f"SD {number(100 * spread / abs(mean), 2)} %"
@@ -256,15 +257,14 @@ def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Draw
         axes.locator_params(axis="y", nbins=4)
         axes.locator_params(axis="x", nbins=6, integer=True)
     what = "of the motion as fitted" if accepted and scored else "as measured"
-    score = " Misfit z: how far a cycle's residual is from pure noise, in its standard deviations." if scored else ""
+    score = " Misfit z: distance of a cycle's residual from pure noise, in its standard deviations." if scored else ""
     columns = dict(zip(CYCLE_COLUMNS, curves.cycles.T, strict=True)) | {"drop_N": peak - valley, "period_s": period}
     return Drawing(
         name=f"log_{position}_cycles",
         figure=figure,
         alt=f"Onset force, drop, period and misfit of each of the {count} cycles of log {position}.",
-        caption=f"Scatter from cycle to cycle {what}; line and band: mean ± standard deviation. "
-        "A fit of one set of parameters takes all cycles as alike: "
-        f"scatter or a trend far above the noise means that the friction itself changed.{score}",
+        caption=f"Scatter from cycle to cycle {what}; line and band: mean ± SD. Scatter or a trend far above the noise "
+        f"means that the friction itself changed.{score}",
         tables={f"log_{position}_cycles": {"cycle": np.arange(1, count + 1), **columns}},
         log=position,
     )

@@ -54,7 +54,6 @@ def first_screen_views(result: Result) -> dict[str, object]:
         "banner": banner(result),
         "converged": result.converged,
         "parameters": tables.parameter_table(result.parameters),
-        "accuracy_line": wording.accuracy_text(result.accuracy),
         "tolerances": wording.tolerances_text(result.tolerances or {}),
         "notes": result.notes,
         "classical": tables.classical_pages(result.logs),
@@ -67,12 +66,12 @@ def banner(result: Result) -> dict[str, object]:
     """The answer to "can it be trusted?" in plain words: class, badge, headline, sentence, and the figures behind it,
     each with its label and what it should be."""
     badge, head = wording.STATUS[Status(result.status)]
-    kind, message = "good" if result.converged else "bad", result.message
+    kind, message = "good" if result.converged else "bad", f"{result.message[:1].upper()}{result.message[1:]}"
     doubtful = [name for name, entry in result.parameters.items() if entry.verdict in ("not identifiable", "at bound")]
     if wording.is_uneven(result):
         rests_on = message.split("; ")[0]
         kind, badge, head = "fair", "described cycle by cycle", wording.headline(result)
-        message = f"{rests_on[0].upper()}{rests_on[1:]}. {wording.NOT_FOR} {wording.DRAWN}"
+        message = f"{rests_on}. {wording.NOT_FOR} {wording.DRAWN}"
     elif result.converged and doubtful:
         kind = "fair"
         head += f" Not identifiable from these logs: {listed([wording.plain_symbol(n) for n in doubtful])}."
@@ -86,11 +85,6 @@ def banner(result: Result) -> dict[str, object]:
         if (worst := gate.worst_cycle) is not None:
             where = f"log {worst.log}, cycle {worst.cycle}; a few is usual, above 6 is refused"
             tiles.append(("worst cycle", f"z = {number(worst.z, 3)}", where))
-        if gate.solver is not None:
-            ended = wording.SOLVED.get(gate.solver) or gate.solver.replace("_", " ").lower()
-            tiles.append(("solver", ended, "how the optimiser ended"))
-        shift = number(gate.event_shift_samples, 2)
-        tiles.append(("switch times", f"{shift} samples", "last movement; settled below 0.5"))
     if fit is not None:
         samples = f"{_thousands(fit.samples)} samples; residual {quantity(fit.rms_N, 'N', 3)} (rms)"
         tiles.append(("data", f"{DASH if fit.cycles is None else fit.cycles} cycles", samples))
@@ -129,7 +123,7 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
         chosen=wording.EFFECTS_CHOSEN.get(result.effects.chosen, "") + f" {wording.EFFECT_SIZES}" * sizes,
         causes=tables.causes_table(result.causes) if result.causes else None,
         held=tables.held_table(result.rig_against_data) if result.rig_against_data else None,
-        sensitivity=tables.sensitivity_table(result.rig_sensitivity) if result.rig_sensitivity else None,
+        sensitivity=tables.sensitivity_table(result) if result.rig_sensitivity else None,
         provenance=_provenance(result),
         scene=text if len(text) <= LONGEST_SCENE else f"{text[:LONGEST_SCENE]}\n… (whole in result.json)",
     )  # fmt: skip
@@ -201,6 +195,7 @@ def _provenance(result: Result) -> list[tuple[str, str]]:
     tried = ", ".join(dict.fromkeys(f"{trial.strategy} ({trial.status})" for trial in result.search))
     seconds = ", ".join(f"{stage} {quantity(value, 's', 3)}" for stage, value in result.timing_s.items())
     rows = {"search": tried, "no time for": ", ".join(result.not_tried), "time": seconds}
+    rows["accuracy"] = wording.accuracy_text(result.accuracy).removeprefix("accuracy ")
     for key, value in result.provenance.items():
         if isinstance(value, Mapping):
             # what was asked of the fit beyond its values: "accuracy default, profile, bootstrap 200"

@@ -35,11 +35,10 @@ def parameter_table(parameters: Mapping[str, ParameterResult]) -> OutputTable:
     exact = any(entry.interval_rig_exact for entry in parameters.values())
     rows = []
     for name, entry in parameters.items():
-        scale, value, si, interval, alone = scale_for(entry.value, entry.unit), DASH, "", DASH, ""
+        scale, value, interval, alone = scale_for(entry.value, entry.unit), DASH, DASH, ""
         places = None
         if entry.value is not None:
             value, places = value_text(entry, scale)
-            si = f"{number(entry.value, 5)} {entry.unit}" if scale.factor != 1 else ""
             if entry.interval_rig_exact:
                 halves = [abs(end - entry.value) / scale.factor for end in entry.interval_rig_exact if end is not None]
                 exact_places = wording.places_for(min(halves, default=0.0) / 2, entry.value / scale.factor)
@@ -52,7 +51,7 @@ def parameter_table(parameters: Mapping[str, ParameterResult]) -> OutputTable:
         rows.append(
             (
                 Cell(with_group(name, entry.group), symbol, report_wording.MEANINGS.get(base, "")),
-                Cell(entry.value, value, si, "doubt" if kind == "bad" else ""),
+                Cell(entry.value, value, kind="doubt" if kind == "bad" else ""),
                 Cell(interval),
                 *([Cell(alone, kind="exact")] if exact else []),
                 Cell(entry.unit, scale.unit or "1"),
@@ -161,20 +160,22 @@ def _cell(value: object, digits: int = 3) -> Cell:
     return Cell("yes" if value else "no") if isinstance(value, bool) else Cell(None if value is None else str(value))
 
 
-def sensitivity_table(sensitivity: Mapping[str, Mapping[str, schema.Shift]]) -> OutputTable:
-    """What an error of 1 % in a rig quantity (rows) would do to each parameter (columns)."""
+def sensitivity_table(result: Result) -> OutputTable:
+    """What an error of 1 % in a rig quantity (rows) would do to each parameter (columns), in percent of its value."""
+    sensitivity = result.rig_sensitivity or {}
     names = list(dict.fromkeys(name for shifts in sensitivity.values() for name in shifts))
     rows: list[Row] = []
     for rig, shifts in sensitivity.items():
         row = [Cell(f"{rig.replace('_', ' ')} + 1 %")]
-        for entry in map(shifts.get, names):
-            if entry is None or entry.shift is None:
+        for name in names:
+            entry, value = shifts.get(name), result.parameters[name].value
+            if entry is None or entry.shift is None or not value:
                 row.append(Cell())
                 continue
-            errors = entry.in_standard_errors
+            share, errors = 100.0 * entry.shift / abs(value), entry.in_standard_errors
             note = "" if errors is None else f"{number(abs(errors), 2)} SE"
-            text = f"{'+' * (entry.shift >= 0)}{quantity(entry.shift, entry.unit, 2)}"
-            row.append(Cell(text, note=note, kind="strong" if abs(errors or 0.0) >= 1 else ""))
+            kind = "strong" if abs(errors or 0.0) >= 1 else ""
+            row.append(Cell(f"{'+' * (share >= 0.005)}{decimals(share, 2)} %", note=note, kind=kind))
         rows.append(tuple(row))
     return OutputTable("What an error of the rig would do", ("", *map(plain_symbol, names)), tuple(rows))
 
@@ -223,7 +224,7 @@ def classical_pages(logs: Sequence[LogResult]) -> tuple[OutputTable, ...]:
     tables = []
     for first in range(0, len(frame), LOGS_PER_TABLE):
         part = frame.iloc[first : first + LOGS_PER_TABLE].to_dict("records")
-        heads = [", ".join([f"log {row['log']}", *(f"{k} {row[k]}" for k in keys if row[k])]) for row in part]
+        heads = [", ".join([f"log {row['log']}", *(f"{k} {number(row[k])}" for k in keys if row[k])]) for row in part]
         body: list[Row] = []
         for key in names:
             name, unit = wording.split_key(str(key))
@@ -231,7 +232,9 @@ def classical_pages(logs: Sequence[LogResult]) -> tuple[OutputTable, ...]:
             numbers = sorted(abs(value) for value in values if value is not None)
             scale = scale_for(numbers[len(numbers) // 2] if numbers else None, unit)
             cells = (
-                _cell(row[key]) if value is None else Cell(value, number(value / scale.factor))
+                Cell(str(row[key] or DASH).replace("_", " "))
+                if value is None
+                else Cell(value, number(value / scale.factor))
                 for row, value in zip(part, values, strict=True)
             )
             body.append((Cell(report_wording.RECORD_WORDS.get(name, name), note=scale.unit), *cells))
@@ -251,8 +254,13 @@ def answer_table(columns: Sequence[tuple[str, LogResult]]) -> OutputTable:
     rows: list[Row] = []
     for part, key in (("amplitude", "drop"), ("amplitude", "period"), ("stability", "critical_speed")):
         entries = [_of(_of(log.derived, part), key) for _, log in columns]
+        known = sorted(abs(value) for entry in entries if (value := finite(entry.get("value"))) is not None)
+        scale = scale_for(
+            known[len(known) // 2] if known else None, str(next(filter(None, entries), {}).get("unit", ""))
+        )
         if any(entries):
-            rows.append((report_wording.ANSWER_WORDS.get(key, key), *map(_answer, entries)))
+            head = Cell(report_wording.ANSWER_WORDS.get(key, key), note=scale.unit)
+            rows.append((head, *(_answer(entry, scale) for entry in entries)))
     return OutputTable("", ("", *(head for head, _ in columns)), tuple(rows))
 
 
@@ -261,10 +269,14 @@ def _of(entries: Mapping[str, Json], key: str) -> Mapping[str, Json]:
     return entry if isinstance(entry := entries.get(key), Mapping) else {}
 
 
-def _answer(entry: Mapping[str, Json]) -> Cell:
-    shown, ends, unit = finite(entry.get("value")), entry.get("interval"), str(entry.get("unit") or "")
-    interval, validity = "", str(entry.get("validity") or "")
-    if shown is not None and isinstance(ends, Sequence) and any(end is not None for end in ends):
-        interval = interval_text((finite(ends[0]), finite(ends[1])), scale_for(shown, unit))
-    notes = filter(None, (interval, validity, str(entry.get("reason") or "")))
-    return Cell(quantity(shown, unit), note=" · ".join(notes), kind="doubt" if "not valid" in validity.lower() else "")
+def _answer(entry: Mapping[str, Json], scale: Scale) -> Cell:
+    shown, ends = finite(entry.get("value")), entry.get("interval")
+    low, high = map(finite, ends) if isinstance(ends, Sequence) else (None, None)
+    text, interval = DASH if shown is None else number(shown / scale.factor), ""
+    if shown is not None and low is not None and high is not None:
+        text = decimals(shown / scale.factor, wording.places_for((high - low) / 4 / scale.factor, shown))
+    if shown is not None and (low is not None or high is not None):
+        interval = interval_text((low, high), scale)
+    doubt = validity if "not valid" in (validity := str(entry.get("validity") or "")) else ""
+    notes = filter(None, (interval, doubt, str(entry.get("reason") or "")))
+    return Cell(text, note=" · ".join(notes), kind="doubt" if doubt else "")

@@ -21,10 +21,6 @@ STATUS: Mapping[Status, tuple[str, str]] = {
     Status.NO_CYCLES: ("nothing to fit", "No complete stick-slip cycles were found to fit."),
     Status.AT_BOUND: ("no result", "A parameter stopped at the edge of its range: there is no result to use."),
 }
-SOLVED: Mapping[str, str] = {
-    "Solve_Succeeded": "solved",
-    "Solved_To_Acceptable_Level": "solved (further steps gain nothing)",
-}
 DECLARED = {p.name: p for effect in ALL for p in effect.parameters}
 MEANINGS: Mapping[str, str] = {
     **{name: p.meaning for name, p in DECLARED.items()},
@@ -162,7 +158,7 @@ def accuracy_text(accuracy: AccuracyResult | None) -> str:
     taken = texts.pop(accuracy.taken)
     others = "; ".join(f"{name}: {text}" for name, text in texts.items())
     dearest = sorted(accuracy.effects_s.items(), key=lambda item: -item[1])
-    effects = ", ".join(f"{name} {seconds:.2g} s" for name, seconds in dearest)
+    effects = ", ".join(f"{name.replace('_', ' ')} {seconds:.2g} s" for name, seconds in dearest if seconds)
     equations = f". The equations of the model took {accuracy.equations_s:.2g} s of it: {effects}" if dearest else ""
     return f"accuracy {accuracy.taken}: {taken}. Estimated, {others}{equations}"
 
@@ -171,10 +167,12 @@ def tolerances_text(tolerances: Mapping[str, ToleranceResult]) -> str:
     """What the two intervals mean: "" where there is one only."""
     if not tolerances:
         return ""
-    listed = [f"{TOLERANCE_WORDS.get(n, n).removeprefix('the ')} {100 * t.relative:g} %" for n, t in tolerances.items()]
+    names: dict[float, list[str]] = {}
+    for name, tolerance in tolerances.items():
+        names.setdefault(tolerance.relative, []).append(TOLERANCE_WORDS.get(name, name).removeprefix("the "))
+    listed = "; ".join(f"{100 * share:g} % of {', '.join(words)}" for share, words in names.items())
     usual = "" if all(t.source == "scene" for t in tolerances.values()) else "usual "
     return (
-        "The 95 % interval is the one to publish: it holds errors of rig and sensors "
-        f"({usual}standard deviations: {', '.join(listed)}; [tolerances] in the scene changes them). "
-        "Rig exact: noise alone, to compare runs on this rig"
+        f"The 95 % interval is the one to publish: it includes errors of rig and sensors ({usual}standard deviations: "
+        f"{listed}; [tolerances] in the scene changes them). Rig exact: noise alone, to compare runs on this rig"
     )

@@ -48,18 +48,17 @@ def read_parameters(
             raise SceneError(
                 f"[parameters] names {name}, which belongs to the effect {off[name]}; add it to effects or drop {name}"
             )
-    table = TomlTable.of(value, "[parameters]", known, "[parameters] mu_s = { start = 0.6 }")
-    specs = {}
-    for name, p in known.items():
-        if name in table.data:
-            specs[name] = _parameter(table.data[name], p)
-        elif p.kind != "rig":
-            specs[name] = default_spec(p)
+    table = TomlTable.of(value, "[parameters]", known, "[parameters] mu_s = { start = 0.6 }").data
+    specs = {
+        name: _parameter(table[name], p) if name in table else default_spec(p)
+        for name, p in known.items()
+        if name in table or p.kind != "rig"
+    }
     for name in elsewhere.keys() & specs.keys():
-        (where, number), p = elsewhere[name], known[name]
-        if name in table.data and specs[name].fixed != number:
+        where, number = elsewhere[name]
+        if name in table and specs[name].fixed != number:
             raise SceneError(f"{name} stands in {where} and in [parameters] as well; keep one of them")
-        _check_admitted(f"{where} is {number:g} {p.unit}", number, p)
+        _check_admitted(where, number, known[name])
         specs[name] = replace(specs[name], fixed=number, stated=True)
     return specs
 
@@ -69,14 +68,16 @@ def default_spec(p: Parameter) -> ParameterSpec:
     return ParameterSpec(p.name, None, p.lower, p.upper, fixed=p.default if p.kind == "given" else None)
 
 
-def _check_admitted(stated: str, number: float | None, p: Parameter) -> None:
+def _check_admitted(where: str, number: float | None, p: Parameter) -> None:
     if number is not None and not p.lower <= number <= p.upper:
-        raise SceneError(f"{stated}; the model admits {p.lower:g} to {p.upper:g} {p.unit}: move it there")
+        raise SceneError(
+            f"{where} is {number:g} {p.unit}; the model admits {p.lower:g} to {p.upper:g} {p.unit}: move it there"
+        )
 
 
 def _parameter(value: object, p: Parameter) -> ParameterSpec:
     """What [parameters] says of one parameter; the sd of a prior may be a share of its mean."""
-    where = f"[parameters] {p.name}"
+    where, number = f"[parameters] {p.name}", Key(p.unit)
     if p.kind == "given" and isinstance(value, (str, int, float)):  # a bare value holds it there
         value = {"fixed": value}
     if p.kind == "given" and isinstance(value, Mapping) and not {"fixed", *SEARCHED} & set(value):
@@ -84,17 +85,14 @@ def _parameter(value: object, p: Parameter) -> ParameterSpec:
             f"{where} has {'bounds' if value else 'an empty table'} only, and is taken as given; write a start or a "
             "prior to have it searched, or its value alone to hold it there"
         )
-    number = Key(p.unit)
-    keys = dict.fromkeys(("start", "lower", "upper", "fixed"), number)
+    known = dict.fromkeys(("start", "lower", "upper", "fixed"), number) | {"prior": Key(), "per": Key(read=text)}
     start = f'"{p.default:g} {p.unit}"' if p.unit else p.default
-    known = keys | {"prior": Key(), "per": Key(read=text)}
     table = TomlTable.of(value, where, known, f"{p.name} = {{ start = {start} }}")
     if p.name in RIG_PARAMETERS and "fixed" in table.data:
         raise SceneError(f"{where} is fixed, but its value stands in [rig]; drop the line to keep it there")
-    stated = {name: table.get(name) for name in keys}
-    for word in ("lower", "upper"):
-        if stated[word] is not None:
-            _check_admitted(f"{table.place(word)} is {stated[word]:g}", stated[word], p)
+    lower, upper = table.get("lower"), table.get("upper")
+    for word, bound in (("lower", lower), ("upper", upper)):
+        _check_admitted(table.place(word), bound, p)
     prior = TomlTable.of(
         table.data.get("prior", {}), table.place("prior"), {"mean": number, "sd": number}, "{ mean = …, sd = … }"
     )
@@ -103,10 +101,10 @@ def _parameter(value: object, p: Parameter) -> ParameterSpec:
     mean, relative = prior.get("mean"), share(prior.data.get("sd"), prior.place("sd"))
     return ParameterSpec(
         name=p.name,
-        start=stated["start"],
-        lower=p.lower if stated["lower"] is None else stated["lower"],
-        upper=p.upper if stated["upper"] is None else stated["upper"],
-        fixed=stated["fixed"],
+        start=table.get("start"),
+        lower=p.lower if lower is None else lower,
+        upper=p.upper if upper is None else upper,
+        fixed=table.get("fixed"),
         prior_mean=mean,
         prior_sd=prior.get("sd") if relative is None else relative * abs(mean or 0.0),
         per=table.get("per"),

@@ -35,11 +35,11 @@ Effects = tuple[str, ...] | Literal["auto"]
 AREA = '[contact] area = "0.8 cm^2"'
 
 
-def read_parts(document: Mapping[str, object], folder: Path) -> Tables:
-    """The frozen values behind the tables of a scene file, as a `Scene` takes them; "name" is None where none is given.
+def read_parts(document: Mapping[str, object], folder: Path, name: str) -> Tables:
+    """The frozen values behind the tables of a scene file, as a `Scene` takes them.
 
     Args:
-        folder: what relative log paths are relative to.
+        folder: what relative log paths are relative to; name: of a scene that states none.
 
     Raises:
         SceneError: one sentence: what was found where, what was expected, what to do.
@@ -64,15 +64,15 @@ def read_parts(document: Mapping[str, object], folder: Path) -> Tables:
     if not isinstance(logs, Sequence) or isinstance(logs, str):
         raise SceneError(f'[[logs]] is {logs!r}; expected one [[logs]] table per log, each with path = "…"')
     tables = {
-        name: TomlTable.of(document.get(name, {}), f"[{name}]", keys, f"[{name}] {example}").values()
-        for name, keys, example in (
+        each: TomlTable.of(document.get(each, {}), f"[{each}]", keys, f"[{each}] {example}").values()
+        for each, keys, example in (
             ("initial", INITIAL, 'elongation = "0 mm"'),
             ("fit", {"time_limit": Key("s", sign=POSITIVE)}, 'time_limit = "60 s"'),
             ("tolerances", dict.fromkeys(USUAL_TOLERANCES, SHARE), 'stiffness = "2 %"'),
         )
     }
-    name = top.get("name")
-    if name is not None and set(name) & set("/\0"):
+    name = top.get("name") or name
+    if set(name) & set("/\0"):
         raise SceneError(f"name is {name!r}; expected a word that a folder can be called: leave out the slashes")
     return {
         "name": name,

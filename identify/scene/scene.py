@@ -76,7 +76,7 @@ class Scene:
         try:
             document = read_toml(path, overrides)
             question_bare_numbers(document)
-            return _build(document, path.parent, path.stem, path)
+            return Scene(**read_parts(document, path.parent, path.stem), source=path)
         except SceneError as error:
             raise SceneError(f"{path}: {error}") from None
 
@@ -90,7 +90,7 @@ class Scene:
         Raises:
             SceneError: as `from_toml`.
         """
-        return _build(document, Path(folder), "scene", None)
+        return Scene(**read_parts(with_rig_file(document, Path(folder)), Path(folder), "scene"))
 
     @staticmethod
     def of(given: object) -> Scene:
@@ -274,11 +274,6 @@ class Scene:
         if len(files) > 1:
             raise SceneError(f"{path} stands for {len(files)} files of the scene; give the path as the scene has it")
         return same
-
-
-def _build(document: Mapping[str, object], folder: Path, name: str, source: Path | None) -> Scene:
-    parts = read_parts(with_rig_file(document, folder), folder)
-    return Scene(**(parts | {"name": parts["name"] or name}), source=source)
 
 
 def _plain(value: object) -> object:

@@ -113,11 +113,6 @@ def _zero(value: object, unit: str, where: str) -> float | tuple[float, float]:
     return _span(value, unit, where) if isinstance(value, (list, tuple)) else stated(value, unit, where)
 
 
-def _number(value: object, unit: str, where: str) -> float:
-    """A number; a pure one may be in percent."""
-    return stated(value, unit, where) if unit else part(value, unit, where)
-
-
 def _of_kind(kind: type, words: str) -> Reader:
     def read(value: object, _unit: str, where: str) -> object:
         if type(value) is not kind:
@@ -192,8 +187,8 @@ LOG: Mapping[str, Key] = {
     "skip_cycles": Key(read=WHOLE.read, sign=NOT_NEGATIVE),
     "tare": Key("N", _zero),
     "normal_tare": Key("N", _zero),
-    "crosstalk": Key("", _number, limit=1.0),
-    "tilt": Key("rad", _number, limit=math.pi / 4),
+    "crosstalk": Key(read=part, limit=1.0),
+    "tilt": Key("rad", limit=math.pi / 4),
     "flip_sign": Key(read=_of_kind(bool, "true or false")),
     "labels": Key(read=_words),
     "rate": Key("Hz", sign=POSITIVE),
