@@ -265,7 +265,7 @@ def answers(arguments: Namespace, terminal: Terminal) -> Answer:
     if plot:
         from identify.report.draw_map import draw_line
 
-        draw_line(maps.line_map(shown[0].site, "drive_speed", _around("drive_speed", shown), LINE, None), plot, part)
+        draw_line(maps.line_map(shown[0].site, "drive_speed", _around("drive_speed", shown), LINE, None), plot)
         terminal.say(f"plot: {plot}")
     whole: dict[str, Json] = {"status": "done", "assumed": list(origins.assumed), "points": documents}
     return Answer(document=whole if offered is None else whole | {"existing_result": str(offered)})
@@ -326,13 +326,13 @@ def _map(
     document = _line_document(drawn) if isinstance(drawn, maps.LineMap) else _chart_document(drawn)
     terminal.say(wrapped(str(document["text"]), "", ""))
     if plot:
-        from identify.report.draw_map import Marks, draw_line, draw_map
+        from identify.report.draw_map import draw_line, draw_map
 
         if isinstance(drawn, maps.LineMap):
-            draw_line(drawn, plot, part)
+            draw_line(drawn, plot)
         else:
             others = [(axis(p.site, names[0]).value, axis(p.site, names[1]).value) for p in points[1:]]
-            draw_map(drawn, plot, part, Marks(others, tested, point.title))
+            draw_map(drawn, plot, part, others, tested)
         terminal.say(f"plot: {plot}")
     for file in maps.write_map(drawn, data) if data else ():
         terminal.say(f"data: {file}")

@@ -41,8 +41,8 @@ RIG = """[rig]   # a tolerance can be stated: mass = { value = "0.2 kg", toleran
 mass = "TODO kg"   # moving mass of the specimen and its holder
 STIFFNESS
 zeta = "TODO"   # damping ratio: tap the holder, drive at rest; if n swings later 1/e is left, 1/(2 pi n)
-# instead of zeta: log_decrement, loss_factor (= 2 zeta), or damping, which is a dashpot in N s/m or the h of
-# eq. 1 in N/m (h = 2 zeta k = dashpot times sqrt(k/m)): damping = "147 N/m"
+# instead of zeta: log_decrement, loss_factor (= 2 zeta), or the h of eq. 1 (h = 2 zeta k, of a dashpot c
+# h = c sqrt(k/m)): damping = "147 N/m"
 """
 
 

@@ -33,7 +33,6 @@ SIZE, OVER_ONE, DPI = (3.54, 4.3), (3.54, 4.6), 300  # inch: a journal column is
 STICKS, SLIDES, TESTED = "#D55E00", "#0072B2", "0.25"  # ends of stick-slip and of stable sliding, the tested range
 FONT = 7.5
 NARROW = 30.0  # ratio of the ends of an axis up to which it has numbers between the decades
-LONGEST_NAME = 26  # letters of a log that the legend has room for
 LEVELS = 6  # of contours
 POWERS = 30.0  # ratio of values from which levels and colours are even in powers
 # outcome: colour, words in the legend
@@ -48,34 +47,33 @@ REGIONS = {
 }
 
 
-@dataclass(frozen=True)
-class Marks:
-    """What is drawn on a map beside the answer: other operating points, (x, y) [SI] each; the tested range; whose the
-    operating point is ("log 2 (slow.csv)")."""
-
-    points: Sequence[tuple[float, float]] = ()
-    tested: Tested | None = None
-    whose: str = ""
-
-
-def draw_map(chart: Chart, path: File, part: str = "stability", marks: Marks | None = None) -> None:
+def draw_map(
+    chart: Chart,
+    path: File,
+    part: str = "stability",
+    others: Sequence[tuple[float, float]] = (),
+    tested: Tested | None = None,
+) -> None:
     """Draw a map: regions by outcome with the fall of the force, or ("amplitude") fall and period as contours.
 
-    Raises:
-        OSError: the file cannot be written.
-    """
-    with drawing_style(), atomic_path(path) as temporary:
-        _map(chart, part, marks or Marks()).savefig(temporary, dpi=DPI)
-
-
-def draw_line(answer: LineMap, path: File, part: str = "stability") -> None:
-    """Draw it: force levels above, and growth rate and multiplier ("stability") or period below.
+    Args:
+        others: operating points (x, y) [SI] beside that of the chart; tested: the range that logs cover.
 
     Raises:
         OSError: the file cannot be written.
     """
     with drawing_style(), atomic_path(path) as temporary:
-        _over_one(answer, part).savefig(temporary, dpi=DPI)
+        _map(chart, part, others, tested).savefig(temporary, dpi=DPI)
+
+
+def draw_line(answer: LineMap, path: File) -> None:
+    """Draw it: force levels above, period and slip below, outcomes behind.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    with drawing_style(), atomic_path(path) as temporary:
+        _over_one(answer).savefig(temporary, dpi=DPI)
 
 
 def _legend(figure: Figure, handles: Sequence[Artist]) -> None:
@@ -87,7 +85,7 @@ def _legend(figure: Figure, handles: Sequence[Artist]) -> None:
 def _quantity_axis(axis: MatplotlibAxis, q: Axis, ends: Array) -> None:
     """Label with the unit, and scale of the axis of a quantity, between these ends as shown."""
     unit = scale_for(abs(q.value), q.unit).unit.replace("m^2", "m²")
-    axis.set_label_text(f"{q.label} [{unit}]" if unit else q.label, fontsize=FONT + 0.5)
+    axis.set_label_text(f"{q.label} ({unit})" if unit else q.label, fontsize=FONT + 0.5)
     if q.logarithmic:
         _ticks_in_powers(axis, ends[1] < NARROW * ends[0])
 
@@ -121,7 +119,7 @@ class _Canvas:
         return Path.make_compound_path(*loops) if loops else None
 
 
-def _map(chart: Chart, part: str, marks: Marks) -> Figure:
+def _map(chart: Chart, part: str, others: Sequence[tuple[float, float]], tested: Tested | None) -> Figure:
     quantities = (chart.plane.x, chart.plane.y)
     factors = np.array([scale_for(abs(q.value), q.unit).factor for q in quantities])
     x, y = chart.plane.x_values / factors[0], chart.plane.y_values / factors[1]
@@ -147,9 +145,9 @@ def _map(chart: Chart, part: str, marks: Marks) -> Figure:
     ):
         lines = [axes.plot(*canvas.shown(points).T, color=colour, lw=1.3, zorder=3) for points in boundary.lines()]
         legend += [Line2D([], [], color=colour, lw=1.3, label=words)] if lines else []
-    if marks.tested is not None:
-        legend.append(_tested(canvas, marks.tested))
-    _legend(figure, legend + _points(canvas, marks))
+    if tested is not None:
+        legend.append(_tested(canvas, tested))
+    _legend(figure, legend + _points(canvas, others))
     return figure
 
 
@@ -194,7 +192,7 @@ def _contours(canvas: _Canvas, inside: Path | None, name: str, colours: tuple[st
         label.set_path_effects([withStroke(linewidth=2.5, foreground=colours[1])])
         label.set_visible(bool(inside.contains_point(label.get_position())))
     colour = "0.7" if colours[0] == "white" else colours[0]
-    return [Line2D([], [], color=colour, lw=0.8, label=f"{words} [{scale.unit}]")]
+    return [Line2D([], [], color=colour, lw=0.8, label=f"{words} ({scale.unit})")]
 
 
 def _fall(figure: Figure, canvas: _Canvas) -> None:
@@ -208,7 +206,7 @@ def _fall(figure: Figure, canvas: _Canvas) -> None:
     mesh = canvas.axes.pcolormesh(*drawn, shading="nearest", cmap="cividis", norm=norm, zorder=1)
     mesh.set_rasterized(True)
     bar = figure.colorbar(mesh, ax=canvas.axes, pad=0.02, aspect=30)
-    bar.set_label(f"force, peak to valley [{scale.unit}]", fontsize=FONT)
+    bar.set_label(f"force, peak to valley ({scale.unit})", fontsize=FONT)
     bar.ax.tick_params(labelsize=FONT - 0.5, which="both")
     if wide:
         _ticks_in_powers(bar.ax.yaxis, narrow=False)
@@ -227,7 +225,7 @@ def _tested(canvas: _Canvas, tested: Tested) -> Line2D:
     return Line2D([], [], color=TESTED, lw=0.9, ls="-.", label="tested inside; beyond: extrapolated")
 
 
-def _points(canvas: _Canvas, marks: Marks) -> list[Artist]:
+def _points(canvas: _Canvas, points: Sequence[tuple[float, float]]) -> list[Artist]:
     """The operating point, and those of other logs that lie on the map."""
     plane = canvas.chart.plane
     spans = np.array([plane.x_values[[0, -1]], plane.y_values[[0, -1]]])
@@ -236,23 +234,19 @@ def _points(canvas: _Canvas, marks: Marks) -> list[Artist]:
     def inside(point: Array) -> bool:
         return bool(np.all((point >= spans[:, 0] - margin) & (point <= spans[:, 1] + margin)))
 
-    marker = np.array([plane.x.value, plane.y.value])
-    name = marks.whose if len(marks.whose) <= LONGEST_NAME else f"{marks.whose[: LONGEST_NAME - 1]}…"
-    label = f"operating point of\n{name}" if name else "operating point"  # in one line a long name leaves the page
-    if not inside(marker):
-        label += ":\nbeyond this map" if name else ": beyond this map"
-    legend = [Line2D([], [], marker="*", ls="", ms=8, mfc="k", mec="w", mew=0.7, label=label)]
-    others = [p for p in map(np.array, dict.fromkeys(marks.points)) if inside(p) and not np.allclose(p, marker, 1e-9)]
-    for p in others:
-        canvas.axes.plot(*(p / canvas.factors), "o", ms=4, mfc="w", mec="k", mew=0.7, zorder=5)
-    if others:
-        legend.append(Line2D([], [], marker="o", ls="", ms=4, mfc="w", mec="k", mew=0.7, label="other logs"))
-    if inside(marker):
-        canvas.axes.plot(*(marker / canvas.factors), "*", ms=9, mfc="k", mec="w", mew=0.7, zorder=6)
-    return list(legend)
+    here, legend = np.array([plane.x.value, plane.y.value]), list[Artist]()
+    rest = [p for p in map(np.array, dict.fromkeys(points)) if inside(p) and not np.allclose(p, here, 1e-9)]
+    own = [here] if inside(here) else []
+    words = "operating point" if own else "operating point: beyond this map"
+    for at, shape, size, colours, label in ((rest, "o", 4, "wk", "other logs"), (own, "*", 9, "kw", words)):
+        shown = np.reshape(at, (-1, 2)) / canvas.factors
+        legend += canvas.axes.plot(
+            *shown.T, shape, ms=size, mfc=colours[0], mec=colours[1], mew=0.7, label=label, zorder=5
+        )
+    return legend if rest else legend[1:]
 
 
-def _over_one(answer: LineMap, part: str) -> Figure:
+def _over_one(answer: LineMap) -> Figure:
     figure = Figure(figsize=OVER_ONE, layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     q, figures, factor = answer.quantity, answer.chart.figures, scale_for(answer.quantity.value, answer.quantity.unit)
@@ -264,19 +258,8 @@ def _over_one(answer: LineMap, part: str) -> Figure:
         (answer.sliding_force, "0.25", "--", "force of steady sliding"),
     ):
         upper.plot(x, values / force.factor, color=colour, ls=style, lw=1.1, label=words)
-    upper.set_ylabel(f"force [{force.unit}]", fontsize=FONT + 0.5)
-    drawn = [upper, lower]
-    if part == "stability":
-        lower.plot(x, answer.chart.growth[0], color=SLIDES, lw=1.1, label="growth rate (left)")
-        lower.axhline(0.0, color=SLIDES, lw=0.6)
-        lower.set_ylabel("growth rate of sliding [1/s]", fontsize=FONT + 0.5)
-        right = lower.twinx()
-        right.plot(x, np.abs(answer.chart.multiplier[0]), color=STICKS, lw=1.1, ls="-.", label="multiplier (right)")
-        right.set_ylim(0.0, 1.05)
-        right.set_ylabel("largest |multiplier| of stick-slip", fontsize=FONT + 0.5)
-        right.spines["right"].set_visible(True)
-        drawn.append(right)
-    elif np.any(np.isfinite(period := figures["period"][0])):
+    upper.set_ylabel(f"force ({force.unit})", fontsize=FONT + 0.5)
+    if np.any(np.isfinite(period := figures["period"][0])):
         time = scale_for(float(np.nanmedian(period)), "s")
         lower.plot(x, period / time.factor, color="0.15", lw=1.1, label="period")
         slip = figures["slip_duration"][0] / time.factor
@@ -284,13 +267,12 @@ def _over_one(answer: LineMap, part: str) -> Figure:
         lower.set_yscale("log")
         bottom, top = lower.get_ylim()
         _ticks_in_powers(lower.yaxis, top < NARROW * bottom)
-        lower.set_ylabel(f"time [{time.unit}]", fontsize=FONT + 0.5)
+        lower.set_ylabel(f"time ({time.unit})", fontsize=FONT + 0.5)
     changes = [(change.value / unit, STICKS, "end of stick-slip") for change in answer.ends]
     changes += [(change.value / unit, SLIDES, "sliding loses stability") for change in answer.losses]
-    for axes in drawn:
+    for axes in (upper, lower):
         axes.grid(False)
         axes.tick_params(labelsize=FONT)
-    for axes in (upper, lower):
         for at, colour, words in changes:
             axes.axvline(at, color=colour, lw=1.0, zorder=1, label=words)
         axes.axvline(q.value / unit, color="k", lw=0.8, ls=":", zorder=1, label="operating point")
@@ -298,7 +280,11 @@ def _over_one(answer: LineMap, part: str) -> Figure:
         axes.set_xscale("log" if q.logarithmic else "linear")
         axes.set_xlim(x[0], x[-1])
     _quantity_axis(lower.xaxis, q, x[[0, -1]])
-    entries = {label: handle for axes in drawn for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    entries = {
+        label: handle
+        for axes in (upper, lower)
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
     _legend(figure, list(entries.values()))
     return figure
 
