@@ -16,7 +16,6 @@ from identify.base.errors import FitError
 from identify.base.outcome import CYCLE_COLUMNS, LogCurves, Status
 from identify.base.result import Result
 from identify.base.wording import wrapped
-from identify.model.model import RIG_PARAMETERS
 from identify.prediction.draws import Draws
 from identify.prediction.predict import PointPrediction, predict
 from identify.prediction.sources import pair_of
@@ -398,13 +397,14 @@ def fitted_scene(result: Result, log: int) -> Scene:
         )
     document, entry = result.logs[log - 1], scene.logs[result.numbers[log - 1]]
     values = {**scene.values(entry), **pair.values}
-    measured: dict[str, Any] = {name: values[name] for name in RIG_PARAMETERS if name in values}
     rig, speed, load = scene.rig_for(entry), document.drive_speed_m_per_s, document.normal_force_N
     rig = replace(
         rig,
         drive_speed=rig.drive_speed if speed is None else speed,
         normal_force=rig.normal_force if load is None else load,
-        **measured,
+        mass=values.get("mass", rig.mass),
+        stiffness=values.get("stiffness", rig.stiffness),
+        damping=values.get("damping", rig.damping),
     )
     specs = {p.name: replace(default_spec(p), fixed=values[p.name]) for p in scene.declared if p.kind != "rig"}
     return replace(scene, rig=rig, parameters=specs, logs=())

@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -100,9 +100,7 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
     environment = templates()
     result, figures = fit.typed, inlined(drawn)
     logs = [_log(place, log, result.converged) for place, log in enumerate(result.logs, start=1)]
-    speeds = [dict(view["facts"]).get("drive speed") for view in logs]
-    heads = [", ".join(filter(None, (f"log {place}", text))) for place, text in enumerate(speeds, 1)]
-    columns = list(zip(heads, result.logs, strict=True))
+    columns = [(f"log {i}, {quantity(log.drive_speed_m_per_s, 'm/s')}", log) for i, log in enumerate(result.logs, 1)]
     scene = result.provenance.get("scene")
     text = scene if isinstance(scene, str) else json.dumps(scene, ensure_ascii=False, indent=2) if scene else ""
     sizes = result.effects.chosen == "listed" and any(log.derived for log in result.logs)
@@ -159,7 +157,7 @@ def svg_element(text: str, prefix: str) -> str:
     return f'<svg viewBox="{box}" aria-hidden="true" focusable="false">{rest.rstrip()}'
 
 
-def _log(place: int, log: LogResult, converged: bool) -> dict[str, Any]:
+def _log(place: int, log: LogResult, converged: bool) -> dict[str, object]:
     """What the section of a log shows."""
     words, kind = wording.QUALITY.get(log.quality.verdict, (log.quality.verdict, "plain"))
     facts = (

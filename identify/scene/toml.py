@@ -127,7 +127,7 @@ def put(document: Tables, override: str) -> None:
         )
     if not equals or not all(keys):
         raise SceneError(f'the override {override!r} has no form KEY=VALUE; write for instance rig.mass="0.3 kg"')
-    place: Any = document
+    place: object = document
     for key in keys[:-1]:
         if isinstance(place, list):
             if not key.isdecimal() or not 1 <= int(key) <= len(place):
@@ -165,8 +165,8 @@ def question_bare_numbers(document: Mapping[str, object]) -> None:
     tables = {f"[[logs]] number {n}": log for n, log in enumerate(logs if isinstance(logs, list) else [], 1)}
     for where, table in (tables | {"[rig]": document.get("rig")}).items():
         for name, key in RIG.items() if isinstance(table, Mapping) else ():
-            value: Any = table.get(name)
-            value = value.get("value") if isinstance(value, Mapping) else value
+            stated: object = table.get(name)
+            value = stated.get("value") if isinstance(stated, Mapping) else stated
             pairs = value if isinstance(value, list) else [[0, value]]
             for number in (pair[1] for pair in pairs if isinstance(pair, list) and len(pair) > 1):
                 plain = isinstance(number, (int, float)) and not isinstance(number, bool) and 0.0 < abs(number) < 1e300
