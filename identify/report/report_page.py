@@ -50,10 +50,15 @@ def first_screen(result: Result) -> str:
 def first_screen_views(result: Result) -> dict[str, object]:
     """What the template of the first screen shows."""
     last = (result.last_iterate or {}).items()
+    open_ = {name: e for name, e in result.parameters.items() if e.value is None and not any(e.ends)}
+    reasons: dict[str, list[str]] = {}
+    for name, entry in open_.items():
+        reasons.setdefault(entry.reason, []).append(wording.plain_symbol(name))
     return {
         "banner": banner(result),
         "converged": result.converged,
-        "parameters": tables.parameter_table(result.parameters),
+        "parameters": tables.parameter_table({n: e for n, e in result.parameters.items() if n not in open_}),
+        "not_identifiable": [(", ".join(names), reason) for reason, names in reasons.items()],
         "tolerances": wording.tolerances_text(result.tolerances or {}),
         "notes": result.notes,
         "classical": tables.classical_pages(result.logs),

@@ -32,6 +32,7 @@ MEANINGS: Mapping[str, str] = {
     "level_wander": "drift of the friction level along the track",
     "level_roughness": "fine roughness of the friction level",
     "stiffness": "stiffness of the rig",
+    "damping": "hysteresis damping of the rig",
 }
 VERDICT_CLASS = {
     **dict.fromkeys(("weak", "bounded", "not profiled"), "fair"),
@@ -92,7 +93,7 @@ def plain_symbol(name: str) -> str:
     if bracket and (base in DECLARED or base in PLAIN_SYMBOLS):
         return f"{plain_symbol(base)} ({group}"
     if name in PLAIN_SYMBOLS or name not in DECLARED:
-        return PLAIN_SYMBOLS.get(name, name)
+        return PLAIN_SYMBOLS.get(name, name.replace("_", " "))
     return DECLARED[name].symbol
 
 
