@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -13,8 +12,7 @@ from data_io.record import WINDOW_START, within
 from data_io.values import Finding
 from identify.base.document import Json, to_dict
 from identify.base.outcome import LogCurves, Status
-from identify.base.quantiles import NORMAL
-from identify.base.result import Interval, LogResult, Number, QualityFigure, QualityResult
+from identify.base.result import LogResult, QualityFigure, QualityResult
 from identify.diagnosis.findings import Findings
 from identify.logs.classical import table_of
 from identify.logs.prepare import Prepared
@@ -173,37 +171,6 @@ def load_trembles(log: Prepared) -> str:
         "slip it is counted as unknown; for narrower intervals drive faster, measure the normal force with less noise, "
         "or cut the log to where the load is steadier (window)"
     )
-
-
-VALIDITY = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
-
-
-def creep_velocities(prepared: list[Prepared], findings: Findings) -> dict[str, Number]:
-    """ "v_cr" of the first group and "v_cr (V08)" of the others, as numbers of the result; empty without one."""
-    unknowns, names = findings.unknowns, findings.unknowns.names
-    if findings.attempt is None or findings.covariance is None or not {"D", "t_cr"} <= set(names):
-        return {}
-    free, places = np.flatnonzero(unknowns.free), [names.index("D"), names.index("t_cr")]
-    slope = (free == places[0]).astype(float) - (free == places[1])
-    moved = slope != 0.0
-    out: dict[str, Number] = {}
-    for number in findings.attempt.log_numbers:
-        log = prepared[number]
-        own = [log.data.groups[i] or f"log {number + 1}" for i in places if unknowns.grouped[i]]
-        group, known = ", ".join(dict.fromkeys(own)), of_log(number, log, findings)
-        if group in {entry.group for entry in out.values()}:
-            continue
-        assert not isinstance(known, str), "a log that took part has values"
-        p, variance = unknowns.values(known[0], log.data.base), known[1][np.ix_(moved, moved)]
-        value = float(p[places[0]] / p[places[1]])
-        interval: Interval = (None, None)
-        reason = "interval open: these data do not determine D or t_cr"
-        if np.all(np.isfinite(variance)):
-            half = NORMAL * math.sqrt(float(slope[moved] @ variance @ slope[moved]))
-            interval, reason = (value * math.exp(-half), value * math.exp(half) if half < 700.0 else None), ""
-        key = f"v_cr ({group})" if out else "v_cr"
-        out[key] = Number(value, "m/s", interval, VALIDITY, reason, group=group)
-    return out
 
 
 def fitted_curves(

@@ -44,7 +44,7 @@ from identify.logs.scene_records import parts_of
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
 from identify.prediction.wording import listed
-from identify.report.log_document import answers_of_logs, creep_velocities, load_varies, log_result
+from identify.report.log_document import answers_of_logs, load_varies, log_result
 from identify.scene import Scene
 from identify.scene.values import USUAL_TOLERANCES
 from identify.shooting.accuracy import FEWEST_STEPS, Accuracy, accuracy_costs, effect_shares
@@ -60,6 +60,7 @@ SAME_SPEED = 1.05  # ratio below which two drive speeds are one
 ALL = "all"  # of the covariances by errors, the one of all together
 RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 UNFOLLOWED = 0.02  # of a record: an end that is left out and worth a note
+VALIDITY = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
 NOTABLE = 1.05  # by which factor correlated noise must widen an interval to be worth a note
 
 
@@ -93,7 +94,6 @@ def result_of(
         correlation=_correlation(findings, errors.get(ALL, 0.0)) if converged else None,
         gate=gate,
         fit=figures,
-        derived=creep_velocities(prepared, findings) if converged else {},
         logs=tuple(
             log_result(i, log, findings, answer, part)
             for i, (log, answer, part) in enumerate(zip(prepared, answers, parts, strict=True))
@@ -118,7 +118,8 @@ def result_of(
     base = findings.unknowns.base(stated_rig(scene))  # (n_p,) of the rig the parameters are given for
     if converged and findings.attempt is not None:
         result = replace(result, rig_sensitivity=_rig_sensitivity(scene, findings), tolerances=tolerances)
-        result = replace(result, parameters=_published(result.parameters, findings, shares, errors))
+        parameters = _published(result.parameters, findings, shares, errors)
+        result = replace(result, parameters=parameters, derived=_creep_velocities(parameters, result.correlation))
         return _with_depth(result, findings.sure, findings.unknowns, base) if findings.sure else result
     if converged:
         return result
@@ -432,6 +433,32 @@ def _published(
             wider = replace(wider, verdict=judged, reason="; ".join(filter(None, (entry.reason, reason))))
             wider = wider if judged == "weak" else replace(wider, standard_error=None)
         out[name] = wider
+    return out
+
+
+def _creep_velocities(
+    parameters: Mapping[str, ParameterResult], known: schema.Correlation | None
+) -> dict[str, schema.Number]:
+    """ "v_cr" of the first group and "v_cr (V08)" of the others; empty without D and t_cr."""
+    keys = {(entry.parameter or name, entry.group): name for name, entry in parameters.items()}
+    out: dict[str, schema.Number] = {}
+    for group in dict.fromkeys(g for name, g in keys if name in ("D", "t_cr") and g) or ("",):
+        pair = [keys.get((name, group)) or keys.get((name, ""), "") for name in ("D", "t_cr")]
+        length, time = (parameters.get(key) or ParameterResult() for key in pair)
+        if not length.value or not time.value:
+            continue
+        value, reason = length.value / time.value, ""
+        interval: schema.Interval = (None, None)
+        if any(e.standard_error is None and e.verdict != "fixed" for e in (length, time)):
+            reason = "interval open: these data do not determine D or t_cr"
+        else:
+            names = known.names if known is not None else ()
+            rho = known.matrix[names.index(pair[0])][names.index(pair[1])] if known and set(pair) <= set(names) else 0.0
+            first, second = ((e.standard_error or 0.0) / (e.value or 1.0) for e in (length, time))
+            half = NORMAL * math.sqrt(first**2 + second**2 - 2.0 * (rho or 0.0) * first * second)
+            interval = value * math.exp(-half), value * math.exp(half)
+        key = f"v_cr ({group})" if out else "v_cr"
+        out[key] = schema.Number(value, "m/s", interval, VALIDITY, reason, group=group)
     return out
 
 

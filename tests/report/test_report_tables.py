@@ -25,7 +25,7 @@ def test_a_value_stands_with_its_interval_and_its_validity():
     logs = [(f"log {n}", LogResult(derived={"amplitude": told})) for n, told in enumerate((entries, second), 1)]
     rows = answer_table(logs).cells
     assert [row[0].shown for row in rows] == ["drop of the force (onset to rest)", "period"]
-    assert (rows[0][1].shown, rows[0][1].note) == ("0.5\N{NO-BREAK SPACE}N", "0.490 to 0.510")
+    assert (rows[0][0].note, rows[0][1].shown, rows[0][1].note) == ("N", "0.500", "0.490 to 0.510")
     assert rows[0][2].note.startswith("above 1.9") and rows[1][2].shown == "–"
     assert (rows[1][1].shown, rows[1][1].note, rows[1][1].kind) == ("–", "not valid here: too fast", "doubt")
 
