@@ -71,11 +71,11 @@ def keep(share: float = KEPT) -> None:
 class _Buffers:
     """Arrays with room for several chunks of rows, and the calls that work on each chunk of them."""
 
-    def __init__(self, function: ca.Function, rows: int, chunk: int, room: int) -> None:
-        """Bind a function of so many rows, mapped over a chunk, to arrays of so many chunks."""
-        self.function, mapped, size = function, function.map(chunk // rows), room * chunk
-        self.arguments = [np.zeros((size, function.numel_in(i) // rows)) for i in range(function.n_in())]
-        self.results = [np.zeros((size, function.numel_out(i) // rows)) for i in range(function.n_out())]
+    def __init__(self, function: ca.Function, chunk: int, room: int) -> None:
+        """Bind a function of one row, mapped over a chunk, to arrays of so many chunks."""
+        self.function, mapped, size = function, function.map(chunk), room * chunk
+        self.arguments = [np.zeros((size, function.numel_in(i))) for i in range(function.n_in())]
+        self.results = [np.zeros((size, function.numel_out(i))) for i in range(function.n_out())]
         self._alive, self.calls = list[ca.FunctionBuffer](), list[Callable[[], None]]()
         for first in range(0, size, chunk):
             buffer, call = mapped.buffer()
@@ -104,18 +104,18 @@ class Mapped:
         self.spent, self.cost = 0.0, native.PER_INSTRUCTION * self.instructions  # seconds, so far and of compiling it
         self.settled, self._next_look = False, 0.0  # no better code will come; seconds spent before it is looked for
         self._local = threading.local()
-        self._runs = (function, 1)  # the code that is called, and how many rows it takes
+        self._code = function  # what is called
         _all.add(self)
 
     @cached_property
     def key(self) -> str | None:
         """Under which its machine code is found; None where there will be none."""
-        return native.key(self.function, simd=True)
+        return native.key(self.function)
 
     @property
     def native(self) -> bool:
         """Whether machine code runs."""
-        return self._runs[0] is not self.function
+        return self._code is not self.function
 
     def __call__(self, arguments: Sequence[Array]) -> list[Array]:
         """Arguments (n, size_i) or (n,), results (n, size_j)."""
@@ -123,8 +123,7 @@ class Mapped:
             self._look()
         since = time.perf_counter()  # a thread's own time would cost a tenth of a fit on some systems
         known: dict[int, _Buffers] = self._local.__dict__.setdefault("buffers", {})
-        (code, rows), count = self._runs, arguments[0].shape[0]
-        many, few = (-(-chunk // rows) * rows for chunk in (self._many, self._few))
+        code, count, many, few = self._code, arguments[0].shape[0], self._many, self._few
         arguments = [argument.reshape(count, -1) for argument in arguments]
         results = [np.empty((count, self.function.numel_out(i))) for i in range(self.function.n_out())]
         whole = count - count % many
@@ -135,7 +134,7 @@ class Mapped:
             chunks = -(-size // chunk)
             if buffers is None or buffers.function is not code or len(buffers.calls) < chunks:
                 room = max(chunks, 2 * len(buffers.calls) if buffers is not None else 1)
-                buffers = known[chunk] = _Buffers(code, rows, chunk, room)
+                buffers = known[chunk] = _Buffers(code, chunk, room)
             for place, argument in zip(buffers.arguments, arguments, strict=True):
                 place[:size] = argument[part]
                 place[size : chunks * chunk] = place[size - 1]  # the last chunk is filled up with its last row
@@ -151,8 +150,7 @@ class Mapped:
     def _look(self) -> None:
         """Take the machine code where it is there; have it made where the function has earned it."""
         code = None if self.key is None else native.find(self.key, self.function.name())
-        if code is not None:
-            self._runs = (code, code.nnz_out() // self.function.nnz_out())
+        self._code = self.function if code is None else code
         self.settled = code is not None or self.key is None or native.failed(self.key)
         if not self.settled and self.spent >= self.cost:
             keep(1.0)

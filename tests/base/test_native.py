@@ -1,6 +1,5 @@
 """Machine code: digit for digit the numbers of the virtual machine, found again, and never needed."""
 
-import math
 import os
 import signal
 import time
@@ -13,9 +12,8 @@ from identify.base import native
 from identify.base.compiled import Mapped
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.shooting.blocks import AgeingBlock, RestBlock, SlideBlock, block
+from identify.shooting.blocks import AgeingBlock, SlideBlock, block
 
-SAMPLES = np.array([-2.5, -1.0, -0.3, -0.0, 0.0, 0.2, 0.7, 1.0, 1.9, 30.0, math.nan])
 ROWS = [np.linspace(0.1, 2.0, 10).reshape(5, 2), np.linspace(-1.0, 1.0, 5)]
 
 
@@ -25,32 +23,10 @@ def function(factor: float = 2.0) -> ca.Function:
 
 
 def made(f: ca.Function) -> None:
-    identity = native.key(f, simd=True)
-    assert identity is not None and identity.startswith("simd-")
+    identity = native.key(f)
+    assert identity is not None
     native.start([(f, identity)])
     native.wait()
-
-
-def bound(function: ca.Function) -> Mapped:
-    """The function as its best machine code, which is made now."""
-    made(function)
-    return Mapped(function)
-
-
-def every_operation() -> ca.Function:
-    x, y = ca.SX.sym("x"), ca.SX.sym("y")
-    made = [
-        x + y, x - y, x * y, x / y, -x, 2 * x, x**2, 1 / x, x < y, x <= y, ca.eq(x, y), ca.ne(x, y),
-        ca.logic_not(x), ca.logic_and(x, y), ca.logic_or(x, y), ca.if_else(x > 0.1, y, x / 3), ca.fmin(x, y),
-        ca.fmax(x, y), ca.fabs(x), ca.power(ca.fabs(x), y), ca.power(ca.fabs(x), 1.7), ca.atan2(x, y),
-        ca.copysign(x, y), ca.sqrt(x), ca.exp(x), ca.expm1(x), ca.log(x), ca.log1p(x), ca.sin(x), ca.cos(x), ca.tan(x),
-        ca.tanh(x), ca.sinh(x), ca.cosh(x), ca.asin(x), ca.acos(x), ca.atan(x), x, ca.SX(0.1),
-    ]  # fmt: skip
-    return ca.Function("every", [ca.vertcat(x, y)], [ca.vertcat(*made), ca.dot(x, y)])
-
-
-def used(function: ca.Function) -> set[int]:
-    return {function.instruction_id(k) for k in range(function.n_instructions())}
 
 
 def test_machine_code_is_found_by_the_next_who_asks_and_not_for_another_function(machine_code):
@@ -66,35 +42,7 @@ def test_machine_code_is_found_by_the_next_who_asks_and_not_for_another_function
     assert not other.native
 
 
-def test_every_operation_that_is_written_is_tried_here():
-    assert set(native.OPERATIONS) - used(every_operation()) <= {ca.OP_ASSIGN}
-
-
-@pytest.mark.parametrize("register", [native.register(), (2, ()), (4, ())])
-@pytest.mark.parametrize("rows", [1, 7, 121])
-def test_row_by_row_the_numbers_are_those_of_the_virtual_machine(machine_code, monkeypatch, register, rows):
-    monkeypatch.setattr(native, "register", lambda: register)
-    f = every_operation()
-    points = np.stack(np.meshgrid(SAMPLES, SAMPLES), axis=-1).reshape(-1, 2)[:rows]
-    before = [out.copy() for out in Mapped(f)([points])]
-    run = bound(f)
-    after = run([points])
-    assert run.native and run._runs[1] == register[0]
-    for a, b in zip(before, after, strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
-def test_what_cannot_be_written_for_several_rows_is_compiled_for_one(machine_code):
-    x = ca.SX.sym("x")
-    for unwritten in (ca.erf(x), x + math.inf):
-        f = ca.Function("alone", [x], [unwritten])
-        assert native.simd_code(f, 4) is None
-        run = bound(f)
-        np.testing.assert_array_equal(run([SAMPLES])[0], Mapped(f)([SAMPLES])[0])
-        assert run.native and run._runs[1] == 1
-
-
-@pytest.mark.parametrize("kind", [RestBlock("onset"), AgeingBlock(), SlideBlock(2), SlideBlock(2, worn=True)])
+@pytest.mark.parametrize("kind", [AgeingBlock(), SlideBlock(2)])
 def test_shooting_blocks_agree_to_ten_digits(machine_code, kind):
     made_block = block(assemble(MAIN), kind)
     slots, constants, _, _ = made_block.expressions
@@ -191,4 +139,4 @@ def test_a_folder_that_others_can_write_to_is_not_trusted(machine_code):
     native.folder()
     machine_code.chmod(0o777)
     native.folder.cache_clear()
-    assert native.folder() is None and native.key(function(), simd=True) is None
+    assert native.folder() is None and native.key(function()) is None
