@@ -49,8 +49,8 @@ def demo(arguments: Namespace, terminal: Terminal) -> Answer:
         entry = found.typed.parameters[name]
         if entry.value is not None and entry.standard_error:
             off = entry.value - true
-            errors = f"{off / entry.standard_error:+z.1f} standard errors"
-            rows.append([name, shown(true, entry.unit), f"{100 * off / abs(true):+.2f} %", errors])
+            row = f"{100 * off / abs(true):+z.2f} %", f"{off / entry.standard_error:+z.1f} standard errors"
+            rows.append([name, shown(true, entry.unit), *(text.replace("-", "−") for text in row)])
     if len(rows) > 1:
         terminal.say(columns(rows))
     return Answer.of(found.converged, found.result)

@@ -310,7 +310,7 @@ def draw(logs: Sequence[Inspection], path: Path) -> list[Path]:
         for step in item.steps:
             force[step.step.start : step.step.stop] *= step.signs
         curves = LogCurves(item.path, record.time, record.normal_force, force, np.full(n, np.nan), np.ones(n, bool),
-                           np.nan, np.nan, marks, marks, None)  # fmt: skip
+                           np.nan, np.nan, marks)  # fmt: skip
         with drawing_style(), atomic_path(file) as temporary:
             figure = draw_force(curves, place, True).figure
             assert figure is not None
