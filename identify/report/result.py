@@ -185,8 +185,8 @@ def _notes(scene: Scene, prepared: list[Prepared], findings: Findings) -> Iterat
         if "force_sensor" not in scene.effects:
             yield (
                 "Zero and gain of both force sensors are taken as they are: an error of 1 % there is one of 1 % in the "
-                "coefficients, with little effect on the misfit. Check both with a known weight, or add force_sensor to "
-                "effects."
+                "coefficients, with little effect on the misfit. Check both with a known weight, or add force_sensor "
+                "to effects."
             )
         if each_speed_alone(findings):
             yield (
