@@ -189,7 +189,8 @@ def load(path: Path) -> Source:
         with archive.open("rb") as handle:
             head, size = handle.read(HEAD), os.fstat(handle.fileno()).st_size
     except FileNotFoundError as error:
-        raise LogError(f"{path}: there is no such file; the path of a log was expected; check it") from error
+        remedy = "leave out the quotes, which belong to the name here" if str(path)[:1] in ("'", '"') else "check it"
+        raise LogError(f"{path}: there is no such file; the path of a log was expected; {remedy}") from error
     except IsADirectoryError as error:
         raise LogError(f"{path}: this is a folder; a log file was expected; name a file in it") from error
     except PermissionError as error:

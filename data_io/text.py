@@ -195,7 +195,9 @@ _ZONE: Final = r"(?: ?(?:Z|UTC|GMT|(?P<zone>[+-])(?P<zh>\d{2}):?(?P<zm>\d{2})))?
 _STAMP: Final = re.compile(rf"(?:{_DATE}[T ,]{{1,2}})?{_TIME}{_ZONE}", re.IGNORECASE)
 _DAY_ALONE: Final = re.compile(_DATE)
 _MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_MONTH: Final = re.compile(rf"(\d{{1,2}})([-. /])({'|'.join(_MONTHS)})[a-z]{{0,6}}\2(\d{{4}})(?=[T ,])", re.IGNORECASE)
+_NAME: Final = rf"({'|'.join(_MONTHS)})[a-z]{{0,6}}"
+_MONTH: Final = re.compile(rf"(\d{{1,2}})([-. /]){_NAME}\2(\d{{4}})(?=[T ,])", re.IGNORECASE)
+_MONTH_FIRST: Final = re.compile(rf"{_NAME}\.? (\d{{1,2}}),? (\d{{4}})(?=[T ,])", re.IGNORECASE)
 _COMPACT: Final = re.compile(r"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)(?!\d)")
 _HOUR: Final = 3600.0
 _DAY: Final = 86400.0
@@ -211,6 +213,7 @@ def _stamp(token: str) -> re.Match[str] | None:
     if match := _STAMP.fullmatch(token):
         return match
     plain = _COMPACT.sub(r"\1-\2-\3T\4:\5:\6", token, count=1)
+    plain = _MONTH_FIRST.sub(r"\2 \1 \3", plain, count=1)
     plain = _MONTH.sub(lambda m: f"{m[4]}-{_MONTHS.index(m[3].lower()) + 1}-{m[1]}", plain, count=1)
     return _STAMP.fullmatch(plain)
 

@@ -6,20 +6,29 @@ every text format; the rest are binary files, scenes, manifests and options of t
 
 from __future__ import annotations
 
+import contextlib
 import gzip
 import io
 import itertools
+import json
+import random
 import struct
+import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import partial, reduce
+from operator import getitem
+from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import openpyxl
 import scipy.io
+
+from identify.cli.main import build_parser, main
 
 
 @dataclass(frozen=True)
@@ -438,7 +447,8 @@ def manifests() -> Iterator[Hostile]:
     }
     for what, (columns, rows) in made.items():
         words = f"path,group,drive_speed{columns}\n{rows}\n"
-        yield Hostile(f"manifest, {what}", "manifest.csv", words.encode, batch, beside={"log.csv": GOOD})
+        sound = "columns" in what  # without a cell in them
+        yield Hostile(f"manifest, {what}", "manifest.csv", words.encode, batch, sound, {"log.csv": GOOD})
 
 
 def files() -> Iterator[Hostile]:
@@ -450,7 +460,115 @@ def files() -> Iterator[Hostile]:
         yield Hostile(f"{name}, as a pattern", "comma.csv", lambda: GOOD, ("inspect", pattern))
 
 
+OF_A_LOG = (
+    ("scene", "{file}", "--out", "{out}.toml"),
+    ("convert", "{file}", "--out", "{out}.h5"),
+    ("rig", "{file}", "--out", "{out}.toml"),
+    ("fit", "{file}", "--scene", "{scene}", "--out", "{out}"),
+)
+OF_A_SCENE = (
+    ("fit", "log.csv", "--scene", "{file}", "--out", "{out}"),
+    ("stability", "--scene", "{file}"),
+    ("amplitude", "--scene", "{file}"),
+    ("plan", "{file}"),
+    ("batch", "all.csv", "--scene", "{file}", "--out", "{out}"),
+)
+OF_A_RESULT = (
+    ("verify", "{file}"),
+    ("compare", ".", "--by", "material", "--out", "{out}"),
+    ("stability", "--result", "{file}"),
+    ("amplitude", "--result", "{file}"),
+    ("plan", "{file}"),
+)
+WHOLE = {  # commands that end well, to which one option is added
+    "fit": ("log.csv", "--scene", "{scene}", "--out", "{out}"),
+    "verify": ("{file}",),
+    "inspect": ("log.csv",),
+    "scene": ("log.csv", "--out", "{out}.toml"),
+    "convert": ("log.csv", "--out", "{out}.h5"),
+    "rig": ("log.csv", "--out", "{out}.toml"),
+    "plan": ("{scene}",),
+    "batch": ("all.csv", "--scene", "{scene}", "--out", "{out}"),
+    "compare": (".", "--by", "material", "--out", "{out}"),
+    "simulate": ("--scene", "{scene}", "--duration", "0.1 s", "--rate", "100 Hz", "--out", "{out}.csv"),
+    "stability": ("--scene", "{scene}"),
+    "amplitude": ("--scene", "{scene}"),
+}
+JUNK = ("", "x", "1e308", "-1", "nan", "0", "9" * 4000, "1 s^9^9^9", "a=b,c=d", "/proc/self/mem", ".", "rig=[1")
+BESIDE = {"log.csv": GOOD, "all.csv": b"path,group,drive_speed\nlog.csv,g,0.2 mm/s\n"}
+
+
+def elsewhere() -> Iterator[Hostile]:
+    """The broken logs and scenes given to two commands that are not their own."""
+    for number, hostile in enumerate(own_inputs()):
+        others = {("inspect", "{file}"): OF_A_LOG, ("simulate", "--scene"): OF_A_SCENE}.get(tuple(hostile.command[:2]))
+        if others and len(hostile.command) in (2, len(WHOLE["simulate"]) + 1):
+            for command in (others * 2)[number % len(others) :][:2]:
+                yield replace(hostile, name=f"{command[0]}: {hostile.name}", command=command, beside=BESIDE)
+
+
+def _places(value: object, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    pairs = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, below in pairs:
+        yield (*path, key)
+        yield from _places(below, (*path, key))
+
+
+def _replaced(document: object, place: Sequence[Any], value: object) -> bytes:
+    made = json.loads(json.dumps(document))
+    reduce(getitem, place[:-1], made)[place[-1]] = value
+    return json.dumps(made).encode()
+
+
+def results() -> Iterator[Hostile]:
+    """Results in which one place, drawn, holds something else."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
+        log, scene, out = (str(Path(folder) / name) for name in ("log.csv", "scene.toml", "out"))
+        Path(scene).write_text(SCENE)
+        main(
+            [
+                "simulate",
+                "--scene",
+                scene,
+                "--duration",
+                "8 s",
+                "--rate",
+                "500 Hz",
+                "--noise",
+                "2 mN",
+                "--out",
+                log,
+                "--quiet",
+            ]
+        )
+        main(["fit", log, "--scene", scene, "--out", out, "--quiet"])
+        document = json.loads((Path(out) / "result.json").read_text())
+    draw, places = random.Random(0), sorted(_places(document), key=str)
+    values = (None, "x", 1e308, -1, [], {}, float("nan"), [[1]], "9" * 4000, True, {"value": "x"})
+    for command in OF_A_RESULT * 60:
+        place, value = draw.choice(places), draw.choice(values)
+        data, name = partial(_replaced, document, place, value), f"{command[0]}: {place} is {value!r:.20}"
+        yield Hostile(name, "result.json", data, command, sound=True)
+
+
+def words() -> Iterator[Hostile]:
+    """Every option of every command with words that are none of its."""
+    choices = next(action for action in build_parser()._actions if action.dest == "command").choices or {}
+    for name, given in WHOLE.items():
+        taken = [action.option_strings[-1:] for action in choices[name]._actions if action.nargs != 0]
+        for option, (number, word) in itertools.product(taken, enumerate(JUNK)):
+            command = (name, *given, *option, word)
+            yield Hostile(f"{name} {option}, word {number}", "x", lambda: b"", command, True, BESIDE)
+
+
+KINDS = (texts, patterns, packed, matlab, workbooks, hdf5, options, scenes, manifests, files)
+
+
+def own_inputs() -> Iterator[Hostile]:
+    """The broken inputs, each given to its own command."""
+    return (hostile for kind in KINDS for hostile in kind())
+
+
 def all_inputs() -> Iterator[Hostile]:
-    """Every input, the cheap ones and the dear ones mixed."""
-    for kind in (texts, patterns, packed, matlab, workbooks, hdf5, options, scenes, manifests, files):
-        yield from kind()
+    """Every input."""
+    return itertools.chain(own_inputs(), elsewhere(), results(), words())

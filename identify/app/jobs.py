@@ -18,6 +18,7 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
+from glob import escape
 from pathlib import Path
 
 from data_io.atomic import atomic_write
@@ -28,6 +29,7 @@ GRACE = 1.6  # seconds in which a cancelled job may end by itself; the command l
 KEPT = 60  # finished jobs that are remembered
 KILLED = "ended from outside (killed, out of memory, machine stopped); nothing half-written is left: start it again"
 AT_ONCE = max(os.cpu_count() or 1, 2)  # jobs
+SAID = ("document.json", "progress.jsonl")
 LAST = 20_000  # bytes of the progress that are looked at
 
 
@@ -53,12 +55,13 @@ class Jobs:
                 raise PageError(f"{len(running)} jobs are running, one for each core; cancel one or wait")
             if out and any(job["out"] == out for job in running):
                 raise PageError(f"{out} is being written by a job that runs; wait, cancel it, or choose another name")
-            name = f"{time.time_ns():x}"
+            others = (int(job["id"], 16) + 1 for job in self.listed())
+            name = f"{max([time.time_ns(), *others]):x}"  # the last of them also where the clock was set back
             place = self._place / name
             place.mkdir(parents=True)
             about = {"words": list(words), "out": out, "started": time.time()}
             with ExitStack() as opened:
-                names = ("alive", "document.json", "progress.jsonl")
+                names = ("alive", *SAID)
                 alive, document, progress = (opened.enter_context((place / each).open("wb")) for each in names)
                 fcntl.flock(alive, fcntl.LOCK_EX)
                 child = subprocess.Popen(
@@ -82,7 +85,11 @@ class Jobs:
         for child in self._children.values():
             child.poll()
         names = sorted((p.name for p in self._place.iterdir() if (p / "job.json").is_file()), reverse=True)
-        return [self.seen(name) for name in names]
+        jobs = []
+        for name in names:
+            with suppress(PageError, OSError):  # forgotten meanwhile by another server of this folder
+                jobs.append(self.seen(name))
+        return jobs
 
     def seen(self, name: str) -> Document:
         """One job: what was asked, its state (running, done, failed, cancelled, killed), progress, and what it said."""
@@ -93,7 +100,7 @@ class Jobs:
         state, message = _state(place)
         if state == "killed":
             self._sweep(about)
-        ends = time.time() if state == "running" else max(path.stat().st_mtime for path in place.iterdir())
+        ends = time.time() if state == "running" else max((place / each).stat().st_mtime for each in SAID)
         command, seconds = shlex.join(["stickslip", *about["words"]]), max(ends - about["started"], 0.0)
         job = {"id": name, "command": command, "kind": about["words"][0], "out": about["out"], "seconds": seconds}
         return job | {"state": state, "message": message, **_progress(place / "progress.jsonl")}
@@ -126,10 +133,10 @@ class Jobs:
         return self._place / name
 
     def _sweep(self, about: Document) -> None:
-        """Remove the temporary folders of a result that a killed job could not remove itself."""
+        """Remove the temporary folders of a result that a killed job could not remove itself, and no other's."""
         if about.get("out"):
             out = self._folder.path(about["out"])
-            for rest in out.parent.glob(f".{out.name}.*"):
+            for rest in out.parent.glob(f".{escape(out.name)}.{about.get('pid')}.*"):
                 shutil.rmtree(rest, ignore_errors=True)
 
     def _forget(self) -> None:

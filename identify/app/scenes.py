@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -72,9 +73,11 @@ class Scenes:
         """Keep a draft, valid or not, so that nothing typed is lost; how it is seen then."""
         if not name.endswith(".toml") or len(text) > LONGEST:
             raise PageError(f"{name!r} is no scene; expected a name that ends in .toml, and a text that people write")
-        self._folder.path(name)
-        with atomic_write(self._draft(name)) as handle:
+        path, draft = self._folder.path(name), self._draft(name)
+        with atomic_write(draft) as handle:
             handle.write(text)
+        if path.is_file():  # newer than its file also where the clock was set back
+            os.utime(draft, ns=(newest := max(path.stat().st_mtime_ns + 1, draft.stat().st_mtime_ns), newest))
         return self.seen(name)
 
     def save(self, name: str) -> Document:

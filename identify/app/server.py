@@ -239,7 +239,8 @@ class Serving:
         self._server.should_exit = True
         self.page.looks.close()
         self._thread.join(SECONDS + 1.0)
-        self._socket.close()
+        if not self._thread.is_alive():  # on a busy machine it may still be at it; then it ends with the process
+            self._socket.close()
         self._uploads.cleanup()
         if "door" in self.__dict__:
             self.door.unlink(missing_ok=True)

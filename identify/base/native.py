@@ -94,7 +94,7 @@ def failed(identity: str) -> bool:
     """Whether compiling for this key failed, here or in another process, within a day."""
     with suppress(OSError):
         mark = (folder() or Path()) / f"{identity}.failed"
-        return time.time() - mark.stat().st_mtime < AGAIN
+        return abs(time.time() - mark.stat().st_mtime) < AGAIN
     return False
 
 
@@ -156,7 +156,7 @@ def make_room(base: Path) -> None:
     room = 1e6 * (float(stated) if stated.replace(".", "", 1).isdigit() else LIMIT)
     with suppress(OSError):  # another process has removed one meanwhile
         for left in base.glob("build-*"):
-            if time.time() - left.stat().st_mtime > 10.0 * compile_worker.LONGEST:
+            if abs(time.time() - left.stat().st_mtime) > 10.0 * compile_worker.LONGEST:
                 shutil.rmtree(left, ignore_errors=True)
         files = [(path.stat(), path) for kind in ("simd", "plain") for path in base.glob(f"{kind}-*.*")]
         for about, path in sorted(files, key=lambda file: -file[0].st_mtime):

@@ -68,7 +68,7 @@ def result_folder(out: Path, names: tuple[str, ...] = RESULT) -> Iterator[Path]:
     out = Path(os.path.realpath(out))
     before = out.stat().st_ino if out.exists() else None
     out.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".part", dir=out.parent))
+    temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.{os.getpid()}.", suffix=".part", dir=out.parent))
     with unfinished(temporary):
         fresh, aside = temporary / "fresh", temporary / "before"
         fresh.mkdir()

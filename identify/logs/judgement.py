@@ -15,7 +15,7 @@ from data_io.thresholds import DEFAULTS, Thresholds, percent
 from data_io.values import Finding
 from identify.base.result import QualityFigure, QualityResult
 from identify.logs.noise import line_slope, slope_error
-from identify.logs.recorded_drive import speed_of
+from identify.logs.recorded_drive import speed_of, turns_of_sign
 from identify.logs.regime import CERTAIN, Spectrum, classify
 from identify.logs.segment import SLIDING, STICK, Segmentation, segment
 
@@ -236,7 +236,7 @@ def _suspicions(record: Record, phases: Sequence[Segmentation], limits: Threshol
                     "coefficients are not: record with DC coupling, or state the zero with tare"
                 )
                 yield Finding("zero_lost", "warning", text)
-        elif np.isfinite(force).any():
+        elif np.isfinite(force).any() and len(turns_of_sign(force)) == 1:  # to and fro it is the drive that oscillates
             yield from _of_sliding(record.time[rows], force, limits)
 
 

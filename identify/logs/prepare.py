@@ -31,7 +31,7 @@ from identify.logs.regime import (
     hidden_rhythm,
     of_strokes,
 )
-from identify.logs.segment import FEW_SLIPS, SLIDING, STICK, Segmentation, segment
+from identify.logs.segment import FEW_SLIPS, FEWEST, SLIDING, STICK, Segmentation, segment
 from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, LogEntry, Rig
@@ -41,7 +41,6 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 STROKE, PART = "stroke", "part"  # the labels of parts: a scene may have parameters of their own for them
-FEWEST = 8  # samples of a log that can be looked at at all
 GAP = 2.0  # rows of a record without the rests of the drive, as long as which a rest counts at most
 NOISELESS, ASSUMED = 1e-6, 1e-4  # of the force: less is no noise of a measurement, and what is assumed there
 LEAST_SHARE = 0.2  # of a record, from which on the level of its steady end is one of it

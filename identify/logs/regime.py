@@ -21,7 +21,7 @@ from data_io.arrays import thinned
 from data_io.quality import presses
 from identify.base.wording import three_figures
 from identify.logs.recorded_drive import DriveCourse, Stroke, changes_speed, one_speed, strokes
-from identify.logs.segment import SLIDING, DetectedCycles, Segmentation, segment
+from identify.logs.segment import FEWEST, SLIDING, DetectedCycles, Segmentation, segment
 
 Array = NDArray[np.float64]
 
@@ -125,6 +125,8 @@ def classify(
         phases = given or segment(time, force, half_period=half_period, noise=noise)
         if phases.count == 0 and phases.phase.size and not phases.share(SLIDING):
             return Verdict(None, SURE, ("the force only rises: no slip has come yet",), phases)
+        if phases.phase.size < FEWEST:
+            return Verdict(None, 0.5, (f"{phases.phase.size} rows are too few to tell",), phases)
         shape = _Shape.of(time, force, phases)
         slips, confidence, evidence = _discriminate(shape, phases, known)
         if slips and not phases.slides_on(phases.count):
@@ -261,7 +263,8 @@ def _discriminate(shape: _Shape, phases: Segmentation, known: Known) -> tuple[bo
     if not shape.rises:
         return False, 0.6, (*evidence, "one drop alone; give stiffness and drive speed of the rig")
     odds += float(np.log(shape.frequency / SLOW)) - (0.0 if shape.rises >= FEW else 2.0)  # few cannot be compared
-    text = f"it oscillates by {three_figures(100 * shape.share)} % of the force at {shape.frequency:.3g} Hz"
+    share = f"{three_figures(100 * shape.share)} %" if shape.share < 2.0 else "over 200 %"
+    text = f"it oscillates by {share} of the force at {shape.frequency:.3g} Hz"
     if odds <= 0.0:
         text += ", as a turning disc or an uneven track makes it; give stiffness and drive speed of the rig"
     return odds > 0.0, _probability(odds), (*evidence, text)
@@ -276,10 +279,12 @@ def _named(time: Array, force: Array, verdict: Verdict, shape: _Shape) -> Verdic
     """Which stick-slip it is; an even sine at a frequency of the mains is none."""
     phases = verdict.phases
     if shape.one_sine:
-        near = max(0.004 * shape.frequency, 0.2 / float(np.ptp(phases.cycles.fall)))  # the mains drift, and clocks
-        if any(abs(shape.frequency - n * mains) < n * near for mains in (50.0, 60.0) for n in (1, 2, 3)):
-            text = f"it oscillates at {shape.frequency:.4g} Hz as one sine, a multiple of the mains frequency"
-            hum = ForceOscillation(shape.frequency, float(np.median(phases.cycles.drop)), phases.samples_per_cycle)
+        lasts = float(np.ptp(phases.cycles.fall))
+        often = (phases.count - 1) / lasts  # of few samples the typical period is a whole number
+        near = max(0.004 * often, 0.2 / lasts)  # the mains drift, and clocks
+        if any(abs(often - n * mains) < n * near for mains in (50.0, 60.0) for n in (1, 2, 3)):
+            text = f"it oscillates at {often:.4g} Hz as one sine, a multiple of the mains frequency"
+            hum = ForceOscillation(often, float(np.median(phases.cycles.drop)), phases.samples_per_cycle)
             return Verdict(Regime.SLIDING, verdict.confidence, (text,), segment(time, force, slips=False), hum)
         text = f"the mean cycle is a sine to {100 * shape.sine:.1f} %, {shape.frequency:.3g} times a second"
         text += ": its rests are short, and mu_s, t_cr and D are poorly determined; record slower as well"
@@ -427,9 +432,12 @@ def look(
         verdict = classify(time, force, own, given=given)
         pressed = presses(load) & np.isfinite(force)
         low, level, high = np.quantile(thinned(load[pressed]), [0.05, 0.5, 0.95]) if pressed.any() else (1.0, 1.0, 1.0)
-        if not verdict.phases.count and high - low >= LOAD_CHANGES * level:
-            # Where the load changes much, the force at the typical load tells.
-            verdict = classify(time, np.where(pressed, force * level / np.where(pressed, load, 1.0), np.nan), own)
+        if high - low >= LOAD_CHANGES * level:
+            # Where the load changes much, the force at the typical load tells; of what slips, where it explains that.
+            at_level = np.where(pressed, force * level / np.where(pressed, load, 1.0), np.nan)
+            over_load = classify(time, at_level, own)
+            explained = over_load.regime is Regime.SLIDING and np.nanstd(at_level) < np.std(force[pressed])
+            verdict = over_load if explained or not verdict.phases.count else verdict
         verdicts.append(verdict)
     return _of_all(changes_speed(drive), parts, verdicts)
 

@@ -22,6 +22,7 @@ Bools = NDArray[np.bool_]
 Phase = NDArray[np.int8]
 
 STICK, SLIP, SLIDING = 0, 1, 2
+FEWEST = 8  # samples of a log that can be looked at at all
 SMALLEST_SHARE = 0.2  # of the typical drop: a smaller fall is no cycle of its own, and noise is to be below
 CONFIRMED_SD = 5.0  # standard deviations of the average, by which the force rises after the last slip
 NARROW, WIDE = 0.2, 0.45  # of the half period: the first average, and the widest, which does not bend a slip yet
@@ -185,7 +186,7 @@ def segment(
         raise ValueError(f"time {time.shape} and force {force.shape} are not two columns of one length")
     holes = ~np.isfinite(force)
     none = np.empty(0)
-    if time.size < 8 or holes.all():
+    if time.size < FEWEST or holes.all():
         interval = float(np.median(thinned_steps(time))) if time.size > 1 else 1.0
         phase = np.full(time.size, SLIDING, dtype=np.int8)
         cycles = DetectedCycles(none, none, none, none, none)

@@ -24,6 +24,7 @@ OWN = ("path", "group", "drive_speed")
 NOT_LOGS = (".toml", ".json", ".md", ".py", ".pdf", ".png", ".jpg", ".jpeg", ".svg", ".html", ".docx", ".pptx", ".ini")
 PER_LOG = ("mass", "stiffness", "damping", "normal_force", "noise", "drive_speed")  # of [rig]; a log may have its own
 PARTS = ("logs.step", "logs.run", "logs.window", "logs.columns")  # which part of a file a row means
+MOST_LOGS = 1000  # of a group
 NAMED = 5  # rows or groups that a complaint names before it counts
 _DOTTED = re.compile(r"\w+(\.\w+)+")
 
@@ -76,11 +77,16 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), progress: Pro
     complaints = []
     groups: dict[str, list[ManifestRow]] = {}
     for row in rows:
-        groups.setdefault(row.group, []).append(row)
         exists = False
         with suppress(OSError, ValueError):  # a name that no file can have
             exists = row.path.is_file()
-        complaints += [] if exists else [f"{row.where}: there is no log {row.path}; check its path"]
+        if exists:
+            groups.setdefault(row.group, []).append(row)
+        else:
+            complaints.append(f"{row.where}: there is no log {row.path}; check its path")
+    for group in [group for group, members in groups.items() if len(members) > MOST_LOGS]:
+        number = len(groups.pop(group))
+        complaints.append(f"group {group!r} has {number} logs; one fit takes {MOST_LOGS} at most: split it")
     folders = folder_names(list(groups))
     scenes: dict[str, Document] = {}
     refused: dict[str, list[str]] = {}  # places by the sentence that refuses them
@@ -218,7 +224,8 @@ def _scene(name: str, rows: Sequence[ManifestRow], defaults: Document, scene: Pa
     """The scene of a group, or why it cannot be built; a log without a drive speed is refused before hours of fits."""
     rows = sorted(rows, key=lambda row: (str(row.path), sorted(row.overrides.items())))
     document: Document = copy.deepcopy({key: value for key, value in defaults.items() if key != "logs"})
-    stated = {key: {row.overrides.get(key, "nothing") for row in rows} for row in rows for key in row.overrides}
+    keys = dict.fromkeys(key for row in rows for key in row.overrides)
+    stated = {key: {row.overrides.get(key, "nothing") for row in rows} for key in keys}
     # Keys of [rig] that become the logs' own, because not all rows of the group state the same.
     own = [f"rig.{key}" for key in PER_LOG if len(stated.get(f"rig.{key}", ())) > 1]
     for key, texts in stated.items():

@@ -185,6 +185,7 @@ def test_a_cancelled_fit_is_idle_within_two_seconds(client, serving, root):
 
 def test_fits_killed_at_random_instants_leave_nothing_half_written(client, serving, root):
     rng = random.Random(51)
+    (root / ".one.1.part").mkdir()  # of another process that is at work
     for _ in range(3):
         _, job = client.post("start", command="fit", scene="pair.toml", out="one")
         time.sleep(rng.uniform(0.0, 1.5))
@@ -193,9 +194,16 @@ def test_fits_killed_at_random_instants_leave_nothing_half_written(client, servi
         child.wait(5)
         found = wait_for(client, job["id"], "killed", "done")
         assert found["state"] == "done" or "start it again" in found["message"]
-        assert [item.name for item in root.iterdir() if item.name.startswith(".one")] == []
+        assert [item.name for item in root.iterdir() if item.name.startswith(".one")] == [".one.1.part"]
         for result in root.glob("one/result.json"):
             assert client.get("fit", path="one")[0] == 200, result
+
+
+def test_a_draft_is_newer_than_its_file_also_where_the_clock_was_set_back(client, root):
+    os.utime(root / "pair.toml", (4e9, 4e9))
+    text = client.get("scene", path="pair.toml")[1]["text"] + "# mine\n"
+    assert client.post("edit", path="pair.toml", text=text)[1]["text"] == text
+    assert client.post("save", path="pair.toml")[1]["saved"] and (root / "pair.toml").read_text() == text
 
 
 def test_a_server_that_starts_again_finds_what_ran(client, root):

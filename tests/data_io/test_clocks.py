@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from identify.logs.classical import table_of
 from identify.logs.regime import look
 from tests.data_io.test_tables_as_people_keep_them import check, drawn, written
 
-SIBLINGS = range(4)
+SIBLINGS = range(int(os.environ.get("SIBLINGS", "4")))
 
 
 def saw_tooth(time: np.ndarray, period: float, random: np.random.Generator) -> np.ndarray:
