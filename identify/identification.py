@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.base.budget import now, seconds_left, stage, time_is_up, timing_stages
+from identify.base.budget import now, seconds_left, stage, timing_stages
 from identify.base.budget import time_limit as within
 from identify.base.compiled import Mapped
 from identify.base.errors import FitError
@@ -27,7 +27,6 @@ from identify.base.linear import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
 from identify.base.wording import distinct
-from identify.bench.next_log import advised, next_logs
 from identify.diagnosis.explain import MISFITS, explain, takes_misfit
 from identify.diagnosis.findings import Findings, against_data
 from identify.diagnosis.fitted import Fitted, fit_beside
@@ -76,7 +75,7 @@ SEARCH_SHARE = 0.6  # of what is left: the rest is for the intervals of an answe
 PLAIN_SHARE = 0.75  # where cycles differ: the estimator of uneven records needs the rest
 
 UNEVEN_EFFECT = "friction_heterogeneity"  # asks for the estimator of uneven records
-LAST_STAGE, NEXT_LOG = "stability and amplitude", "the log to record next"
+LAST_STAGE = "stability and amplitude"
 BY_NAME = {effect.name: effect for effect in ALL}
 LIKELY = 3.0  # standard deviations of the usual error of a rig or a sensor
 ERRORS = {name: name for name in ("mass", "stiffness", "damping", "drive_speed")}
@@ -163,14 +162,6 @@ def fit(
                 logs, findings = plain_or_uneven(task)
             else:
                 logs, findings = task.prepared, estimated_by(estimator, task)
-            proposed = None
-            if findings.status is Status.CONVERGED and findings.attempt is not None:
-                report(NEXT_LOG, 0.95)
-                proposed = next_logs(findings)
-                if proposed is not None:
-                    findings = advised(findings, proposed)
-                elif time_is_up():
-                    trace.not_tried.append(NEXT_LOG)
         findings = _with_trace(findings, trace, used.time_limit)
     report(LAST_STAGE, 0.95)
     used, curves = findings.scene or used, _curves(logs, findings)
@@ -183,7 +174,6 @@ def fit(
     document = (stated if stated.effects != "auto" else used).as_document()
     result = replace(
         result,
-        next_logs=proposed or (),
         notes=(*drives, *result.notes),
         provenance={**result.provenance, "scene": document, "starts": task.starts, "asked": asked.document()},
     )

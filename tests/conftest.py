@@ -19,7 +19,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from identify import identification
 from identify.base import budget, compiled, native
 from identify.report import result
 from identify.uneven.slip_functions import slip_functions
@@ -93,12 +92,6 @@ def shared_machine_code(tmp_path_factory: pytest.TempPathFactory) -> Iterator[No
         native.wait()
     for function in known:
         function.cache_clear()
-
-
-@pytest.fixture
-def no_further_logs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fits do not look for the log that would tell more, which takes longer than a quick fit: tests/bench asks that."""
-    monkeypatch.setattr(identification, "next_logs", lambda _found: None)
 
 
 @pytest.fixture

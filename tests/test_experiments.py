@@ -17,7 +17,6 @@ SLOW = [FOLDER / f"run_{name}.py" for name in LONG]
 SCRIPTS = sorted(set(FOLDER.glob("run_*.py")) - {WINDOWS, FUZZ, UNEVEN, *SLOW})
 
 
-@pytest.mark.usefixtures("no_further_logs")
 @pytest.mark.parametrize(
     "script",
     [*SCRIPTS, *(pytest.param(script, marks=pytest.mark.slow) for script in SLOW)],

@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 PICTURES = {"residual_histogram": ("residuals", ""), "friction": ("friction over sliding speed", "velocity_weakening"),
             "ageing": ("strength over rest", "contact_ageing")}  # words, and the effect whose law it is  # fmt: skip
 FORMS = {"svg": "image/svg+xml", "pdf": "application/pdf", "png": "image/png"}
-SHOWN = ("status", "message", "parameters", "search", "not_tried", "next_logs", "accuracy", "timing_s")
+SHOWN = ("status", "message", "parameters", "search", "not_tried", "accuracy", "timing_s")
 
 
 def fit_seen(folder: Folder, name: str) -> Document:

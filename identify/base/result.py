@@ -309,19 +309,6 @@ class AccuracyResult:
 
 
 @dataclass(frozen=True)
-class NextLogResult:
-    """A log to record next: drive speed [m/s], normal force [N], duration [s], sampling rate [Hz], slips; expected:
-    half lengths of 95 % intervals, relative (of mu_s - mu_k0 for delta_mu_k), by parameter."""
-
-    drive_speed: float
-    normal_force: float
-    duration: float
-    sampling_rate: float
-    slips: int
-    expected: Mapping[str, float]
-
-
-@dataclass(frozen=True)
 class LastValue:
     """Where the search stood when it ended without success."""
 
@@ -445,7 +432,6 @@ class Result:
     timing_s: Mapping[str, float] = field(default_factory=dict)
     provenance: Mapping[str, Json] = field(default_factory=dict)
     accuracy: AccuracyResult | None = field(default=None, metadata=OMITTED)
-    next_logs: tuple[NextLogResult, ...] = ()
 
     @staticmethod
     def from_dict(document: object, where: str = "the result") -> Result:

@@ -19,7 +19,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.budget import time_is_up
 from identify.base.errors import SimulationError
 from identify.base.quantiles import NORMAL
 from identify.estimation.covariance import IDENTIFIED, inverse, sizes
@@ -28,7 +27,6 @@ from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION, SPEED
 from identify.prediction.orbit import Cycle, CycleMap, Tangent, check_calculable, load_slopes, rest_slopes
 from identify.shooting.transcription import BOUNDED_START_SD
-from identify.simulation.sliding import slidings
 from identify.simulation.tangents import stepped
 
 Array = NDArray[np.float64]
@@ -37,7 +35,6 @@ CYCLES = 8  # that are simulated of a steady drive at most; later ones repeat th
 REPEATS = 1e-3  # of normal force / stiffness: a cycle that begins like the one before repeats it
 DISTINCT = 40  # cycles with a load of their own each: of more, each informs as much as these do on average, at least
 LEAST = 4  # cycles of a log
-SETTLED, STEADY = 60.0, 15.0  # times sqrt(m/k): a slide so long is steady; of which the level counts
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)  # of a stick, at which sensitivities are taken
 STEP = 1e-6  # of a logarithm, and of a spread, for differences of closed forms
 
@@ -61,18 +58,14 @@ class LogDesign:
     stiffness: float | None = None
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # A simulated log and the sensitivities of its force.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class CycleSensitivity:
-    """A cycle as information counts it: force [N] at moments of stick and slip (r).
-
-    slopes (r, m): of the force at fixed times since the beginning of the stick, or of the slip, by rest state and
-    setting; rates (r,): of the force [N/s]; seconds (r,) that each counts for; slips (r,): whether it lies in the slip.
-    """
+    """Force [N] at moments of a cycle (r,): slopes (r, m) at fixed times since the beginning of the stick, or of the
+    slip, by rest state and setting; rates (r,) [N/s]; seconds (r,) that each counts for; slips (r,): whether it lies in
+    the slip."""
 
     cycle: Cycle
     tangent: Tangent
@@ -111,15 +104,12 @@ class CycleSensitivity:
 class SimulatedLog:
     """A log of a design at one place of the parameters, from rest with a fresh contact.
 
-    cycles: the first ones, the last of which repeats unless the mass slides on after it; level (n_w,): slopes of the
-    force of steady sliding there [N] by the setting, None where it repeats; steady: seconds that the level counts for.
-    by_theta (n_w, f): of the setting by the f free theta; starts (s,): places in a rest state of what a fit does not
-    know of the start (how far the spring is loaded, how fresh the contact is), which it takes to be within start_sd.
+    cycles: the first ones, the last of which repeats. by_theta (n_w, f): of the setting by the f free theta; starts
+    (s,): places in a rest state of what a fit does not know of the start (how far the spring is loaded, how fresh the
+    contact is), which it takes to be within start_sd.
     """
 
     cycles: tuple[CycleSensitivity, ...]
-    level: Array | None
-    steady: float
     by_theta: Array
     starts: tuple[int, ...]
     start_sd: Array
@@ -131,25 +121,22 @@ class SimulatedLog:
 
     @property
     def period(self) -> float:
-        """Of the cycle that repeats [s]; 0 where the mass slides on."""
-        return 0.0 if self.level is not None else float(self.ends[-1] - self.ends[-2])
+        """Of the cycle that repeats [s]."""
+        return float(self.ends[-1] - self.ends[-2])
 
     @property
     def slip(self) -> float:
-        """How long a slip takes [s]; a natural period without one."""
-        slips = [rows.cycle.slip for rows in self.cycles]
-        return float(np.median(slips)) if slips else 2.0 * np.pi * self.steady / STEADY
+        """How long a slip takes [s]."""
+        return float(np.median([rows.cycle.slip for rows in self.cycles]))
 
     def duration(self, cycles: float) -> float:
-        """Seconds that so many cycles take; all there are, and until it slides steadily, where none repeats."""
-        if self.level is not None:
-            return float(self.ends[-1]) + SETTLED / STEADY * self.steady
+        """Seconds that so many cycles take."""
         known = len(self.cycles)
         return float(np.interp(cycles, np.arange(known + 1), self.ends) + max(cycles - known, 0.0) * self.period)
 
     def count(self, seconds: float) -> float:
         """Cycles in so many seconds."""
-        more = max(seconds - float(self.ends[-1]), 0.0) / self.period if self.period else 0.0
+        more = max(seconds - float(self.ends[-1]), 0.0) / self.period
         return float(np.interp(seconds, self.ends, np.arange(len(self.ends)))) + more
 
     def information(self, rate: float, variance: float, load_sd: float, cycles: float) -> Array:
@@ -157,14 +144,14 @@ class SimulatedLog:
 
         Args:
             rate: independent samples per second; variance: of each [N^2]. load_sd: error of the normal force [N],
-                another one in each cycle (0: none). cycles: of a log that repeats; a part of one informs in proportion.
+                another one in each cycle (0: none). cycles: a part of one informs in proportion.
         """
         f, s = self.by_theta.shape[1], len(self.starts)
-        whole = min(max(math.ceil(cycles), 1), DISTINCT) if self.period else len(self.cycles)
-        size = f + s + whole + 1
+        whole = min(max(math.ceil(cycles), 1), DISTINCT)
+        size = f + s + whole
         setting, shift = np.zeros((len(self.by_theta), size)), np.zeros(size)
         setting[:, :f] = self.by_theta
-        state = np.zeros((self.cycles[0].tangent.end.shape[0] if self.cycles else max(self.starts) + 1, size))
+        state = np.zeros((self.cycles[0].tangent.end.shape[0], size))
         state[self.starts, np.arange(f, f + s)] = 1.0
         total = np.zeros((size, size))
         for number in range(whole):
@@ -176,9 +163,6 @@ class SimulatedLog:
             slopes = rows.slopes @ given - np.outer(rows.rates, shift) - np.outer(rows.rates * rows.slips, stick)
             total += slopes.T @ (slopes * rows.seconds[:, None])
             state, shift = tangent.end @ given, shift + stick + tangent.slip @ given
-        if self.level is not None:  # of a log that slides a fit may take the level only
-            setting[-2, -1] = 1.0
-            total += self.steady * np.outer(self.level @ setting, self.level @ setting)
         total *= rate / variance
         total = total if load_sd > 0.0 else total[: f + s, : f + s]
         own = np.arange(f, len(total))
@@ -187,7 +171,7 @@ class SimulatedLog:
         scaled = total * np.outer(scale, scale)
         across = scaled[:f, f:]
         left = scaled[:f, :f] - across @ np.linalg.pinv(scaled[f:, f:], 1e-13, hermitian=True) @ across.T
-        return np.asarray((cycles / whole if self.period else 1.0) * left / np.outer(scale[:f], scale[:f]))
+        return np.asarray(cycles / whole * left / np.outer(scale[:f], scale[:f]))
 
 
 def simulated_log(
@@ -195,11 +179,9 @@ def simulated_log(
 ) -> SimulatedLog | None:
     """The log of a design at theta (n_p,) and base values (n_p,) of the rig, whose damping ratio stays with its spring.
 
-    None where nothing slips within `longest` [s], the spring pulls the mass back after a slip (no fit follows that),
-    the model refuses, or the time is up.
+    None where nothing slips within `longest` [s], the mass slides on after a slip or is pulled back by the spring (no
+    fit follows that), or the model refuses.
     """
-    if time_is_up():
-        return None
     model, own = unknowns.model, base.copy()
     if design.stiffness is not None:
         scaled = [unknowns.names.index(name) for name in ("stiffness", "damping") if name in unknowns.names]
@@ -216,18 +198,13 @@ def simulated_log(
         columns.append((setting(theta + step) - setting(theta - step)) / (2.0 * np.sum(step)))
     # What a fit does not know of the start: the spring can be loaded already, and the contact be older.
     starts = [i for i, state in enumerate(model.states) if i == ELONGATION or state.lower is not None]
-    level, cycles, seconds = None, list[CycleSensitivity](), 0.0
+    cycles, seconds = list[CycleSensitivity](), 0.0
     try:
         check_calculable(model)
         map_, y = CycleMap.of(model, w), np.delete([state.start for state in model.states], SPEED)
         while len(cycles) < CYCLES:
             cycle = map_.run(y, design.speed)
-            if cycle is None:
-                steps = STEP * np.diag(np.abs(w))
-                ends = [state.force for state in slidings(model, np.vstack([w + steps, w - steps]))]
-                level = -np.diff(np.reshape(ends, (2, -1)), axis=0)[0] / np.maximum(2.0 * STEP * np.abs(w), 1e-300)
-                break
-            if any(part.situated.direction < 0.0 for part in cycle.slides):
+            if cycle is None or any(part.situated.direction < 0.0 for part in cycle.slides):
                 return None
             seconds += cycle.stick + cycle.slip
             if seconds > longest and not cycles:
@@ -242,23 +219,21 @@ def simulated_log(
         return None
     sd = np.array([np.inf if i == ELONGATION else BOUNDED_START_SD for i in starts])
     at_rest = tuple(i - (i > SPEED) for i in starts)
-    return SimulatedLog(tuple(cycles), level, STEADY * map_.time, np.stack(columns, axis=1), at_rest, sd)
+    return SimulatedLog(tuple(cycles), np.stack(columns, axis=1), at_rest, sd)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The choice: what is known, what each log adds.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known before a log is chosen, and logs of designs, each simulated when it is first looked at.
+    """What is known before a log is chosen, and logs of designs, each simulated when it is first needed.
 
     kept (k,): places among the free parameters of those that another log shares. targets: names of what is to be
     identified. places (d, n_p): theta, the likeliest and draws of what is uncertain. precision (d, k, k) at each;
-    systematic (k,): variances that no log lowers (tolerances). base (n_p,): of the rig; variance: of a sample [N^2];
-    load_error: of the normal force in a cycle, relative. rate, fastest: lowest and highest sampling rate [Hz]; apart:
-    seconds between independent samples, at least. longest: [s] of a log at one speed.
+    systematic (k,): variances that no log lowers (tolerances). base (n_p,): of the rig; noise: of a sample [N];
+    load_error: of the normal force in a cycle, relative. rate, fastest: lowest and highest sampling rate [Hz].
+    longest: [s] of a log at one speed.
     """
 
     unknowns: Unknowns
@@ -268,26 +243,24 @@ class Knowledge:
     precision: Array
     systematic: Array
     base: Array
-    variance: float
+    noise: float
     load_error: float
     rate: float
+    fastest: float
     longest: float
-    apart: float = 0.0
-    fastest: float = np.inf
     _logs: dict[tuple[LogDesign, int], SimulatedLog | None] = field(default_factory=dict, repr=False, compare=False)
-    _informed: dict[tuple[LogDesign, int, int], Array] = field(default_factory=dict, repr=False, compare=False)
 
-    @property
+    @cached_property
     def index(self) -> NDArray[np.int64]:
         """Of the k parameters among all (k,)."""
         return np.flatnonzero(self.unknowns.free)[self.kept]
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Of the k parameters."""
         return tuple(self.unknowns.names[i] for i in self.index.tolist())
 
-    @property
+    @cached_property
     def targeted(self) -> list[int]:
         """Places of the targets among the k parameters."""
         return [i for i, name in enumerate(self.names) if name in self.targets]
@@ -295,7 +268,7 @@ class Knowledge:
     def variances(self, precision: Array) -> Array:
         """Relative variances (d, k): of a logarithm, or over what the parameter is judged by."""
         logarithmic, out = self.unknowns.logarithmic[self.index], np.empty(precision.shape[:2])
-        for place, (matrix, theta) in enumerate(zip(precision, self.places, strict=True)):
+        for place, (matrix, theta) in enumerate(zip(precision, self.places, strict=False)):
             judged_by = sizes(self.unknowns, self.unknowns.values(theta, self.base))[self.index]
             size = np.where(logarithmic, 1.0, np.maximum(judged_by, 1e-300))
             out[place] = (np.diag(inverse(matrix)) + self.systematic) / size**2
@@ -306,10 +279,10 @@ class Knowledge:
         half = NORMAL * np.sqrt(self.variances(precision))
         return np.where(self.unknowns.logarithmic[self.index], np.expm1(np.minimum(half, UNKNOWN)), half)
 
-    def identified(self, logs: Mapping[LogDesign, int]) -> dict[str, float]:
-        """The targets that are known well enough with logs of so many cycles: half lengths by name."""
-        halves = promised(self.halves(self.with_logs(logs)))
-        return {self.names[i]: float(halves[i]) for i in self.targeted if halves[i] <= SAFE * IDENTIFIED}
+    def identifies(self, logs: Mapping[LogDesign, int]) -> bool:
+        """Whether all targets are known well enough with logs of so many cycles."""
+        halves = promised(self.halves(self.with_logs(logs)))[self.targeted]
+        return bool(np.all(halves <= SAFE * IDENTIFIED))
 
     def log(self, design: LogDesign, place: int = 0) -> SimulatedLog | None:
         """The log of a design at one of the places."""
@@ -333,18 +306,14 @@ class Knowledge:
         first, log = self.log(design), self.log(design, place)
         if first is None or log is None:
             return np.zeros((self.kept.size, self.kept.size))
-        if (design, cycles, place) not in self._informed:
-            rate, load_sd = 1.0 / max(1.0 / self.sampling(design), self.apart), self.load_error * design.normal_force
-            matrix = log.information(rate, self.variance, load_sd, log.count(first.duration(cycles)))
-            self._informed[design, cycles, place] = matrix[np.ix_(self.kept, self.kept)]
-        return self._informed[design, cycles, place]
+        count, load_sd = log.count(first.duration(cycles)), self.load_error * design.normal_force
+        matrix = log.information(self.sampling(design), self.noise**2, load_sd, count)
+        return np.asarray(matrix[np.ix_(self.kept, self.kept)])
 
     def with_logs(self, chosen: Mapping[LogDesign, int]) -> Array:
         """Precision (d, k, k) with the chosen logs, each of so many cycles."""
-        out = self.precision.copy()
-        for log in chosen.items():
-            out += [self.information(*log, place) for place in range(len(out))]
-        return out
+        added = [[self.information(*log, place) for log in chosen.items()] for place in range(len(self.places))]
+        return self.precision + (np.sum(added, axis=1) if chosen else 0.0)
 
 
 def promised(halves: Array) -> Array:
@@ -355,15 +324,14 @@ def promised(halves: Array) -> Array:
 @dataclass(frozen=True)
 class PlannedLog:
     """A log to record, for a duration [s] with so many slips (at the likeliest place); sampling rate [Hz]; halves
-    (d, k): half lengths of the intervals with this log and those before it; identifies: half lengths with all logs, of
-    what would not be known well enough without this one; repeats: whether it repeats the speed of a log at hand."""
+    (d, k): half lengths of the intervals with this log and those before it; repeats: whether it repeats the speed of a
+    log at hand."""
 
     design: LogDesign
     rate: float
     duration: float
     slips: int
     halves: Array
-    identifies: Mapping[str, float]
     repeats: bool = False
 
 
@@ -379,34 +347,24 @@ def choose(
         designs: among which is chosen; one that is chosen again becomes longer.
         budget: time for all logs together [s], setting each up included.
     """
-    chosen, known = {} if repeat is None else {repeat[0]: repeat[1]}, knowledge.identified
+    chosen = {} if repeat is None else {repeat[0]: repeat[1]}
     for _ in range(ROUNDS):
-        if len(known(chosen)) == len(knowledge.targeted):
-            break
-        best = _best(knowledge, designs, chosen, budget - sum(knowledge.seconds(*log) for log in chosen.items()))
+        left = budget - sum(knowledge.seconds(*log) for log in chosen.items())
+        best = None if knowledge.identifies(chosen) else _best(knowledge, designs, chosen, left)
         if best is None:
             break
         chosen[best[0]] = chosen.get(best[0], 0) + best[1]
-    if len(known(chosen)) == len(knowledge.targeted):  # later logs may have made earlier ones superfluous
+    if knowledge.identifies(chosen):  # later logs may have made earlier ones superfluous
         for design in sorted(chosen, key=lambda design: -knowledge.seconds(design, chosen[design])):
             rest = {other: n for other, n in chosen.items() if other != design}
-            if len(known(rest)) == len(knowledge.targeted) and (repeat is None or design != repeat[0]):
+            if knowledge.identifies(rest) and (repeat is None or design != repeat[0]):
                 chosen = rest
-    together, out = known(chosen), []
-    for number, (design, cycles) in enumerate(chosen.items()):
-        log, without = knowledge.log(design), known({d: n for d, n in chosen.items() if d != design})
+    out, so_far = list[PlannedLog](), dict[LogDesign, int]()
+    for design, cycles in chosen.items():
+        log, so_far[design] = knowledge.log(design), cycles
         assert log is not None
-        out.append(
-            PlannedLog(
-                design,
-                knowledge.sampling(design),
-                log.duration(cycles),
-                cycles if log.period else len(log.cycles),
-                knowledge.halves(knowledge.with_logs(dict(list(chosen.items())[: number + 1]))),
-                {name: half for name, half in together.items() if name not in without},
-                repeat is not None and design == repeat[0],
-            )
-        )
+        halves, repeats = knowledge.halves(knowledge.with_logs(so_far)), repeat is not None and design == repeat[0]
+        out.append(PlannedLog(design, knowledge.sampling(design), log.duration(cycles), cycles, halves, repeats))
     return out
 
 
@@ -417,30 +375,24 @@ def _best(
     precision, targeted = knowledge.with_logs(chosen), knowledge.targeted
     enough = (0.5 * SAFE * IDENTIFIED / NORMAL) ** 2  # the score is level where a parameter is known well enough
 
-    def score(matrices: Array) -> Array:
-        return np.sum(np.log(knowledge.variances(matrices)[:, targeted] + enough), axis=1)
-
-    before = score(precision)
-
-    def gain(log: tuple[LogDesign, int], count: int) -> float:
-        after = precision.copy()
-        after[:count] += np.array([knowledge.information(*log, place) for place in range(count)])
-        return float(np.mean((before - score(after))[:count]))
+    def worth(log: tuple[LogDesign, int], count: int) -> float:
+        """What a log gains at the first so many places per second of its time."""
+        after = precision[:count] + [knowledge.information(*log, place) for place in range(count)]
+        before, now = (knowledge.variances(each)[:, targeted] for each in (precision[:count], after))
+        gain = float(np.mean(np.sum(np.log((before + enough) / (now + enough)), axis=1)))
+        return gain / knowledge.seconds(*log) if gain > LEAST_GAIN else 0.0
 
     possible = []
     for design in designs:
         log = knowledge.log(design)
         if log is None:
             continue
-        if log.period:
-            room = min(log.count(knowledge.longest), MOST_SLIPS) - chosen.get(design, 0)
-            most = int(max(min(log.count(left - SETUP), room), 0.0))
-            counts = [LEAST * 2**i for i in range((most // LEAST).bit_length())] or [most] * (most > 0)
-            possible += [(design, count) for count in counts]
-        elif log.duration(0) <= left - SETUP:
-            possible.append((design, 1))
-    ranked = sorted(possible, key=lambda log: -gain(log, 1) / knowledge.seconds(*log))
+        most = min(log.count(knowledge.longest), MOST_SLIPS) - chosen.get(design, 0)
+        most = int(max(min(log.count(left - SETUP), most), 0.0))
+        counts = [LEAST * 2**i for i in range((most // LEAST).bit_length())] or [most] * (most > 0)
+        possible += [(design, count) for count in counts]
+    ranked = sorted(possible, key=lambda log: -worth(log, 1))  # at the likeliest place, the first of them at all
     first = list(dict.fromkeys(design for design, _ in ranked))[:TRIED]
-    judged = [(gain(log, len(precision)), log) for log in ranked if log[0] in first]
-    worth = [(value / knowledge.seconds(*log), log) for value, log in judged if value > LEAST_GAIN]
-    return max(worth, key=lambda option: option[0])[1] if worth else None
+    judged = {log: worth(log, len(precision)) for log in ranked if log[0] in first}
+    best = max(judged, key=lambda log: judged[log], default=None)
+    return best if best is not None and judged[best] > 0.0 else None

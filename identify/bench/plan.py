@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -42,9 +43,8 @@ FARTHEST = math.log(3.0)  # of a logarithm: how far draws go
 
 @dataclass(frozen=True)
 class Choices:
-    """What can be set at the rig; what is empty is left to the default: speeds [m/s]; loads [N];
-    stiffnesses of the springs there are [N/m]; fastest sampling rate [Hz]; targets, names of what is to be identified;
-    budget for all logs [s]."""
+    """What can be set at the rig, empty for the default: speeds [m/s], loads [N], stiffnesses of springs [N/m], fastest
+    sampling rate [Hz]; targets: names of what is to be identified; budget for all logs [s]."""
 
     speeds: tuple[float, ...] = ()
     loads: tuple[float, ...] = ()
@@ -100,24 +100,21 @@ def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Resul
     of_drives = [scene.rig.drive_speed, *(entry.drive_speed for entry in scene.logs)]
     stated_speeds = [abs(v) for drive in of_drives if drive is not None for v in Drive.of(drive).speeds if v]
     speeds = [speed for each in driven_at for speed in each] or stated_speeds or [1e-3]
-    designs = [
-        LogDesign(speed, force, spring)
-        for spring in choices.stiffnesses or (None,)
-        for force in choices.loads or (load,)
-        for speed in choices.speeds or dialled(speeds)
-    ]
+    dialled = [v for v in DIALS if min(speeds) / BEYOND <= v <= max(speeds) * BEYOND]
+    every = product(choices.speeds or dialled, choices.loads or (load,), choices.stiffnesses or (None,))
+    designs = [LogDesign(*each) for each in every]
     if all(knowledge.log(design) is None for design in designs):
         raise IdentifyError(
             "no log of any speed that was tried slips with the values of this scene; give starts in [parameters] that "
             "are nearer to the pair, a softer spring or a higher load (--stiffness, --load)"
         )
     lone = [each[0] for each in driven_at if len(each) == 1]
-    lone = [abs(log.drive_speed_m_per_s) for log in taken if log.drive_speed_m_per_s] if result else lone
+    lone = sorted([abs(log.drive_speed_m_per_s) for log in taken if log.drive_speed_m_per_s] if result else lone)
     alike = scene.tolerances.get("specimen") == 0.0 or len({f"{speed:.2g}" for speed in lone}) < max(len(lone), 2)
-    repeat, lone = None, [] if alike else sorted(lone)
-    for speed in sorted(lone, key=lambda speed: abs(math.log(speed / lone[len(lone) // 2]))):
+    repeat = None
+    for speed in [] if alike else sorted(lone, key=lambda speed: abs(math.log(speed / lone[len(lone) // 2]))):
         log = knowledge.log(again := LogDesign(speed, load))  # of the middle one that slips
-        if repeat is None and log is not None and log.cycles:
+        if repeat is None and log is not None:
             repeat = again, max(min(REPEATED_SLIPS, int(log.count(LONGEST))), 1)
     chosen = choose(knowledge, designs, choices.budget, repeat)
     guessed = tuple(n for n in assumed(scene, values, pair.values) if n in values)
@@ -145,11 +142,11 @@ def _knowledge(
     targets = choices.targets or tuple(name for name in names if name not in RIG_PARAMETERS)
     if missing := [name for name in targets if name not in names]:
         raise IdentifyError(f"{missing[0]} is not searched in this scene; expected one of {', '.join(names)}: free it")
-    precision = unknowns.prior_precision[np.ix_(free, free)]
-    systematic = np.zeros(kept.size)
+    precision, systematic = unknowns.prior_precision[np.ix_(free, free)], np.zeros(kept.size)
     if pair.covariance is not None and result is not None:
         known = [i for i, name in enumerate(pair.names) if name in names and np.isfinite(pair.covariance[i, i])]
-        at = kept[[names.index(pair.names[i]) for i in known]]
+        places = [names.index(pair.names[i]) for i in known]
+        at = kept[places]
         size = np.where(unknowns.logarithmic, [values[n] for n in unknowns.names], 1.0)[free[at]]
         published = np.asarray(pair.covariance)[np.ix_(known, known)] / np.outer(size, size)
         # More logs lower the errors of noise, and not those of rig and sensors.
@@ -160,30 +157,31 @@ def _knowledge(
             if entry and entry.standard_error is not None and low is not None and high is not None:
                 share[number] = min((0.5 * (high - low) / (NORMAL * entry.standard_error)) ** 2, 1.0)
         precision[np.ix_(at, at)] = inverse(published * np.sqrt(np.outer(share, share)))
-        systematic[[kept.tolist().index(i) for i in at]] = np.diag(published) * (1.0 - share)
-    places = drawn_places(unknowns, theta, precision, base)
-    precisions = np.array([precision] * len(places))
-    for place, point in enumerate(places):
+        systematic[places] = np.diag(published) * (1.0 - share)
+    noises = [log.noise_N for log in (result.logs if result else ()) if log.noise_N]
+    noises += [log.data.noise for log in logs]
+    drawn = drawn_places(unknowns, theta, precision, base)
+    precisions = np.array([precision] * len(drawn))
+    for place, point in enumerate(drawn):
         for log in logs:  # what it is expected to hold, at every speed it was driven at
             rate, load_sd = 1.0 / log.data.interval, log.data.normal_force_sd
             for speed, seconds in driven(log.data):
                 trial = simulated_log(unknowns, point, log.data.base, LogDesign(speed, log.mean_load), seconds)
                 if trial is not None:
                     precisions[place] += trial.information(rate, log.data.noise**2, load_sd, trial.count(seconds))
-    noise = scene.rig.noise or max((log.data.noise for log in logs), default=NOISE * values["mu_s"] * load)
     return Knowledge(
-        unknowns,
-        kept,
-        targets,
-        places,
-        precisions[:, kept[:, None], kept[None, :]],
-        systematic,
-        base,
-        noise**2,
-        LOAD_ERROR,
-        min([1.0 / log.data.interval for log in logs] or [SLOWEST_RATE]),
-        LONGEST,
+        unknowns=unknowns,
+        kept=kept,
+        targets=targets,
+        places=drawn,
+        precision=precisions[:, kept[:, None], kept[None, :]],
+        systematic=systematic,
+        base=base,
+        noise=scene.rig.noise or max(noises, default=NOISE * values["mu_s"] * load),
+        load_error=LOAD_ERROR,
+        rate=min([1.0 / log.data.interval for log in logs] or [SLOWEST_RATE]),
         fastest=choices.fastest,
+        longest=LONGEST,
     )
 
 
@@ -219,14 +217,7 @@ def driven(data: LogData) -> list[tuple[float, float]]:
     return [(abs(speed), seconds) for speed, seconds in pieces if speed != 0.0 and seconds > 0.0]
 
 
-def dialled(speeds: Sequence[float]) -> list[float]:
-    """Drive speeds that one would set about some [m/s], rising."""
-    return [v for v in DIALS if min(speeds) / BEYOND <= v <= max(speeds) * BEYOND]
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # In the words of a laboratory, as a table of steps to type into a script, and as a document.
-# ----------------------------------------------------------------------------------------------------------------------
 
 TABLE = "log,drive_speed_mm_per_s,duration_s,normal_force_N,sampling_rate_Hz,stiffness_N_per_m"
 NOISE_ALONE = "these are intervals of noise alone; errors of the sensors, and of what is taken as exact of the rig, add"
@@ -256,23 +247,19 @@ def verdict(half: float) -> str:
 
 def described(log: PlannedLog) -> str:
     """A log in lab words."""
-    design = log.design
+    design, minutes = log.design, math.ceil(log.duration / 60.0)
     spring = "" if design.stiffness is None else f" on the spring of {three_figures(design.stiffness)} N/m"
     at = f"{speed_text(design.speed, 3)}, {three_figures(design.normal_force)} N{spring}, at {log.rate:.0f} Hz"
-    again = ": a repeat with another specimen" * log.repeats
-    minutes, short = f"{math.ceil(log.duration / 60.0)} min", f"{two_figures(max(log.duration, 0.1)):.3g} s"
-    return f"a log of {minutes if log.duration > 180.0 else short} at {at} ({log.slips} slips){again}"
-
-
-def two_figures(seconds: float) -> float:
-    """A duration [s] with two figures, rounded up."""
-    step = 10.0 ** (math.floor(math.log10(seconds)) - 1)
-    return float(f"{math.ceil(seconds / step - 1e-9) * step:.6g}")
+    # Shorter ones with two figures, rounded up.
+    step = 10.0 ** (math.floor(math.log10(max(log.duration, 0.1))) - 1)
+    long = f"{minutes} min" if minutes > 3 else f"{math.ceil(log.duration / step - 1e-9) * step:.3g} s"
+    return f"a log of {long} at {at} ({log.slips} slips){': a repeat with another specimen' * log.repeats}"
 
 
 def plan_text(plan: RecordingPlan, source: str = "") -> str:
     """The whole plan for a terminal; its first line says what it is of (`source`) and where the values come from."""
     known, now, then = plan.knowledge, promised(plan.now), promised(plan.then)
+    open_ = [known.names[i] for i in known.targeted if then[i] > IDENTIFIED]
     if plan.logs:
         moved = [
             f"{known.names[i]} {shown_half(plan.now[:, i])} → {shown_half(plan.then[:, i])}"
@@ -282,7 +269,7 @@ def plan_text(plan: RecordingPlan, source: str = "") -> str:
         these = "this log" if len(plan.logs) == 1 else f"these {len(plan.logs)} logs"
         minutes = f"{math.ceil(plan.seconds / 60.0)} minutes, {SETUP / 60.0:.0f} for setting up each log included"
         summary = f"add {these}: {'; '.join(filter(None, [', '.join(moved), minutes]))}"
-    elif all(then[i] <= IDENTIFIED for i in known.targeted):
+    elif not open_:
         summary = "nothing to add: every target is identified already"
     else:
         summary = "no log among those that were tried, and within the budget, is expected to identify more; see below"
@@ -293,10 +280,9 @@ def plan_text(plan: RecordingPlan, source: str = "") -> str:
     lines = [wrapped(" ".join(filter(None, (source, plan.origins.text))), "", ""), wrapped(summary)]
     lines += [wrapped(f"{number}. {described(log)}", "  ") for number, log in enumerate(plan.logs, 1)]
     lines += [wrapped(REPEAT)] if any(log.repeats for log in plan.logs) else []
-    lines += ["", columns(rows), wrapped(WITH_TOLERANCES if known.systematic.any() else NOISE_ALONE)]
+    lines += ["", columns(rows), wrapped(WITH_TOLERANCES if known.systematic.all() else NOISE_ALONE)]
     if any("to" in cell for row in rows[1:] for cell in row[1:-1]):
         lines.append(wrapped("ranges are over the values that the parameters may have"))
-    open_ = [known.names[i] for i in known.targeted if then[i] > IDENTIFIED]
     if open_:
         tried = "no set of logs within the budget, at the speeds, loads and springs that were tried, identifies more"
         lines.append(wrapped(f"{listed(open_)}: {tried}; allow a longer --budget, or another --load or --stiffness"))
@@ -315,23 +301,20 @@ def step_table(plan: RecordingPlan) -> str:
 
 def plan_document(plan: RecordingPlan) -> dict[str, Any]:
     """What --json prints, SI; half lengths as shares of what each parameter is judged by, null where they are open."""
-    names, origins = plan.knowledge.names, plan.origins
+    names, origins, then = plan.knowledge.names, plan.origins, promised(plan.then)
 
-    def by_name(halves: Array) -> dict[str, float | None]:
-        return {n: h if math.isfinite(h) and h < 1e6 else None for n, h in zip(names, halves.tolist(), strict=True)}
-
-    def ranges(halves: Array) -> dict[str, list[float | None]]:
-        low, high = by_name(np.min(halves, axis=0)), by_name(np.max(halves, axis=0))
-        return {name: [low[name], high[name]] for name in names}
+    def by_name(*halves: Array) -> dict[str, Any]:
+        known = [[h if math.isfinite(h) and h < 1e6 else None for h in each.tolist()] for each in halves]
+        return {name: row[0] if len(row) == 1 else row for name, *row in zip(names, *known, strict=True)}
 
     return {
         "measured": list(origins.measured),
         "stated": list(origins.stated),
         "assumed": list(origins.assumed),
         "now": by_name(promised(plan.now)),
-        "then": by_name(promised(plan.then)),
-        "ranges": {"now": ranges(plan.now), "then": ranges(plan.then)},
-        "verdicts": {n: verdict(float(h)) for n, h in zip(names, promised(plan.then), strict=True)},
+        "then": by_name(then),
+        "ranges": {k: by_name(h.min(axis=0), h.max(axis=0)) for k, h in (("now", plan.now), ("then", plan.then))},
+        "verdicts": {n: verdict(float(h)) for n, h in zip(names, then, strict=True)},
         "seconds": plan.seconds,
         "logs": [
             {

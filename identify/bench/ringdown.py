@@ -142,12 +142,10 @@ def _fitted(time: Array, force: Array, period: float) -> RingDown | None:
 
 
 def _least_squares(time: Array, force: Array, period: float) -> RingDown | None:
-    """The best damped swing through all rows, with dry friction where they ask for it.
-
-    From turning point n on the mass swings about s F, s = (-1)^n: x = s F + (x_n - s F) d, with x_0 = A and
-    x_n+1 = s F (1 + q) - q x_n, q = exp(-pi zeta/sqrt(1 - zeta^2)); frequency, zeta and the turning point before the
-    first row are searched, A, F, level and drift follow from them (variable projection; Golub and Pereyra 1973).
-    """
+    """The best damped swing through all rows, with dry friction where they ask for it."""
+    # From turning point n on the mass swings about s F, s = (-1)^n: x = s F + (x_n - s F) d, x_0 = A and x_n+1 =
+    # s F (1 + q) - q x_n, q = exp(-pi zeta/sqrt(1 - zeta^2)); frequency, zeta and the turning point before the first
+    # row are searched, A, F, level and drift follow from them (variable projection; Golub and Pereyra 1973).
     t, size = time - time[0], float(np.std(force)) or 1.0
 
     def basis(x: Array) -> Array:

@@ -20,7 +20,7 @@ from identify.diagnosis.effect_choice import choose_from_numbers
 from identify.logs.scene_records import unused
 from identify.prediction import maps, sources
 from identify.prediction.axes import Site, axis, known_axes
-from identify.prediction.draws import DRAWS, AnswerInterval, Draws, OperatingPoint
+from identify.prediction.draws import OperatingPoint
 from identify.prediction.orbit import check_calculable
 from identify.prediction.predict import NoAnswer, PointPrediction, predict, predictions
 from identify.prediction.wording import ranges_text, shown
@@ -253,7 +253,7 @@ def answers(arguments: Namespace, terminal: Terminal) -> Answer:
             # values that nobody measured make ranges, not one number
             texts = [ranges_text(prediction, part)] if origins.assumed else [own, prediction.closed_forms.text]
             if margin is not None:
-                advice = maps.stabilising_changes(point.site.model, point.at, point.names, tested, margin)
+                advice = maps.stabilising_changes(point.site.model, point.at, tested, margin)
                 document["advice"] = to_dict(advice)
                 texts.append(advice.text)
             if tested is not None and (beyond := tested.beyond(point.setting)):
@@ -265,7 +265,7 @@ def answers(arguments: Namespace, terminal: Terminal) -> Answer:
     if plot:
         from identify.report.draw_map import draw_line
 
-        draw_line(maps.line_map(shown[0].site, "drive_speed", _around("drive_speed", shown), LINE, None), plot)
+        draw_line(maps.line_map(shown[0].site, "drive_speed", _around("drive_speed", shown), LINE), plot)
         terminal.say(f"plot: {plot}")
     whole: dict[str, Json] = {"status": "done", "assumed": list(origins.assumed), "points": documents}
     return Answer(document=whole if offered is None else whole | {"existing_result": str(offered)})
@@ -300,7 +300,7 @@ def _map(
     plot, data = picture(arguments.plot), arguments.data and file_to_write(arguments.data, "--data")
     if data:
         maps.check_data_path(data)
-    point, site, names, part = points[0], points[0].site, tuple(arguments.map), arguments.command
+    site, names, part = points[0].site, tuple(arguments.map), arguments.command
     for name in names:
         _check_known("--map", name, known_axes(site.model))
     if len(names) > 2:
@@ -315,11 +315,8 @@ def _map(
         unit = axis(site, name).unit
         ranges[name] = quantity(low, unit, f"--range {name}"), quantity(high, unit, f"--range {name}")
     if len(names) == 1:
-        draws, nodes = None, LINE if arguments.points is None else arguments.points
-        if point.covariance is not None:
-            at = dict(zip(POINT, (site.drive_speed, site.normal_force), strict=True))
-            draws = Draws.of(site.model, dict(site.values) | at, point.names, point.covariance, DRAWS // 2)
-        drawn: maps.LineMap | maps.Chart = maps.line_map(site, names[0], ranges[names[0]], nodes, draws)
+        nodes = LINE if arguments.points is None else arguments.points
+        drawn: maps.LineMap | maps.Chart = maps.line_map(site, names[0], ranges[names[0]], nodes)
     else:
         nodes = GRID if arguments.points is None else arguments.points
         drawn = maps.chart(site, (names[0], names[1]), list(ranges.values()), (nodes, nodes))
@@ -368,16 +365,12 @@ def _line_document(drawn: maps.LineMap) -> dict[str, Json]:
         ("end_of_stick_slip", "stick-slip exists", drawn.ends, np.isfinite(figures["drop"])),
         ("loss_of_stability", "steady sliding is unstable", drawn.losses, drawn.chart.growth >= 0.0),
     ):
-        entries: list[Mapping[str, Json]] = []
         texts = ["everywhere" if np.all(holds) else "in places" if np.any(holds) else "nowhere"] if not changes else []
+        entries: list[Mapping[str, Json]] = []
         for change in changes:
-            side, span = "below" if change.below else "above", change.interval or AnswerInterval(None, None)
-            ends = None if change.interval is None else [span.low, span.high]
-            entry: dict[str, Json] = {"value": change.value, "unit": q.unit, "interval": ends, "holds": side}
-            entries.append(entry | ({"reason": f"interval open: {span.reason}"} if span.reason else {}))
+            side = "below" if change.below else "above"
+            entries.append({"value": change.value, "unit": q.unit, "holds": side})
             texts.append(f"{side} {shown(change.value, q.unit)}")
-            if span.low is not None and span.high is not None:
-                texts[-1] += f" (95 %: {shown(span.low, q.unit)} to {shown(span.high, q.unit)})"
         document[key] = entries
         sentences.append(f"{words} {' and '.join(texts)}")
     low, high = (shown(float(v), q.unit) for v in drawn.values[[0, -1]])

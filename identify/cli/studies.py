@@ -41,13 +41,9 @@ def batch(arguments: Namespace, terminal: Terminal) -> Answer:
             raise
         message = f"{len(error.complaints)} things to correct before the batch can begin; nothing was fitted"
         raise CommandLineError(message, error.complaints) from None
-    for note in planned.notes:
-        terminal.note(f"note: {note}")
     workers: Workers = LocalWorkers(arguments.jobs or cores())
     if arguments.scheduler:
         workers = ClusterWorkers(arguments.scheduler)
-        out.mkdir(parents=True, exist_ok=True)
-        workers.check(out.absolute())
     ends_by_itself()
     try:
         with terminal.bar() as progress:

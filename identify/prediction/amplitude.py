@@ -27,19 +27,15 @@ class Slip:
     """A whole slip until the mass sticks again; shapes as broadcast, dimensionless, NaN where it never does.
 
     status: "restick", "steady" (slides on), "no_slip" (would be pushed backwards) or "runaway" (alpha <= -1);
-    duration tau_end; elongation xi_end - xi_o there; acceleration xi''(tau_end); drop xi_p - xi_end, which is
-    also the duration of the next stick; period; peak_to_peak of the free oscillation; time_of_peak_speed and
-    peak_speed = max V/v_0.
+    duration tau_end; elongation xi_end - xi_o there; drop xi_p - xi_end, which is also the duration of the next stick;
+    period; peak_speed = max V/v_0.
     """
 
     status: NDArray[np.str_]
     duration: Array
     elongation: Array
-    acceleration: Array
     drop: Array
     period: Array
-    peak_to_peak: Array
-    time_of_peak_speed: Array
     peak_speed: Array
 
 
@@ -153,8 +149,7 @@ def slip(alpha: ArrayLike, overshoot: ArrayLike) -> Slip:
         duration, stop = tau_end.astype(float), end_rate.astype(float)
         peak_time = np.arctan2(w * phi, a * phi - 1) / w
         speed = 1 + np.hypot(a + A, w) * np.exp(-a * peak_time)
-        swing, drop = slip_maximum(a, A)[1] * (1 + np.exp(-a * np.pi / w)), phi + stop
-        columns = (duration, -(2 * a + stop), stop, drop, duration + drop, swing, peak_time, speed)
+        columns = (duration, -(2 * a + stop), phi + stop, duration + phi + stop, speed)
         return Slip(_shaped(status, alpha, overshoot), *(_shaped(c, alpha, overshoot, where=again) for c in columns))
 
 

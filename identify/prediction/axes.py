@@ -103,25 +103,16 @@ def axis(site: Site, name: str) -> Axis:
         raise SimulationError(f"{name!r} is no quantity of this model; known are {', '.join(known_axes(site.model))}")
     if name in ("pressure", "area") and site.area is None:
         raise SimulationError(f'the {name} is not known here: give [contact] area = "0.8 cm^2" in the scene')
-    value = float(quantity_of(site, name, site.setting))
+    known = {**site.values, "drive_speed": site.drive_speed, "normal_force": site.normal_force}
+    known |= {"area": site.area or np.nan, "pressure": site.normal_force / (site.area or np.nan)}
+    known |= {"mu_step": known["mu_s"] - known["mu_k0"]}
+    known |= {"zeta": known["damping"] / (2.0 * known["stiffness"])} if "damping" in known else {}
+    value = known[name]
     if name in OWN:
         return Axis(name, OWN[name][0], OWN[name][1], value, *OWN[name][2:])
     p = site.model.parameter(name)
     powers = name not in EVEN and p.lower >= 0.0 and value > 0.0
     return Axis(name, WORDS.get(name, p.symbol), p.unit, value, p.lower, p.upper, powers)
-
-
-def quantity_of(site: Site, name: str, settings: Array) -> Array:
-    """The values of a quantity at settings (..., n_w) of a point's contact."""
-    v = _named(site.model, settings)
-    if name == "mu_step":
-        return v["mu_s"] - v["mu_k0"]
-    if name == "zeta":
-        return v["damping"] / (2.0 * v["stiffness"])
-    if name in ("area", "pressure"):
-        area = (site.area or np.nan) * (v["normal_force"] / site.normal_force) ** site.area_exponent
-        return area if name == "area" else v["normal_force"] / area
-    return v[name]
 
 
 def _named(model: Model, settings: Array) -> dict[str, Array]:
@@ -147,15 +138,14 @@ def check_axes(site: Site, names: Sequence[str]) -> None:
         )
 
 
-def moved(site: Site, changes: Mapping[str, ArrayLike], settings: Array | None = None) -> Array:
-    """The settings (..., n_w) of a point, or of others of its contact (n, n_w), with some quantities moved; values may
-    be arrays of one shape."""
-    return np.stack(np.broadcast_arrays(*moved_values(site, changes, settings).values()), axis=-1)
+def moved(site: Site, changes: Mapping[str, ArrayLike]) -> Array:
+    """The settings (..., n_w) of a point with some quantities moved; values may be arrays of one shape."""
+    return np.stack(np.broadcast_arrays(*moved_values(site, changes).values()), axis=-1)
 
 
-def moved_values(site: Site, changes: Mapping[str, ArrayLike], settings: Array | None = None) -> dict[str, Array]:
+def moved_values(site: Site, changes: Mapping[str, ArrayLike]) -> dict[str, Array]:
     """The same by name (parameters, "normal_force", "drive_speed")."""
-    now = _named(site.model, site.setting if settings is None else settings)
+    now = _named(site.model, site.setting)
     new = {name: np.asarray(value, float) for name, value in changes.items()}
     v = now | {name: value for name, value in new.items() if name in now}
     if "mu_k0" in new and "mu_s" not in new:

@@ -6,7 +6,8 @@ a step length of its own; rows whose end has to be decided apart are integrated 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
 
@@ -21,8 +22,6 @@ from identify.model.modes import GUARDS, sliding_modes
 from identify.prediction.orbit import (
     CREEP,
     DOUBLINGS,
-    FARTHEST,
-    RESOLVED,
     Cycle,
     CycleMap,
     bounds_at_rest,
@@ -49,6 +48,8 @@ PLAIN = (3, 1, 2, 4, 8, 16)  # cycles before each search for the orbit by Newton
 DRIFTING = 10  # cycles at the end of these: a motion that still drifts one way lingers, as just beyond an end
 NOT_YET, LOCATED, UNDECIDED = int(Stop.NOT_YET), int(Stop.LOCATED), (int(Stop.EVENT), int(Stop.STUCK))
 CLOSED = 1e-6  # of the closure of a cycle, in units of normal force / stiffness
+RESOLVED = 1e-2  # share of the jump to which a cycle has to close: jumps that fade away look closed before they are
+FARTHEST = 0.3  # of one step towards closure, in the same units
 STEP = 1e-3  # of the jump, both in typical ones: differences of the return map
 DENSE = 0.3  # natural times sqrt(m/k): longest step where extremes are sought between its ends
 
@@ -100,8 +101,8 @@ class Node:
 @dataclass(frozen=True)
 class CycleRows:
     """One stick and slip per row, SI: states (n, n_x) at rest before it, at the onset of slip and after it; durations
-    (n,); whether the mass came to rest (n,), and which rows were integrated alone (n,) or could not be (n,); nodes of
-    the slips where they were kept."""
+    (n,); whether the mass came to rest (n,), and which rows could not be integrated (n,); nodes of the slips where they
+    were kept; cycles of rows that were integrated alone."""
 
     start: Array
     onset: Array
@@ -109,9 +110,9 @@ class CycleRows:
     stick: Array
     slip: Array
     rests: Bools
-    alone: Bools
     refused: Bools
     nodes: tuple[Node, ...] = ()
+    alone: Mapping[int, Cycle] = field(default_factory=dict)
 
     @property
     def y(self) -> Array:
@@ -195,9 +196,7 @@ class CycleBatch:
             x[:, ELONGATION] *= ALMOST * slack[:, 0] / (stretched - slack)[:, 2]
         return np.delete(x, SPEED, 1)
 
-    # ------------------------------------------------------------------------------------------------------------------
     # One cycle.
-    # ------------------------------------------------------------------------------------------------------------------
 
     def run(self, y: Array, *, nodes: bool = False) -> CycleRows:
         """The cycles that start at rest in y (n, n_y); with `nodes` short steps are taken, and kept."""
@@ -205,7 +204,7 @@ class CycleBatch:
         start = np.insert(np.clip(y, *bounds_at_rest(self.model)), SPEED, 0.0, axis=1)
         stick, onset, force = self._stick(start)
         end, slip, rests, alone, kept = self._slip(onset, force, nodes)
-        refused = np.zeros(n, dtype=bool)
+        refused, cycles = np.zeros(n, dtype=bool), dict[int, Cycle]()
         rests &= slip >= CREEP * np.pi * self.time
         for i in np.flatnonzero(alone).tolist():
             map_ = CycleMap.of(self.model, self.settings[i])
@@ -217,14 +216,12 @@ class CycleBatch:
             rests[i] = cycle is not None
             if cycle is not None:
                 stick[i], slip[i], onset[i], end[i] = cycle.stick, cycle.slip, cycle.onset, cycle.end
-        return CycleRows(start, onset, end, stick, slip, rests, alone, refused, kept)
+                cycles[i] = cycle
+        return CycleRows(start, onset, end, stick, slip, rests, refused, kept, cycles)
 
     def _stick(self, start: Array) -> tuple[Array, Array, Array]:
-        """Durations (n,) of rests from states (n, n_x), the states at their ends, the force of the drive there [N].
-
-        The first zero of the breakaway margin is bracketed, by a scan where transients of a series element may bring
-        several, and met by Newton's method within its bracket.
-        """
+        """Durations (n,) of rests from states (n, n_x), the states at their ends, the force of the drive there [N]."""
+        # The first zero of the breakaway margin is bracketed, by a scan where transients may bring several.
         w, look, low = self.settings, _rests(self.model), np.zeros(len(start))
         strongest = np.max(w[:, :2], axis=1) * w[:, -2] + self._column("stiffness") * np.abs(start[:, ELONGATION])
         high = 2.0 * strongest / (self._column("stiffness") * w[:, -1])
@@ -251,8 +248,7 @@ class CycleBatch:
         return t, row[:, 3:], row[:, 2]
 
     def _slip(self, x: Array, force: Array, keep: bool) -> tuple[Array, Array, Bools, Bools, tuple[Node, ...]]:
-        """Slips from states x (n, n_x) under a force of the drive (n,) [N]: states at their ends, durations, whether
-        the mass rests, which rows have to be integrated alone, nodes."""
+        """Slips from states x (n, n_x) under forces [N]: their ends, durations, which rest, which go alone, nodes."""
         n, n_x = x.shape
         at, (trials, events), clamped = BurstState(n_x), _steps(self.model), self.model.clamped
         lowest = 0.0 if clamped is None else self.model.states[clamped].lower or 0.0
@@ -360,8 +356,7 @@ class CycleBatch:
         return motions
 
     def _newton(self, y: Array, jump: Array) -> tuple[Array, NDArray[np.complex128], Bools]:
-        """Rest states (n, n_y) nearer to a stable orbit than y, which come to rest again; multipliers of the return map
-        (n, n_y); whether the orbit is reached (n,). Jumps (n,) of the last slips are in normal force / stiffness."""
+        """Rest states (n, n_y) nearer to a stable orbit than y, multipliers (n, n_y), whether it is reached (n,)."""
         n, n_y = y.shape
         probes = np.repeat(y[None], n_y + 1, axis=0)
         upper = bounds_at_rest(self.model)[1]
@@ -396,16 +391,12 @@ class CycleBatch:
         """QUANTITIES (n, 9) of the cycles from y (n, n_y), NaN where the mass does not rest."""
         cycles = self.run(y, nodes=True)
         out = _figures(self.model, self.settings, cycles)
-        for i in np.flatnonzero(cycles.alone & cycles.rests).tolist():
-            cycle = CycleMap.of(self.model, self.settings[i]).run_within(y[i], self.settings[i], float(self.limit[i]))
-            if cycle is not None:
-                out[i] = cycle_figures(self.model, cycle)
+        for i, cycle in cycles.alone.items():
+            out[i] = cycle_figures(self.model, cycle)
         return out
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What is reported of cycles: extremes lie between nodes, on cubics through both ends of a step.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def cycle_figures(model: Model, cycle: Cycle) -> Array:
@@ -418,7 +409,7 @@ def cycle_figures(model: Model, cycle: Cycle) -> Array:
     ]
     one, (stick, slip) = np.ones(1, dtype=bool), (np.array([q]) for q in (cycle.stick, cycle.slip))
     start, onset, end = cycle.start[None], cycle.onset[None], cycle.end[None]
-    rows = CycleRows(start, onset, end, stick, slip, one, ~one, ~one, tuple(nodes))
+    rows = CycleRows(start, onset, end, stick, slip, one, ~one, tuple(nodes))
     return np.asarray(_figures(model, cycle.setting[None], rows)[0])
 
 

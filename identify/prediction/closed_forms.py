@@ -21,8 +21,7 @@ Array = NDArray[np.float64]
 Numbers = float | Array
 
 AGREES = 0.05  # relative difference up to which a closed form is called valid at an operating point
-KNOWN = (*MAIN, "driven_damping", "linear_weakening", "varying_normal_force")  # effects, at one operating point
-SLOW = 1e-6  # s/m, of a weakening that no slip gets to the end of
+KNOWN = (*MAIN, "varying_normal_force")  # effects, at one operating point
 CYCLE = ("drop", "period", "slip_duration", "peak_speed")
 
 
@@ -97,8 +96,7 @@ class ClosedForms:
     status: "restick", "steady" (slides on), "no_slip", "runaway" (alpha <= -1) of the linearised slip. groups: by name
     (`MEANING`). numbers: "drop", "period", "slip_duration", "peak_speed" of a cycle; "critical_speed"
     [m/s], below which that slip sticks again; "Pi" and its critical value "Pi_fc" decide
-    whether steady sliding is stable (below: stable), "Pi_fc_printed" by the printed eq. (25); "Omega_c". worn: the
-    contact does not age in steady sliding.
+    whether steady sliding is stable (below: stable); "Omega_c". worn: the contact does not age in steady sliding.
     """
 
     groups: Mapping[str, Array]
@@ -112,24 +110,11 @@ def beyond(effects: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in effects if name not in KNOWN)
 
 
-def known_settings(values: Mapping[str, Numbers]) -> dict[str, Array]:
-    """What the closed forms take (QUANTITIES) of named values [SI] of a model's parameters, "drive_speed" and
-    "normal_force"; what is absent is null (no damping, ageing, weakening). Arrays of one shape, or floats.
-
-    A damping at a frequency of its own is the h that gives the same damper at the natural frequency; weakening in
-    proportion to speed is the start of an exponential one that is very slow.
-    """
-    q = {name: values.get(name, 0.0) for name in QUANTITIES}
-    if "damping_frequency" in values:
-        q["damping"] = q["damping"] * np.sqrt(q["stiffness"] / q["mass"]) / (2 * np.pi * values["damping_frequency"])
-    if "slope" in values:
-        q |= {"delta_mu_k": values["slope"] / SLOW, "a": SLOW}
-    return dict(zip(q, (np.asarray(value, float)[()] for value in np.broadcast_arrays(*q.values())), strict=True))
-
-
 def closed_forms(values: Mapping[str, Numbers]) -> ClosedForms:
-    """The closed forms of named values [SI] (docs/equations.md, sections 4 to 6), as for `known_settings`."""
-    q = known_settings(values)
+    """The closed forms (docs/equations.md, sections 4 to 6) of named values [SI] of a model's parameters, "drive_speed"
+    and "normal_force", arrays of one shape or floats; what is absent is null (no damping, ageing, weakening)."""
+    known = np.broadcast_arrays(*(values.get(name, 0.0) for name in QUANTITIES))
+    q = {name: np.asarray(value, float)[()] for name, value in zip(QUANTITIES, known, strict=True)}
     with np.errstate(all="ignore"):
         g = _formed(q)
         slip = amplitude.slip(g["alpha"], g["overshoot"])
@@ -145,9 +130,6 @@ def closed_forms(values: Mapping[str, Numbers]) -> ClosedForms:
             "critical_speed": np.where(np.isnan(limit), np.nan, np.where(limit > 0, fall / limit, np.inf)),
             "Pi": g["Pi"],
             "Pi_fc": np.where(ageing, stability.critical_friction(g["z"] / 2, g["tau_cr"]), np.nan),
-            "Pi_fc_printed": np.where(
-                ageing, stability.critical_friction(g["zeta"], g["tau_cr"], form="printed"), np.nan
-            ),
             "Omega_c": np.where(ageing, stability.critical_frequency(g["z"] / 2, g["tau_cr"]), np.nan),
         }
     shape = np.shape(q["drive_speed"])

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
 from identify.model.model import Model
-from identify.prediction.axes import Axis, Site, admissible, moved
-from identify.prediction.windows import CLOSEST, COARSE, QUANTILES, StickTest, growing, locate
+from identify.prediction.axes import admissible
+from identify.prediction.windows import QUANTILES
 from identify.prediction.wording import listed
 
 Array = NDArray[np.float64]
@@ -140,22 +140,3 @@ class Draws:
             return AnswerInterval(None, None, f"only {finite.size} of {total} draws have an answer")
         low, high = np.quantile(finite, QUANTILES)
         return AnswerInterval(float(low), float(high))
-
-    def ends(self, site: Site, q: Axis, place: float, below: bool, start: tuple[Array, Array] | None) -> Array:
-        """Values (n + 2 d,) [SI] of a quantity at which stick-slip ends or sliding loses its stability, NaN where none
-        is found.
-
-        Args:
-            site: the operating point. place: the end of the estimate, as a coordinate. below: whether it holds below
-                it. start: a rest state (n_y,) of stick-slip near the end and the typical one there; None for sliding.
-        """
-
-        def at(rows: NDArray[np.intp], along: Array) -> Array:
-            return moved(site, {q.name: q.value_at(along)}, self.settings[rows])
-
-        expected, ahead = np.full(len(self.settings), place), 1.0 if below else -1.0
-        if start is None:
-            return q.value_at(locate(growing(self.model, at), expected, ahead, CLOSEST, self.count))
-        states = (np.tile(each, (expected.size, 1)) for each in start)
-        test = StickTest(self.model, at, *states, rested=True)
-        return q.value_at(locate(test, expected, ahead, COARSE, self.count))

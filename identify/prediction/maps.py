@@ -17,12 +17,12 @@ from identify.base.result import Number
 from identify.model.model import Model
 from identify.prediction.axes import Axis, Site, admissible, axis, check_axes, known_axes, moved
 from identify.prediction.batch import CycleBatch
-from identify.prediction.draws import DRAWS, AnswerInterval, Draws, OperatingPoint
+from identify.prediction.draws import OperatingPoint
 from identify.prediction.orbit import QUANTITIES, check_calculable
 from identify.prediction.predict import number, site_at
 from identify.prediction.sources import Tested
 from identify.prediction.windows import COARSE, FINE, Border, Survey, outcome_of
-from identify.prediction.wording import shown, with_interval
+from identify.prediction.wording import shown
 from identify.scene import Scene
 from identify.simulation.sliding import slidings
 
@@ -42,9 +42,7 @@ CHANGED = {"drive_speed": 1e5}
 CHANGED |= dict.fromkeys(("stiffness", "damping", "mass", "normal_force"), 100.0)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The grid.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -152,9 +150,7 @@ def around(q: Axis) -> Range:
     return max(ends[0], q.lower), min(ends[1], q.upper)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The map.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -291,19 +287,16 @@ def stability_map(
     return chart(scene, (x, y), (x_range, y_range), (points, points))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Over one quantity.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class AnswerChange:
-    """Where an answer changes: value of the quantity [SI], whether the answer holds below that value (else above), and
-    its interval, None where nothing is uncertain."""
+    """Where an answer changes: value of the quantity [SI], and whether the answer holds below that value (else
+    above)."""
 
     value: float
     below: bool
-    interval: AnswerInterval | None = None
 
 
 @dataclass(frozen=True)
@@ -327,38 +320,31 @@ class LineMap:
         return self.chart.plane.x_values
 
 
-def line_map(
-    site: Site, name: str, span: Range | None = None, points: int = 120, draws: Draws | None = None
-) -> LineMap:
+def line_map(site: Site, name: str, span: Range | None = None, points: int = 120) -> LineMap:
     """Orbits and steady sliding of an operating point while one quantity (`axes.known_axes`) moves.
 
     Args:
-        span: of the quantity [SI]; None: around its value at the point. draws: what is known of the point.
+        span: of the quantity [SI]; None: around its value at the point.
 
     Raises:
         SimulationError: a quantity, range or model that makes no map.
     """
     grid = plane(site, (name,), (span,), (points,))
-    survey, q = grid.survey(), grid.x
+    survey = grid.survey()
     borders = survey.ends(FINE), survey.losses()
-    changes: list[tuple[AnswerChange, ...]] = []
-    for border in borders:
-        row = []
-        for k, place in enumerate(border.places[:, 0].tolist()):
-            value, below, interval = float(q.value_at(place)), bool(border.nodes[k, 0] < border.nodes[k, 1]), None
-            if draws is not None and set(draws.names) != {name}:
-                start = (border.y[k], border.scale[k]) if border.y.size else None
-                interval = draws.interval(draws.ends(site, q, place, below, start), value)
-            row.append(AnswerChange(value, below, interval))
-        changes.append(tuple(row))
+    ends, losses = (
+        tuple(
+            AnswerChange(float(grid.x.value_at(place)), bool(first < last))
+            for place, (first, last) in zip(border.places[:, 0], border.nodes, strict=True)
+        )
+        for border in borders
+    )
     force = grid.gridded(np.array([state.force for state in slidings(site.model, survey.batch.settings)]))[0]
-    return LineMap(Chart.of(grid, survey, *borders), force, changes[0], changes[1])
+    return LineMap(Chart.of(grid, survey, *borders), force, ends, losses)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Stabilising changes: small disturbances of sliding die out and no stick-slip is found, neither from a rested contact
 # (the strongest kick a start can give), nor from one that is almost renewed, nor beside what other values have.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -372,25 +358,21 @@ class ChangeAdvice:
     limit: Number
     advised: Number
     at: str | None
-    kind: str | None
     extrapolated: bool
     reason: str
 
     @property
     def text(self) -> str:
         """One line."""
-        unit, advised, reach = self.limit.unit, self.advised.value, with_interval(self.limit)
+        unit, limit, advised = self.limit.unit, self.limit.value, self.advised.value
         if advised is None:
-            return f"- {self.label}: {self.reason}{'' if self.limit.value is None else f' ({reach})'}."
-        notes = [f"limit {reach}, {self.kind}"]
-        notes += ["extrapolated: outside the tested range"] if self.extrapolated else []
-        low, high = self.limit.ends
-        if (high or 0.0) > advised if self.at == "least" else (low or np.inf) < advised:
-            notes.append("the interval of the limit reaches beyond the margin")
+            return f"- {self.label}: {self.reason}{'' if limit is None else f' ({shown(limit, unit)})'}."
+        notes = f"limit {shown(limit, unit)}, {self.limit.validity}"
+        notes += "; extrapolated: outside the tested range" if self.extrapolated else ""
         if advised == self.now.value:
-            return f"- {self.label}: as it is ({shown(advised, unit)}); {'; '.join(notes)}."
+            return f"- {self.label}: as it is ({shown(advised, unit)}); {notes}."
         now = shown(self.now.value, unit)
-        return f"- {self.label} at {self.at} {shown(advised, unit)}, now {now} ({'; '.join(notes)})."
+        return f"- {self.label} at {self.at} {shown(advised, unit)}, now {now} ({notes})."
 
 
 @dataclass(frozen=True)
@@ -404,19 +386,13 @@ class StabilisingAdvice:
 
 
 def stabilising_changes(
-    model: Model,
-    point: OperatingPoint,
-    names: Sequence[str] = (),
-    tested: Tested | None = None,
-    margin: float = MARGIN,
-    draws: int = DRAWS,
+    model: Model, point: OperatingPoint, tested: Tested | None = None, margin: float = MARGIN
 ) -> StabilisingAdvice:
     """What to change so that sliding is steady at an operating point.
 
     Args:
-        names: what the covariance of the point is of: parameters, "drive_speed", "normal_force".
         tested: the range in which the pair was tested; what lies outside is marked extrapolated. None: not known.
-        margin: share by which the quantity is to stay away from its limit. draws: for the intervals of the limits.
+        margin: share by which the quantity is to stay away from its limit.
 
     Returns:
         one change per quantity, all but that one held; limits and advised values without a value where there is none.
@@ -430,12 +406,8 @@ def stabilising_changes(
             "the values at this point are none that the model takes: mu_s above mu_k0, and friction that stays "
             "positive at speed, were expected; look at the parameters that are not identified"
         )
-    drawn = None
-    if point.covariance is not None and names:
-        at = {"drive_speed": site.drive_speed, "normal_force": site.normal_force}
-        drawn = Draws.of(model, {**site.values, **at}, names, point.covariance, draws)
     quantities = [axis(site, name) for name in CHANGED if name in known_axes(model)]
-    changes = tuple(_change(site, q, drawn, tested, margin) for q in quantities if q.value > 0.0)
+    changes = tuple(_change(site, q, tested, margin) for q in quantities if q.value > 0.0)
     steady = _steady(model, site.setting)
     goal = "To keep sliding steady" if steady else "To make sliding steady, one of these"
     where = f"{shown(site.drive_speed, 'm/s')} and {shown(site.normal_force, 'N')}"
@@ -449,66 +421,49 @@ def _steady(model: Model, setting: Array) -> bool:
     return bool(batch.growth[0] < 0.0) and not batch.settle(batch.rested()).sticks[0]
 
 
-def _change(site: Site, q: Axis, drawn: Draws | None, tested: Tested | None, margin: float) -> ChangeAdvice:
-    """The change of one quantity, looked for over values around that of the point."""
+def _change(site: Site, q: Axis, tested: Tested | None, margin: float) -> ChangeAdvice:
+    """The change of one quantity, looked for over values a factor STEP apart around that of the point."""
     unit, low, high = q.unit, max(q.value / CHANGED[q.name], q.lower), min(q.value * CHANGED[q.name], q.upper)
-
-    def settings_at(places: Array) -> Array:
-        return moved(site, {q.name: q.value_at(places[:, 0])})
-
-    def outside(value: float) -> bool:
-        return tested is not None and tested.extrapolated(q.name, value)
-
     below, above = (int(abs(np.log(end / q.value)) / np.log(STEP) + 1e-9) for end in (low, high))
-    places = q.place(q.value) + np.log(STEP) * np.arange(-below, above + 1)[:, None]
-    bad = np.flatnonzero(~admissible(site.model, settings_at(places)))
-    first, last = max(bad[bad < below] + 1, default=0), min(bad[bad > below], default=len(places))
-    places, mine = places[first:last], below - first
-    survey = Survey.of(site.model, places, settings_at)
+
+    def settings_at(powers: Array) -> Array:
+        return moved(site, {q.name: q.value * STEP ** powers[:, 0]})
+
+    powers = np.arange(-below, above + 1.0)
+    bad = powers[~admissible(site.model, settings_at(powers[:, None]))]
+    powers = powers[(powers > max(bad[bad < 0], default=-np.inf)) & (powers < min(bad[bad > 0], default=np.inf))]
+    survey = Survey.of(site.model, powers[:, None], settings_at)
     steady = (survey.batch.growth < 0.0) & ~survey.motions.sticks
-    other, now = np.flatnonzero(steady != steady[mine]), number(q.value, unit, "")
+    now_steady, now = bool(steady[powers == 0][0]), number(q.value, unit, "")
+    limit, advised, at, kind, reason = None, None, None, "", ""
+    other = powers[steady != now_steady]
     if not other.size:
-        reach = f"from {shown(low, unit)} to {shown(high, unit)}"
-        reason = f"{'any, it is steady' if steady[mine] else 'cannot be reached, it is not steady'} {reach}"
-        none = number(None, unit, ""), number(None, unit, reason)
-        return ChangeAdvice(q.name, q.label, now, *none, None, None, outside(q.value), reason)
-    far = int(other[np.argmin(np.abs(other - mine) - 0.25 * (other > mine))])  # of two as near the one above
-    near = far - 1 if far > mine else far + 1
-    rising = bool((far > near) != steady[mine])
-    turns = []
-    for border, kind in ((survey.ends(FINE), "end of stick-slip"), (survey.losses(), "loss of stability")):
-        for k in np.flatnonzero(np.all(np.sort(border.nodes, axis=1) == sorted((near, far)), axis=1)).tolist():
-            turns.append((float(border.places[k, 0]), kind, (border.y[k], border.scale[k]) if border.y.size else None))
-    place, kind, start = (max if rising else min)(turns, key=lambda each: each[0])  # steady only beyond both
-    limit, interval, scaled, reason = float(q.value_at(place)), None, None, ""
-    if drawn is not None:
-        ends = drawn.ends(site, q, place, rising, start)
-        # How far off the quantity is now, it will be at the limit: the value to be set is off by as much.
-        interval = drawn.interval(ends * q.value / drawn.column(q.name), limit)
-    advised = limit * (1 + margin) if rising else limit / (1 + margin)
-    if steady[mine] and (q.value >= advised if rising else q.value <= advised):
-        advised = q.value
-    elif not _steady(site.model, moved(site, {q.name: advised})):
-        reason = "sliding is steady only just beyond this limit: the margin does not fit"
-    elif interval is not None:
-        least, most = (None if end is None else end * advised / limit for end in (interval.low, interval.high))
-        scaled = AnswerInterval(least, most, interval.reason)
-    return ChangeAdvice(
-        quantity=q.name,
-        label=q.label,
-        now=now,
-        limit=number(limit, unit, kind, interval),
-        advised=number(None if reason else advised, unit, reason, scaled),
-        at="least" if rising else "most",
-        kind=kind,
-        extrapolated=outside(limit if reason else advised),
-        reason=reason,
-    )
+        kind = f"from {shown(low, unit)} to {shown(high, unit)}"
+        reason = f"{'any, it is steady' if now_steady else 'cannot be reached, it is not steady'} {kind}"
+    else:
+        far = other[np.argmin(np.abs(other) - 0.25 * (other > 0))]  # of two as near the one above
+        rising = bool((far > 0) != now_steady)  # steady lies above
+        edge = np.sort([far, far - np.sign(far)]) - powers[0]
+        borders = ((survey.ends(FINE), "end of stick-slip"), (survey.losses(), "loss of stability"))
+        turns = [
+            (float(border.places[k, 0]), words)
+            for border, words in borders
+            for k in np.flatnonzero(np.all(np.sort(border.nodes, axis=1) == edge, axis=1)).tolist()
+        ]
+        power, kind = (max if rising else min)(turns)  # steady only beyond both
+        limit, at = q.value * STEP**power, "least" if rising else "most"
+        advised = limit * (1 + margin) if rising else limit / (1 + margin)
+        if now_steady and (q.value >= advised if rising else q.value <= advised):
+            advised = q.value
+        elif not _steady(site.model, moved(site, {q.name: advised})):
+            advised, reason = None, "sliding is steady only just beyond this limit: the margin does not fit"
+    reached = next((value for value in (advised, limit) if value is not None), q.value)
+    extrapolated = tested is not None and tested.extrapolated(q.name, reached)
+    numbers = number(limit, unit, kind), number(advised, unit, reason)
+    return ChangeAdvice(q.name, q.label, now, *numbers, at, extrapolated, reason)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Maps as data.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def check_data_path(path: Path) -> None:
@@ -521,7 +476,7 @@ def check_data_path(path: Path) -> None:
         raise SimulationError(f"{path} is no format of data for a map; expected .csv: rename it")
 
 
-def write_map(chart: Chart | LineMap, path: Path) -> list[Path]:
+def write_map(made: Chart | LineMap, path: Path) -> list[Path]:
     """Write a map as CSV, one row per node; the boundaries of two quantities in a second file beside it.
 
     Returns:
@@ -533,18 +488,22 @@ def write_map(chart: Chart | LineMap, path: Path) -> list[Path]:
     import pandas as pd
 
     check_data_path(path)
-    drawn = chart if isinstance(chart, Chart) else chart.chart
+    drawn = made if isinstance(made, Chart) else made.chart
     grid = drawn.plane
     heads = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in (grid.x, grid.y)]
     columns: dict[str, ArrayLike] = dict(zip(heads, np.meshgrid(grid.x_values, grid.y_values), strict=True))
     columns |= {"outcome": drawn.outcomes, "growth_rate [1/s]": drawn.growth, "multiplier": drawn.multiplier}
     columns |= {f"{name} [{unit}]": drawn.figures[name] for name, unit in QUANTITIES.items()}
-    columns |= {"sliding_force [N]": chart.sliding_force} if isinstance(chart, LineMap) else {}
+    columns |= {"sliding_force [N]": made.sliding_force} if isinstance(made, LineMap) else {}
     tables = {path: pd.DataFrame({name: np.ravel(values) for name, values in columns.items()})}
-    lines = {"end of stick-slip": drawn.sticking, "loss of stability of sliding": drawn.unstable}
-    pieces = [(words, i + 1, p) for words, b in lines.items() for i, p in enumerate(drawn.values_of(b))]
-    rows = [(words, piece, *point) for words, piece, points in pieces for point in points]
-    if isinstance(chart, Chart):
+    if isinstance(made, Chart):
+        lines = {"end of stick-slip": drawn.sticking, "loss of stability of sliding": drawn.unstable}
+        rows = [
+            (words, number, *point)
+            for words, boundary in lines.items()
+            for number, points in enumerate(drawn.values_of(boundary), 1)
+            for point in points
+        ]
         beside = path.with_name(f"{path.stem}_boundaries.csv")
         tables[beside] = pd.DataFrame(rows, columns=["boundary", "piece", *heads])
     for place, table in tables.items():

@@ -22,9 +22,7 @@ from identify.simulation.tangents import node_slopes, situated_at, stepped
 
 Array = NDArray[np.float64]
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Which models repeat themselves: only they have a cycle, a steady sliding and a critical speed to be asked for.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def check_calculable(model: Model) -> None:
@@ -55,11 +53,9 @@ def check_calculable(model: Model) -> None:
         )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The return map: a stick and a slip of the simulator, and how they move with start, parameters and rig.
 #
 # The setting w (n_w,) = parameters, normal force [N], drive speed [m/s] holds during a stick and its slip.
-# ----------------------------------------------------------------------------------------------------------------------
 
 ACCURATE = 1e-8  # relative tolerance of a step: a tenth of it, and less, is left in durations and jumps
 SLIDES_AFTER = 12.0  # half periods sqrt(m/k) pi without coming to rest: the mass slides
@@ -243,10 +239,6 @@ def slide_limits(model: Model, settings: Array, growth: Array) -> Array:
     return np.asarray(waits * half * np.where(zeta > 1.0, 1.0 + zeta, 1.0))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The periodic orbit: the fixed point of the map from arrest to arrest.
-# ----------------------------------------------------------------------------------------------------------------------
-
 QUANTITIES = {
     "drop": "N",
     "period": "s",
@@ -258,61 +250,3 @@ QUANTITIES = {
     "arrest_force": "N",
     "peak_to_valley": "N",
 }  # what is reported of an orbit, and its unit
-
-TOLERANCE = 1e-7  # of the closure of a cycle, in units of normal force / stiffness
-RESOLVED = 1e-2  # share of the jump to which a cycle has to close: jumps that fade away look closed before they are
-FARTHEST = 0.3  # of one step towards closure, in the same units
-MAX_STEPS = 12
-
-
-@dataclass(frozen=True)
-class Orbit:
-    """A periodic orbit: its cycle, and the Floquet multipliers (n_y,) of the return map, largest magnitude first.
-
-    Inside the unit circle the orbit is stable, at 1 it meets its unstable twin and ends. The trivial one, along the
-    motion, is not among them.
-    """
-
-    cycle: Cycle
-    multipliers: NDArray[np.complex128]
-
-    @property
-    def multiplier(self) -> float:
-        """The multiplier of largest magnitude, with its sign (the real part where it is complex)."""
-        return float(self.multipliers[0].real)
-
-    @property
-    def stable(self) -> bool:
-        """Whether small disturbances die out."""
-        return bool(np.abs(self.multipliers[0]) < 1.0)
-
-
-def close(map_: CycleMap, y: Array, drive_speed: float, growth: float | None = None) -> Orbit | None:
-    """The orbit near rest state y, by Newton's method; None when it is not found there.
-
-    Args:
-        growth: see `CycleMap.run`.
-    """
-    step: Array | None = None
-    for _ in range(MAX_STEPS):
-        cycle = map_.run(y, drive_speed, growth)
-        if cycle is None:
-            # The mass slides from here: go back half the way.
-            if step is None or np.max(np.abs(step)) < 1e-6:
-                return None
-            step = np.asarray(0.5 * step)
-            y = y - step * map_.scale
-            continue
-        y = np.delete(cycle.start, SPEED)
-        residual = (np.delete(cycle.end, SPEED) - y) / map_.scale
-        jacobian = map_.tangent(cycle).end[:, : y.size] * map_.scale / map_.scale[:, None]
-        jump = abs(cycle.onset[ELONGATION] - cycle.end[ELONGATION]) / map_.scale[ELONGATION]
-        if np.max(np.abs(residual)) < min(TOLERANCE, RESOLVED * jump):
-            if not np.all(np.isfinite(jacobian)):
-                return None
-            values = np.linalg.eigvals(jacobian).astype(complex)
-            return Orbit(cycle, values[np.argsort(-np.abs(values), kind="stable")])
-        move = np.linalg.lstsq(np.eye(y.size) - jacobian, residual, rcond=None)[0]
-        step = np.asarray(move * min(1.0, FARTHEST / float(np.max(np.abs(move)))))
-        y = y + step * map_.scale
-    return None

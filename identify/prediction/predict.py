@@ -11,15 +11,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from identify.base.document import FURTHER
 from identify.base.errors import SimulationError
-from identify.base.quantiles import LEVEL, beta
 from identify.base.result import Number
 from identify.model.model import Model
-from identify.prediction.axes import Site, axis
+from identify.prediction.axes import Site
 from identify.prediction.batch import CycleBatch, Motions, cycle_figures
 from identify.prediction.closed_forms import CYCLE, MEANING, beyond, closed_forms, judged
 from identify.prediction.draws import DRAWS, POINT, AnswerInterval, Draws, OperatingPoint
-from identify.prediction.orbit import QUANTITIES, CycleMap, Orbit, check_calculable, close
-from identify.prediction.windows import Outcome, SpeedRange, Window, Windows, outcome_of, speed_windows
+from identify.prediction.orbit import QUANTITIES, Cycle, CycleMap, check_calculable
+from identify.prediction.windows import (
+    COARSE,
+    Outcome,
+    SpeedRange,
+    StickTest,
+    Window,
+    Windows,
+    locate,
+    outcome_of,
+    speed_windows,
+)
 from identify.prediction.wording import OPEN, amplitude_text, closed_form_text, shown, stability_text
 from identify.simulation.sliding import Sliding, slidings
 
@@ -28,14 +37,10 @@ Array = NDArray[np.float64]
 MODEL = "nonlinear model, valid at any speed"
 SHOWN = QUANTITIES | {"frequency": "Hz", "share_in_slip": ""}  # what is reported of the jumps, and its unit
 QUIET = 1e-3  # natural frequencies: what a growth rate near zero is measured by
-ALIKE = (
-    0.03  # of the logarithm of the normal force, up to which draws of one pair end in the same ratio to the estimate
-)
+ALIKE = 0.03  # of the logarithm of the load, up to which draws of one pair end in the same ratio to the estimate
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The answer as values; its document is what `stickslip stability --json` and result.json hold.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -60,8 +65,8 @@ class StickSlipRange:
 
 @dataclass(frozen=True)
 class StabilityAnswer:
-    """What the pair does here and over all drive speeds [m/s]; multipliers: of the orbit here, None without one;
-    probability: that stick-slip exists here, the share of the draws of what is uncertain, with its 95 % interval."""
+    """What the pair does here and over all drive speeds [m/s]; multipliers: Floquet multipliers of the orbit here, None
+    without one; multiplier: the largest in magnitude."""
 
     outcome: str
     critical_speed: Number
@@ -73,7 +78,6 @@ class StabilityAnswer:
     multiplier: float | None
     multipliers: tuple[tuple[float, float], ...] | None
     text: str = ""
-    probability: Number = field(default_factory=lambda: Number(None))
 
 
 @dataclass(frozen=True)
@@ -124,21 +128,21 @@ def number(value: float | None, unit: str, validity: str, interval: AnswerInterv
     return Number(float(value), unit, (interval.low, interval.high), validity, reason)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What happens at an operating point, and at draws of it.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class SolutionSet:
     """The answer of the nonlinear model at one drive speed [m/s].
 
-    orbit: periodic stick-slip there, None without one; y (n_y,): rest state of its stick-slip, where there is some;
-    steady: steady sliding there; windows: what happens at every other drive speed, the same whatever speed is asked.
+    cycle: of the stable orbit there, multipliers (n_y,) of its return map, None and NaN without one; y (n_y,): rest
+    state of stick-slip there, where there is some; steady: steady sliding there; windows: what happens at every other
+    drive speed, the same whatever speed is asked.
     """
 
     outcome: Outcome
-    orbit: Orbit | None
+    cycle: Cycle | None
+    multipliers: NDArray[np.complex128]
     y: Array | None
     steady: Sliding
     windows: Windows
@@ -165,18 +169,17 @@ def solution_set(map_: CycleMap, drive_speed: float) -> SolutionSet:
         # A window narrower than the grid, or a speed at the very edge of one: this speed is a node then.
         windows = speed_windows(map_.model, w, (drive_speed,))
         motions = settled(windows)
-    orbit = close(map_, motions.y[0], drive_speed, steady.growth) if motions.periodic[0] else None
-    orbit = orbit if orbit is not None and orbit.stable else None
-    outcome = outcome_of(orbit is not None, bool(motions.sticks[0]), steady.stable)
-    return SolutionSet(outcome, orbit, motions.y[0] if motions.sticks[0] else None, steady, windows)
+    sticks, y = bool(motions.sticks[0]), motions.y[0]
+    cycle = map_.run(y, drive_speed, steady.growth) if motions.periodic[0] else None
+    outcome = outcome_of(cycle is not None, sticks, steady.stable)
+    return SolutionSet(outcome, cycle, motions.multipliers[0], y if sticks else None, steady, windows)
 
 
 @dataclass(frozen=True, eq=False)
 class DrawAnswers:
-    """What the rows of `Draws` do around an answer at a site; each is computed when it is first needed."""
+    """What the rows of `Draws` do around an answer; each is computed when it is first needed."""
 
     draws: Draws
-    site: Site
     answer: SolutionSet
 
     @cached_property
@@ -209,21 +212,16 @@ class DrawAnswers:
 
     def limit(self, part: SpeedRange, upper: bool) -> Array:
         """The upper or lower end (rows,) [m/s] of a range with stick-slip, NaN where none is found."""
-        speed, q = (part.high if upper else part.low), axis(self.site, "drive_speed")
+        settings, speed = self.draws.settings, part.high if upper else part.low
         assert speed is not None
-        start = part.states[-1 if upper else 0], self.batch.scale[0]
-        return self.draws.ends(self.site, q, q.place(speed), upper, start)
 
-    def probability(self) -> Number:
-        """Of stick-slip: the share of the draws that stick and slip, with its interval (Clopper and Pearson)."""
-        if self.draws.open:
-            names = ", ".join(dict.fromkeys(name for each in self.draws.open for name in each))
-            return Number(None, "", None, f"open: {names} is not identifiable here")
-        hits, n = int(np.sum(self.motions.sticks[: self.draws.count])), self.draws.count
-        tail = (1 - LEVEL) / 2
-        low = beta(tail, hits, n - hits + 1) if hits else 0.0
-        high = beta(1 - tail, hits + 1, n - hits) if hits < n else 1.0
-        return Number(hits / n if n else None, "", (low, high), f"{n} draws of what is uncertain")
+        def at(rows: NDArray[np.intp], logarithms: Array) -> Array:
+            return np.column_stack([settings[rows, :-1], np.exp(logarithms)])
+
+        start = part.states[-1 if upper else 0], self.batch.scale[0]
+        test = StickTest(self.draws.model, at, *(np.tile(each, (len(settings), 1)) for each in start), rested=True)
+        expected, ahead = np.full(len(settings), np.log(speed)), 1.0 if upper else -1.0
+        return np.exp(locate(test, expected, ahead, COARSE, self.draws.count))
 
 
 def _interval(drawn: DrawAnswers | None, name: str, value: float | None, size: float = 0.0) -> AnswerInterval | None:
@@ -241,9 +239,7 @@ def _jumps(rows: Array, values: Mapping[str, float | Array]) -> dict[str, Array]
     return known | further | {"a_V_max": np.multiply(values.get("a", 0.0), known["peak_speed"])}
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Predictions.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def predict(
@@ -324,7 +320,7 @@ def _prediction(
     values = {**site.values, "drive_speed": speed, "normal_force": load}
     drawn = None
     if point.covariance is not None and names:
-        drawn = DrawAnswers(Draws.of(model, values, names, point.covariance, draws), site, answer)
+        drawn = DrawAnswers(Draws.of(model, values, names, point.covariance, draws), answer)
 
     def of_model(value: float | None, unit: str, name: str, size: float = 0.0) -> Number:
         return number(value, unit, MODEL, _interval(drawn, name, value, size))
@@ -339,7 +335,8 @@ def _prediction(
             shared[key] = drawn.limit(part, upper) / end
         return number(end, "m/s", MODEL, drawn.draws.interval(shared[key] * end, end))
 
-    steady, windows, orbit = answer.steady, answer.windows, answer.orbit
+    steady, windows, cycle = answer.steady, answer.windows, answer.cycle
+    multipliers = tuple((float(z.real), float(z.imag)) for z in answer.multipliers)
     between = tuple(StickSlipRange(limit(part, False), limit(part, True)) for part in windows.sticking)
     slowest, fastest = (shown(end, "m/s") for end in windows.searched)
     if between:
@@ -360,16 +357,15 @@ def _prediction(
         searched_between=windows.searched,
         stick_slip_between=between,
         windows=windows.listed(),
-        multiplier=None if orbit is None else orbit.multiplier,
-        multipliers=tuple((float(z.real), float(z.imag)) for z in orbit.multipliers) if orbit else None,
-        probability=drawn.probability() if drawn else Number(None),
+        multiplier=None if cycle is None else multipliers[0][0],
+        multipliers=None if cycle is None else multipliers,
     )
-    if orbit is None:
+    if cycle is None:
         irregular = answer.outcome is Outcome.IRREGULAR
         why = "it sticks and slips, but not periodically" if irregular else "no stick-slip here"
         amplitude, peak = {name: number(None, unit, why) for name, unit in QUANTITIES.items()}, None
     else:
-        now = {name: float(row[0]) for name, row in _jumps(cycle_figures(model, orbit.cycle)[None], values).items()}
+        now = {name: float(row[0]) for name, row in _jumps(cycle_figures(model, cycle)[None], values).items()}
         amplitude, peak = {name: of_model(now[name], unit, name) for name, unit in SHOWN.items()}, now["a_V_max"]
     validity = replace(of_model(peak, "", "a_V_max"), validity="the closed forms of a slip need this to be far below 1")
     groups, forms = _closed_forms(model, values, amplitude, windows.end, validity, drawn)
@@ -406,9 +402,7 @@ def _closed_forms(
     for name, other in [*((name, amplitude[name].value) for name in CYCLE), ("critical_speed", end)]:
         why = unaware or judged(numbers[name], other, str(forms.status), float(forms.groups["alpha"]))
         out[name] = entry(name, numbers[name], QUANTITIES.get(name, "m/s"), why)
-    for name in ("Pi", "Pi_fc", "Pi_fc_printed", "Omega_c"):
-        printed = name == "Pi_fc_printed"
+    for name in ("Pi", "Pi_fc", "Omega_c"):
         why = unaware or "exact for small disturbances of steady sliding"
-        why = "as printed, eq. (25): too low, as its determinant has zeta where 2 zeta belongs" if printed else why
-        out[name] = entry(name, None if forms.worn and not printed else numbers[name], "", why)
+        out[name] = entry(name, None if forms.worn else numbers[name], "", why)
     return groups, ClosedFormsAnswer(validity, str(forms.status), ignored, out)

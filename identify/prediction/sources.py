@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.document import finite
 from identify.base.result import Correlation, Result
 from identify.prediction.wording import listed, shown
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG
 
-# ----------------------------------------------------------------------------------------------------------------------
-# How well an operating point is known where nothing was fitted: by the tolerances and priors its scene states.
-# ----------------------------------------------------------------------------------------------------------------------
-
 Array = NDArray[np.float64]
+
+# How well an operating point is known where nothing was fitted: by the tolerances and priors its scene states.
 
 
 def stated(scene: Scene, values: Mapping[str, float], drive_speed: float) -> tuple[tuple[str, ...], Array] | None:
@@ -33,8 +30,7 @@ def stated(scene: Scene, values: Mapping[str, float], drive_speed: float) -> tup
     """
     size = {**values, "drive_speed": drive_speed}
     deviations = {name: share * abs(size[name]) for name, share in scene.rig.tolerances.items() if name in size}
-    priors = {name: spec.prior_sd for name, spec in scene.parameters.items() if name in values}
-    deviations |= {name: sd for name, sd in priors.items() if sd is not None}
+    deviations |= {name: spec.prior_sd or 0.0 for name, spec in scene.parameters.items() if name in values}
     known = {name: sd for name, sd in deviations.items() if sd > 0.0}
     return (tuple(known), np.diag(np.square(list(known.values())))) if known else None
 
@@ -65,10 +61,10 @@ class Origins:
     @property
     def text(self) -> str:
         """One line."""
-        usual = " (built-in values, over their usual ranges)"
-        kinds = (("measured", self.measured, ""), ("stated", self.stated, ""), ("assumed", self.assumed, usual))
-        line = "; ".join(f"{kind}: {', '.join(names)}{more}" for kind, names, more in kinds if names)
-        return f"{line[:1].upper()}{line[1:]}."
+        parts = [f"{kind}: {', '.join(names)}" for kind, names in vars(self).items() if names]
+        usual = " (built-in values, over their usual ranges)" if self.assumed else ""
+        line = "; ".join(parts)
+        return f"{line[:1].upper()}{line[1:]}{usual}."
 
 
 def existing_result(scene: Scene) -> Path | None:
@@ -79,16 +75,12 @@ def existing_result(scene: Scene) -> Path | None:
     return path if path.is_file() else None
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Whose values hold for a log of a finished fit: those of its own group where parameters differ from group to group.
-# ----------------------------------------------------------------------------------------------------------------------
 
 Groups = tuple[tuple[str, str], ...]
-
-
 UNEVEN = (
     "the cycles of this pair differ, and no one friction pair describes them: their distributions hold at the drive "
-    "speed, stiffness and load of the record; anywhere else is extrapolated, not supported by these records"
+    "speed, stiffness and load of the record alone"
 )
 
 
@@ -119,11 +111,9 @@ def pair_of(result: Result, scene: Scene, log: int) -> Pair:
     missing = [name for name in dict.fromkeys(own.values()) if name not in keys]
     if missing:
         known = [entry for key, entry in entries.items() if own[key] == missing[0]]
-        per, group = known[0].per, mine.get(known[0].per, "")
-        whose = f"this log is of {per} {group}" if group else f"it has no {per}"
-        whose = f"{group} has none" if per == EACH_LOG else whose
-        others, again = ", ".join(entry.group for entry in known), "again with a log of this group that takes part"
-        return Pair(groups, untold=f"this fit has {missing[0]} of {others} only, and {whose}; fit it {again}")
+        others, group = ", ".join(entry.group for entry in known), mine.get(known[0].per, "") or "no such group"
+        untold = f"this fit has {missing[0]} of {others} only, and this log is of {group}"
+        return Pair(groups, untold=f"{untold}; fit it again with a log of this group that takes part")
     values = {name: value for name, key in keys.items() if (value := entries[key].value) is not None}
     return Pair(groups, values, *_covariance(result, keys))
 
@@ -141,12 +131,7 @@ def named(groups: Groups) -> str:
 
 
 def _covariance(result: Result, keys: Mapping[str, str]) -> tuple[tuple[str, ...], Array | None]:
-    """Names and covariance [SI] of what was estimated of a pair; None where there is none.
-
-    What is not identifiable has no standard error: its variance is infinite here, and what depends on it is open. The
-    errors are those of the correlation; older results have those of the parameters only, which a profile may have
-    given.
-    """
+    """Names and covariance [SI] of what was estimated of a pair; variances are infinite without a standard error."""
     known = result.correlation or Correlation()
     names = tuple(name for name, key in keys.items() if key in known.names)
     if not names:
@@ -161,9 +146,7 @@ def _covariance(result: Result, keys: Mapping[str, str]) -> tuple[tuple[str, ...
     return (names, matrix) if not np.any(np.isnan(matrix)) else ((), None)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The range of speed, load and stiffness in which a pair was tested: what lies outside is extrapolated.
-# ----------------------------------------------------------------------------------------------------------------------
 
 SLACK = 1.1  # beyond the range by this factor still counts as inside
 UNITS = {"drive_speed": "m/s", "normal_force": "N", "stiffness": "N/m"}
@@ -185,30 +168,21 @@ class Tested:
     @staticmethod
     def of_result(result: Result) -> Tested:
         """The range of the logs that took part in a finished fit."""
-        entries, rig = result.scene.get("logs") or (), result.scene.get("rig")
-        assert isinstance(entries, Sequence)
-        points = []
+        scene, points = Scene.from_document(result.scene), []
         for number, log in zip(result.numbers, result.logs, strict=True):
-            own = entries[number] if number < len(entries) else None
-            stated = (table.get("stiffness") for table in (own, rig) if isinstance(table, Mapping))
-            springs = (finite(each.get("value") if isinstance(each, Mapping) else each) for each in stated)
-            point = {
-                "drive_speed": log.drive_speed_m_per_s,
-                "normal_force": log.normal_force_N,
-                "stiffness": next((spring for spring in springs if spring), None),
-            }
+            rig = scene.rig_for(scene.logs[number]) if number < len(scene.logs) else scene.rig
+            values = log.drive_speed_m_per_s, log.normal_force_N, rig.stiffness
             if not log.reason_left_out:
-                points.append({name: value for name, value in point.items() if value})
+                points.append({name: value for name, value in zip(UNITS, values, strict=True) if value})
         return Tested.of(points)
 
     def beyond(self, values: Mapping[str, float]) -> str:
         """A sentence on what of these values [SI] was not tested; "" where all of it was."""
         out = []
-        for name in UNITS:
-            if name in values and name in self.ranges and self.extrapolated(name, values[name]):
-                low, high = (shown(end, UNITS[name]) for end in self.ranges[name])
-                span = low if low == high else f"{low} to {high}"
-                out.append(f"a {name.replace('_', ' ')} of {shown(abs(values[name]), UNITS[name])} ({span} tested)")
+        for name, (low, high) in self.ranges.items():
+            if name in values and self.extrapolated(name, values[name]):
+                ends = " to ".join(dict.fromkeys(shown(end, UNITS[name]) for end in (low, high)))
+                out.append(f"a {name.replace('_', ' ')} of {shown(abs(values[name]), UNITS[name])} ({ends} tested)")
         return f"Extrapolated: the logs did not test {listed(out)}." if out else ""
 
     def reach(self, name: str) -> tuple[float, float] | None:
@@ -218,9 +192,5 @@ class Tested:
 
     def extrapolated(self, name: str, value: float) -> bool:
         """Whether a value [SI] lies outside the tested range by more than a tenth; False for what is no such name."""
-        if name not in UNITS:
-            return False
-        if name not in self.ranges:
-            return True
-        low, high = self.ranges[name]
-        return not low / SLACK <= abs(value) <= high * SLACK
+        low, high = self.reach(name) or (np.inf, np.inf)
+        return name in UNITS and not low <= abs(value) <= high

@@ -35,9 +35,7 @@ def settings(rig: object, friction: object, drive_speed: ArrayLike, normal_force
 
 
 def _linearise(q: dict[str, Array]) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Of m x'' + resistance x' + k x + F_n step dgamma = 0, dgamma' = -dgamma/t_cr - x'/D about steady sliding:
-    resistance [N s/m], damper plus slope of sliding friction; step, mu_s - mu_k at the drive speed; ageing, whether
-    gamma moves at all (v_acr <= 1)."""
+    """Resistance, step and ageing of m x'' + resistance x' + k x + F step dgamma = 0, dgamma' = -dgamma/t_cr - x'/D."""
     v, left = q["drive_speed"], np.exp(-q["a"] * q["drive_speed"])
     with np.errstate(all="ignore"):
         ageing = (q["D"].real > 0) & (q["t_cr"].real > 0) & ((v * q["t_cr"]).real <= q["D"].real)

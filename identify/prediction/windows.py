@@ -35,9 +35,7 @@ SPACING, FINER = 0.3, 8  # of the logarithm of the drive speed between nodes; so
 SLOWEST, FASTEST = 1e-2, 30.0  # range searched, over the slowest and the typical speed of pair and rig
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Over a grid.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,8 @@ class Survey:
     def losses(self) -> Border:
         """Where steady sliding becomes unstable."""
         nodes, at = self._edges(self.batch.growth >= 0.0)
-        return Border(nodes, self._closed_in(growing(self.model, at), nodes, CLOSEST), np.empty(0), np.empty(0))
+        places = self._closed_in(lambda *edge: growth_rates(self.model, at(*edge)) >= 0.0, nodes, CLOSEST)
+        return Border(nodes, places, np.empty(0), np.empty(0))
 
     def _edges(self, has: Bools) -> tuple[Rows, At]:
         """Edges (k, 2) of which the first node has something and the other has not, and the settings along them."""
@@ -112,10 +111,10 @@ class Survey:
         return nodes, at
 
     def _closed_in(self, holds: Holds, nodes: Rows, rounds: int) -> Array:
-        rows, inside, outside = np.arange(len(nodes)), np.zeros(len(nodes)), np.ones(len(nodes))
-        for _ in range(rounds if rows.size else 0):
+        inside, outside = np.zeros(len(nodes)), np.ones(len(nodes))
+        for _ in range(rounds if len(nodes) else 0):
             middle = 0.5 * (inside + outside)
-            now = holds(rows, middle)
+            now = holds(np.arange(len(nodes)), middle)
             inside, outside = np.where(now, middle, inside), np.where(now, outside, middle)
         share = 0.5 * (inside + outside)[:, None]
         return np.asarray((1.0 - share) * self.places[nodes[:, 0]] + share * self.places[nodes[:, 1]])
@@ -124,11 +123,6 @@ class Survey:
 def _in_a_row(count: int) -> list[Rows]:
     """The sides of a grid of one direction."""
     return [np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)]
-
-
-def growing(model: Model, at: At) -> Holds:
-    """Whether disturbances of steady sliding grow."""
-    return lambda rows, places: growth_rates(model, at(rows, places)) >= 0.0
 
 
 class StickTest:
@@ -184,9 +178,7 @@ def locate(holds: Holds, expected: Array, ahead: float, rounds: int, draws: int)
     return np.asarray(0.5 * (inside + outside))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Over the drive speed.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 class Outcome(Enum):

@@ -90,7 +90,6 @@ def stability_text(prediction: PointPrediction) -> str:
         (first, _, low), *between, (last, high, _) = windows
         middle = [f"{what} from {start} to {end}" for what, start, end in between]
         lines.append(f"By drive speed: {'; '.join([f'{first} up to {low}', *middle, f'{last} above {high}'])}.")
-    lines += filter(None, [_probability_text(prediction)])
     return " ".join(lines) + _why_open(ends)
 
 
@@ -123,8 +122,7 @@ def ranges_text(prediction: PointPrediction, part: str) -> str:
     if part == "stability":
         end = prediction.stability.critical_speed
         why = f"; {end.validity}" if end.value is None else ""
-        text = f"Over the ranges of what is assumed stick-slip ends above a drive speed: {ranged(end)}{why}."
-        return " ".join(filter(None, [text, _probability_text(prediction, ())]))
+        return f"Over the ranges of what is assumed stick-slip ends above a drive speed: {ranged(end)}{why}."
     numbers = prediction.amplitude.numbers
     names = {"peak_to_valley": "the force falls by", "period": "period", "peak_speed": "highest speed"}
     ranges = ", ".join(f"{words} {ranged(numbers[name])}" for name, words in names.items())
@@ -146,15 +144,3 @@ def closed_form_text(prediction: PointPrediction) -> str:
         off = entry.validity.startswith("not valid")  # a number that is off by a factor of a hundred helps nobody
         words.append(f"{label}{':' if off else f' {shown(entry.value, entry.unit)},'} {entry.validity}")
     return f"{head} They give: {'; '.join(words)}."
-
-
-def _probability_text(prediction: PointPrediction, silent: tuple[float, ...] = (0.0, 1.0)) -> str:
-    """How likely stick-slip is here; "" where nothing is uncertain, or it is one of these values."""
-    chance = prediction.stability.probability
-    low, high = chance.ends
-    if chance.value is None or low is None or high is None or chance.value in silent:
-        return ""
-    return (
-        f"Probability of stick-slip here: {100 * chance.value:.3g} % "
-        f"({chance.validity}, 95 %: {100 * low:.3g} to {100 * high:.3g} %)."
-    )

@@ -29,7 +29,6 @@ from identify.base.errors import IdentifyError
 
 Document = dict[str, Any]
 
-
 CONVERGED = "converged"
 FAILED, TIMED_OUT, CRASHED, DEFECT = "failed", "timed_out", "crashed", "defect"
 OUTDATED = "outdated"  # a log or the program changed while the batch ran
@@ -225,10 +224,7 @@ def put(part: Path, place: Path) -> None:
     Raises:
         OSError: it cannot be moved there; `part` is left as it is.
     """
-    before = new_part(place.parent)
-    for inside in (part, *(item for item in part.rglob("*") if item.is_dir())):
-        _flush(inside)
-    existed = place.exists()
+    before, existed = new_part(place.parent), place.exists()
     if existed:
         place.rename(before)
     try:
@@ -237,7 +233,6 @@ def put(part: Path, place: Path) -> None:
         if existed:
             before.rename(place)
         raise
-    _flush(place.parent)
     if existed:
         shutil.rmtree(before, ignore_errors=True)
 
@@ -263,18 +258,6 @@ def foreign(place: Path) -> str | None:
     return next(iter(strange if strange or JOB in items else items), None)
 
 
-def recover(folder: Path, jobs: Sequence[Job]) -> None:
-    """Take over what an interrupted batch had written whole but not yet put; remove everything else unfinished."""
-    by_key = {(job.group, job.key): job for job in jobs}
-    for part in sorted(folder.glob(f".*{PART}*")):
-        document = complete(part) if part.is_dir() else None
-        job = None if document is None else by_key.get((document["group"], document["key"]))
-        if job is not None and document is not None and document["status"] not in TRY_AGAIN and not ended(folder, job):
-            put(part, folder / job.folder)
-        else:
-            discard(part)
-
-
 def utc() -> str:
     """Now, as the files say it."""
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
@@ -298,21 +281,6 @@ def _result_sha256(folder: Path) -> str | None:
         return hashlib.sha256((folder / RESULT).read_bytes()).hexdigest()
     except FileNotFoundError:
         return None
-
-
-def _flush(folder: Path) -> None:
-    """Bring the names in a folder to the disk, where the system can (its files are flushed as they are written)."""
-    try:
-        descriptor = os.open(folder, os.O_RDONLY)
-    except OSError:
-        return
-    try:
-        os.fsync(descriptor)
-    except OSError as error:
-        if is_full(error):
-            raise
-    finally:
-        os.close(descriptor)
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,9 +25,8 @@ from identify.report.style import drawing_style, printable, svg_text
 from identify.studies import compare as comparing
 from identify.studies.compare import PAGE, Comparison, FitEntry
 from identify.studies.comparison_tables import comparison_tables, fits_table, sentences, together, unit_of
-from identify.studies.operating_points import Answers, answered
+from identify.studies.operating_points import Answers
 
-MOST_LABELS, MOST_PARAMETERS = 6, 8  # columns of the table of fits on the page
 DOCUMENT = "comparison.json"
 IN_LATEX = ("parameters", "differences", "scatter")
 
@@ -34,21 +34,12 @@ IN_LATEX = ("parameters", "differences", "scatter")
 def write_batch_report(directory: str | Path) -> Path:
     """Write DIR/report.html over the fits of a batch folder; returns its path.
 
-    Groups are compared by the label `material` or the next usual one, where there is any. A fit that cannot be read
-    is a row with the reason. OSError where the page cannot be written.
+    A fit that cannot be read is a row with the reason. OSError where the page cannot be written.
     """
     directory = Path(directory)
-    entries = comparing.read_fits([directory])
-    by, reason, comparison = comparing.usual(entries), "", None
-    if by is not None:
-        try:
-            comparison = comparing.compare(entries, comparing.ComparisonQuestion(by))
-        except comparing.CompareError as error:
-            reason = str(error)
-    answers = None if comparison is None else answered(comparison)
     path = directory / PAGE
     with atomic_write(path) as handle:
-        handle.write(render(directory.resolve().name, entries, comparison, answers, directory, reason))
+        handle.write(render(directory.resolve().name, comparing.read_fits([directory]), None, None, directory))
     return path
 
 
@@ -90,7 +81,7 @@ def document(comparison: Comparison, tables: Mapping[str, OutputTable]) -> Mappi
         "subject": comparison.selected.subject,
         "groups": list(comparison.groups),
         "fits": len(comparison.entries),
-        "compared": comparing.count(comparison.selected.entries),
+        "compared": len(comparison.selected.entries),
         "in_words": {entry.quantity.name: sentence for entry, (_, _, sentence) in words},
         "notes": list(comparison.selected.notes),
         "tables": {
@@ -107,9 +98,8 @@ def render(
     comparison: Comparison | None,
     answers: Answers | None,
     home: Path,
-    reason: str = "",
 ) -> str:
-    """The text of the page; `home`: the folder it will stand in, `reason`: why there is no comparison."""
+    """The text of the page; `home`: the folder it will stand in."""
     environment = templates("identify.studies", "identify.report")
     environment.filters["visible"] = visible
     script = environment.get_template("page.js").render()
@@ -124,42 +114,36 @@ def render(
     tiles = [("fits", str(len(entries)), f"{sum(len(e.result.logs) for e in entries)} logs")]
     tiles.append(("converged", str(len(good)), f"{len(failed)} without a result"))
     if comparison is not None:
-        selected, compared = comparison.selected, comparing.count(comparison.selected.entries)
+        compared = len(comparison.selected.entries)
         tiles.append(("compared", str(compared), f"{len(entries) - compared} left out"))
         tiles.append((comparison.question.by, str(len(comparison.groups)), "groups"))
-        tiles += [(selected.subject, str(selected.people), "people")] if selected.subject else []
     return environment.get_template("batch.html.j2").render(
         title=title,
         style=Markup(environment.get_template("style.css").render() + environment.get_template("batch.css").render()),
         script=Markup(script),
         digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         counts=tiles,
-        fits=_page_fits(entries, links, comparison),
+        fits=_page_fits(entries, links),
         marks=", ".join(f"{mark} {verdict}" for verdict, mark in VERDICT_MARK.items() if verdict != "identified"),
         without_result=OutputTable("", ("fit", "status", "reason"), tuple(failed), "without-result"),
         rejected=OutputTable("", ("log", "fit", "reason"), tuple(rejected), "rejected-logs"),
-        reason=reason,
-        comparison=None if comparison is None or answers is None else _compared(comparison, answers, home),
+        comparison=None if comparison is None or answers is None else _compared(comparison, answers),
     )
 
 
-def _compared(comparison: Comparison, answers: Answers, home: Path) -> dict[str, object]:
+def _compared(comparison: Comparison, answers: Answers) -> dict[str, object]:
     """What the template shows of a comparison."""
     tables, by, who = comparison_tables(comparison, answers), comparison.question.by, comparison.selected.subject
-    links = {entry.name: _link(entry, home) for entry in comparison.parts if entry.converged}
     missing = [
         (q.quantity.name, len(q.missing), ", ".join(sorted({reason for _, reason in q.missing})))
         for q in comparison.quantities
         if q.missing
     ]
-    left_out = [
-        (Cell(name.value, link=links[str(name.value)]), *rest)
-        for name, *rest in tables["left_out"].cells
-        if name.value in links
-    ]
+    good = {entry.name for entry in comparison.entries if entry.converged}
+    left_out = [row for row in comparison.selected.left_out if row[0] in good]
     different = ("parameter", "first", "second", "difference", "p", "verdict", "people with both" if who else "")
     hidden = ("repeatability low", "repeatability high", "unit")
-    points = ("drive speed [m/s]", "what it does", "P(stick-slip)", "peak to valley [N]", "period [s]")
+    points = ("drive speed [m/s]", "what it does", "peak to valley [N]", "period [s]", "stick-slip ends above [m/s]")
     return {
         "by": by,
         "who": who,
@@ -167,7 +151,7 @@ def _compared(comparison: Comparison, answers: Answers, home: Path) -> dict[str,
         "parameters": tables["parameters"].select("parameter", by, "mean", "unit", "fits", who or "", "remark"),
         "differences": tables["differences"].select(*different),
         "scatter": tables["scatter"].select(*(c for c in tables["scatter"].columns if c not in hidden)),
-        "operating": tables["operating_points"].select(by, *points, "stick-slip ends above [m/s]"),
+        "operating": tables["operating_points"].select(by, *points),
         "no_operating": answers.reason,
         "ground": answers.ground,
         "forests": [forest(comparison, entry) for entry in comparison.quantities if entry.pooled],
@@ -186,18 +170,16 @@ def _link(entry: FitEntry, home: Path) -> str:
     return quote(Path(os.path.relpath(os.path.realpath(page), os.path.realpath(home))).as_posix())
 
 
-def _page_fits(entries: Sequence[FitEntry], links: Sequence[str], comparison: Comparison | None) -> OutputTable:
-    """The table of fits with the labels worth a column: those of the question, then those that differ."""
-    labels = list(dict.fromkeys(name for e in entries for name in e.labels))
-    columns = [comparison.question.by, comparison.selected.subject] if comparison else []
-    differing = [n for n in labels if len({e.labels.get(n) for e in entries}) > 1]
-    first = list(dict.fromkeys(str(n) for n in [*columns, *differing] if n in labels))[:MOST_LABELS]
-    whole = fits_table(entries, links, first)
-    names = list(dict.fromkeys(n for e in entries for n in e.result.parameters))[:MOST_PARAMETERS]
-    values = [c for c in whole.columns if c.split(" [")[0] in names]
-    shown = whole.select("fit", "status", *first, "misfit", *values)
-    heads = {value: plain_symbol(value.split(" [")[0]) for value in values}  # the cells hold their units
-    return replace(shown, columns=tuple(heads.get(column, column) for column in shown.columns))
+def _page_fits(entries: Sequence[FitEntry], links: Sequence[str]) -> OutputTable:
+    """The table of fits with one column per parameter: its cells hold unit and standard error."""
+    whole = fits_table(entries, links)
+    shown = whole.select(
+        *(c for c in whole.columns if c != "message" and not re.search(r" (standard error|verdict)", c))
+    )
+    heads = (
+        plain_symbol(c.split(" [")[0]) if f"{c.split(' [')[0]} verdict" in whole.columns else c for c in shown.columns
+    )
+    return replace(shown, columns=tuple(heads))
 
 
 # Okabe and Ito's colours, black and yellow left out.

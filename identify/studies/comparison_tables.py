@@ -6,13 +6,14 @@ import math
 from collections.abc import Sequence
 
 from identify.base import wording
-from identify.base.result import ParameterResult
+from identify.base.result import Number, ParameterResult
 from identify.base.table import Cell, OutputTable, Row, visible
 from identify.base.wording import DASH, Scale, decimals, interval_text, number, quantity, scale_for
+from identify.prediction.predict import NoAnswer
 from identify.report.report_tables import value_text
 from identify.report.report_wording import MEANINGS, OUTCOMES, VERDICT_MARK, plain_symbol
 from identify.studies.compare import Comparison, FitEntry, PooledQuantity
-from identify.studies.operating_points import Answers, Figure
+from identify.studies.operating_points import Answers
 from identify.studies.pooled import DIFFERENT, NOT_DISTINGUISHED, NOT_TESTED, Difference
 
 VERDICT_KIND = {DIFFERENT: "good", NOT_DISTINGUISHED: "plain", NOT_TESTED: "fair"}
@@ -126,40 +127,40 @@ def _scatter(comparison: Comparison) -> OutputTable:
 
 
 def _operating(by: str, answers: Answers) -> OutputTable:
-    force = answers.ground.normal_force if answers.ground else None
+    speeds, force = (answers.ground.speeds, answers.ground.normal_force) if answers.ground else ((), None)
     names = ("peak to valley [N]", "period [s]", "stick-slip ends above [m/s]")
-    ends = [f"{name} {end}" for name in names for end in ("low", "high", "people low", "people high")]
-    heads = (by, "drive speed [m/s]", "normal force [N]", "what it does", "P(stick-slip)", *names, *ends)
+    ends = [f"{name} {end}" for name in names for end in ("low", "high")]
+    heads = (by, "drive speed [m/s]", "normal force [N]", "what it does", *names, *ends)
     rows: list[Row] = []
     for answer in answers.groups:
         if not answer.at:
             rows.append((answer.group, None, force, answer.reason or "no answer", *[None] * (len(heads) - 4)))
-        for at in answer.at:
-            figures = ((at.fall, "N"), (at.period, "s"), (answer.critical_speed, "m/s"))
-            p, percent = at.probability, DASH if at.probability is None else f"{number(100 * at.probability, 3)} %"
-            if p is not None and not 1e-3 <= p <= 0.999:
-                percent = "> 99.9 %" if p > 0.5 else "< 0.1 %"
-            speed, outcome = quantity(at.speed, "m/s", 3), OUTCOMES.get(at.outcome, at.outcome)
-            does = (Cell(at.speed, speed), force, Cell(at.outcome, outcome), Cell(p, percent))
-            limits = [end for f, _ in figures for pair in (f.interval, f.people) for end in pair or (None, None)]
-            rows.append((answer.group, *does, *(_figure(figure, unit) for figure, unit in figures), *limits))
+        for speed, at in zip(speeds, answer.at, strict=True) if answer.at else ():
+            here = (answer.group, Cell(speed, quantity(speed, "m/s", 3)), force)
+            if isinstance(at, NoAnswer):
+                rows.append((*here, at.text, *[None] * (len(heads) - 4)))
+                continue
+            sizes, outcome = at.amplitude.numbers, at.stability.outcome
+            figures = (sizes["peak_to_valley"], sizes["period"], at.stability.critical_speed)
+            does = Cell(outcome, OUTCOMES.get(outcome, outcome))
+            rows.append((*here, does, *map(_figure, figures), *(end for each in figures for end in each.ends)))
     return OutputTable("At common operating points", tuple(heads), tuple(rows), "operating_points")
 
 
-def _figure(figure: Figure, unit: str) -> Cell:
-    if figure.value is None:
-        return Cell(None, "none", figure.reason)
-    note = "interval open"
-    if figure.interval is not None:
-        scale = scale_for(figure.interval[0], unit)
-        note = f"{' to '.join(number(end / scale.factor, 3) for end in figure.interval)} {scale.unit}"
-    return Cell(figure.value, quantity(figure.value, unit, 3), note)
+def _figure(entry: Number) -> Cell:
+    if entry.value is None:
+        return Cell(None, "none", entry.validity)
+    low, high = entry.ends
+    if low is None or high is None:
+        return Cell(entry.value, quantity(entry.value, entry.unit, 3), "interval open")
+    scale = scale_for(low, entry.unit)
+    note = f"{number(low / scale.factor, 3)} to {number(high / scale.factor, 3)} {scale.unit}"
+    return Cell(entry.value, quantity(entry.value, entry.unit, 3), note)
 
 
-def fits_table(entries: Sequence[FitEntry], links: Sequence[str] = (), first: Sequence[str] = ()) -> OutputTable:
-    """Every fit that was found: status, labels (`first` of them first), parameters with standard errors; links: address
-    of each fit's page."""
-    labels = list(dict.fromkeys([*first, *(name for e in entries for name in e.labels)]))
+def fits_table(entries: Sequence[FitEntry], links: Sequence[str] = ()) -> OutputTable:
+    """Every fit that was found: status, labels, parameters with standard errors; links: address of each fit's page."""
+    labels = list(dict.fromkeys(name for e in entries for name in e.labels))
     names = list(dict.fromkeys(n for e in entries for n in e.result.parameters))
     heads = ["fit", "status", "message", *labels, "logs", "misfit"]
     scales = []

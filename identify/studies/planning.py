@@ -16,8 +16,8 @@ from data_io.source import file_sha256
 from identify.base.errors import SceneError
 from identify.base.progress import Progress, to_nobody
 from identify.scene import Scene
-from identify.scene.tables import LOG, is_number
-from identify.scene.toml import TOP, located, put, read_toml
+from identify.scene.tables import is_number
+from identify.scene.toml import located, put, read_toml
 from identify.studies.batch_store import BatchError, Document, Job, LogFile, content_key, folder_names, numerics
 
 OWN = ("path", "group", "drive_speed")
@@ -45,7 +45,7 @@ class ManifestRow:
 
 @dataclass(frozen=True)
 class BatchPlan:
-    """A checked batch: where it comes from, its jobs in the order of the source, label columns, notes."""
+    """A checked batch: where it comes from, its jobs in the order of the source, label columns."""
 
     source: Path
     scene: Path
@@ -53,7 +53,6 @@ class BatchPlan:
     numerics: str
     jobs: tuple[Job, ...]
     labels: tuple[str, ...]
-    notes: tuple[str, ...]
 
 
 def plan(source: Path, scene: Path, overrides: Sequence[str] = (), progress: Progress = to_nobody) -> BatchPlan:
@@ -73,7 +72,7 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), progress: Pro
         raise BatchError(f"{scene}: {error}") from None
     if not source.exists():
         raise BatchError(f"{source}: there is no such manifest or folder; check its path")
-    rows, labels, notes = (_folder(source), (), ()) if source.is_dir() else _manifest(source)
+    rows, labels = (_folder(source), ()) if source.is_dir() else _manifest(source)
     complaints = []
     groups: dict[str, list[ManifestRow]] = {}
     for row in rows:
@@ -95,9 +94,9 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), progress: Pro
         if isinstance(built, Scene):
             scenes[group] = built.as_document()
             continue
-        alone = [(row.where, _scene(folders[group], [row], defaults, scene)) for row in members]
-        wrong = [(where, each) for where, each in alone if isinstance(each, str)]
-        for where, sentence in wrong or [(f"group {group!r}", built)]:
+        alone = {row.where: _scene(folders[group], [row], defaults, scene) for row in members}
+        wrong = {where: each for where, each in alone.items() if isinstance(each, str)}
+        for where, sentence in (wrong or {f"group {group!r}": built}).items():
             refused.setdefault(sentence, []).append(where)
     for sentence, places in refused.items():
         others = f" and {len(places) - NAMED} others" if len(places) > NAMED else ""
@@ -116,7 +115,7 @@ def plan(source: Path, scene: Path, overrides: Sequence[str] = (), progress: Pro
     if complaints:
         raise BatchError(*complaints)
     jobs = tuple(_job(group, folders[group], document, digests) for group, document in scenes.items())
-    return BatchPlan(source.absolute(), scene.absolute(), tuple(overrides), numerics(), jobs, labels, notes)
+    return BatchPlan(source.absolute(), scene.absolute(), tuple(overrides), numerics(), jobs, labels)
 
 
 def _folder(source: Path) -> tuple[ManifestRow, ...]:
@@ -141,8 +140,8 @@ def _stem(path: Path) -> str:
     return (path.with_suffix("") if path.suffix.lower() == ".gz" else path).stem
 
 
-def _manifest(source: Path) -> tuple[tuple[ManifestRow, ...], tuple[str, ...], tuple[str, ...]]:
-    """The rows, the names of the label columns, and notes for the user."""
+def _manifest(source: Path) -> tuple[tuple[ManifestRow, ...], tuple[str, ...]]:
+    """The rows, and the names of the label columns."""
     table = _table(source)
     heading = [name.strip() for name in table[0][1]]
     twice = [name for name, times in Counter(heading).items() if name and times > 1]
@@ -152,14 +151,10 @@ def _manifest(source: Path) -> tuple[tuple[ManifestRow, ...], tuple[str, ...], t
         complaints.append(f"{source}: the heading has no column path ({named}); expected path,group,drive_speed,…")
     labels = tuple(name for name in heading if name and name not in OWN and not _DOTTED.fullmatch(name))
     missing = {own.replace("_", ""): own for own in OWN if own not in heading}
-    notes = []
     for name in labels:
         meant = missing.get("".join(c for c in name.casefold() if c.isalnum()))  # "Drive speed", "drivespeed"
         if meant is not None:
             complaints.append(f"{source}: the column {name!r} would be a label; did you mean {meant}? Rename it")
-        elif name in (*LOG, *TOP):
-            keys = f"logs.{name}" if name in LOG else f"a column of its keys, such as {name}.…"
-            notes.append(f"the column {name!r} is taken as a label; it would take {keys} to set the scene")
     if complaints:
         raise BatchError(*complaints)
     rows: list[ManifestRow] = []
@@ -179,7 +174,7 @@ def _manifest(source: Path) -> tuple[tuple[ManifestRow, ...], tuple[str, ...], t
         complaints.append(f"{source}: the manifest lists no log; expected one row per log under its heading")
     if complaints:
         raise BatchError(*complaints)
-    return tuple(rows), labels, tuple(notes)
+    return tuple(rows), labels
 
 
 def _table(source: Path) -> list[tuple[int, list[str]]]:

@@ -125,8 +125,7 @@ class Pooled:
     """A pooled quantity of the n fits that have it.
 
     rows (n,): their indices among all fits; y (n,): their values; differences: of all pairs, none beyond MOST_GROUPS;
-    further_sd: standard deviation of one more run of one more person about the mean of its group, with further_df
-    degrees of freedom; residuals (n,): about the means of the groups.
+    residuals (n,): about the means of the groups.
     """
 
     rows: tuple[int, ...]
@@ -135,8 +134,6 @@ class Pooled:
     means: tuple[Mean, ...]
     differences: tuple[Difference, ...]
     scatter: VarianceParts
-    further_sd: float
-    further_df: float
     residuals: Array
 
     def mean_of(self, group: str) -> Mean:
@@ -184,7 +181,7 @@ def pool(y: Array, noise: Array, setting: Setting, family: int = 1) -> Pooled:
     means = tuple(
         _mean(group, person[group_at == k], values[group_at[at] == k], known) for k, group in enumerate(groups)
     )
-    between = _rest(person, group_at) / (df := len(cells) - len(groups))
+    between = _rest(person, group_at) / (len(cells) - len(groups))
     squares, run_df = _rest(values, at), len(values) - len(cells)
     run, per_person = squares / run_df if run_df else 0.0, float(np.mean(1.0 / np.bincount(at)))
     subject, error = max(between - run * per_person, 0.0), float(np.mean(noise[rows]))
@@ -201,9 +198,6 @@ def pool(y: Array, noise: Array, setting: Setting, family: int = 1) -> Pooled:
         means=means,
         differences=_differences(means, person, X, cells, family),
         scatter=scatter,
-        # averaging over the runs of a person took off a part of the scatter between runs
-        further_sd=math.sqrt(between + run * (1.0 - per_person)),
-        further_df=float(df),
         residuals=values - _averages(values, group_at[at])[group_at[at]],
     )
 
@@ -227,11 +221,6 @@ def _rest(values: Array, numbers: NDArray[np.int64]) -> float:
 def _indicators(numbers: NDArray[np.int64]) -> Array:
     """One column per number: shape (n, levels)."""
     return np.asarray(numbers[:, None] == np.arange(numbers.max() + 1)[None, :], dtype=np.float64)
-
-
-def _rank(X: Array) -> int:
-    size = np.sqrt(np.sum(X**2, axis=0))
-    return int(np.linalg.matrix_rank(X / np.where(size > 0.0, size, 1.0), tol=RELATIVE_RANK))
 
 
 def _mean(group: str, people: Array, fits: Array, known: bool) -> Mean:
@@ -272,7 +261,7 @@ def _differences(
     different people are compared as Welch does (1947), each with its own scatter."""
     if len(means) > MOST_GROUPS:
         return ()
-    df = float(len(level) - _rank(X))
+    df = float(len(level) - np.linalg.matrix_rank(X))
     beta = np.linalg.lstsq(X, level, rcond=RELATIVE_RANK)[0]
     rest = level - X @ beta
     variance = max(float(rest @ rest) / max(df, 1.0), (ROUNDING * float(np.max(np.abs(level)))) ** 2)
@@ -298,8 +287,8 @@ def _differences(
     return tuple(out)
 
 
-def joint(pooled: Sequence[Pooled], group: str) -> tuple[Array, Array]:
-    """Covariance (m, m) of the means of m quantities in one group, and of one more run of one more person.
+def joint(pooled: Sequence[Pooled], group: str) -> Array:
+    """Covariance (m, m) of the means of m quantities in one group.
 
     The correlation is that of the residuals of all fits about the means of their groups; quantities that no two fits
     have in common are taken as independent.
@@ -312,5 +301,4 @@ def joint(pooled: Sequence[Pooled], group: str) -> tuple[Array, Array]:
     R = (vectors * np.maximum(size, 0.0)) @ vectors.T
     R /= np.sqrt(np.outer(np.diag(R), np.diag(R)))
     errors = np.array([p.mean_of(group).error for p in pooled])
-    further = np.hypot(errors, [p.further_sd for p in pooled])
-    return R * np.outer(errors, errors), R * np.outer(further, further)
+    return np.asarray(R * np.outer(errors, errors))

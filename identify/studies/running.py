@@ -74,7 +74,8 @@ def run_batch(
         ]
         if complaints:
             raise BatchError(*complaints)
-        return _Run(plan, out, progress, {"jobs": workers.count, "scheduler": scheduler}).go(workers, limit)
+        about = {"jobs": workers.count, "scheduler": scheduler, "started": store.utc()}
+        return _Run(plan, out, progress, about).go(workers, limit)
 
 
 def check_place(out: Path, resume: bool) -> None:
@@ -96,27 +97,26 @@ class _Run:
     """One run of a batch, while its folder is locked."""
 
     def __init__(self, plan: BatchPlan, out: Path, progress: Progress, about: Mapping[str, object]) -> None:
-        self._plan, self._out, self._progress = plan, out, progress
-        self._about = {**about, "started": store.utc()}
+        self._plan, self._out, self._progress, self._about = plan, out, progress, about
         self._began = self._written = time.monotonic()
         self._ended: dict[str, End] = {}
-        self._stage = ""
 
     def go(self, workers: Workers, limit: float) -> Summary:
         """Recover, fit, and leave the tables behind, whatever happens."""
         self._gather()
-        kept = len(self._ended)
+        kept, count = len(self._ended), len(self._plan.jobs)
         jobs = [job for job in self._plan.jobs if job.group not in self._ended]
         self._tables("running", "the batch is running")
-        self._tell(f"{len(self._plan.jobs)} groups{f', {kept} of them done before' if kept else ''}")
+        stage = f"{count} groups{f', {kept} of them done before' if kept else ''}"
+        self._progress(stage, kept / max(count, 1))
         status, message = "stopped", "the batch was interrupted; go on with --resume"
         try:
             if jobs:
                 with workers:
-                    self._fit(workers, jobs, limit)
-            failures, count = sum(end.status != store.CONVERGED for end in self._ended.values()), len(self._ended)
+                    self._fit(workers, jobs, limit, stage)
+            failures = sum(end.status != store.CONVERGED for end in self._ended.values())
             status = "failures" if failures else "done"
-            message = f"{count} groups: {count - failures} converged, {failures} did not"
+            message = f"{len(self._ended)} groups: {len(self._ended) - failures} converged, {failures} did not"
         except (_StopError, WorkersLostError) as error:
             message = f"stopped, and what has ended is kept: {error}"
         except OSError as error:
@@ -125,36 +125,38 @@ class _Run:
             full = f"{error.filename or 'the disk'}: {error.strerror}; make room, then go on with --resume"
             message = f"stopped, and what has ended is kept: {full}"
         finally:
-            self._finish(status, message)
+            try:  # the tables a last time; what is unfinished goes
+                self._gather()
+                self._tables(status, message, store.utc())
+            except OSError as error:
+                if not store.is_full(error):
+                    raise
         return Summary(status, message, dict(self._ended), kept, time.monotonic() - self._began)
 
-    def _tell(self, stage: str) -> None:
-        self._stage = stage
-        self._progress(stage, len(self._ended) / max(len(self._plan.jobs), 1))
-
     def _gather(self) -> None:
-        """What has ended for good, also what was written whole and not yet put; the rest of the unfinished goes."""
-        store.recover(self._out, self._plan.jobs)
+        """What has ended for good; what is unfinished goes."""
+        for part in self._out.glob(f".*{store.PART}*"):
+            store.discard(part)
         for job in self._plan.jobs:
             if (document := store.ended(self._out, job)) is not None:
                 self._ended[job.group] = End.of(document)
 
-    def _fit(self, workers: Workers, jobs: Sequence[Job], limit: float) -> None:
+    def _fit(self, workers: Workers, jobs: Sequence[Job], limit: float, stage: str) -> None:
         began, size, total = time.monotonic(), 0, sum(job.size for job in jobs)
+        count = len(self._plan.jobs)
         for arrived in answers(workers, jobs, self._out, limit):
-            if arrived is None:
-                self._tell(self._stage)
-                continue
-            job, answer = arrived
-            end = self._ended[job.group] = self._put(job, answer)
-            size += job.size
-            # what is left goes as fast as what is done, both in bytes of logs
-            left = (time.monotonic() - began) * max(total - size, 0) / size if size else 0.0
-            took = f" in {in_words(end.timing_s['total'])}" if "total" in end.timing_s else ""
-            words = f"{visible(job.group, 60)}: {end.status.replace('_', ' ')}{took}"
-            remaining = f"; about {in_words(left)} left" if left >= 1.0 else ""
-            self._tell(f"{len(self._ended)}/{len(self._plan.jobs)} {words}{remaining}")
-            if time.monotonic() - self._written > EVERY:
+            if arrived is not None:
+                job, answer = arrived
+                end = self._ended[job.group] = self._put(job, answer)
+                size += job.size
+                # What is left goes as fast as what is done, both in bytes of logs.
+                left = (time.monotonic() - began) * max(total - size, 0) / size if size else 0.0
+                took = f" in {in_words(end.timing_s['total'])}" if "total" in end.timing_s else ""
+                words = f"{visible(job.group, 60)}: {end.status.replace('_', ' ')}{took}"
+                stage = f"{len(self._ended)}/{count} {words}"
+                stage += f"; about {in_words(left)} left" if left >= 1.0 else ""
+            self._progress(stage, len(self._ended) / count)
+            if arrived is not None and time.monotonic() - self._written > EVERY:
                 self._index()
 
     def _put(self, job: Job, answer: Answer) -> End:
@@ -169,15 +171,6 @@ class _Run:
             raise _StopError(f"{end.message}; make room, then go on with --resume")
         store.put_without_result(self._out, job, end)
         return end
-
-    def _finish(self, status: str, message: str) -> None:
-        """Write the tables a last time and remove what is unfinished."""
-        try:
-            self._gather()
-            self._tables(status, message, store.utc())
-        except OSError as error:
-            if not store.is_full(error):
-                raise
 
     def _tables(self, status: str, message: str, finished: str | None = None) -> None:
         seconds = time.monotonic() - self._began

@@ -15,7 +15,6 @@ import json
 import os
 import platform
 import queue
-import shutil
 import signal
 import subprocess
 import sys
@@ -26,7 +25,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import IO, Self, TypeAlias, cast
@@ -36,7 +35,7 @@ from data_io.values import LogError, UnitError
 from identify.base.errors import IdentifyError
 from identify.base.result import Result
 from identify.studies import batch_store as store
-from identify.studies.batch_store import BatchError, Document, End, Job, numerics
+from identify.studies.batch_store import BatchError, Document, End, Job, LogFile, numerics
 
 MODULE = "identify.studies.workers"
 START_LIMIT = 300.0  # s, to load the libraries from a slow disk
@@ -75,14 +74,10 @@ def guarded(work: Make, job: Job, part: Path) -> End:
     try:
         return work(job, part)
     except (IdentifyError, LogError, UnitError) as error:
-        return _changed(job, _digests(job)) or End(store.FAILED, " ".join(str(error).split()))
+        return _changed(job, map(_digest, job.logs)) or End(store.FAILED, " ".join(str(error).split()))
     except OSError as error:
         words = f"{error.filename or part}: {error.strerror or error}"
         return End(store.UNWRITTEN if store.is_full(error) else store.CRASHED, words)
-    except MemoryError:
-        return End(
-            store.DEFECT, "the fit ran out of memory; give the batch fewer jobs at a time", traceback.format_exc()
-        )
     except Exception as error:  # noqa: BLE001 - a defect in one fit must not stop the others
         return End(store.DEFECT, f"a defect of ours ({type(error).__name__}: {error})", traceback.format_exc())
 
@@ -99,16 +94,12 @@ def _fitted(job: Job, part: Path) -> End:
     if changed is not None:
         return changed
     fitted = time.perf_counter()
-    part.mkdir()
-    try:
-        write_report(replace(outcome, result=with_provenance(result, job).to_dict()), part)
-        now = time.perf_counter()
-        timing = {"fit": fitted - began, "report": now - fitted, "total": now - began}
-        end = End(result.status, result.message, None, timing | {"processor": time.process_time() - used})
-        store.write_job(part, job, end)
-    except BaseException:
-        shutil.rmtree(part, ignore_errors=True)
-        raise
+    part.mkdir()  # what an error leaves of it the batch discards
+    write_report(replace(outcome, result=with_provenance(result, job).to_dict()), part)
+    now = time.perf_counter()
+    timing = {"fit": fitted - began, "report": now - fitted, "total": now - began}
+    end = End(result.status, result.message, None, timing | {"processor": time.process_time() - used})
+    store.write_job(part, job, end)
     return end
 
 
@@ -128,12 +119,11 @@ def _changed(job: Job, digests: Iterable[str | None]) -> End | None:
     return None
 
 
-def _digests(job: Job) -> Iterator[str | None]:
-    for log in job.logs:
-        try:
-            yield file_sha256(Path(log.path))
-        except OSError:
-            yield None
+def _digest(log: LogFile) -> str | None:
+    try:
+        return file_sha256(Path(log.path))
+    except OSError:
+        return None
 
 
 def serve(work: Make) -> None:
@@ -168,7 +158,7 @@ class FitProcess:
         self._module = module or MODULE
         self._process: subprocess.Popen[str] | None = None
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as this
-        self.closed = False
+        self._closed = False
 
     def run(self, job: Job, folder: Path, limit: float) -> Answer:
         """Fit a job into a new hidden folder within `limit` seconds; every end is an answer, a killed one too."""
@@ -182,9 +172,8 @@ class FitProcess:
                 if answer is not None:
                     end = End(**answer)
                 elif late:
-                    end = End(
-                        store.TIMED_OUT, f"the fit took longer than the {limit:g} s of its limit; see --time-limit"
-                    )
+                    words = f"the fit took longer than the {limit:g} s of its limit; see --time-limit"
+                    end = End(store.TIMED_OUT, words)
                 else:
                     end = self._died("the fitting process died")
                 if late:  # also where it answered as it was being killed
@@ -197,7 +186,7 @@ class FitProcess:
 
     def close(self) -> None:
         """End the process at once, and start no other."""
-        self.closed = True
+        self._closed = True
         self._end()
 
     def _end(self) -> None:
@@ -225,35 +214,27 @@ class FitProcess:
             env={**os.environ, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONPATH": path, "MPLBACKEND": "agg"},
             process_group=None if sys.platform == "win32" else 0,
         )
-        if self.closed:  # while it was being started
+        if self._closed:  # while it was being started
             self._end()
             return False
         return self._ask(None, START_LIMIT)[0] is not None
 
     def _ask(self, request: str | None, limit: float) -> tuple[Document | None, bool]:
         """Send a line and wait for one: the answer, None where none came, and whether the time was over."""
-        process = self._process
+        process, answer, began = self._process, None, time.monotonic()
         if process is None or process.stdin is None or process.stdout is None:
             return None, False  # closed meanwhile
-        late = threading.Event()
-
-        def kill() -> None:
-            late.set()
-            process.kill()
-
-        timer = threading.Timer(limit, kill)
+        timer = threading.Timer(limit, process.kill)
         timer.daemon = True
         timer.start()
-        try:
+        with suppress(OSError, ValueError):  # the process is gone, or was in the middle of its answer
             if request is not None:
                 process.stdin.write(request + "\n")
                 process.stdin.flush()
             line = process.stdout.readline()
-            return (json.loads(line) if line.endswith("\n") else None), late.is_set()
-        except (OSError, ValueError):  # the process is gone, or was in the middle of its answer
-            return None, late.is_set()
-        finally:
-            timer.cancel()
+            answer = json.loads(line) if line.endswith("\n") else None
+        timer.cancel()
+        return answer, time.monotonic() - began >= limit
 
     def _died(self, words: str) -> End:
         code = None if self._process is None else self._process.wait()
@@ -265,6 +246,34 @@ class FitProcess:
         self._errors.seek(max(0, self._errors.seek(0, os.SEEK_END) - 4000))
         detail = self._errors.read().decode("utf-8", "replace").strip()
         return End(store.CRASHED, f"{words} ({cause}); the other fits went on", detail or None)
+
+
+class FitProcesses:
+    """As many fitting processes as are used at a time, each for one job after the other."""
+
+    def __init__(self) -> None:
+        self._idle: list[FitProcess] = []
+        self._all: list[FitProcess] = []
+        self._closed = False
+
+    def run(self, job: Job, folder: Path, limit: float, module: str | None) -> Answer:
+        """Fit a job in one that is free, see `FitProcess.run`."""
+        if self._closed:
+            return End(store.CRASHED, "the batch was ended"), store.new_part(folder)
+        try:
+            process = self._idle.pop()
+        except IndexError:
+            process = FitProcess(module)
+            self._all.append(process)
+        answer = process.run(job, folder, limit)
+        self._idle.append(process)
+        return answer
+
+    def close(self) -> None:
+        """End all of them at once."""
+        self._closed = True
+        for process in self._all:
+            process.close()
 
 
 def answers(workers: Workers, jobs: Sequence[Job], folder: Path, limit: float) -> Iterator[tuple[Job, Answer] | None]:
@@ -291,36 +300,20 @@ class LocalWorkers:
     """So many processes on this machine, each held by a thread of this one."""
 
     def __init__(self, count: int, module: str | None = None) -> None:
-        self.count = count
-        self._module = module
-        self._mine = threading.local()
-        self._processes: list[FitProcess] = []
-        self._ending = threading.Event()
+        self.count, self._module, self._processes = count, module, FitProcesses()
         self._threads = ThreadPoolExecutor(max_workers=count, thread_name_prefix="fit")
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._ending.set()
         self._threads.shutdown(wait=False, cancel_futures=True)
-        for process in self._processes:
-            process.close()
+        self._processes.close()
         self._threads.shutdown(wait=True)
 
     def send(self, job: Job, folder: Path, limit: float) -> Future[Answer]:
         """Have a job fitted by the next process that is free, within `limit` [s], into a new folder below `folder`."""
-
-        def fitted() -> Answer:
-            if self._ending.is_set():
-                return End(store.CRASHED, "the batch was ended"), store.new_part(folder)
-            if not hasattr(self._mine, "process"):
-                self._mine.process = FitProcess(self._module)
-                self._processes.append(self._mine.process)
-            process: FitProcess = self._mine.process
-            return process.run(job, folder, limit)
-
-        return self._threads.submit(fitted)
+        return self._threads.submit(self._processes.run, job, folder, limit, self._module)
 
     def answer(self, pending: Future[Answer], folder: Path) -> Answer:
         """What the process answered."""
@@ -332,29 +325,19 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-_mine = threading.local()
-_processes: list[FitProcess] = []
+_on_this_worker = FitProcesses()
 
 
-def fit_on_worker(document: Document, folder: str, limit: float, module: str | None) -> tuple[Document, str]:
-    """Runs on a Dask worker: fit in a process of its own, one per thread of the worker, which can be timed out."""
-    process: FitProcess | None = getattr(_mine, "process", None)
-    if process is None or process.closed:  # the batch before this one closed it
-        process = _mine.process = FitProcess(module)
-        _processes.append(process)
-    end, part = process.run(Job.from_document(document), Path(folder), limit)
-    return asdict(end), str(part)
+def fit_on_worker(job: Job, folder: Path, limit: float, module: str | None) -> Answer:
+    """Runs on a Dask worker: fit in a process of its own, which can be timed out."""
+    return _on_this_worker.run(job, folder, limit, module)
 
 
 def close_processes() -> None:
     """Runs on a Dask worker: end its fitting processes, whose memory is not needed any more."""
-    while _processes:
-        _processes.pop().close()
-
-
-def look_around(folder: str) -> tuple[bool, str]:
-    """Runs on a Dask worker: whether it finds the folder of the batch, and its numerics."""
-    return Path(folder).is_dir(), numerics()
+    global _on_this_worker
+    _on_this_worker.close()
+    _on_this_worker = FitProcesses()
 
 
 class ClusterWorkers:
@@ -374,29 +357,12 @@ class ClusterWorkers:
             self._client = Client(address, timeout=wait, set_as_default=False, name="stickslip-batch")
         except (OSError, TimeoutError, ValueError, MemoryError, RuntimeError) as error:
             raise BatchError(f"--scheduler {address}: no Dask scheduler answers there ({error}); start one") from None
-        self.count = 0
-        with self._closing_on_error():
+        try:
             self._client.wait_for_workers(1, timeout=wait)
             self.count = sum(self._client.nthreads().values())
-
-    def check(self, folder: Path) -> None:
-        """Ask every worker for the folder and for its numerics.
-
-        Raises:
-            BatchError: one complaint per worker that cannot take part.
-        """
-        with self._closing_on_error():
-            workers = self._client.run(look_around, str(folder))
-        complaints = []
-        for at, (has_folder, other) in workers.items():
-            if not has_folder:
-                complaints.append(f"the Dask worker {at} cannot read {folder}; share that folder")
-            if other != numerics():
-                wrong = f"the Dask worker {at} has other numerics ({other}); expected {numerics()}"
-                complaints.append(f"{wrong}: install the same versions")
-        if complaints:
+        except (OSError, TimeoutError) as error:
             self._client.close()
-            raise BatchError(*complaints)
+            raise BatchError(f"the Dask cluster has no worker that answers ({error}); start one") from None
 
     def __enter__(self) -> Self:
         return self
@@ -409,8 +375,8 @@ class ClusterWorkers:
 
     def send(self, job: Job, folder: Path, limit: float) -> Future[Answer]:
         """Have a job fitted by whichever worker is free; Dask sends it again where its worker dies."""
-        arguments = (job.as_document(), str(folder), limit, self._module)
-        return cast("Future[Answer]", self._client.submit(fit_on_worker, *arguments, pure=False))
+        pending = self._client.submit(fit_on_worker, job, folder, limit, self._module, pure=False)
+        return cast("Future[Answer]", pending)
 
     def answer(self, pending: Future[Answer], folder: Path) -> Answer:
         """The answer, also where it went wrong on the way; WorkersLostError where there will be no other either."""
@@ -420,16 +386,7 @@ class ClusterWorkers:
         if error is not None:
             words = f"the fit took down every Dask worker it was given to, or never came back ({error})"
             return End(store.CRASHED, " ".join(words.split())), store.new_part(folder)
-        end, part = cast("tuple[Document, str]", pending.result())
-        return End(**end), Path(part)
-
-    @contextmanager
-    def _closing_on_error(self) -> Iterator[None]:
-        try:
-            yield
-        except (OSError, TimeoutError) as error:
-            self._client.close()
-            raise BatchError(f"the Dask cluster has no worker that answers ({error}); start one") from None
+        return pending.result()
 
 
 if __name__ == "__main__":

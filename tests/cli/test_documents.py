@@ -65,7 +65,7 @@ def run_cell(source, space):
 
 
 @pytest.mark.slow
-def test_the_notebook_runs_and_shows_what_it_says(tmp_path, monkeypatch, no_further_logs):
+def test_the_notebook_runs_and_shows_what_it_says(tmp_path, monkeypatch):
     """Its cells, one after the other; its tables hold what they gave when it was made."""
     page = json.loads((DOCS / "notebook.ipynb").read_text(encoding="utf-8"))
     plain = [{key: cell[key] for key in ("cell_type", "source")} for cell in page["cells"]]

@@ -11,8 +11,6 @@ import pytest
 from identify.effects import ALL
 from tests.support.command import stickslip
 
-pytestmark = pytest.mark.usefixtures("no_further_logs")
-
 DAMPING = ("", "hysteresis_damping", "driven_damping")
 AGEING = ("", "contact_ageing")
 LAW = ("", "linear_weakening", "velocity_weakening")

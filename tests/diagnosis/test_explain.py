@@ -15,8 +15,6 @@ from identify.estimation.attempt import solve_from
 from identify.estimation.goodness_of_fit import MORE
 from tests.support.two_logs import LOGS, drawn, prepared, records, scene, searched
 
-pytestmark = pytest.mark.usefixtures("no_further_logs")
-
 LOADED = (*MAIN, "varying_normal_force")
 
 

@@ -22,7 +22,7 @@ def asked_for(**asked):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("no_further_logs", "no_predictions")
+@pytest.mark.usefixtures("no_predictions")
 def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much():
     document = asked_for(profile=True)
     profile = document["profile"]
@@ -41,7 +41,7 @@ def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much():
         assert curve["interval"] == pytest.approx(ends, abs=0.05 * half)
 
 
-@pytest.mark.usefixtures("no_further_logs", "no_predictions")
+@pytest.mark.usefixtures("no_predictions")
 def test_accuracy_table_says_what_each_level_moves():
     document = asked_for(accuracy_table=True)
     rows = document["accuracy_table"]

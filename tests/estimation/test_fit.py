@@ -98,7 +98,7 @@ def test_a_drive_that_only_loads_still_gives_the_classical_table():
     assert not np.any(np.isfinite(outcome.logs[0].fitted_force))
 
 
-@pytest.mark.usefixtures("no_further_logs", "no_predictions")
+@pytest.mark.usefixtures("no_predictions")
 def test_sliding_alone_holds_its_level_and_says_so():
     outcome, result, row = _alone(0.9)
     assert outcome.status is Status.CONVERGED
@@ -110,7 +110,7 @@ def test_sliding_alone_holds_its_level_and_says_so():
     assert fitted == pytest.approx(0.9, abs=1e-3) and fitted.size > 2900
 
 
-@pytest.mark.usefixtures("no_further_logs", "no_predictions")
+@pytest.mark.usefixtures("no_predictions")
 def test_fixed_prior_and_estimated_rig_quantities(case):
     more = {"t_cr": {"fixed": 0.5}, "mass": {"start": 0.23, "prior": {"mean": 0.21, "sd": 0.02}}}
     result = check_document(fit(_scene(MIDDLE, parameters=more), _records(case, MIDDLE)).result)

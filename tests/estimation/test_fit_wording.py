@@ -23,8 +23,6 @@ from identify.logs.prepare import prepare
 from identify.logs.scene_records import with_drives, with_records
 from identify.logs.unknowns import from_scene
 
-pytestmark = pytest.mark.usefixtures("no_further_logs")
-
 KILOGRAM = 9.80665
 DRIVE = 'rig.drive_speed="1 mm/s"'
 

@@ -7,7 +7,7 @@ import pytest
 from identify.identification import fit
 from identify.scene import Scene
 
-pytestmark = pytest.mark.usefixtures("no_further_logs", "no_predictions")
+pytestmark = pytest.mark.usefixtures("no_predictions")
 
 CASES = Path(__file__).parents[1] / "cases"
 TRUTH = {"mu_s": 0.62, "mu_k0": 0.40, "delta_mu_k": -0.12, "a": 250.0, "D": 60e-6, "t_cr": 0.4}

@@ -77,7 +77,7 @@ def test_a_course_at_the_truth_joins_up_and_fits(log, pair, rig):
 
 
 @pytest.mark.slow
-def test_strokes_become_logs_with_their_sign_and_rests_are_left_out(no_further_logs):
+def test_strokes_become_logs_with_their_sign_and_rests_are_left_out():
     scene, records = _kind(STROKES).made(1)
     cut, copies = parted(scene, records)
     half = np.pi * np.sqrt(RIG["mass"] / RIG["stiffness"])  # a slip may go on so long after a turn without a rest

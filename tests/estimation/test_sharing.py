@@ -15,7 +15,7 @@ from identify.shooting.layout import kept_parameters
 from tests.support import shooting_case as case
 from tests.support.two_logs import drawn
 
-pytestmark = pytest.mark.usefixtures("no_further_logs", "no_predictions")
+pytestmark = pytest.mark.usefixtures("no_predictions")
 
 OTHER = case.PAIR | {"D": 60e-6, "mu_s": 0.66}
 SPEEDS = ((1e-4, 10.0, 250.0), (1e-3, 1.6, 1000.0))

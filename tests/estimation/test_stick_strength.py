@@ -14,7 +14,7 @@ from experiments.case_variants import with_scatter
 from experiments.study_problem import RIG, Case, scene_of
 from identify import fit
 
-pytestmark = pytest.mark.usefixtures("no_further_logs", "no_predictions")
+pytestmark = pytest.mark.usefixtures("no_predictions")
 
 TRUTH = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
 SPEEDS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))

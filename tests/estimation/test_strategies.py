@@ -13,7 +13,7 @@ from identify.base.outcome import Status
 from identify.estimation.strategies import in_time, tracing, tried
 from identify.examples import FOLDER
 
-pytestmark = pytest.mark.usefixtures("no_further_logs", "no_predictions")
+pytestmark = pytest.mark.usefixtures("no_predictions")
 
 
 def test_limits_nest_and_are_lifted(monkeypatch: pytest.MonkeyPatch) -> None:

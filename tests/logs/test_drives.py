@@ -15,8 +15,6 @@ from identify.cli import main as cli
 from identify.logs.recorded_drive import drive_position, speed_in, speed_of
 from identify.logs.scene_records import with_drives, with_records
 
-pytestmark = pytest.mark.usefixtures("no_further_logs")
-
 CASES = Path(__file__).resolve().parents[1] / "cases"
 STIFFNESS, DROP, RATE = 1800.0, 0.2, 500.0
 TIME = np.arange(6000) / RATE

@@ -122,7 +122,6 @@ def test_the_level_of_the_last_tenth_is_refused_with_its_share():
     assert row["sliding_mean_coefficient"] == pytest.approx(0.386, abs=0.002)
 
 
-@pytest.mark.usefixtures("no_further_logs")
 def test_a_quiet_end_is_as_unsure_as_the_rest_is_unlike_it_and_the_message_names_the_part():
     scene = sliding_scene()
     result = fit(scene, [two_levels(0.3)]).result

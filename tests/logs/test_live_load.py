@@ -25,8 +25,6 @@ from identify.simulation.drive import NormalForce
 from identify.simulation.simulate import run
 from tests.support import shooting_case as case
 
-pytestmark = pytest.mark.usefixtures("no_further_logs")
-
 PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.1, "a": 480.0, "D": 40e-6, "t_cr": 5.0}
 RIG = {"mass": 0.206, "stiffness": 1433.0, "damping": 140.0}
 NOISE, MEMORY = 5e-3, 4e-3  # [N], [s]

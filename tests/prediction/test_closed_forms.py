@@ -47,11 +47,8 @@ def test_slip_maximum(row: dict[str, Any]) -> None:
     agree(height, row["amplitude"])
 
 
-SLIP_COLUMNS = dict(
-    pair.split(":")
-    for pair in "tau_end:duration xi_end:elongation acc_end:acceleration drop:drop period:period "
-    "peak_to_peak:peak_to_peak tau_vmin:time_of_peak_speed v_rel_max:peak_speed".split()
-)
+SLIP_COLUMNS = {"tau_end": "duration", "xi_end": "elongation", "drop": "drop", "period": "period"}
+SLIP_COLUMNS |= {"v_rel_max": "peak_speed"}
 
 
 @rows("slip")
@@ -177,7 +174,7 @@ def test_slip(alpha: float, overshoot: float) -> None:
     near_fold = 1e-6 * (2 * alpha + overshoot) > float(exact["acceleration"])
     for name in amplitude.COLUMNS:
         value = float(getattr(found, name))
-        if name in ("acceleration", "elongation", "drop", "period") and abs(exact[name]) < 1e-14:
+        if name in ("elongation", "drop", "period") and abs(exact[name]) < 1e-14:
             assert abs(value) < 1e-14
         else:
             assert near_fold or relative(value, exact[name]) < 1e-11, name
@@ -223,26 +220,6 @@ def test_critical_friction_and_frequency_over_their_range(zeta: float, tau_cr: f
     assert relative(stability.critical_friction(zeta, tau_cr), z * (1 + T * T / (1 + z * T))) < 1e-14
     assert relative(stability.critical_friction(zeta, tau_cr, form="printed"), printed) < 1e-14
     assert relative(stability.critical_frequency(zeta, tau_cr), 1 / mp.sqrt(1 + z * T)) < 1e-14
-
-
-def test_monotone_where_theory_says_so() -> None:
-    alpha = np.concatenate([np.linspace(-0.99, 0.99, 67), [1.0, 1.3, 5.0, 40.0], [-1.0, -1.4, -5.0]])[:, None]
-    overshoot = np.geomspace(1e-3, 1e6, 400) - 2 * np.minimum(alpha, 0) + 2 * np.maximum(-1 - alpha, 0)
-    time, height = amplitude.slip_maximum(alpha, overshoot)
-    slip = amplitude.slip(alpha, overshoot)
-    falls, rises = (time, slip.duration), (height, slip.drop, slip.peak_speed, slip.acceleration)
-    for column, sign in [(c, -1) for c in falls] + [(c, 1) for c in rises]:
-        steps = np.diff(column, axis=1)
-        seen = np.isfinite(steps)
-        # A number that has reached its limit to the last digit stands still.
-        noise = 4e-16 * np.abs(column[:, 1:])
-        assert np.sum(seen) > 10000 and np.all(sign * steps[seen] > -noise[seen])
-    zeta, tau_cr = np.linspace(0, 10, 101)[:, None], np.geomspace(1e-6, 1e6, 120)
-    limit, frequency = stability.critical_friction(zeta, tau_cr), stability.critical_frequency(zeta, tau_cr)
-    assert np.all(np.diff(limit, axis=0) > 0) and np.all(np.diff(limit[1:], axis=1) >= 0)
-    assert np.all(np.diff(frequency, axis=0) <= 0) and np.all(np.diff(frequency, axis=1) <= 0)
-    share = stability.critical_friction(zeta[1:], tau_cr, form="printed") / limit[1:]
-    assert np.all((share >= 0.5) & (share < 1))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])

@@ -53,17 +53,15 @@ def test_skew_intervals_are_those_of_an_independent_monte_carlo(change):
     speed, covariance = 0.97 * end, known_to(pair, 0.06)
     document = to_dict(predict(MODEL, pair, speed, pair["normal_force"], covariance, study.NAMES))
     scene = study.Case(pair, speed, covariance, document)
-    drawn = study.drawn(scene, 130, np.random.default_rng(2))
-    sticks, course = study.begun(Lanes.of(drawn, np.full(len(drawn), speed)), 8)
+    drawn = study.drawn(scene, 80, np.random.default_rng(2))
+    sticks, course = study.begun(Lanes.of(drawn, np.full(len(drawn), speed)), 6)
     for name, values in (("drop", course.drop), ("period", course.period)):
         _, (low, high) = scene.interval(name)
-        # 130 draws tell a share of 95 % to 2 %; the ends are quantiles of 400.
+        # 80 draws show a share of 95 % to 2.4 %; the ends are quantiles of 400.
         assert 0.88 <= np.mean((values[sticks] >= low) & (values[sticks] <= high)) <= 0.998
     # Negative control: a straight line has other ends.
     value, (low, high) = document["amplitude"]["drop"]["value"], scene.interval("drop")[1]
     assert not 0.8 < (high / value - 1.0) / (1.0 - low / value) < 1.25
-    chance = document["stability"]["probability"]
-    assert chance["interval"][0] < np.mean(sticks) < chance["interval"][1]
 
 
 @pytest.mark.slow
@@ -72,7 +70,7 @@ def test_ends_of_draws_are_those_of_their_own_windows():
     answer = solution_set(CycleMap.of(MODEL, Site(MODEL, DEMO, 1e-3, 1.0).setting), 1e-3)
     draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, study.NAMES, known_to(PAIR, 0.1), 10)
     (part,) = answer.windows.sticking
-    ends = DrawAnswers(draws, Site(MODEL, DEMO, 1e-3, 1.0), answer).limit(part, True)
+    ends = DrawAnswers(draws, answer).limit(part, True)
     own = np.array([speed_windows(MODEL, w).end for w in draws.settings])
     assert np.ptp(np.log(own)) > 0.2
     assert np.min(ends) == pytest.approx(np.min(own), rel=2e-3) and np.max(ends) == pytest.approx(np.max(own), rel=2e-3)
@@ -115,16 +113,15 @@ def test_every_number_has_an_interval_and_the_document_is_json():
 
 def test_points_of_one_pair_together_get_the_answers_they_get_alone():
     points = [OperatingPoint(DEMO, v, load, KNOWN) for v, load in ((1e-3, 0.937), (5e-3, 0.940))]
-    together = predictions(MODEL, points, NAMES, 50)[1].stability.critical_speed
-    alone = predictions(MODEL, points[1:], NAMES, 50)[0].stability.critical_speed
+    together = predictions(MODEL, points, NAMES, 24)[1].stability.critical_speed
+    alone = predictions(MODEL, points[1:], NAMES, 24)[0].stability.critical_speed
     assert together.value == pytest.approx(alone.value, rel=1e-4)
     assert together.interval == pytest.approx(alone.interval, rel=1e-3)
 
 
-@pytest.mark.parametrize("variance", [1e6, np.nan])
-def test_what_follows_from_an_unknown_parameter_is_open_and_says_why(variance):
+def test_what_follows_from_an_unknown_parameter_is_open_and_says_why():
     unknown = KNOWN.copy()
-    unknown[4, 4] = variance
+    unknown[4, 4] = np.nan
     document = asked(1e-3, unknown)
     # A D twenty times as large moves the end of stick-slip by 0.9 %: that keeps its interval.
     end, far = document["stability"]["critical_speed"], asked(1e-3, D=20.0 * DEMO["D"])["stability"]["critical_speed"]
@@ -132,7 +129,6 @@ def test_what_follows_from_an_unknown_parameter_is_open_and_says_why(variance):
     for entry in (document["stability"]["sliding"]["growth_rate"], document["amplitude"]["drop"]):
         assert entry["value"] is not None and entry["interval"] == [None, None] and "D" in entry["reason"]
     assert "D, on which it depends, is not identifiable" in document["amplitude"]["text"]
-    assert document["stability"]["probability"]["value"] is None
 
 
 def test_a_ridge_between_parameters_opens_what_lies_along_it_only():

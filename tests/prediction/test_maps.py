@@ -12,13 +12,12 @@ from scipy.optimize import brentq
 
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
-from identify.prediction.axes import Site, admissible, axis, check_axes, moved, quantity_of
-from identify.prediction.draws import Draws
+from identify.prediction.axes import Site, admissible, axis, check_axes, moved
 from identify.prediction.maps import Boundary, chart, line_map, plane
 from identify.prediction.orbit import CycleMap
 from identify.prediction.predict import solution_set
 from identify.prediction.windows import Border
-from tests.support.maps_case import ALL, DEMO, SITE, SPANS, settled_orbit
+from tests.support.maps_case import ALL, DEMO, SITE, SPANS, settled_cycle
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
 import brute_force
@@ -66,16 +65,6 @@ def test_under_pressure_dependence_the_nominal_area_moves_too():
     assert 2.0 / (w["contact_area"] * (2.0 / w["area_force"]) ** w["area_exponent"]) == pytest.approx(1e4)
 
 
-def test_rows_of_settings_move_like_the_point():
-    rows = np.tile(SITE.setting, (2, 1))
-    rows[1, SITE.model.parameter_names.index("mass")] *= 2.0
-    for name, value in (("zeta", 0.1), ("mu_step", 0.1), ("pressure", 1e4)):
-        together, alone = moved(SITE, {name: np.array([value, value])}, rows), moved(SITE, {name: value})
-        np.testing.assert_allclose(together[0], alone, rtol=1e-12)
-        assert quantity_of(SITE, name, together)[1] == pytest.approx(value)
-        assert entry(together[1], "mass") == 2.0 * entry(alone, "mass")
-
-
 def test_what_makes_no_map_is_refused_in_a_sentence():
     for names in (("mass", "mass"), ("zeta", "damping"), ("normal_force", "area")):
         with pytest.raises(SimulationError):
@@ -120,10 +109,10 @@ def test_nodes_of_a_map_are_the_single_answers(speed_and_stiffness):
         w = made.plane.settings[j, i]
         answer = solution_set(CycleMap(SITE.model, w[-2], w[:-2]), w[-1])
         assert made.outcomes[j, i] == answer.outcome.value
-        if answer.orbit is None:
+        if answer.cycle is None:
             assert np.isnan(made.figures["drop"][j, i])
         else:
-            period = answer.orbit.cycle.stick + answer.orbit.cycle.slip
+            period = answer.cycle.stick + answer.cycle.slip
             assert made.figures["period"][j, i] == pytest.approx(period, rel=1e-4)
 
 
@@ -172,30 +161,20 @@ def test_a_line_ends_where_simulation_does(name, below):
         map_ = CycleMap(SITE.model, 1.0, SITE.setting[:-2])
         assert end.value == pytest.approx(solution_set(map_, 5e-3).windows.end, rel=1e-3)
         i = int(np.argmin(np.abs(answer.values - 5e-3)))
-        multiplier = settled_orbit(map_, float(answer.values[i])).multiplier
+        cycle = settled_cycle(map_, float(answer.values[i]))
+        multiplier = np.max(np.linalg.eigvals(map_.tangent(cycle).end[:, :2]).real)  # by exact derivatives
         assert answer.chart.multiplier[0, i] == pytest.approx(multiplier, abs=1e-3)
 
 
 def test_multipliers_are_how_a_disturbance_shrinks_in_simulation():
     """The arrest force, pushed off its cycle, comes back by the largest multiplier in each cycle."""
     pair, speed = brute_force.Pair.of(DEMO), 1e-3
-    multiplier = settled_orbit(CycleMap(SITE.model, 1.0, SITE.setting[:-2]), speed).multiplier
+    multiplier = solution_set(CycleMap(SITE.model, 1.0, SITE.setting[:-2]), speed).multipliers[0].real
     closed = brute_force.settled(pair, speed)
     assert closed is not None and 0.1 < multiplier < 0.3
     away = closed.end[0] + 1e-4 / DEMO["stiffness"]
     after = [brute_force.jump(pair, (x, closed.end[1]), speed).end[0] for x in (away, closed.end[0])]
     assert (after[0] - after[1]) * DEMO["stiffness"] / 1e-4 == pytest.approx(multiplier, rel=1e-2)
-
-
-def test_an_interval_of_an_end_is_how_far_it_moves_with_what_is_known():
-    """The end over drive speed where a alone is uncertain: between the ends of the outer values of a."""
-    sd = 3.0
-    draws = Draws.of(SITE.model, DEMO | {"drive_speed": 5e-3, "normal_force": 1.0}, ("a",), [[sd**2]], 200)
-    (end,) = line_map(SITE, "drive_speed", (1e-2, 5e-2), 8, draws).ends
-    for side, found in ((1.0, end.interval.low), (-1.0, end.interval.high)):
-        outer = Site(SITE.model, {**DEMO, "a": DEMO["a"] * np.exp(side * 1.959964 * sd / DEMO["a"])}, 5e-3, 1.0)
-        exact = solution_set(CycleMap(SITE.model, 1.0, outer.setting[:-2]), 5e-3).windows.end
-        assert found == pytest.approx(exact, rel=1e-3) and abs(exact / end.value - 1.0) > 5e-3
 
 
 def test_jumps_that_fade_away_end_where_sliding_becomes_stable():

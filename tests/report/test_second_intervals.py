@@ -13,7 +13,7 @@ from identify.logs.scene_records import with_drives, with_records
 from identify.report.result import _farther
 from tests.support.fake_fit import RIG
 
-pytestmark = pytest.mark.usefixtures("no_further_logs", "no_predictions")
+pytestmark = pytest.mark.usefixtures("no_predictions")
 
 NAMES = ("mu_s", "mu_k0", "D", "t_cr", "delta_mu_k", "a")
 

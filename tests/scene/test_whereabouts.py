@@ -11,7 +11,7 @@ from data_io.contents import digest_of, log_is_at
 from identify.cli.main import main
 from identify.examples import FOLDER
 
-pytestmark = pytest.mark.usefixtures("no_further_logs", "no_predictions")
+pytestmark = pytest.mark.usefixtures("no_predictions")
 
 SCENE = """
 name = "series"

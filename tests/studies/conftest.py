@@ -6,7 +6,7 @@ import pytest
 
 from identify.prediction.predict import predictions
 from identify.studies import operating_points
-from identify.studies.operating_points import NOTHING, GroupAnswer
+from identify.studies.operating_points import GroupAnswer
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -26,4 +26,4 @@ def no_answers(monkeypatch):
 @pytest.fixture
 def reasons_only(monkeypatch):
     """Of the groups only why they have no answer."""
-    monkeypatch.setattr(operating_points, "_answer", lambda _c, _g, group, _n: GroupAnswer(group, NOTHING, ()))
+    monkeypatch.setattr(operating_points, "_answer", lambda _c, _g, group: GroupAnswer(group))

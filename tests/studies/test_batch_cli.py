@@ -68,16 +68,6 @@ def test_a_batch_keeps_what_is_good_and_says_why_the_rest_is_not(batched):
     assert "'=skin" in (home / "out" / "index.csv").read_text()
 
 
-def test_a_result_of_a_batch_is_verified(batched, folder, capsys):
-    home = batched[0]
-    path = home / "out" / "good" / "result.json"
-    away = (home / "fast.csv").rename(home / "away.csv")
-    assert "name it as LOG" in refused(capsys, "verify", path)
-    code, words, _ = stickslip(capsys, "verify", path, away)
-    assert code == 0 and "reproduced" in words
-    away.rename(home / "fast.csv")
-
-
 def test_a_batch_begun_again_refits_nothing(batched, folder, capsys):
     home = batched[0]
     asked = ["batch", home / "m.csv", "--scene", home / "scene.toml", "--out", home / "out"]

@@ -58,7 +58,6 @@ def test_rows_of_a_group_are_one_job_with_its_labels(case):
     assert first.labels == {"material": "skin", "run": "1; 2"} and second.labels == {"run": "7"}
     assert first.logs[1].labels == {"material": "skin", "run": "2"}
     assert Job.from_document(first.as_document()) == first
-    assert any("logs.run" in note for note in planned.notes), "a label that is called like a key of a log"
     text = "\ufeffpath;group;drive_speed;place\na.csv;G;1 mm/s;Füße, links\n"  # of a German spreadsheet
     assert case(text.encode()).jobs[0].labels == {"place": "Füße, links"}
 
@@ -159,7 +158,7 @@ def test_hostile_texts_are_harmless_in_the_index():
     jobs = tuple(
         Job(group, f"f{i}", "k", "n", {}, (), {"note": group, "group": "=1+1"}, 0) for i, group in enumerate(HOSTILE)
     )
-    planned = BatchPlan(Path("m.csv"), Path("s.toml"), (), "n", jobs, ("note",), ())
+    planned = BatchPlan(Path("m.csv"), Path("s.toml"), (), "n", jobs, ("note",))
     text = index_csv(planned, {HOSTILE[0]: End(FAILED, "=1+1\nmore")})
     rows = list(csv.reader(io.StringIO(text)))
     assert rows[0] == ["group", "status", "message", "result", "folder", "logs", "note", "label: group", "seconds"]

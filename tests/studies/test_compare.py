@@ -19,14 +19,12 @@ from identify.base.document import to_dict
 from identify.cli.folder import COMPARISON, check_replaceable
 from identify.cli.main import main
 from identify.prediction.predict import predict
-from identify.studies.compare import ComparisonQuestion, compare, read_fits, usual
+from identify.studies.compare import ComparisonQuestion, compare, read_fits
 from identify.studies.comparison_page import write_comparison
 from identify.studies.comparison_tables import comparison_tables
-from identify.studies.operating_points import NOTHING, Answers, GroupAnswer, common, group_answers, probability
+from identify.studies.operating_points import Answers, GroupAnswer, common, group_answers
 from tests.support.command import stickslip
 from tests.support.comparing_case import document, write_fit, write_study
-
-pytestmark = pytest.mark.usefixtures("no_further_logs")
 
 SMALL = Plan("small", volunteers=4, runs=2, gap=4.0)
 NAMES = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
@@ -103,7 +101,7 @@ def test_fits_that_are_not_compared_are_named_with_the_reason(tmp_path):
     reasons = dict(found.selected.left_out)
     assert reasons["misfit"] == "model misfit: cycle 3 of log 1 is off"
     assert reasons["nameless"] == "it has no label material"
-    assert reasons["two"] == "its logs differ in material"
+    assert reasons["two"] == "its logs differ in material; fit each material on its own"
     assert reasons["M1_V1_0"] == "left out by --without"
     assert reasons["empty"] == f"it has no value to compare: {', '.join(NAMES)} not identifiable"
     assert "cannot be read" in reasons["broken"] and len(reasons) == 6
@@ -131,7 +129,7 @@ def test_a_batch_gives_labels_and_reasons(tmp_path):
     assert first.name == "a\n" and first.labels == {"material": "=steel\n"} and first.converged
     assert first.mixed == ("run",), "labels that differ between the logs of a fit are none of the fit"
     assert (second.status, second.message) == ("timed_out", "took longer than 60 s")
-    assert third.message == "the batch has not come to it" and usual((first, second)) is None
+    assert third.message == "the batch has not come to it"
     assert not gone.converged and gone.message == "result.json is missing"
     assert len(read_fits([tmp_path, tmp_path / "a"])) == 4
 
@@ -143,18 +141,21 @@ def test_the_nonlinear_model_answers_at_common_points(study):
     assert not answer.reason
     means = {q.name: q.shown(found.answered[q.name].mean_of("M1").value) for q in found.values.quantities}
     alone = to_dict(predict(ground.model, {**ground.values, **means}, 1e-3, 1.0))
-    assert answer.at[0].fall.value == pytest.approx(alone["amplitude"]["peak_to_valley"]["value"], rel=1e-6)
-    critical = answer.critical_speed
+    (point,) = answer.at
+    fall, critical = point.amplitude.numbers["peak_to_valley"], point.stability.critical_speed
+    assert fall.value == pytest.approx(alone["amplitude"]["peak_to_valley"]["value"], rel=1e-6)
     assert critical.value == pytest.approx(alone["stability"]["critical_speed"]["value"], rel=1e-3)
-    (low, high), (wide_low, wide_high) = critical.interval, critical.people
-    assert wide_low < low < critical.value < high < wide_high
+    assert critical.interval[0] < critical.value < critical.interval[1]
 
 
-def test_the_probability_of_stick_slip_is_students():
-    assert probability(1.0, 1.0, (0.5, 2.0), 9.0) == pytest.approx(0.5)
-    assert probability(0.5, 1.0, (0.5, 2.0), 9.0) == pytest.approx(0.975)
-    assert probability(2.0, 1.0, (0.5, 2.0), 9.0) == pytest.approx(0.025)
-    assert probability(1.0, None, None, 9.0) is None
+def test_what_of_a_joint_fit_differs_between_its_logs_is_not_compared(tmp_path):
+    for place in range(4):
+        told = one_of(f"M{place % 2}", place)
+        told["parameters"]["mu_s"] |= {"per": "volunteer", "group": "V1"}
+        told["parameters"]["mu_s (V2)"] = told["parameters"]["mu_s"] | {"group": "V2", "parameter": "mu_s"}
+        write_fit(tmp_path / f"fit {place}", told)
+    found = compare(read_fits([tmp_path]), BY_MATERIAL)
+    assert [q.quantity.name for q in found.quantities] == [*NAMES[1:]]
 
 
 @pytest.mark.usefixtures("reasons_only")
@@ -184,6 +185,7 @@ def hostile(tmp_path_factory):
         labels = {"material": text, "volunteer": f"{who}{text}", "=lab<b>el\u202e\n": text, "counterface": text}
         told = document(one.y[i], one.noise[i], labels)
         told["message"] = text
+        told["parameters"] = {name: told["parameters"][name] for name in ("mu_s", "D")}
         told["parameters"]["<b>=odd"] = told["parameters"]["mu_s"]
         if who == "V1":
             told["logs"][1] |= {"reason_left_out": text, "path": text}
@@ -191,7 +193,7 @@ def hostile(tmp_path_factory):
     write_fit(folder / "failed", told | {"status": "<i>failed", "message": HOSTILE[0]})
     out = tmp_path_factory.mktemp("out")
     found = compare(read_fits([folder]), BY_MATERIAL)
-    answers = tuple(GroupAnswer(group, NOTHING, (), group) for group in found.groups)
+    answers = tuple(GroupAnswer(group, (), group) for group in found.groups)
     write_comparison(found, Answers(None, answers, HOSTILE[0]), out)
     return out
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from experiments.pooling_draws import Plan
-from identify.studies import operating_points
-from identify.studies.comparison_page import write_batch_report
+from identify.studies.compare import ComparisonQuestion, compare, read_fits
+from identify.studies.comparison_page import write_comparison
+from identify.studies.operating_points import Answers
 from tests.support.browser import CHROMIUM, Browser
 from tests.support.comparing_case import write_study
 
@@ -20,9 +21,8 @@ def page(tmp_path_factory):
     write_study(folder, Plan("page", volunteers=3, runs=2, gap=4.0))
     for path in list(folder.glob("M3_*/result.json")):
         path.write_text(path.read_text(encoding="utf-8").replace('"M3"', f'"{EVIL}"'), encoding="utf-8")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(operating_points, "group_answers", lambda *_: ())
-        return write_batch_report(folder)
+    comparison = compare(read_fits([folder]), ComparisonQuestion("material"))
+    return write_comparison(comparison, Answers(None, ()), tmp_path_factory.mktemp("out"))[-1]
 
 
 @pytest.fixture(scope="module")

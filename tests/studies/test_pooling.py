@@ -78,7 +78,6 @@ def test_two_groups_are_compared_as_student_does_in_pairs_and_else_as_welch_does
 
 NULL = (
     Plan("paired", volunteers=5, runs=2),
-    Plan("own people", volunteers=5, runs=2, paired=False),
     Plan("two of own people", materials=2, volunteers=5, runs=2, paired=False),
     Plan("runs lost", volunteers=6, runs=2, lost=0.33),
 )
@@ -86,17 +85,17 @@ NULL = (
 
 @pytest.mark.parametrize("plan", NULL, ids=lambda plan: plan.name)
 def test_false_differences_are_at_most_five_percent(plan):
-    """300 studies without a difference: at 5 % more than 24 say "different" once in fifty times. Control: every fit
-    as a person of its own."""
+    """200 studies without a difference, at 5 % exceeded once in fifty times. Control: every fit as a person of its
+    own."""
     random, false, naive = np.random.default_rng(11), 0, 0
-    for _ in range(300):
+    for _ in range(200):
         study = draw(plan, random)
         y, noise = study.y[:, 0], study.noise[:, 0, 0]
         false += any(d.verdict == DIFFERENT for d in pool(y, noise, study.setting).differences)
-        naive += any(d.verdict == DIFFERENT for d in pool(y, noise, Setting(study.setting.group)).differences)
-    assert false <= 24
-    if not plan.paired:
-        assert naive > 30
+        if not plan.paired:
+            naive += any(d.verdict == DIFFERENT for d in pool(y, noise, Setting(study.setting.group)).differences)
+    assert false <= stats.binom.ppf(0.98, 200, 0.05)
+    assert plan.paired or naive > 20
 
 
 def test_intervals_of_means_cover():
@@ -149,8 +148,8 @@ def test_the_answer_does_not_hang_on_order_or_unit():
 def test_quantities_hang_together_as_they_were_drawn():
     study = draw(Plan("many", volunteers=40, runs=2), np.random.default_rng(9))
     pooled = [pool(study.y[:, k], study.noise[:, k, k], study.setting) for k in range(6)]
-    covariance, further = joint(pooled, "M2")
-    R = further / np.sqrt(np.outer(np.diag(further), np.diag(further)))
+    covariance = joint(pooled, "M2")
+    R = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     assert R[0, 1] == pytest.approx(0.8, abs=0.1)
     assert R[4, 5] == pytest.approx(0.5, abs=0.2)
     assert abs(R[0, 3]) < 0.3
@@ -159,14 +158,6 @@ def test_quantities_hang_together_as_they_were_drawn():
     c = np.array([0.0, 0.0, 0.0, 0.0, 1.0, -1.0])
     alone = pool(study.y @ c, np.einsum("i,nij,j->n", c, study.noise, c), study.setting)
     assert np.sqrt(c @ covariance @ c) == pytest.approx(alone.mean_of("M2").error, rel=0.1)
-
-
-def test_one_more_person_scatters_as_people_do():
-    y, setting = balanced(1)
-    people, crossed, run = mean_squares(y, 8, 3, 3)
-    between = (people + 2 * crossed) / 9  # of person means about the means of their groups
-    found = pool(y, np.zeros(len(y)), setting)
-    assert found.further_sd == pytest.approx(math.sqrt(between + run * (1 - 1 / 3)), rel=1e-9)
 
 
 def test_too_many_groups_have_means_but_no_pairs_and_too_few_fits_are_refused():

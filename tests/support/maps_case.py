@@ -7,7 +7,7 @@ import numpy as np
 from identify.model.model import assemble
 from identify.prediction.axes import Site
 from identify.prediction.batch import CycleBatch
-from identify.prediction.orbit import CycleMap, Orbit, close
+from identify.prediction.orbit import Cycle, CycleMap
 
 ALL = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening")
 DEMO = {
@@ -25,11 +25,14 @@ SITE = Site(assemble(ALL), DEMO, 5e-3, 1.0, area=8e-5)
 SPANS = ((2e-3, 5e-2), (500.0, 5000.0))
 
 
-def settled_orbit(map_: CycleMap, drive_speed: float) -> Orbit:
-    """The orbit on which the motion from a rested contact settles at a drive speed [m/s]."""
+def settled_cycle(map_: CycleMap, drive_speed: float) -> Cycle:
+    """The cycle on which the motion from a rested contact settles at a drive speed [m/s]."""
     batch = CycleBatch(map_.model, map_.setting(drive_speed)[None])
-    found = batch.settle(batch.rested())
-    assert found.periodic[0]
-    orbit = close(map_, np.asarray(found.y[0]), drive_speed, float(batch.growth[0]))
-    assert orbit is not None
-    return orbit
+    settled = batch.settle(batch.rested())
+    assert settled.periodic[0]
+    y = settled.y[0]
+    for _ in range(8):
+        cycle = map_.run(y, drive_speed)
+        assert cycle is not None
+        y = np.delete(cycle.end, 1)
+    return cycle

@@ -24,7 +24,7 @@ from identify.uneven.likelihood import Likelihood, Nodes
 from identify.uneven.slip_functions import ONSET, PARAMETERS, THETA, slip_functions
 from tests.support.document_check import validator
 
-pytestmark = pytest.mark.usefixtures("shared_machine_code", "no_further_logs")
+pytestmark = pytest.mark.usefixtures("shared_machine_code")
 
 WANTED = [PARAMETERS.index(name) for name in ("strength", "weakening_rate", "mass")]
 LAW = len(PARAMETERS)

@@ -112,7 +112,6 @@ async function result(host, path, second, session) {
   const close = residualView(host, path, seen, session);
   const entries = seen.logs.filter((log) => log.left_out || log.text);
   if (entries.length) put(host, element("h3", {}, "What follows from it, log by log"), entries.map((log, i) => element("details", { open: i === 0 }, element("summary", {}, element("strong", {}, log.path), log.left_out ? " (left out)" : ""), element("p", {}, log.left_out ?? log.text))));
-  if (seen.next_logs?.length) put(host, element("h3", {}, "Which test to make next"), element("ul", {}, seen.next_logs.map((next) => element("li", {}, next.text ?? next.sentence ?? JSON.stringify(next)))));
   if (seen.search?.length) put(host, element("details", {}, element("summary", {}, `Attempts of the search (${seen.search.length})`), table(["strategy", "status", { number: "misfit" }, { number: "seconds" }],
     seen.search.map((step) => [step.strategy, (step.status ?? "").replaceAll("_", " "), { number: plain(step.cost) }, { number: plain(step.seconds, 2) }])), seen.not_tried?.length ? element("p", {}, `No time for: ${seen.not_tried.map((name) => name.strategy ?? name).join(", ")}`) : null));
   if (seen.effects.length) put(host, element("details", {}, element("summary", {}, "Tests of the effects"), element("ul", {}, seen.effects.map((reason) => element("li", {}, `${reason.effect}: ${reason.sentence}`)))));
