@@ -128,17 +128,16 @@ class CycleRows:
 @dataclass(frozen=True)
 class Motions:
     """What becomes of motions: which go on sticking (n,), which of them settle on an orbit (n,), rest states they came
-    to last (n, n_y), multipliers of the orbits (n, n_y), NaN without one; which could not be integrated (n,)."""
+    to last (n, n_y); which could not be integrated (n,)."""
 
     sticks: Bools
     periodic: Bools
     y: Array
-    multipliers: NDArray[np.complex128]
     refused: Bools
 
     def update(self, rows: Rows | Bools, other: Motions) -> None:
         """Put those of some rows in place of what was known of them."""
-        for name in ("sticks", "periodic", "y", "multipliers", "refused"):
+        for name in ("sticks", "periodic", "y", "refused"):
             getattr(self, name)[rows] = getattr(other, name)
 
 
@@ -331,9 +330,9 @@ class CycleBatch:
 
         A motion that settles on nothing and still drifts one way at the end slides.
         """
-        n, n_y = y.shape
+        n = len(y)
         none = np.zeros(n, dtype=bool)
-        motions = Motions(~none, none, y.copy(), np.full((n, n_y), np.nan + 0j), none.copy())
+        motions = Motions(~none, none, y.copy(), none.copy())
         left, drift, lasted, jump = np.arange(n), np.zeros(n), np.zeros(n, dtype=int), np.ones(n)
         for plain in PLAIN:
             for _ in range(plain):
@@ -348,15 +347,13 @@ class CycleBatch:
                 lasted[left] = np.where(now == drift[left], lasted[left] + 1, 0)
                 motions.y[left], drift[left] = y, now
             if left.size:
-                y_next, multipliers, closed = self.take(left)._newton(motions.y[left], jump[left])
-                motions.y[left], motions.periodic[left] = y_next, closed
-                motions.multipliers[left[closed]] = multipliers[closed]
-                left = left[~closed]
+                motions.y[left], motions.periodic[left] = self.take(left)._newton(motions.y[left], jump[left])
+                left = left[~motions.periodic[left]]
         motions.sticks[left[lasted[left] >= DRIFTING]] = False
         return motions
 
-    def _newton(self, y: Array, jump: Array) -> tuple[Array, NDArray[np.complex128], Bools]:
-        """Rest states (n, n_y) nearer to a stable orbit than y, multipliers (n, n_y), whether it is reached (n,)."""
+    def _newton(self, y: Array, jump: Array) -> tuple[Array, Bools]:
+        """Rest states (n, n_y) nearer to a stable orbit than y, and whether it is reached (n,)."""
         n, n_y = y.shape
         probes = np.repeat(y[None], n_y + 1, axis=0)
         upper = bounds_at_rest(self.model)[1]
@@ -369,10 +366,7 @@ class CycleBatch:
         jacobian = np.moveaxis(after[1:] - after[0], 0, 2) / moved[:, None, :]
         jacobian *= self.scale[:, None, :] / self.scale[:, :, None]
         jacobian[~rests] = 0.0
-        multipliers = np.linalg.eigvals(jacobian).astype(complex)
-        order = np.argsort(-np.abs(multipliers), axis=1, kind="stable")
-        multipliers = np.take_along_axis(multipliers, order, axis=1)
-        stable = rests & (np.abs(multipliers[:, 0]) < 1.0)
+        stable = rests & np.all(np.abs(np.linalg.eigvals(jacobian)) < 1.0, axis=1)  # the multipliers of the orbit
         residual = (after[0] - y) / self.scale
         safe = np.where(stable[:, None, None], np.eye(n_y) - jacobian, np.eye(n_y))
         move = np.linalg.solve(safe, residual[..., None])[..., 0]
@@ -385,7 +379,7 @@ class CycleBatch:
         closed = better & (closure < np.minimum(CLOSED, resolved))
         first = whole.rests[:n]
         plain = np.where(first[:, None], after[0], y)
-        return np.where(better[:, None], tried.y, plain), multipliers, closed
+        return np.where(better[:, None], tried.y, plain), closed
 
     def figures(self, y: Array) -> Array:
         """QUANTITIES (n, 9) of the cycles from y (n, n_y), NaN where the mass does not rest."""

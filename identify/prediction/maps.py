@@ -198,14 +198,13 @@ class Chart:
     """A map. Arrays (n_y, n_x) on the grid of `plane`.
 
     outcomes: the words of `Outcome`, "not possible" or "no answer"; growth: rate of a disturbance of steady sliding
-    [1/s]; multiplier: largest Floquet multiplier of the orbit in magnitude; figures: QUANTITIES of the orbit, SI; NaN
-    where there is none. sticking: outline of where stick-slip exists; unstable: of where steady sliding is unstable.
+    [1/s]; figures: QUANTITIES of the orbit, SI; NaN where there is none. sticking: outline of where stick-slip exists;
+    unstable: of where steady sliding is unstable.
     """
 
     plane: Plane
     outcomes: NDArray[np.str_]
     growth: Array
-    multiplier: Array
     figures: Mapping[str, Array]
     sticking: Boundary
     unstable: Boundary
@@ -225,7 +224,6 @@ class Chart:
             plane=grid,
             outcomes=outcomes,
             growth=grid.gridded(growth),
-            multiplier=grid.gridded(motions.multipliers[:, 0].real),
             figures={name: grid.gridded(column) for name, column in zip(QUANTITIES, rows.T, strict=True)},
             sticking=Boundary.of(grid, grid.gridded(motions.sticks.astype(float), 0.0), ends),
             unstable=Boundary.of(grid, grid.gridded((growth >= 0.0).astype(float), 0.0), losses),
@@ -492,7 +490,7 @@ def write_map(made: Chart | LineMap, path: Path) -> list[Path]:
     grid = drawn.plane
     heads = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in (grid.x, grid.y)]
     columns: dict[str, ArrayLike] = dict(zip(heads, np.meshgrid(grid.x_values, grid.y_values), strict=True))
-    columns |= {"outcome": drawn.outcomes, "growth_rate [1/s]": drawn.growth, "multiplier": drawn.multiplier}
+    columns |= {"outcome": drawn.outcomes, "growth_rate [1/s]": drawn.growth}
     columns |= {f"{name} [{unit}]": drawn.figures[name] for name, unit in QUANTITIES.items()}
     columns |= {"sliding_force [N]": made.sliding_force} if isinstance(made, LineMap) else {}
     tables = {path: pd.DataFrame({name: np.ravel(values) for name, values in columns.items()})}

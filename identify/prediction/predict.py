@@ -65,8 +65,7 @@ class StickSlipRange:
 
 @dataclass(frozen=True)
 class StabilityAnswer:
-    """What the pair does here and over all drive speeds [m/s]; multipliers: Floquet multipliers of the orbit here, None
-    without one; multiplier: the largest in magnitude."""
+    """What the pair does here and over all drive speeds [m/s]."""
 
     outcome: str
     critical_speed: Number
@@ -75,8 +74,6 @@ class StabilityAnswer:
     searched_between: tuple[float, float]
     stick_slip_between: tuple[StickSlipRange, ...]
     windows: tuple[Window, ...]
-    multiplier: float | None
-    multipliers: tuple[tuple[float, float], ...] | None
     text: str = ""
 
 
@@ -135,14 +132,12 @@ def number(value: float | None, unit: str, validity: str, interval: AnswerInterv
 class SolutionSet:
     """The answer of the nonlinear model at one drive speed [m/s].
 
-    cycle: of the stable orbit there, multipliers (n_y,) of its return map, None and NaN without one; y (n_y,): rest
-    state of stick-slip there, where there is some; steady: steady sliding there; windows: what happens at every other
-    drive speed, the same whatever speed is asked.
+    cycle: of the stable orbit there, None without one; y (n_y,): rest state of stick-slip there, where there is some;
+    steady: steady sliding there; windows: what happens at every other drive speed, the same whatever speed is asked.
     """
 
     outcome: Outcome
     cycle: Cycle | None
-    multipliers: NDArray[np.complex128]
     y: Array | None
     steady: Sliding
     windows: Windows
@@ -172,7 +167,7 @@ def solution_set(map_: CycleMap, drive_speed: float) -> SolutionSet:
     sticks, y = bool(motions.sticks[0]), motions.y[0]
     cycle = map_.run(y, drive_speed, steady.growth) if motions.periodic[0] else None
     outcome = outcome_of(cycle is not None, sticks, steady.stable)
-    return SolutionSet(outcome, cycle, motions.multipliers[0], y if sticks else None, steady, windows)
+    return SolutionSet(outcome, cycle, y if sticks else None, steady, windows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +331,6 @@ def _prediction(
         return number(end, "m/s", MODEL, drawn.draws.interval(shared[key] * end, end))
 
     steady, windows, cycle = answer.steady, answer.windows, answer.cycle
-    multipliers = tuple((float(z.real), float(z.imag)) for z in answer.multipliers)
     between = tuple(StickSlipRange(limit(part, False), limit(part, True)) for part in windows.sticking)
     slowest, fastest = (shown(end, "m/s") for end in windows.searched)
     if between:
@@ -357,8 +351,6 @@ def _prediction(
         searched_between=windows.searched,
         stick_slip_between=between,
         windows=windows.listed(),
-        multiplier=None if cycle is None else multipliers[0][0],
-        multipliers=None if cycle is None else multipliers,
     )
     if cycle is None:
         irregular = answer.outcome is Outcome.IRREGULAR
